@@ -1,0 +1,230 @@
+"""Interpolation in tables as a JAX primitive with a fast transpose.
+
+JAX lets a user choose the transpose of a function only by `custom_vjp`, which forbids
+forward mode (its `linear_call` cannot be batched). Hence two primitives, each linear in
+its first argument and each the other's transpose: `jvp`, `vjp`, `vmap` and any nesting
+of them work, and each reaches the chunked scatter of `_kernels`.
+"""
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.core import ShapedArray
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
+from jaxtyping import Array, Float, Int
+
+from ._kernels import gather, scatter
+
+
+def interpolate(
+    values: Float[Array, " n"],
+    coordinates: Sequence[Float[Array, " t"]],
+    shape: tuple[int, ...],
+    table: Int[Array, " t"] | None = None,
+) -> Float[Array, " t"]:
+    """Return the table's value at each sample, (bi)linear, in the unit of the values.
+
+    Args:
+        values: Flattened table, last axis fastest; several tables of equal shape may
+            stand one behind the other.
+        coordinates: Per axis of `shape` the place of each sample counted in nodes, from
+            0 to count − 1 (`AbstractNodes.coordinate`).
+        shape: Number of nodes per axis.
+        table: Which of the tables each sample uses, from 0; None: there is only one.
+
+    Differentiable in values and coordinates. At a node the derivative with respect to a
+    coordinate is that of the cell which begins there; at the last node that of the last
+    cell (the nodes themselves see to the derivative outside).
+    """
+    where = coordinates if table is None else (table, *coordinates)
+    result: Float[Array, " t"] = _interpolate_p.bind(
+        values, *where, shape=tuple(shape), stacked=table is not None
+    )
+    return result
+
+
+# Both primitives take (linear argument, *where): where = coordinates, and before them
+# the number of the table per sample if the tables are `stacked`.
+
+
+def _split(where: Sequence[Any], stacked: bool) -> tuple[Any | None, Sequence[Any]]:
+    return (where[0], where[1:]) if stacked else (None, where)
+
+
+def _gather(
+    values: Array, *where: Array, shape: tuple[int, ...], stacked: bool
+) -> Array:
+    table, coordinates = _split(where, stacked)
+    return gather(values, coordinates, shape, table)
+
+
+def _scatter(
+    amounts: Array, *where: Array, shape: tuple[int, ...], stacked: bool, tables: int
+) -> Array:
+    table, coordinates = _split(where, stacked)
+    return scatter(amounts, coordinates, shape, table, tables)
+
+
+def _interpolate_shape(values: Any, *where: Any, **_: Any) -> Any:
+    return ShapedArray(where[-1].shape, values.dtype)
+
+
+def _accumulate_shape(
+    amounts: Any, *_: Any, shape: tuple[int, ...], stacked: bool, tables: int
+) -> Any:
+    del stacked
+    return ShapedArray((tables * math.prod(shape),), amounts.dtype)
+
+
+# ---------------------------------------------------------------------- differentiation
+
+
+def _jvp(
+    primitive: Any,
+    plain: Callable[..., Any],
+    primals: Sequence[Any],
+    tangents: Sequence[Any],
+    **params: Any,
+) -> tuple[Any, Any]:
+    """Differentiate: the primitive in its linear argument, `plain` in coordinates."""
+    linear, *where = primals
+    parts = []
+    if not isinstance(tangents[0], ad.Zero):
+        parts.append(primitive.bind(tangents[0], *where, **params))
+    moving = [
+        number
+        for number, tangent in enumerate(tangents)
+        if number > int(params["stacked"]) and not isinstance(tangent, ad.Zero)
+    ]
+    if moving:
+
+        def moved(*places: Any) -> Any:
+            arguments = list(primals)
+            for number, place in zip(moving, places, strict=True):
+                arguments[number] = place
+            return plain(*arguments, **params)
+
+        parts.append(
+            jax.jvp(
+                moved,
+                tuple(primals[number] for number in moving),
+                tuple(tangents[number] for number in moving),
+            )[1]
+        )
+    result = primitive.bind(linear, *where, **params)
+    if not parts:
+        return result, ad.Zero(jax.typeof(result))
+    return result, functools.reduce(jnp.add, parts)
+
+
+def _interpolate_transpose(
+    cotangent: Any, values: Any, *where: Any, **params: Any
+) -> Any:
+    if isinstance(cotangent, ad.Zero):
+        return (ad.Zero(values.aval), *(None for _ in where))
+    tables = values.aval.size // math.prod(params["shape"])
+    back = _accumulate_p.bind(cotangent, *where, tables=tables, **params)
+    return (back, *(None for _ in where))
+
+
+def _accumulate_transpose(
+    cotangent: Any, amounts: Any, *where: Any, tables: int, **params: Any
+) -> Any:
+    del tables
+    if isinstance(cotangent, ad.Zero):
+        return (ad.Zero(amounts.aval), *(None for _ in where))
+    return (_interpolate_p.bind(cotangent, *where, **params), *(None for _ in where))
+
+
+# ------------------------------------------------------------------------------- vmap
+
+
+def _lanes_in_a_row(
+    where: Sequence[Any], dims: Sequence[Any], lanes: int, tables: int, stacked: bool
+) -> list[Any]:
+    """Flatten a batch of lanes: lane k looks at table k of a stack, `tables` apart."""
+    flat = [_flatten(array, dim, lanes) for array, dim in zip(where, dims, strict=True)]
+    samples = flat[-1].size // lanes
+    lane = jnp.repeat(jnp.arange(lanes, dtype=jnp.int32) * tables, samples)
+    if stacked:
+        return [flat[0].astype(jnp.int32) + lane, *flat[1:]]
+    return [lane, *flat]
+
+
+def _flatten(array: Any, dim: int | None, lanes: int) -> Any:
+    if dim is None:
+        return jnp.broadcast_to(array[None], (lanes, array.size)).reshape(-1)
+    return jnp.moveaxis(array, dim, 0).reshape(-1)
+
+
+def _count_lanes(arrays: Sequence[Any], dims: Sequence[Any]) -> int:
+    return next(
+        int(array.shape[dim])
+        for array, dim in zip(arrays, dims, strict=True)
+        if dim is not None
+    )
+
+
+def _interpolate_batch(
+    arrays: Sequence[Any], dims: Sequence[Any], *, shape: tuple[int, ...], stacked: bool
+) -> tuple[Any, int]:
+    lanes = _count_lanes(arrays, dims)
+    values, *where = arrays
+    shared = dims[0] is None
+    tables = (values.size if shared else values.size // lanes) // math.prod(shape)
+    # All lanes on one shared table need no stack: each looks at table 0.
+    row = _lanes_in_a_row(where, dims[1:], lanes, 0 if shared else tables, stacked)
+    if shared and not stacked:
+        row = row[1:]
+    flat = values if shared else _flatten(values, dims[0], lanes)
+    found = _interpolate_p.bind(flat, *row, shape=shape, stacked=stacked or not shared)
+    return found.reshape(lanes, -1), 0
+
+
+def _accumulate_batch(
+    arrays: Sequence[Any],
+    dims: Sequence[Any],
+    *,
+    shape: tuple[int, ...],
+    stacked: bool,
+    tables: int,
+) -> tuple[Any, int]:
+    lanes = _count_lanes(arrays, dims)
+    amounts = _flatten(arrays[0], dims[0], lanes)
+    row = _lanes_in_a_row(arrays[1:], dims[1:], lanes, tables, stacked)
+    found = _accumulate_p.bind(
+        amounts, *row, shape=shape, stacked=True, tables=lanes * tables
+    )
+    return found.reshape(lanes, -1), 0
+
+
+# ----------------------------------------------------------------------- registration
+
+
+def _primitive(
+    name: str, run: Any, static: tuple[str, ...], abstract: Any
+) -> Any:  # JAX leaves the methods of a primitive untyped
+    primitive: Any = Primitive(name)
+    primitive.def_impl(jax.jit(run, static_argnames=static))
+    primitive.def_abstract_eval(abstract)
+    mlir.register_lowering(primitive, mlir.lower_fun(run, multiple_results=False))
+    return primitive
+
+
+_interpolate_p = _primitive(
+    "table_interpolate", _gather, ("shape", "stacked"), _interpolate_shape
+)
+_accumulate_p = _primitive(
+    "table_accumulate", _scatter, ("shape", "stacked", "tables"), _accumulate_shape
+)
+ad.primitive_jvps[_interpolate_p] = functools.partial(_jvp, _interpolate_p, _gather)
+ad.primitive_jvps[_accumulate_p] = functools.partial(_jvp, _accumulate_p, _scatter)
+ad.primitive_transposes[_interpolate_p] = _interpolate_transpose
+ad.primitive_transposes[_accumulate_p] = _accumulate_transpose
+batching.primitive_batchers[_interpolate_p] = _interpolate_batch
+batching.primitive_batchers[_accumulate_p] = _accumulate_batch
