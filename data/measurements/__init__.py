@@ -1,0 +1,61 @@
+"""What was measured: readers, units, roles, directions, figures of ISO 230-2.
+
+`read_table` gives the columns of a file in the file's own units; `measurement` gives
+them a meaning and the library's units (mm, °, s, °C); `derive_error`,
+`derive_direction` and `reduce_length` make of them what a fit needs; `iso230` evaluates
+a positioning test.
+"""
+
+from ._derive import (
+    derive_error as derive_error,
+    reduce_length as reduce_length,
+    wrap_degrees as wrap_degrees,
+)
+from ._direction import (
+    Directions as Directions,
+    derive_direction as derive_direction,
+    explain_direction as explain_direction,
+)
+from ._errors import (
+    CellError as CellError,
+    ColumnError as ColumnError,
+    DirectionUnknown as DirectionUnknown,
+    LineError as LineError,
+    MeasurementError as MeasurementError,
+    MissingRole as MissingRole,
+    RoleError as RoleError,
+    UnitError as UnitError,
+)
+from ._iso230 import EDITION as EDITION, iso230 as iso230
+from ._iso230_types import (
+    Iso230 as Iso230,
+    Iso230Position as Iso230Position,
+    Iso230Run as Iso230Run,
+)
+from ._iso230_words import (
+    amount as amount,
+    describe_drift as describe_drift,
+    describe_iso230 as describe_iso230,
+    widest_reversal as widest_reversal,
+    with_arrows as with_arrows,
+)
+from ._measurement import (
+    ColumnSpec as ColumnSpec,
+    Measurement as Measurement,
+    RoleValues as RoleValues,
+    measurement as measurement,
+)
+from ._read import read_table as read_table
+from ._roles import KINDS as KINDS, Role as Role, find_role as find_role, role as role
+from ._table import (
+    BadCell as BadCell,
+    Column as Column,
+    Skipped as Skipped,
+    Table as Table,
+)
+from ._units import (
+    UNITS as UNITS,
+    Unit as Unit,
+    find_unit as find_unit,
+    unit as unit,
+)

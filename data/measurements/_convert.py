@@ -1,0 +1,100 @@
+"""A column in the unit of the file becomes values of its role in the library's unit."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._errors import UnitError
+from ._roles import Role
+from ._table import BadCell, Column, Table
+from ._units import LIBRARY_UNIT, Unit, find_unit, unit as named_unit
+
+_DIRECTION_WORDS = {
+    **dict.fromkeys(("+", "up", "fwd", "forward", "pos", "positive"), 1.0),
+    **dict.fromkeys(("-", "−", "down", "bwd", "backward", "neg", "negative"), -1.0),
+}
+
+
+_LINEAR = ("length", "velocity", "acceleration")
+_ANGULAR = ("angle", "angular velocity", "angular acceleration")
+
+
+def unit_of(
+    table: Table, role: Role, column: Column, wanted: str | None, *, angle: bool
+) -> Unit:
+    """Return the unit of a column: the job's, else the file's, else the default."""
+    source = str(table.path)
+    what = f"{role} in column '{column.name}'"
+    dimensions = _dimensions(role, angle=angle)
+    stated = find_unit(column.unit) if column.unit else None
+    if wanted is not None:
+        unit = named_unit(wanted, dimensions, source, what)
+        if stated is not None and not column.doubtful_unit and stated != unit:
+            # A job that says mm where the file says µm would be wrong by 1000 without a
+            # word.
+            what = f"{what} (the file says {stated.name})"
+            raise UnitError(source, what, unit.name, [stated.name], stated.name)
+        return unit
+    if stated is not None and stated.dimension in dimensions:
+        if column.doubtful_unit and stated.name == "m":
+            accepted = ["m", "mm", "um"]
+            what = f"{what} (metres, or 'measured'? state the unit)"
+            raise UnitError(source, what, "_m", accepted, "mm")
+        return stated
+    if stated is not None and not column.doubtful_unit:
+        return named_unit(stated.name, dimensions, source, what)  # raises
+    default = LIBRARY_UNIT[dimensions[0]]
+    return named_unit(default, dimensions, source, what)
+
+
+def _dimensions(role: Role, *, angle: bool) -> tuple[str, ...]:
+    """Return dimensions that a role may have: of an axis, lengths or angles."""
+    if role.axis is None:
+        return role.dimensions
+    other = _LINEAR if angle else _ANGULAR
+    return tuple(item for item in role.dimensions if item not in other)
+
+
+def library_unit(unit: Unit, *, angle: bool) -> str:
+    """Return the library unit that values of a unit become."""
+    dimension = unit.dimension
+    if dimension.startswith("increments"):
+        tail = dimension.removeprefix("increments").replace(" per ", "/")
+        return ("deg" if angle else "mm") + tail
+    return LIBRARY_UNIT[dimension]
+
+
+def as_run(table: Table, column: Column) -> Int[np.ndarray, " t"]:
+    """Return whole run numbers; names of runs are numbered in order of appearance."""
+    if column.text is not None:
+        order = {
+            text: at for at, text in enumerate(dict.fromkeys(column.text), start=1)
+        }
+        return np.array([order[text] for text in column.text], dtype=np.int64)
+    return _whole(table, column, "a whole number")
+
+
+def as_direction(table: Table, column: Column) -> Int[np.ndarray, " t"]:
+    """Return ±1; words such as ``up`` and ``bwd`` are understood."""
+    expected = "+1 or -1"
+    if column.text is not None:
+        signs = [_DIRECTION_WORDS.get(cell.casefold(), 0.0) for cell in column.text]
+        values = np.array(signs)
+    else:
+        values = table.numbers(column)
+    wrong = np.flatnonzero(np.abs(values) != 1.0)
+    if wrong.size:
+        at = int(wrong[0])
+        found = column.text[at] if column.text is not None else f"{values[at]:g}"
+        cell = BadCell(int(table.lines[at]), found)
+        raise table.cell_error(column, cell, expected)
+    return values.astype(np.int64)
+
+
+def _whole(table: Table, column: Column, expected: str) -> Int[np.ndarray, " t"]:
+    values: Float[np.ndarray, " t"] = table.numbers(column)
+    wrong = np.flatnonzero(values != np.round(values))
+    if wrong.size:
+        at = int(wrong[0])
+        cell = BadCell(int(table.lines[at]), f"{values[at]:g}")
+        raise table.cell_error(column, cell, expected)
+    return values.astype(np.int64)

@@ -1,0 +1,101 @@
+"""How a text table is written: separator, decimal mark, comments, by its content."""
+
+import csv
+import dataclasses
+import itertools
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+_NUMBER = {
+    ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"),
+    ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
+}
+# Cells that stand for a number which is not there.
+_NO_NUMBER = re.compile(
+    r"[+-]?(?:nan|inf|infinity)|n/?a|#n/a|null|none|-", re.IGNORECASE
+)
+_BLANKS = re.compile(r"[ \t]+")
+_COMMENT = re.compile(r"\s*(?:#|%|//|!)")
+_CANDIDATES = (
+    ("\t", "."),
+    (";", "."),
+    (",", "."),
+    (" ", "."),
+    ("\t", ","),
+    (";", ","),
+    (" ", ","),
+    (",", ","),  # only sensible where the numbers are quoted
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Dialect:
+    """Separator (a blank stands for any run of blanks and tabs) and decimal mark."""
+
+    separator: str
+    decimal: str
+
+    def split(self, line: str) -> list[str]:
+        """Return the stripped cells of one line."""
+        if self.separator == " ":
+            return _BLANKS.split(line.strip())
+        if '"' in line:
+            row = next(
+                csv.reader([line], delimiter=self.separator, skipinitialspace=True)
+            )
+            return [cell.strip() for cell in row]
+        return [cell.strip() for cell in line.split(self.separator)]
+
+    def number(self, cell: str) -> float | None:
+        """Return the number in a cell (NaN where it says so), or None for text."""
+        if _NUMBER[self.decimal].fullmatch(cell):
+            return float(cell.replace(",", "."))
+        if cell == "" or _NO_NUMBER.fullmatch(cell):
+            return float("nan")
+        return None
+
+    def is_number(self, cell: str) -> bool:
+        """Whether a cell holds a finite number."""
+        return _NUMBER[self.decimal].fullmatch(cell) is not None
+
+    def is_comment(self, line: str) -> bool:
+        """Whether a line opens with ``#``, ``%``, ``!``, ``//`` or a free ``;``."""
+        if _COMMENT.match(line):
+            return True
+        return self.separator != ";" and line.lstrip().startswith(";")
+
+
+def sniff(lines: Sequence[str]) -> Dialect:
+    """Return the dialect under which most lines split alike and most cells are numbers.
+
+    Args:
+        lines: The first lines of the file; comments and blank lines are left aside.
+    """
+    stated = re.fullmatch(r"sep=(.)\s*", lines[0]) if lines else None
+    best, best_score = Dialect(",", "."), (False, -1.0, False, 0)
+    for separator, decimal in _CANDIDATES:
+        if stated is not None and separator != stated.group(1):
+            continue
+        dialect = Dialect(separator, decimal)
+        score = _score(dialect, lines[1:] if stated else lines)
+        if score > best_score:
+            best, best_score = dialect, score
+    return best
+
+
+def _score(dialect: Dialect, lines: Sequence[str]) -> tuple[bool, float, bool, int]:
+    usable = (line for line in lines if line.strip() and not dialect.is_comment(line))
+    rows = [dialect.split(line) for line in itertools.islice(usable, 200)]
+    if not rows:
+        return (False, 0.0, False, 0)
+    width, alike = Counter(map(len, rows)).most_common(1)[0]
+    cells = [cell for row in rows if len(row) == width for cell in row]
+    numbers = sum(dialect.number(cell) is not None for cell in cells)
+    share = alike / len(rows) * numbers / len(cells)
+    # A header that splits like the rows settles "1,5" against "1" and "5"; and several
+    # columns that are mostly whole beat a single one, or one short line of few would
+    # hide itself.
+    header = len(rows[0]) == width
+    several = width > 1 and header and share >= 0.3
+    return (several, round(share, 2), header, width)

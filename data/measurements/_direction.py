@@ -1,0 +1,204 @@
+"""From which side each target was approached, where the file does not say it.
+
+In a standard cycle of ISO 230-2 the axis runs through the targets and back, and passes
+beyond the last one before it returns: the last target is read twice, once from each
+side.
+"""
+
+import dataclasses
+from collections import Counter
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._errors import DirectionUnknown
+from ._measurement import Measurement
+
+
+@dataclasses.dataclass(frozen=True)
+class Directions:
+    """Direction of approach per row, and how it was found.
+
+    Attributes:
+        values: +1 (towards larger positions) or −1 per row.
+        source: ``column``, ``order of the targets`` or ``time``.
+        remarks: What had to be taken for granted, one sentence each.
+    """
+
+    values: Int[np.ndarray, " t"]
+    source: str
+    remarks: tuple[str, ...] = ()
+
+
+def derive_direction(measurement: Measurement, axis: str) -> Int[np.ndarray, " t"]:
+    """Return the direction of approach, +1 or −1, per row; see `explain_direction`."""
+    return explain_direction(measurement, axis).values
+
+
+def explain_direction(measurement: Measurement, axis: str) -> Directions:
+    """Return the direction of approach of each row and how it was found.
+
+    The direction column where there is one. Else the order of the targets within each
+    run (by time where there is a time): a target is approached in the direction of the
+    last change of target; where a run turns and the target is read twice as often as
+    the others, the second half belongs to the way back; the first target of a run,
+    which nothing precedes, is approached in the direction in which the run goes on (the
+    axis starts from beyond it). A recording of a motion, in which hardly a position
+    comes back, has the direction of motion by time.
+
+    Raises:
+        DirectionUnknown: With what to give, where it cannot be told.
+        MissingRole: If there is neither a direction nor a position of the axis.
+    """
+    role = f"{axis}.direction"
+    if role in measurement.values:
+        return Directions(measurement.values[role].astype(np.int64), "column")
+    position = measurement.require(f"{axis}.position", "to derive the direction")
+    run, time = measurement.get("run"), measurement.get("time")
+    finder = _Finder(measurement, axis)
+    if not position.size or np.ptp(position) == 0.0:
+        reason = "all positions are equal"
+        raise finder.unknown(reason)
+    groups = _groups(finder, run, time, position.size)
+    values = np.zeros(position.size, dtype=np.int64)
+    # Recorded motion: positions hardly come back. Targets do, or there are runs.
+    moving = run is None and time is not None and _is_motion(position)
+    for rows in groups:
+        path = position[rows]
+        values[rows] = finder.motion(path) if moving else finder.targets(path, rows)
+    source = "time" if moving else "order of the targets"
+    return Directions(values, source, tuple(dict.fromkeys(finder.remarks)))
+
+
+def _is_motion(position: Float[np.ndarray, " t"]) -> bool:
+    return 2 * np.unique(position).size > position.size > 20
+
+
+def _groups(
+    finder: "_Finder", run: np.ndarray | None, time: np.ndarray | None, rows: int
+) -> list[Int[np.ndarray, " _"]]:
+    """Return the rows of each run in the order of measurement."""
+    every = np.arange(rows)
+    if run is None:
+        return [every if time is None else np.argsort(time, kind="stable")]
+    groups = [every[run == number] for number in dict.fromkeys(run.tolist())]
+    if time is not None:
+        return [rows[np.argsort(time[rows], kind="stable")] for rows in groups]
+    for own in groups:
+        if own[-1] - own[0] + 1 != own.size:
+            reason = (
+                f"rows of run {run[own[0]]} stand between those of other runs, so "
+                "their order is not that of the measurement"
+            )
+            raise finder.unknown(reason)
+    return groups
+
+
+class _Finder:
+    """Directions along one run; collects remarks."""
+
+    def __init__(self, measurement: Measurement, axis: str) -> None:
+        self.measurement, self.axis = measurement, axis
+        self.remarks: list[str] = []
+
+    def unknown(self, reason: str) -> DirectionUnknown:
+        """Return the error that says why, and what to give."""
+        advice = (
+            f"give '{self.axis}.direction' (+1 or -1 per row), or the rows in the "
+            "order of measurement with a 'run' or 'time' column"
+        )
+        sentence = f"direction of {self.axis} cannot be derived: {reason}; {advice}"
+        return DirectionUnknown(str(self.measurement.source), sentence)
+
+    def motion(self, path: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Return the sign of the last motion; at rest it is held."""
+        steps = np.sign(np.diff(path)).astype(np.int64)
+        moved = np.flatnonzero(steps)
+        if not moved.size:
+            reason = "the axis never moves"
+            raise self.unknown(reason)
+        last = np.searchsorted(moved, np.arange(steps.size), side="right") - 1
+        if moved[0] > 0:
+            self.remarks.append(
+                "Rows before the first motion are taken in its direction."
+            )
+        signs = steps[moved[np.maximum(last, 0)]]
+        return np.concatenate([signs[:1], signs])
+
+    def targets(
+        self, path: Float[np.ndarray, " n"], rows: Int[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
+        """Return the direction of approach per reading of one run of targets."""
+        starts = np.flatnonzero(np.diff(path, prepend=np.nan) != 0.0)
+        if starts.size < 2:
+            reason = f"a run has only one target ({path[0]:g})"
+            raise self.unknown(reason)
+        sizes = np.diff(np.append(starts, path.size))
+        steps = np.sign(np.diff(path[starts])).astype(np.int64)
+        arrive = np.concatenate([steps[:1], steps])  # first: as the run goes on
+        leave = np.concatenate([steps, steps[-1:]])
+        self.remarks.append(
+            "The first target of each run is taken as approached in the direction in "
+            "which the run goes on."
+        )
+        returns = _idle_returns(path[starts], steps)
+        if returns.size:
+            arrive[returns] = leave[returns]
+            self.remarks.append(
+                "Steps back over several targets are taken as returns without a "
+                "reading; the next target counts as the start of a new pass."
+            )
+        usual = self._usual_size(sizes, arrive, leave, returns)
+        ends = {0, sizes.size - 1}
+        found = np.empty(path.size, dtype=np.int64)
+        for block, (start, size) in enumerate(zip(starts, sizes, strict=True)):
+            found[start : start + size] = arrive[block]
+            turns = arrive[block] != leave[block]
+            if not turns and block not in ends:
+                continue
+            if turns and size == 2 * usual:  # from both sides, with an overrun between
+                found[start + usual : start + size] = leave[block]
+            elif size != usual:
+                line = self.measurement.lines[rows[start]]
+                where = "where the run turns" if turns else "at an end of the run"
+                reason = (
+                    f"line {line}: target {path[start]:g}, {where}, is read {size} "
+                    f"times in a row and the others {usual} times"
+                )
+                raise self.unknown(reason)
+        return found
+
+    def _usual_size(
+        self,
+        sizes: np.ndarray,
+        arrive: np.ndarray,
+        leave: np.ndarray,
+        returns: np.ndarray,
+    ) -> int:
+        """Return how often a target is read per pass, as is usual away from turns."""
+        between = arrive == leave
+        between[[0, -1]] = False
+        between[returns] = False
+        chosen = sizes[between] if between.any() else sizes[[0, -1]]
+        most = Counter(chosen.tolist()).most_common()
+        return int(min(size for size, count in most if count == most[0][1]))
+
+
+def _idle_returns(
+    visited: Float[np.ndarray, " b"], steps: Int[np.ndarray, " _"]
+) -> Int[np.ndarray, " _"]:
+    """Return the blocks that begin a new pass after a return without readings.
+
+    A sawtooth: every pass runs from neighbour to neighbour in one direction, and only
+        the
+    jumps back, over at least one target, run in the other.
+    """
+    place = np.unique(visited, return_inverse=True)[1].astype(np.int64)
+    jumps = np.diff(place)
+    far = np.abs(jumps) > 1
+    if not far.any() or far.all():
+        return np.array([], dtype=np.int64)
+    forward = np.unique(steps[~far])
+    if forward.size != 1 or np.any(steps[far] == forward[0]):
+        return np.array([], dtype=np.int64)
+    return np.flatnonzero(far) + 1

@@ -1,0 +1,133 @@
+"""What can be wrong with a measurement, each with the place and what was expected."""
+
+from collections.abc import Sequence
+
+from ..errors import AxcompError
+
+
+class MeasurementError(AxcompError, ValueError):
+    """A measurement file or its use is wrong: where, and why."""
+
+    def __init__(self, source: str, reason: str) -> None:
+        super().__init__(source, reason)
+        self.source, self.reason = source, reason
+
+    def __str__(self) -> str:
+        return f"{self.source}: {self.reason}"
+
+
+class CellError(MeasurementError):
+    """One cell does not hold what its column needs.
+
+    Attributes:
+        source: File.
+        line: Line of a text file (1-based), or row of a Parquet file where `rows` is
+            true.
+        column: Name of the column, or its number.
+        found: Text of the cell.
+        expected: What should stand there.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        line: int,
+        column: str,
+        found: str,
+        expected: str,
+        rows: bool = False,
+    ) -> None:
+        AxcompError.__init__(self, source, line, column, found, expected, rows)
+        self.source, self.line, self.column = source, line, column
+        self.found, self.expected, self.rows = found, expected, rows
+        self.reason = f"column '{column}': found {_quoted(found)}, expected {expected}"
+
+    def __str__(self) -> str:
+        if self.rows:
+            return f"{self.source}: row {self.line}, {self.reason}"
+        return f"{self.source}:{self.line}: {self.reason}"
+
+
+class LineError(MeasurementError):
+    """One line of a text file does not follow the file's own pattern."""
+
+    def __init__(self, source: str, line: int, found: str, expected: str) -> None:
+        AxcompError.__init__(self, source, line, found, expected)
+        self.source, self.line, self.found, self.expected = (
+            source,
+            line,
+            found,
+            expected,
+        )
+        self.reason = f"found {found}, expected {expected}"
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.line}: {self.reason}"
+
+
+class ColumnError(MeasurementError):
+    """A column that was asked for is not there, or its name stands for several."""
+
+    def __init__(
+        self, source: str, column: str, names: Sequence[str], nearest: str | None
+    ) -> None:
+        AxcompError.__init__(self, source, column, tuple(names), nearest)
+        self.source, self.column = source, column
+        self.names, self.nearest = tuple(names), nearest
+        hint = f" (nearest: '{nearest}')" if nearest else ""
+        count = sum(name == column for name in names)
+        found = f"{count} columns named" if count > 1 else "no column"
+        self.reason = (
+            f"found {found} '{column}', expected one of {_listed(names)}{hint}"
+        )
+
+
+class UnitError(MeasurementError):
+    """A unit is unknown, or is not one of the units that a role can have."""
+
+    def __init__(
+        self, source: str, what: str, found: str, accepted: Sequence[str], nearest: str
+    ) -> None:
+        AxcompError.__init__(self, source, what, found, tuple(accepted), nearest)
+        self.source, self.what, self.found = source, what, found
+        self.accepted, self.nearest = tuple(accepted), nearest
+        self.reason = (
+            f"{what}: found unit '{found}', expected {_listed(accepted)} "
+            f"(nearest: {nearest})"
+        )
+
+
+class RoleError(MeasurementError):
+    """A role is not one that the library knows."""
+
+    def __init__(self, source: str, role: str, nearest: str, expected: str) -> None:
+        AxcompError.__init__(self, source, role, nearest, expected)
+        self.source, self.role = source, role
+        self.nearest, self.expected = nearest, expected
+        self.reason = f"found role '{role}', expected {expected} (nearest: '{nearest}')"
+
+
+class MissingRole(MeasurementError):
+    """A measurement lacks a role that is needed."""
+
+    def __init__(
+        self, source: str, role: str, why: str, present: Sequence[str]
+    ) -> None:
+        AxcompError.__init__(self, source, role, why, tuple(present))
+        self.source, self.role, self.why = source, role, why
+        self.present = tuple(present)
+        holds = _listed(present) if present else "nothing"
+        self.reason = f"found {holds}, expected '{role}' {why}".rstrip()
+
+
+class DirectionUnknown(MeasurementError):
+    """From which side the targets were approached cannot be told from the data."""
+
+
+def _listed(names: Sequence[str], most: int = 12) -> str:
+    shown = ", ".join(names[:most])
+    return shown if len(names) <= most else f"{shown}, … ({len(names)} in all)"
+
+
+def _quoted(text: str) -> str:
+    return "an empty cell" if text.strip() == "" else f"'{text.strip()[:60]}'"

@@ -1,0 +1,245 @@
+"""Accuracy and repeatability of positioning by ISO 230-2 (editions 2006 and 2014).
+
+R and E are those of the standard, not the one-sided ones that some public tools
+compute.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._errors import MeasurementError
+from ._iso230_types import Iso230, Iso230Position, Iso230Run
+
+EDITION = "ISO 230-2:2014"
+_SAME_TARGET = 6  # decimals: targets closer than 1 nm are one
+
+
+def iso230(
+    target: Float[np.ndarray, " t"],
+    error: Float[np.ndarray, " t"],
+    run: Int[np.ndarray, " t"] | None,
+    direction: Int[np.ndarray, " t"] | None,
+) -> Iso230:
+    """Return the figures of ISO 230-2 from deviations in mm (or °), rows in any order.
+
+    Several readings of one run at one target from one side are one approach: their mean
+        counts,
+    since they say nothing about repeatability. Targets may have different numbers of
+    runs.
+
+    Args:
+        target: Commanded position per reading.
+        error: Actual − commanded per reading.
+        run: Number of the run per reading; None: every reading is an approach of its
+            own.
+        direction: +1 or −1 per reading; None: all from one side, taken as +1.
+
+    Raises:
+        MeasurementError: If there are no readings.
+    """
+    if not target.size:
+        reason = "found no readings, expected at least one"
+        raise MeasurementError(EDITION, reason)
+    remarks: list[str] = []
+    sides = np.ones(target.size, np.int64) if direction is None else direction
+    if direction is None:
+        remarks.append("No direction given: all readings are taken as from one side.")
+    runs = _enumerated(target, sides) if run is None else run
+    rows = _approaches(target, error, runs, sides)
+    by_side = {side: _by_target(rows, side) for side in (1, -1)}
+    places = sorted({place for side in by_side.values() for place in side})
+    positions = tuple(
+        _position(at, by_side[1].get(at), by_side[-1].get(at)) for at in places
+    )
+    both = [item for item in positions if item.B is not None]
+    remarks += _gaps(positions, both)
+    up, down = _one_side(positions, "up"), _one_side(positions, "down")
+    reversal = [item.B for item in both if item.B is not None]
+    means = [item.mean for item in both if item.mean is not None]
+    repeat = [item.R for item in both if item.R is not None]
+    sided = [item.mean_up for item in both] + [item.mean_down for item in both]
+    upper = max(up.high, down.high)
+    lower = min(up.low, down.low)
+    known = bool(both) and math.isfinite(up.high) and math.isfinite(down.high)
+    return Iso230(
+        A=upper - lower if known else None,
+        R=max(repeat) if repeat else None,
+        B=max(map(abs, reversal)) if both else None,
+        B_mean=float(np.mean(reversal)) if both else None,
+        E=_range([value for value in sided if value is not None]),
+        M=_range(means),
+        R_up=up.repeatability,
+        R_down=down.repeatability,
+        A_up=up.accuracy,
+        A_down=down.accuracy,
+        E_up=up.systematic,
+        E_down=down.systematic,
+        positions=positions,
+        runs=_runs(rows),
+        run_offsets=_offsets(rows),
+        remarks=tuple(remarks),
+    )
+
+
+_Approach = tuple[float, int, int, float]  # target, run, side, deviation
+
+
+def _enumerated(
+    target: Float[np.ndarray, " t"], sides: Int[np.ndarray, " t"]
+) -> Int[np.ndarray, " t"]:
+    """Return 1, 2, … for the readings at each target from each side."""
+    seen: dict[tuple[float, int], int] = {}
+    runs = np.empty(target.size, np.int64)
+    keys = zip(np.round(target, _SAME_TARGET).tolist(), sides.tolist(), strict=True)
+    for at, key in enumerate(keys):
+        seen[key] = seen.get(key, 0) + 1
+        runs[at] = seen[key]
+    return runs
+
+
+def _approaches(
+    target: Float[np.ndarray, " t"],
+    error: Float[np.ndarray, " t"],
+    runs: Int[np.ndarray, " t"],
+    sides: Int[np.ndarray, " t"],
+) -> list[_Approach]:
+    """Return one deviation per target, run and side: the mean of its readings."""
+    found: dict[tuple[float, int, int], list[float]] = {}
+    columns = (np.round(target, _SAME_TARGET), runs, sides, error)
+    for place, run, side, value in zip(*(c.tolist() for c in columns), strict=True):
+        found.setdefault((place + 0.0, run, side), []).append(value)
+    # Exact sums: the figures do not depend on the order of the rows.
+    return [(*key, math.fsum(found[key]) / len(found[key])) for key in sorted(found)]
+
+
+def _by_target(rows: Sequence[_Approach], side: int) -> dict[float, list[float]]:
+    found: dict[float, list[float]] = {}
+    for place, _, own, value in rows:
+        if own == side:
+            found.setdefault(place, []).append(value)
+    return found
+
+
+def _mean_and_s(values: list[float] | None) -> tuple[float | None, float | None]:
+    if not values:
+        return None, None
+    mean = math.fsum(values) / len(values)
+    if len(values) < 2:
+        return mean, None
+    return mean, math.sqrt(
+        math.fsum((v - mean) ** 2 for v in values) / (len(values) - 1)
+    )
+
+
+def _position(
+    target: float, up: list[float] | None, down: list[float] | None
+) -> Iso230Position:
+    mean_up, s_up = _mean_and_s(up)
+    mean_down, s_down = _mean_and_s(down)
+    reversal = mean = repeat = None
+    if mean_up is not None and mean_down is not None:
+        reversal, mean = mean_up - mean_down, (mean_up + mean_down) / 2.0
+        if s_up is not None and s_down is not None:
+            repeat = max(2 * s_up + 2 * s_down + abs(reversal), 4 * s_up, 4 * s_down)
+    return Iso230Position(
+        target=target,
+        mean_up=mean_up,
+        mean_down=mean_down,
+        s_up=s_up,
+        s_down=s_down,
+        runs_up=len(up or ()),
+        runs_down=len(down or ()),
+        R_up=None if s_up is None else 4 * s_up,
+        R_down=None if s_down is None else 4 * s_down,
+        R=repeat,
+        B=reversal,
+        mean=mean,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class _OneSide:
+    """Unidirectional figures; `high` and `low` are the ends of the band x̄ ± 2s."""
+
+    repeatability: float | None
+    accuracy: float | None
+    systematic: float | None
+    high: float
+    low: float
+
+
+def _one_side(positions: Sequence[Iso230Position], side: str) -> _OneSide:
+    pairs = [(getattr(p, f"mean_{side}"), getattr(p, f"s_{side}")) for p in positions]
+    spread = [(mean, s) for mean, s in pairs if mean is not None and s is not None]
+    means = [mean for mean, _ in pairs if mean is not None]
+    if not spread:
+        return _OneSide(None, None, _range(means), -math.inf, math.inf)
+    high = max(mean + 2 * s for mean, s in spread)
+    low = min(mean - 2 * s for mean, s in spread)
+    return _OneSide(4 * max(s for _, s in spread), high - low, _range(means), high, low)
+
+
+def _range(values: Sequence[float]) -> float | None:
+    return max(values) - min(values) if values else None
+
+
+def _gaps(
+    positions: Sequence[Iso230Position], both: Sequence[Iso230Position]
+) -> list[str]:
+    """Return sentences on what the standard asks for and the data lack."""
+    remarks = []
+    if both and len(both) < len(positions):
+        alone = [f"{item.target:g}" for item in positions if item.B is None]
+        remarks.append(
+            f"Targets {', '.join(alone[:8])} were approached from one side only; "
+            "B, E, M and R leave them out."
+        )
+    counts = [n for p in positions for n in (p.runs_up, p.runs_down) if n]
+    single = [f"{p.target:g}" for p in positions if 1 in (p.runs_up, p.runs_down)]
+    if max(counts) < 2:
+        remarks.append(
+            "One run only: s, R and A need at least two runs (the standard, five)."
+        )
+    elif single:
+        remarks.append(
+            f"Targets {', '.join(single[:8])} have a single approach: no s there."
+        )
+    if max(counts) >= 2 and min(counts) < 5:
+        remarks.append(
+            f"The standard asks for five runs; some targets have {min(counts)}."
+        )
+    if min(counts) != max(counts):
+        remarks.append(f"The numbers of runs differ: {min(counts)} to {max(counts)}.")
+    if len(positions) < 5:
+        remarks.append(
+            f"The standard asks for five targets; there are {len(positions)}."
+        )
+    return remarks
+
+
+def _runs(rows: Sequence[_Approach]) -> tuple[Iso230Run, ...]:
+    keys = sorted(
+        {(run, side) for _, run, side, _ in rows}, key=lambda k: (k[0], -k[1])
+    )
+    found = []
+    for run, side in keys:
+        own = np.array([(row[0], row[3]) for row in rows if row[1:3] == (run, side)])
+        found.append(Iso230Run(run, side, own[:, 0].copy(), own[:, 1].copy()))
+    return tuple(found)
+
+
+def _offsets(rows: Sequence[_Approach]) -> dict[int, float]:
+    cells: dict[tuple[float, int], list[float]] = {}
+    for place, _, side, value in rows:
+        cells.setdefault((place, side), []).append(value)
+    means = {key: math.fsum(values) / len(values) for key, values in cells.items()}
+    apart: dict[int, list[float]] = {}
+    for place, run, side, value in rows:
+        apart.setdefault(run, []).append(value - means[place, side])
+    return {
+        run: math.fsum(values) / len(values) for run, values in sorted(apart.items())
+    }

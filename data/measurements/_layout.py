@@ -1,0 +1,141 @@
+"""Where header and body of a text table lie, and what the columns are called."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from ._dialect import Dialect, sniff
+from ._errors import MeasurementError
+from ._header import Name, looks_like_names, parse_name
+from ._table import Skipped
+from ._units import find_unit
+
+_SAMPLE = 400
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """How a text table is laid out.
+
+    Attributes:
+        dialect: Separator and decimal mark.
+        names: One per column.
+        header: Cells of the header line; empty where there is none.
+        body: Offset of the first row in the text.
+        body_line: Its line (1-based).
+        numeric: Whether a column looks like numbers, from the first rows.
+        skipped: Comments above the body.
+    """
+
+    dialect: Dialect
+    names: tuple[Name, ...]
+    header: tuple[str, ...]
+    body: int
+    body_line: int
+    numeric: tuple[bool, ...]
+    skipped: tuple[Skipped, ...]
+
+
+def _head(text: str) -> tuple[list[int], list[str]]:
+    """Return offsets and lines up to some hundred that are no comments."""
+    offsets: list[int] = []
+    lines: list[str] = []
+    start = telling = 0
+    while start < len(text) and telling < _SAMPLE:
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        offsets.append(start)
+        lines.append(text[start:end])
+        telling += not lines[-1].lstrip().startswith(("#", "%", "!", "//", ";"))
+        start = end + 1
+    return offsets, lines
+
+
+def find_layout(path: Path, text: str) -> Layout:
+    """Return the layout of a text table, from its first lines.
+
+    Raises:
+        MeasurementError: If there is no row of data.
+    """
+    offsets, head = _head(text)
+    dialect = sniff([line for line in head if line.strip()])
+    comments = [
+        at
+        for at, line in enumerate(head)
+        if dialect.is_comment(line) or (at == 0 and line.startswith("sep="))
+    ]
+    aside = set(comments)
+    content = [at for at, line in enumerate(head) if line.strip() and at not in aside]
+    if not content:
+        reason = "found only comments or blank lines, expected rows of numbers"
+        raise MeasurementError(str(path), reason)
+    rows = [dialect.split(head[at]) for at in content]
+    first = 0
+    header: tuple[str, ...] = ()
+    units: Sequence[str] = ()
+    if _is_header(dialect, rows):
+        header, first = tuple(rows[0]), 1
+        if len(rows) > 1 and _is_unit_row(rows[1], len(header)):
+            units, first = rows[1], 2
+    below = rows[first : first + 200]
+    if not below:
+        reason = f"found a header ({', '.join(header)[:60]}) and no rows, expected rows"
+        raise MeasurementError(str(path), reason)
+    width = len(header) or len(below[0])
+    if header and header[-1] == "" and width > 1:
+        width -= 1  # every line ends with a separator
+    names = [parse_name(cell) for cell in header[:width]]
+    if not header:
+        names = _names_from_comment(dialect, head[: content[0]], width)
+    for at, cell in enumerate(units[:width]):
+        unit = find_unit(cell.strip("[]() "))
+        if unit is not None:
+            names[at] = dataclasses.replace(names[at], unit=unit.name, doubtful=False)
+    body_at = content[first]
+    return Layout(
+        dialect=dialect,
+        names=tuple(names),
+        header=header,
+        body=offsets[body_at],
+        body_line=body_at + 1,
+        numeric=tuple(_is_numeric(dialect, below, at) for at in range(width)),
+        skipped=tuple(Skipped(at + 1, "comment") for at in comments if at < body_at),
+    )
+
+
+def _is_header(dialect: Dialect, rows: Sequence[Sequence[str]]) -> bool:
+    """Whether the first line names columns: words above numbers, and no number."""
+    top, below = rows[0], rows[1:50]
+    if not below:
+        return not any(dialect.number(cell) is not None for cell in top)
+    text_above = number_above = False
+    for at, cell in enumerate(top):
+        column = [row[at] for row in below if at < len(row)]
+        if 2 * sum(map(dialect.is_number, column)) <= len(column):
+            continue
+        # A word: "24 -1448819" above numbers is a row that does not fit, not a name.
+        text_above |= dialect.number(cell) is None and any(map(str.isalpha, cell))
+        number_above |= dialect.is_number(cell)
+    return text_above and not number_above
+
+
+def _is_unit_row(cells: Sequence[str], width: int) -> bool:
+    named = [cell.strip("[]() ") for cell in cells if cell.strip("[]() ")]
+    return len(cells) == width and bool(named) and all(map(find_unit, named))
+
+
+def _is_numeric(dialect: Dialect, rows: Sequence[Sequence[str]], at: int) -> bool:
+    cells = [row[at] for row in rows if at < len(row) and row[at]]
+    return 2 * sum(dialect.number(cell) is not None for cell in cells) >= len(cells)
+
+
+def _names_from_comment(
+    dialect: Dialect, above: Sequence[str], width: int
+) -> list[Name]:
+    """Return names from the last comment if that is a header, else column numbers."""
+    comments = [line.strip() for line in above if line.strip()]
+    if comments:
+        cells = dialect.split(comments[-1].lstrip("#%/!; "))
+        if len(cells) == width and looks_like_names(cells):
+            return [parse_name(cell) for cell in cells]
+    return [Name(str(at + 1), None, False, str(at + 1), "") for at in range(width)]

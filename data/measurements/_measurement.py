@@ -1,0 +1,242 @@
+"""A measurement: columns that have got a meaning and the library's units."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+
+from ._convert import as_direction, as_run, library_unit, unit_of
+from ._errors import MeasurementError, MissingRole
+from ._roles import find_role, role as named_role
+from ._table import MESH_FORMATS, Table
+from ._units import find_unit
+
+
+@dataclasses.dataclass(frozen=True)
+class ColumnSpec:
+    """Which column a role is in, and its unit where the file does not state it."""
+
+    column: str
+    unit: str | None = None
+
+
+class RoleValues:
+    """Values by role, like a dictionary; a column with a bad cell raises when used.
+
+    So NaN in a column that nobody asks for does not stop a job. (Not a `Mapping`: type
+    checkers at run time look at an item of those, and that may raise here.)
+    """
+
+    def __init__(
+        self,
+        good: Mapping[str, np.ndarray],
+        bad: Mapping[str, MeasurementError] | None = None,
+    ) -> None:
+        self._good, self._bad = dict(good), dict(bad or {})
+
+    def __getitem__(self, role: str) -> np.ndarray:
+        if role in self._bad:
+            raise self._bad[role]
+        return self._good[role]
+
+    def __contains__(self, role: object) -> bool:
+        return role in self._good or role in self._bad
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._good
+        yield from self._bad
+
+    def __len__(self) -> int:
+        return len(self._good) + len(self._bad)
+
+    def keys(self) -> tuple[str, ...]:
+        """Return all roles, those with a bad cell too."""
+        return tuple(self)
+
+
+@dataclasses.dataclass(frozen=True)
+class Measurement:
+    """One measurement in mm, °, s, °C; one value per row and role.
+
+    Attributes:
+        name: Of the measurement in the job, or of the file.
+        source: The file, for messages.
+        values: By role (``X.position``, ``run``, …), each of shape ``(t,)``.
+        units: Library unit by role (``mm``, ``deg``, ``s`` …; ``""`` for run and
+            direction).
+        rows: Number of rows.
+        lines: Line of the file per row.
+        remarks: What was taken for granted, one sentence each.
+    """
+
+    name: str
+    source: Path
+    values: RoleValues
+    units: Mapping[str, str]
+    rows: int
+    lines: Int[np.ndarray, " t"]
+    remarks: tuple[str, ...] = ()
+
+    def get(self, role: str) -> np.ndarray | None:
+        """Return the values of a role, or None where the measurement does not have it.
+
+        Raises:
+            CellError: If the column holds a cell that cannot be used.
+        """
+        return self.values[role] if role in self.values else None
+
+    def require(self, role: str, why: str = "") -> np.ndarray:
+        """Return the values of a role.
+
+        Args:
+            role: Such as ``X.error``.
+            why: End of the sentence "expected 'X.error' …", such as "for the leadscrew
+                fit".
+
+        Raises:
+            MissingRole: If the measurement does not have it.
+            CellError: If the column holds a cell that cannot be used.
+        """
+        if role not in self.values:
+            raise MissingRole(str(self.source), role, why, tuple(self.values))
+        return self.values[role]
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that have any role, in order of appearance."""
+        found = (find_role(role) for role in self.values)
+        return tuple(dict.fromkeys(role.axis for role in found if role and role.axis))
+
+
+def measurement(
+    table: Table,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    *,
+    axis: str | None = None,
+    masters: Sequence[str] = (),
+    increments: Mapping[str, float] | None = None,
+    rotary: Sequence[str] | None = None,
+    name: str | None = None,
+) -> Measurement:
+    """Give columns a meaning and convert them to mm, °, s and °C.
+
+    Args:
+        table: As read.
+        columns: Column per role. Left out or empty: the roles that the file names
+            itself.
+        axis: Axis of a file that names roles without an axis (ISO 230-2 run table,
+            laser table), or axis whose error a mesh shows (Z where left out).
+        masters: Axes that x and y of a mesh stand for; left out: as the file says.
+        increments: mm or ° per encoder increment by axis, for the unit ``inc``.
+        rotary: Axes whose positions are angles, all others being lengths. Left out:
+            angles where any unit of the axis says so.
+        name: Of the measurement; the file's name where left out.
+
+    Raises:
+        RoleError: If a role is unknown; names the nearest.
+        ColumnError: If a column does not exist; names the nearest.
+        UnitError: If a unit is unknown, does not fit the role, contradicts the file, or
+            mixes lengths and angles on one axis; names the accepted ones and the
+            nearest.
+        MeasurementError: If there is nothing that could be used.
+    """
+    source = str(table.path)
+    mapping = dict(columns or {}) or _own_roles(table, axis, masters)
+    if not mapping:
+        names = ", ".join(column.name for column in table.columns[:12])
+        reason = (
+            f"found columns {names} without a role, expected a mapping role = column"
+        )
+        raise MeasurementError(source, reason)
+    good: dict[str, np.ndarray] = {}
+    bad: dict[str, MeasurementError] = {}
+    units: dict[str, str] = {}
+    remarks = list(table.remarks)
+    angular = _angular_axes(table, mapping) if rotary is None else set(rotary)
+    for text, spec in mapping.items():
+        role = named_role(text, source)
+        column = table.column(spec.column)
+        if not role.dimensions:
+            units[text] = ""
+            convert = as_run if role.kind == "run" else as_direction
+            try:
+                good[text] = convert(table, column)
+            except MeasurementError as error:
+                bad[text] = error
+            continue
+        angle = role.axis in angular
+        unit = unit_of(table, role, column, spec.unit, angle=angle)
+        scale = None
+        if unit.dimension.startswith("increments"):
+            scale = (increments or {}).get(role.axis or "")
+            if scale is None:
+                reason = (
+                    f"{role}: found unit 'inc' and no increment of axis {role.axis}"
+                )
+                reason += ", expected mm or ° per increment"
+                raise MeasurementError(source, reason)
+        units[text] = library_unit(unit, angle=angle)
+        if column.doubtful_unit and spec.unit is None and unit.name == column.unit:
+            remarks.append(
+                f"Column '{column.name}' is taken in {unit.name} from its name."
+            )
+        try:
+            values = unit.to_library(table.numbers(column), scale)
+        except MeasurementError as error:
+            bad[text] = error
+        else:
+            good[text] = values
+    return Measurement(
+        name=name or table.path.name,
+        source=table.path,
+        values=RoleValues(good, bad),
+        units=units,
+        rows=table.rows,
+        lines=table.lines,
+        remarks=tuple(remarks),
+    )
+
+
+def _angular_axes(table: Table, mapping: Mapping[str, ColumnSpec]) -> set[str]:
+    """Return the axes of which any unit, of the job or the file, is one of angles."""
+    found = set()
+    for text, spec in mapping.items():
+        role = named_role(text, str(table.path))
+        unit = find_unit(spec.unit or table.column(spec.column).unit or "")
+        if role.axis and unit is not None and unit.dimension.startswith("ang"):
+            found.add(role.axis)
+    return found
+
+
+def _own_roles(
+    table: Table, axis: str | None, masters: Sequence[str]
+) -> dict[str, ColumnSpec]:
+    """Return the mapping that the file itself implies."""
+    mesh = table.format in MESH_FORMATS
+    found: dict[str, ColumnSpec] = {}
+    given = iter(masters)
+    for column in table.columns:
+        if column.role is None:
+            continue
+        text = column.role
+        role = find_role(text)
+        if role is None:  # a kind without an axis
+            if axis is None:
+                reason = (
+                    f"found '{column.name}' without an axis, expected the axis it is of"
+                )
+                raise MeasurementError(str(table.path), reason)
+            text = f"{axis}.{text}"
+        elif mesh and role.kind == "error" and axis is not None:
+            text = f"{axis}.error"
+        elif mesh and role.kind == "position":
+            text = f"{next(given, role.axis)}.position"
+        if text in found:
+            reason = (
+                f"found columns '{found[text].column}' and '{column.name}' for {text}"
+            )
+            raise MeasurementError(str(table.path), f"{reason}, expected one")
+        found[text] = ColumnSpec(column.header or column.name)
+    return found

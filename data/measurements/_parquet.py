@@ -1,0 +1,110 @@
+"""Parquet files: numbers or text, units from the names or the field metadata."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._errors import MeasurementError
+from ._header import parse_name, roles_of
+from ._table import BadCell, Column, Skipped, Table
+from ._units import find_unit
+
+
+def read_parquet(path: Path) -> Table:
+    """Return the columns of a Parquet file; `Table.lines` are row numbers.
+
+    Times become seconds since the first row. Columns of other types are listed as
+    skipped.
+
+    Raises:
+        MeasurementError: If the file is damaged or holds no rows.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        read: Any = pq.read_table(path, use_threads=True)
+    except pa.ArrowException as error:
+        reason = f"found damaged Parquet data ({str(error).splitlines()[0][:80]})"
+        raise MeasurementError(str(path), f"{reason}, expected a whole file") from error
+    if not read.num_rows or not read.num_columns:
+        raise MeasurementError(str(path), "found no rows, expected at least one")
+    columns: list[Column] = []
+    names = []
+    skipped: list[Skipped] = []
+    for field in read.schema:
+        name = parse_name(field.name)
+        stated = (field.metadata or {}).get(b"unit")
+        if stated is not None and (unit := find_unit(stated.decode())) is not None:
+            name = dataclasses.replace(name, unit=unit.name, doubtful=False)
+        cells: Any = read.column(field.name)
+        if pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type):
+            ticks = cells.to_numpy().astype(
+                f"<{'M' if pa.types.is_timestamp(field.type) else 'm'}8[ns]"
+            )
+            values = (ticks - ticks[0]) / np.timedelta64(1, "s")
+            name = dataclasses.replace(name, unit="s", doubtful=False)
+        elif _is_number(pa, field.type):
+            values = np.asarray(cells.cast(pa.float64()).to_numpy(), dtype=np.float64)
+        elif pa.types.is_string(field.type) or pa.types.is_large_string(field.type):
+            text = tuple(cell or "" for cell in cells.to_pylist())
+            nothing = np.full(len(text), np.nan)
+            names.append(name)
+            columns.append(
+                Column(name.name, None, None, nothing, text, None, name.header)
+            )
+            continue
+        else:
+            reason = f"column '{field.name}' holds {field.type}, which is no number"
+            skipped.append(Skipped(0, reason))
+            continue
+        wrong = np.flatnonzero(~np.isfinite(values))
+        bad = (
+            BadCell(
+                int(wrong[0]) + 1, _shown(float(values[wrong[0]]), cells, int(wrong[0]))
+            )
+            if wrong.size
+            else None
+        )
+        names.append(name)
+        columns.append(
+            Column(
+                name.name,
+                None,
+                name.unit,
+                values,
+                None,
+                bad,
+                name.header,
+                name.doubtful,
+            )
+        )
+    roles, laser = roles_of(names)
+    return Table(
+        path=path,
+        format="Parquet laser table" if laser else "Parquet",
+        columns=tuple(
+            dataclasses.replace(column, role=role)
+            for column, role in zip(columns, roles, strict=True)
+        ),
+        rows=read.num_rows,
+        lines=np.arange(1, read.num_rows + 1, dtype=np.int64),
+        skipped=tuple(skipped),
+        counts_rows=True,
+    )
+
+
+def _is_number(pa: Any, kind: Any) -> bool:
+    types = pa.types
+    return bool(
+        types.is_integer(kind)
+        or types.is_floating(kind)
+        or types.is_decimal(kind)
+        or types.is_boolean(kind)
+    )
+
+
+def _shown(value: float, cells: Any, at: int) -> str:
+    return "" if cells[at].as_py() is None else f"{value}"

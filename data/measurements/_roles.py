@@ -1,0 +1,86 @@
+"""Roles: what a column of a measurement means, independent of how the file calls it."""
+
+import dataclasses
+import re
+
+from ._errors import RoleError
+from ._units import nearest
+
+_PLACE = ("length", "angle", "increments")
+KINDS: dict[str, tuple[str, ...]] = {
+    "position": _PLACE,
+    "actual": _PLACE,
+    "encoder": _PLACE,
+    "error": _PLACE,
+    "direction": (),
+    "velocity": ("velocity", "angular velocity", "increments per s"),
+    "acceleration": ("acceleration", "angular acceleration", "increments per s2"),
+    "current": ("current", "ratio", "torque", "force", "voltage"),
+    "drive_position": _PLACE,
+}
+"""Kinds of role that an axis has, with the dimensions that their units may have."""
+
+_AXIS = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+_EXPECTED = "time, run, temperature.<sensor> or <axis>.<kind> with kind " + ", ".join(
+    KINDS
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Role:
+    """One role: ``time``, ``run``, ``temperature.<sensor>`` or ``<axis>.<kind>``.
+
+    Attributes:
+        kind: ``time``, ``run``, ``temperature`` or a key of `KINDS`.
+        axis: Axis, or None for the first three.
+        sensor: Of a temperature.
+    """
+
+    kind: str
+    axis: str | None = None
+    sensor: str | None = None
+
+    def __str__(self) -> str:
+        if self.axis is not None:
+            return f"{self.axis}.{self.kind}"
+        return self.kind if self.sensor is None else f"{self.kind}.{self.sensor}"
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Dimensions that the unit may have; empty for a count or a direction."""
+        if self.kind == "time":
+            return ("time",)
+        if self.kind == "temperature":
+            return ("temperature",)
+        return KINDS.get(self.kind, ())
+
+
+def find_role(text: str) -> Role | None:
+    """Return the role that a text names, or None."""
+    if text in ("time", "run"):
+        return Role(text)
+    head, dot, tail = text.partition(".")
+    if not dot or not tail or not _AXIS.fullmatch(head):
+        return None
+    if head == "temperature":
+        return Role("temperature", sensor=tail)
+    return Role(tail, axis=head) if tail in KINDS else None
+
+
+def role(text: str, source: str) -> Role:
+    """Return the role that a text names.
+
+    Raises:
+        RoleError: If there is none; names the nearest.
+    """
+    found = find_role(text)
+    if found is not None:
+        return found
+    head, dot, tail = text.partition(".")
+    if dot and _AXIS.fullmatch(head) and head != "temperature":
+        close = f"{head}.{nearest(tail, KINDS)}"
+    else:
+        close = nearest(
+            text, ("time", "run", "temperature.<sensor>", "<axis>.position")
+        )
+    raise RoleError(source, text, close, _EXPECTED)

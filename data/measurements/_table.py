@@ -1,0 +1,129 @@
+"""A measurement file as read: columns, rows and what was left out, in its own units."""
+
+import dataclasses
+import difflib
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._errors import CellError, ColumnError
+
+MESH_FORMATS = ("Klipper bed mesh", "RepRapFirmware height map")
+
+
+@dataclasses.dataclass(frozen=True)
+class Skipped:
+    """A line or cell that was left out of the rows, and why."""
+
+    line: int
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class BadCell:
+    """First cell of a number column that is no finite number."""
+
+    line: int
+    found: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """One column in the unit of the file.
+
+    Attributes:
+        name: As the file names it, without a bracketed unit; its number where the file
+            has no header.
+        role: What it means where the file says so (``X.position``; ``position`` alone
+            where the file does not say of which axis), else None.
+        unit: Unit that the file states, in the library's spelling, or None.
+        values: One number per row; NaN where the cell holds none. All NaN for text.
+        text: The cells of a text column, else None.
+        bad: First cell that is not a finite number, or None.
+        header: Header text as it stands.
+        doubtful_unit: The unit was read off a one-letter ending (``x_m``), which may
+            mean something else.
+    """
+
+    name: str
+    role: str | None
+    unit: str | None
+    values: Float[np.ndarray, " t"]
+    text: tuple[str, ...] | None = None
+    bad: BadCell | None = None
+    header: str = ""
+    doubtful_unit: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """What a measurement file holds.
+
+    Attributes:
+        path: The file.
+        format: In words: ``CSV``, ``Parquet``, ``laser table``, ``ISO 230-2 run
+            table``, ``Klipper bed mesh``, ``RepRapFirmware height map``.
+        columns: In file order.
+        rows: Number of rows.
+        lines: Line of the file per row (row number for Parquet).
+        skipped: Everything that is not in the rows.
+        remarks: What the reader took for granted, one sentence each.
+        counts_rows: `lines` are row numbers (Parquet).
+    """
+
+    path: Path
+    format: str
+    columns: tuple[Column, ...]
+    rows: int
+    lines: Int[np.ndarray, " t"]
+    skipped: tuple[Skipped, ...] = ()
+    remarks: tuple[str, ...] = ()
+    counts_rows: bool = False
+
+    def column(self, name: str) -> Column:
+        """Return a column by name or header text; by number where there is no header.
+
+        Raises:
+            ColumnError: If there is none, or several of that name.
+        """
+        wanted = name.strip()
+        for form in (str.strip, str.casefold):
+            hits = [
+                column
+                for column in self.columns
+                if form(wanted) in (form(column.name), form(column.header))
+            ]
+            if len(hits) == 1:
+                return hits[0]
+            if hits:
+                break
+        names = [column.name for column in self.columns]
+        close = difflib.get_close_matches(wanted, names, n=1, cutoff=0.4)
+        raise ColumnError(
+            str(self.path), wanted, names, close[0] if close and not hits else None
+        )
+
+    def cell_error(self, column: Column, cell: BadCell, expected: str) -> CellError:
+        """Return the error that a cell of this table is, ready to raise."""
+        return CellError(
+            str(self.path),
+            cell.line,
+            column.name,
+            cell.found,
+            expected,
+            self.counts_rows,
+        )
+
+    def numbers(self, column: Column) -> Float[np.ndarray, " t"]:
+        """Return the values of a column, which must all be finite numbers.
+
+        Raises:
+            CellError: Naming the first cell that is none.
+        """
+        if column.text is not None:
+            first = BadCell(int(self.lines[0]), column.text[0])
+            raise self.cell_error(column, first, "a number")
+        if column.bad is not None:
+            raise self.cell_error(column, column.bad, "a finite number")
+        return column.values

@@ -1,0 +1,82 @@
+"""Bytes of a file as text with plain line ends; refuses what is no text."""
+
+import codecs
+import gzip
+import re
+import zlib
+from pathlib import Path
+
+from ._errors import LineError, MeasurementError
+
+# What a file says of itself in its first bytes, where another reader would be needed.
+_FOREIGN = (
+    (b"PK\x03\x04", "a spreadsheet or zip archive"),
+    (b"\xd0\xcf\x11\xe0", "a spreadsheet of the old binary kind"),
+    (b"MATLAB 5.0", "a MATLAB file"),
+    (b"\x89HDF", "an HDF5 or MATLAB 7.3 file"),
+    (b"TDSm", "a TDMS file"),
+    (b"%PDF", "a PDF document"),
+    (b"{", "a JSON document"),
+    (b"<", "an XML or HTML document"),
+)
+_EXPECTED = (
+    "a text table (CSV), Parquet, an ISO 230-2 run table, a bed mesh or a height map"
+)
+# No text holds these; tab, line ends and form feed are allowed.
+_CONTROL = re.compile(rb"[\x00-\x08\x0b\x0e-\x1f]")
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+
+
+def load_bytes(path: Path) -> bytes:
+    """Return the content of a file, unpacked where it is gzip-compressed.
+
+    Raises:
+        OSError: If it cannot be read.
+        MeasurementError: If it is empty, damaged, or of a kind that is not read.
+    """
+    raw = path.read_bytes()
+    if raw.startswith(b"\x1f\x8b"):
+        try:
+            raw = gzip.decompress(raw)
+        except (OSError, EOFError, zlib.error) as error:
+            reason = f"found damaged gzip data ({error}), expected a whole file"
+            raise MeasurementError(str(path), reason) from error
+    if not raw.strip():
+        reason = f"found an empty file, expected {_EXPECTED}"
+        raise MeasurementError(str(path), reason)
+    for magic, kind in _FOREIGN:
+        if raw.startswith(magic):
+            reason = f"found {kind}, expected {_EXPECTED}"
+            raise MeasurementError(str(path), reason)
+    return raw
+
+
+def decode(raw: bytes, path: Path) -> str:
+    """Return the text with plain line ends: by byte order mark, UTF-8, else Latin-1.
+
+    Raises:
+        MeasurementError: If the bytes are no text.
+    """
+    text = ""
+    for mark, encoding in _MARKS:
+        if raw.startswith(mark):
+            text = raw.decode(encoding, errors="replace")
+            break
+    else:
+        control = _CONTROL.search(raw)
+        if control is not None:
+            line = raw.count(b"\n", 0, control.start()) + 1
+            byte = raw[control.start()]
+            found = f"binary data (byte 0x{byte:02X} at offset {control.start()})"
+            raise LineError(str(path), line, found, _EXPECTED)
+        try:
+            text = raw.decode("utf-8")
+        except UnicodeDecodeError:
+            text = raw.decode("latin-1")
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text

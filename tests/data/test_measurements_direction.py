@@ -1,0 +1,138 @@
+"""The direction of approach from the order of targets, from time, or not at all."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.measurements import (
+    ColumnSpec,
+    DirectionUnknown,
+    Measurement,
+    derive_direction,
+    explain_direction,
+    measurement,
+    read_table,
+)
+
+
+def data_of(folder: Path, **columns: Sequence[float]) -> Measurement:
+    names = {"position": "X.position", "direction": "X.direction"}
+    lines = [
+        ",".join(columns),
+        *(",".join(map(str, r)) for r in zip(*columns.values(), strict=True)),
+    ]
+    path = folder / "m.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    mapping = {names.get(name, name): ColumnSpec(name) for name in columns}
+    return measurement(read_table(path), mapping)
+
+
+def directions(
+    folder: Path, position: Sequence[float], **columns: Sequence[float]
+) -> list[int]:
+    return derive_direction(data_of(folder, position=position, **columns), "X").tolist()
+
+
+def test_direction_column_counts(tmp_path: Path) -> None:
+    found = directions(tmp_path, [0, 1, 2], direction=[-1, 1, -1])
+    assert found == [-1, 1, -1]
+
+
+def test_standard_cycle_reads_the_end_target_from_both_sides(tmp_path: Path) -> None:
+    position = [0, 10, 20, 20, 10, 0]
+    assert directions(tmp_path, position) == [1, 1, 1, -1, -1, -1]
+
+
+def test_cycles_in_a_row_turn_at_both_ends(tmp_path: Path) -> None:
+    position = [0, 10, 20, 20, 10, 0] * 3
+    assert directions(tmp_path, position) == [1, 1, 1, -1, -1, -1] * 3
+
+
+def test_pendulum_without_overrun_reads_the_end_once(tmp_path: Path) -> None:
+    assert directions(tmp_path, [0, 10, 20, 10, 0]) == [1, 1, 1, -1, -1]
+
+
+def test_several_readings_per_target_are_split_where_the_run_turns(
+    tmp_path: Path,
+) -> None:
+    position = [0, 0, 10, 10, 20, 20, 20, 20, 10, 10, 0, 0]
+    assert directions(tmp_path, position) == [1] * 6 + [-1] * 6
+
+
+def test_downward_runs_begin_downward(tmp_path: Path) -> None:
+    data = data_of(tmp_path, position=[20, 10, 0, 0, 10, 20], run=[1] * 6)
+    found = explain_direction(data, "X")
+    assert found.values.tolist() == [-1, -1, -1, 1, 1, 1]
+    assert found.source == "order of the targets"
+    assert "The first target of each run" in found.remarks[0]
+
+
+def test_unidirectional_runs_are_all_one_direction(tmp_path: Path) -> None:
+    position, run = [0, 10, 20] * 3, [1, 1, 1, 2, 2, 2, 3, 3, 3]
+    assert directions(tmp_path, position, run=run) == [1] * 9
+
+
+def test_sawtooth_without_runs_is_one_direction_and_says_so(tmp_path: Path) -> None:
+    found = explain_direction(data_of(tmp_path, position=[0, 10, 20, 30] * 3), "X")
+    assert found.values.tolist() == [1] * 12
+    assert "taken as returns without a reading" in found.remarks[1]
+    assert directions(tmp_path, [30, 20, 10, 0] * 2) == [-1] * 8
+
+
+def test_random_order_follows_the_last_change(tmp_path: Path) -> None:
+    assert directions(tmp_path, [0, 30, 10, 20, 0, 20]) == [1, 1, -1, 1, -1, 1]
+
+
+def test_runs_that_are_mixed_are_ordered_by_time(tmp_path: Path) -> None:
+    position = [0, 0, 10, 10, 10, 10, 0, 0]
+    run = [1, 2, 1, 2, 1, 2, 1, 2]
+    time = [0, 10, 1, 11, 2, 12, 3, 13]
+    assert directions(tmp_path, position, run=run, time=time) == [
+        1,
+        1,
+        1,
+        1,
+        -1,
+        -1,
+        -1,
+        -1,
+    ]
+    with pytest.raises(DirectionUnknown, match=r"rows of run 1 stand between"):
+        directions(tmp_path, position, run=run)
+
+
+def test_recorded_motion_has_the_direction_of_motion(tmp_path: Path) -> None:
+    up = np.linspace(0, 10, 21).tolist()
+    position = [0.0, *up, 10.0, 10.0, *[v - 0.1 for v in reversed(up)]]
+    time = list(range(len(position)))
+    found = directions(tmp_path, position, time=time)
+    assert found == [1] * 24 + [-1] * 21
+
+
+@pytest.mark.parametrize(
+    ("position", "match"),
+    [
+        ([5, 5, 5], "all positions are equal"),
+        (
+            [0, 10, 20, 20, 20, 10, 0],
+            r"line 4: target 20, where the run turns, is read 3",
+        ),
+        (
+            [0, 0, 10, 20, 20, 10, 0],
+            r"line 2: target 0, at an end of the run, is read 2",
+        ),
+    ],
+)
+def test_direction_that_cannot_be_told_is_refused_with_advice(
+    tmp_path: Path, position: Sequence[float], match: str
+) -> None:
+    with pytest.raises(DirectionUnknown, match=match) as caught:
+        directions(tmp_path, position)
+    assert "give 'X.direction' (+1 or -1 per row)" in str(caught.value)
+
+
+def test_run_of_one_target_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DirectionUnknown, match="a run has only one target"):
+        directions(tmp_path, [0, 0, 10, 10], run=[1, 1, 2, 2])
