@@ -1,0 +1,32 @@
+"""Compensation, axis and start-up lists: text, parameters, checks; plain Python.
+
+* `ListFile`: a list as the file holds it, byte for byte, and what it says.
+* `new_list`: the strict writer.
+* `registry`: every parameter of the manuals, as data.
+* `check`: what is wrong with one list, or with a set of them.
+
+Imports neither NumPy nor JAX: the commands that only read lists start at once.
+"""
+
+from ._check import check as check
+from ._compare import (
+    Change as Change,
+    Comparison as Comparison,
+    CurveChange as CurveChange,
+    compare as compare,
+)
+from ._curves import (
+    OffsetCurve as OffsetCurve,
+    offset_curves as offset_curves,
+)
+from ._entry import Entry as Entry, Rows as Rows, TextRemark as TextRemark
+from ._finding import Finding as Finding, Level as Level
+from ._format import (
+    EntryValueError as EntryValueError,
+    UnknownEntryError as UnknownEntryError,
+)
+from ._listfile import ListFile as ListFile, Value as Value
+from ._parameter import Parameter as Parameter
+from ._registry import Registry as Registry, registry as registry
+from ._remarks import RemarkCode as RemarkCode
+from ._write import new_list as new_list

@@ -1,0 +1,173 @@
+"""Rules of one table column: ascending, inside its size, complete.
+
+A column is looked at as a whole, single entries only where something is wrong.
+"""
+
+import operator
+from collections.abc import Sequence
+
+from ._check_view import ListView, shorten
+from ._entry import Rows
+from ._parameter import Parameter
+from ._registry import registry
+
+
+def check_ascending(
+    view: ListView, key: str, count: int, what: str, number: int | None = None
+) -> None:
+    """Report a column whose first ``count`` values do not ascend strictly.
+
+    A missing entry counts as 0, as it does in the kernel ([001] p. 43, defaults), which
+    nearly always breaks the order.
+    """
+    row = registry().by_key[key]
+    rows = view.rows(key)
+    absent = absent_indices(rows, count)
+    if rows is None or len(absent) > 1:
+        view.add(
+            "error",
+            f"{what} do not ascend: {absent.describe()} of {count} are missing and "
+            "count as 0",
+            view.place(key) if rows is None else view.value_place(rows, 0),
+            parameter=row,
+            number=row.number if number is None else number,
+            found=f"{len(absent)} missing",
+            expected=f"{count} ascending values",
+        )
+        return
+    values = column_values(rows, count)
+    if all(map(operator.lt, values, values[1:])):
+        return
+    at = next(i for i in range(1, count) if values[i - 1] >= values[i])
+    place = rows.last.get((at,), rows.last.get((at - 1,), 0))
+    view.add(
+        "error",
+        f"{what} do not ascend: [{at - 1}] = {values[at - 1]}, [{at}] = {values[at]}"
+        + (f" ({absent.describe()} is missing and counts as 0)" if len(absent) else ""),
+        view.value_place(rows, place),
+        parameter=row,
+        number=row.number if number is None else number,
+        found=f"{values[at - 1]}, {values[at]}",
+        expected="ascending values",
+    )
+
+
+class Absent:
+    """Indices below a count that a column lacks, without listing them all."""
+
+    def __init__(self, present: Sequence[int] | set[int], count: int) -> None:
+        """Compare ``present``, distinct indices, with 0 … count − 1."""
+        self._present = present if isinstance(present, set) else set(present)
+        self._count = count
+        inside = sum(1 for index in self._present if index < count)
+        self._length = max(count, 0) - inside
+
+    def __len__(self) -> int:
+        """Return how many are missing."""
+        return self._length
+
+    def describe(self) -> str:
+        """Return the first few: ``2, 3, 4, … (97)``."""
+        # At most len(present) + 3 steps: every step finds one or meets one present.
+        found = (index for index in range(self._count) if index not in self._present)
+        return shorten(found, self._length)
+
+
+def absent_indices(rows: Rows | None, count: int) -> Absent:
+    """Return which indices of a one-dimensional column are missing."""
+    return Absent(
+        {index for (index,) in rows.last} if rows is not None else set(), count
+    )
+
+
+def column_values(rows: Rows, count: int) -> list[int]:
+    """Return the values of indices 0 … count − 1, 0 where missing or unreadable."""
+    values = [0] * count
+    integers = rows.integers
+    for (index,), at in rows.last.items():
+        if index < count:
+            values[index] = integers[at] or 0
+    return values
+
+
+def check_size(
+    view: ListView, key: str, count: int, sizer: Parameter, *, tolerated: bool = False
+) -> None:
+    """Report entries of a one-dimensional column at or beyond ``count``.
+
+    Args:
+        view: The list.
+        key: Column.
+        count: Number of entries that the list says the table has.
+        sizer: Parameter that says so.
+        tolerated: Whether one statement of the manuals allows index ``count`` itself.
+    """
+    rows = view.rows(key)
+    if rows is None or not rows.indices or max(rows.last)[0] < count:
+        return
+    row = registry().by_key[key]
+    limit = count + 1 if tolerated else count
+    beyond = [at for at, (index,) in enumerate(rows.indices) if index >= limit]
+    edge = [at for at, (index,) in enumerate(rows.indices) if count <= index < limit]
+    size = f"{sizer.name} = {view.value(sizer.key)}"
+    note = "" if sizer.key in view.columns else " (left out)"
+    if beyond:
+        shown = shorten((rows.indices[at][0] for at in beyond), len(beyond))
+        view.add(
+            "error",
+            f"{key} goes beyond the table's end: index {shown}, but {size}{note}",
+            view.name_place(rows, beyond[0]),
+            parameter=row,
+            found=f"index {shown}",
+            expected=f"indices 0 to {count - 1}" if count else "no entry",
+        )
+    if edge:
+        view.add(
+            "warning",
+            f"{key} has index {count}, which only one of two statements of the manuals "
+            f"allows where {size}{note}",
+            view.name_place(rows, edge[0]),
+            parameter=row,
+            found=f"index {count}",
+            expected=f"indices 0 to {count - 1}",
+        )
+
+
+def check_complete(
+    view: ListView,
+    key: str,
+    count: int,
+    *,
+    absent: int | None = None,
+    strict: bool = False,
+) -> None:
+    """Report entries that a one-dimensional column lacks; they count as 0.
+
+    Args:
+        view: The list.
+        key: Column.
+        count: Number of entries that it should have.
+        absent: What the controller reports where the whole column is missing.
+        strict: Whether the manuals demand every entry (modulo axes).
+    """
+    rows = view.rows(key)
+    lacking = absent_indices(rows, count)
+    if not len(lacking):
+        return
+    refused = rows is None and absent is not None
+    number = absent if refused else (70431 if strict else None)
+    view.add(
+        "error" if refused or strict else "warning",
+        f"{key} lacks {len(lacking)} of {count} entries, which count as 0: index "
+        f"{lacking.describe()}",
+        view.place(key) if rows is None else view.name_place(rows, 0),
+        parameter=registry().by_key[key],
+        number=number,
+        found=f"{count - len(lacking)} entries",
+        expected=f"{count} entries",
+    )
+
+
+def usable(count: int | None) -> bool:
+    """Return whether a table size makes sense; others have a finding of their own."""
+    return count is not None and 0 <= count <= 2**31

@@ -1,0 +1,238 @@
+"""Rules between lists: compensation, axis and start-up lists of one machine."""
+
+from collections.abc import Iterable, Sequence
+
+from ._check_axis import check_axis_list, largest_backlash
+from ._check_lists import (
+    AXIS_DIFFERS,
+    ListSet,
+    axis_number,
+    file_number,
+    in_force,
+    is_fragment,
+)
+from ._check_startup import check_startup
+from ._check_view import ListView
+from ._parameter import Function
+from ._registry import registry
+
+
+def check_set(
+    views: Sequence[ListView], gantry: Iterable[tuple[int, int]] = ()
+) -> None:
+    """Judge the lists of one machine against each other.
+
+    Args:
+        views: All lists.
+        gantry: Pairs of master and partner axis, by logical number.
+    """
+    lists = ListSet(
+        [view for view in views if view.file.kind == "compensation"],
+        [view for view in views if view.file.kind == "axis"],
+        [view for view in views if view.file.kind == "startup"],
+    )
+    _check_doubles(lists.compensation, "compensation lists")
+    _check_doubles(lists.axis, "axis lists")
+    for view in lists.compensation:
+        _check_numbers(view, lists)
+        _check_against_axis(view, lists)
+        _check_known_masters(view, lists)
+    for view in lists.axis:
+        _check_activated(view, lists)
+        check_axis_list(view)
+    for view in lists.startup:
+        check_startup(view, lists)
+    for master, partner in gantry:
+        _check_gantry(master, partner, lists)
+        _check_gantry(partner, master, lists)
+
+
+def _check_doubles(views: list[ListView], what: str) -> None:
+    """Report a second list for an axis that has one already."""
+    row = registry().by_key["kopf.achs_nr"]
+    first: dict[int, ListView] = {}
+    for view in views:
+        number = axis_number(view)
+        if number is None or is_fragment(view):
+            continue
+        other = first.setdefault(number, view)
+        if other is not view:
+            view.add(
+                "error",
+                f"two {what} for axis {number}: the other is {other.file.source}",
+                view.place("kopf.achs_nr"),
+                parameter=row,
+                found=str(number),
+                expected="a number of its own for each list",
+            )
+            _check_two_masters(view, other)
+
+
+def _check_two_masters(view: ListView, other: ListView) -> None:
+    """Report two lists of one axis that give its cross table different masters."""
+    key = "kw.crosscomp.master_ax_nr"
+    masters = view.integer(key), other.integer(key)
+    if key in view.columns and key in other.columns and masters[0] != masters[1]:
+        row = registry().by_key[key]
+        view.add(
+            "error",
+            f"two masters for one cross table: axis {masters[0]}, and axis "
+            f"{masters[1]} in {other.file.source}",
+            view.place(key),
+            parameter=row,
+            number=row.number,
+            found=str(masters[0]),
+            expected=str(masters[1]),
+        )
+
+
+def _check_numbers(view: ListView, lists: ListSet) -> None:
+    """Report a list whose axis has another number in the axis list of the same name."""
+    number = axis_number(view)
+    if number is None or not lists.axis or lists.axis_of(number):
+        return
+    row = registry().by_key["kopf.achs_nr"]
+    same_file = [
+        other
+        for other in lists.axis
+        if file_number(view) is not None and file_number(other) == file_number(view)
+    ]
+    if same_file:
+        other = same_file[0]
+        view.add(
+            "error",
+            f"the list says axis {number}, {other.file.source} says axis "
+            f"{axis_number(other)}",
+            view.place("kopf.achs_nr"),
+            parameter=row,
+            number=AXIS_DIFFERS,
+            found=str(number),
+            expected=str(axis_number(other)),
+        )
+
+
+def _check_against_axis(view: ListView, lists: ListSet) -> None:
+    """Report functions that the axis list leaves off, and doubled backlash."""
+    number = axis_number(view)
+    partners = [] if number is None else lists.axis_of(number)
+    if not partners:
+        return
+    for function in registry().functions:
+        axis = in_force(partners, function.activation)
+        if function.structure in view.in_use and _is_active(view, function):
+            if not axis.integer(function.activation):
+                row = registry().by_key[function.activation]
+                axis.add(
+                    "warning",
+                    f"{view.file.source} holds a {function.name}, but {row.key} does "
+                    "not switch it on",
+                    axis.place(row.key),
+                    parameter=row,
+                    found=axis.text(row.key) or "no entry",
+                    expected="1",
+                )
+    if "kw.ssfk" in view.in_use and view.integer("kw.ssfk.bilateral"):
+        row = registry().by_key["lr_param.anwahl_losekomp"]
+        axis = in_force(partners, row.key)
+        size = largest_backlash(in_force(partners, "getriebe[].lose"))
+        if axis.integer(row.key) and size:
+            axis.add(
+                "warning",
+                f"backlash is compensated twice: by {row.key} and by the bilateral "
+                f"leadscrew table of {view.file.source}",
+                axis.place(row.key),
+                parameter=row,
+                found=f"{axis.text(row.key)}, lose = {size}",
+                expected="0 beside a bilateral table",
+            )
+
+
+def _is_active(view: ListView, function: Function) -> bool:
+    """Return whether the function does anything: friction has a mode that is off."""
+    return function.structure != "frict_comp" or bool(view.integer("frict_comp.mode"))
+
+
+def _check_known_masters(view: ListView, lists: ListSet) -> None:
+    """Report masters that no list knows, where axis lists are there to know them.
+
+    An info only: who checks the lists of one axis seldom has all others at hand.
+    """
+    if not lists.axis:
+        return
+    known = {axis_number(other) for other in lists.axis + lists.compensation}
+    for startup in lists.startup:
+        rows = startup.rows("achs_kw_log_ax_nr[]")
+        known.update(rows.integers if rows is not None else ())
+    for function in registry().functions:
+        if function.structure not in view.in_use:
+            continue
+        for name in function.masters + function.adaptations:
+            key = f"{function.structure}.{name}"
+            master = view.integer(key)
+            if key in view.columns and master and master not in known:
+                row = registry().by_key[key]
+                view.add(
+                    "info",
+                    f"none of the lists belongs to axis {master}, a master of the "
+                    f"{function.name}",
+                    view.place(key),
+                    parameter=row,
+                    number=row.number,
+                    found=str(master),
+                    expected="the number of an axis of the machine",
+                )
+
+
+def _check_activated(axis: ListView, lists: ListSet) -> None:
+    """Report functions that are switched on although their list or table is missing."""
+    number = axis_number(axis)
+    if number is None or not lists.compensation:
+        return
+    own = lists.compensation_of(number)
+    for function in registry().functions:
+        if not axis.integer(function.activation):
+            continue
+        row = registry().by_key[function.activation]
+        if not own:
+            axis.add(
+                "warning",
+                f"{row.key} switches the {function.name} of axis {number} on, but no "
+                "compensation list of this axis is there (a gantry partner needs its "
+                "own)",
+                axis.place(row.key),
+                parameter=row,
+                number=function.absent,
+                found="no list",
+                expected=f"a compensation list with kopf.achs_nr {number}",
+            )
+        elif not any(function.structure in view.in_use for view in own):
+            axis.add(
+                "error",
+                f"{row.key} switches the {function.name} on, but "
+                f"{own[0].file.source} has no table for it",
+                axis.place(row.key),
+                parameter=row,
+                number=function.absent,
+                found="no table",
+                expected=f"entries {function.structure}.*",
+            )
+
+
+def _check_gantry(axis: int, partner: int, lists: ListSet) -> None:
+    """Report compensations of one gantry axis that its partner lacks."""
+    theirs = lists.compensation_of(partner)
+    for view in lists.compensation_of(axis):
+        for function in registry().functions:
+            if function.structure not in view.in_use or not function.masters:
+                continue
+            if not any(function.structure in other.in_use for other in theirs):
+                view.add(
+                    "warning",
+                    f"axis {partner}, gantry partner of axis {axis}, has no list with "
+                    f"a {function.name}",
+                    view.place("kopf.achs_nr"),
+                    parameter=registry().by_key["kopf.achs_nr"],
+                    number=function.absent,
+                    found="no list" if not theirs else "no table",
+                    expected="a table for each axis of the gantry",
+                )

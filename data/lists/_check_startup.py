@@ -1,0 +1,93 @@
+"""Rules of the start-up list, and between it and the other lists."""
+
+from ._check_lists import AXIS_DIFFERS, ListSet, axis_number, base_name, is_fragment
+from ._check_view import ListView
+from ._registry import registry
+
+
+def check_startup(view: ListView, lists: ListSet) -> None:
+    """Judge a start-up list: complete, each axis once, numbers as in the lists."""
+    known = registry().by_key
+    count_row = known["zahl_kw"]
+    names, numbers = view.rows("achs_kw[]"), view.rows("achs_kw_log_ax_nr[]")
+    count = view.integer("zahl_kw")
+    by_index: dict[int, int | None] = {}
+    if numbers is not None:
+        by_index = {
+            index: numbers.integers[at] for (index,), at in numbers.last.items()
+        }
+    files: dict[str, int | None] = {}
+    if names is not None:
+        for (index,), at in names.last.items():
+            files[base_name(names.texts[at])] = by_index.get(index)
+    stated = max(len(files), len(by_index))
+    whole = not is_fragment(view)
+    if whole and (names is not None or numbers is not None) and count != stated:
+        view.add(
+            "warning",
+            f"zahl_kw is {count if count is not None else 'missing'}, but {stated} "
+            "compensation lists are named",
+            view.place("zahl_kw"),
+            parameter=count_row,
+            found=str(count) if count is not None else "no entry",
+            expected=str(stated),
+        )
+    if numbers is not None:
+        seen: set[int] = set()
+        for at, number in enumerate(numbers.integers):
+            if number is not None and number in seen:
+                view.add(
+                    "error",
+                    f"two compensation lists for axis {number}",
+                    view.value_place(numbers, at),
+                    parameter=known["achs_kw_log_ax_nr[]"],
+                    number=AXIS_DIFFERS,
+                    found=str(number),
+                    expected="each axis once",
+                )
+            elif number is not None:
+                seen.add(number)
+    for other in lists.compensation:
+        name = base_name(other.file.source)
+        if name not in files:
+            if not whole:
+                continue
+            view.add(
+                "warning",
+                f"{other.file.source} is not named: the controller does not load it",
+                view.place("zahl_kw"),
+                found=", ".join(sorted(files)) or "no compensation list",
+                expected=name,
+            )
+        elif files[name] is not None and axis_number(other) not in (None, files[name]):
+            other.add(
+                "error",
+                f"the list says axis {axis_number(other)}, {view.file.source} says "
+                f"axis {files[name]}",
+                other.place("kopf.achs_nr"),
+                parameter=known["kopf.achs_nr"],
+                number=AXIS_DIFFERS,
+                found=str(axis_number(other)),
+                expected=str(files[name]),
+            )
+    _check_external(view, lists)
+
+
+def _check_external(view: ListView, lists: ListSet) -> None:
+    """Report external compensation without limits: the default of 0 is refused."""
+    if not view.integer(
+        "configuration.position_controller.enable_external_compensation_ifc"
+    ):
+        return
+    row = registry().by_key["lr_param.ext_comp.err_limit"]
+    for axis in lists.axis:
+        if "lr_param.ext_comp" in axis.structures and not axis.integer(row.key):
+            axis.add(
+                "warning",
+                "external compensation is open, but the axis has no error limit",
+                axis.place(row.key),
+                parameter=row,
+                number=70585,
+                found=axis.text(row.key) or "no entry",
+                expected="a limit above 0",
+            )

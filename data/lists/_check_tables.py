@@ -1,0 +1,222 @@
+"""Rules of the tables of cross, plane, leadscrew and friction compensation."""
+
+import operator
+
+from ._check_columns import check_ascending, check_complete, check_size, usable
+from ._check_view import ListView, shorten
+from ._entry import Rows
+from ._registry import registry
+
+_LOW_SCALE = 200
+"""Friction scaling, in 0.1 %, below which a table hardly acts (semantics.md)."""
+
+
+def check_tables(view: ListView) -> None:
+    """Judge the tables of cross, plane, leadscrew and friction compensation."""
+    if "kw.crosscomp" in view.in_use:
+        _check_cross(view)
+    if "kw.crosscomp2" in view.in_use:
+        _check_plane(view)
+    if "kw.ssfk" in view.in_use:
+        _check_leadscrew(view)
+    if "frict_comp" in view.in_use:
+        _check_friction(view)
+
+
+def _check_cross(view: ListView) -> None:
+    sizer = registry().by_key["kw.crosscomp.last_index"]
+    last = view.integer(sizer.key)
+    if last is None or not usable(last):
+        return
+    setpoint, correction = (
+        "kw.crosscomp.table[].setpoint",
+        "kw.crosscomp.table[].correction",
+    )
+    for key in (setpoint, correction):
+        check_size(view, key, last + 1, sizer)
+    if last == 0:
+        view.add(
+            "warning",
+            "the cross table has a single point: one constant offset everywhere",
+            view.place(sizer.key),
+            parameter=sizer,
+            found="last_index = 0",
+            expected="two points or more",
+        )
+    check_ascending(view, setpoint, last + 1, "cross setpoints")
+    check_complete(view, correction, last + 1)
+
+
+def _check_leadscrew(view: ListView) -> None:
+    known = registry().by_key
+    sizer = known["kw.ssfk.kw_nr_max"]
+    count = view.integer(sizer.key)
+    if count is None or not usable(count) or sizer.key not in view.columns:
+        return
+    pos, neg = "kw.ssfk.table[].pos", "kw.ssfk.table[].neg"
+    setpoint = "kw.ssfk.table[].setpoint"
+    for key in (pos, neg, setpoint):
+        check_size(view, key, count, sizer, tolerated=True)
+    if not count:
+        return
+    bilateral = bool(view.integer("kw.ssfk.bilateral"))
+    modulo = bool(view.integer("kw.ssfk.modulo"))
+    if view.integer("kw.ssfk.interval") == 0:
+        check_ascending(view, setpoint, count, "leadscrew setpoints", 110590)
+    elif (rows := view.rows(setpoint)) is not None:
+        _unused(view, rows, "interval is not 0: the points are equidistant")
+    for key in (pos, neg) if bilateral else (pos,):
+        check_complete(
+            view, key, count, absent=70083 if key == pos else None, strict=modulo
+        )
+        if modulo:
+            _check_closed(view, key, count)
+    if not bilateral and (rows := view.rows(neg)) is not None:
+        _unused(view, rows, "the table is unilateral (bilateral 0)")
+    free = known["kw.ssfk.set_pos_without_comp"]
+    if bilateral and not view.integer(free.key):
+        view.add(
+            "info",
+            "other compensations enter the bilateral table and may turn its direction",
+            view.place(free.key),
+            parameter=free,
+            found=view.text(free.key) or "no entry",
+            expected="set_pos_without_comp 1",
+        )
+
+
+def _unused(view: ListView, rows: Rows, why: str) -> None:
+    view.add(
+        "info",
+        f"{rows.key} is not used: {why}",
+        view.name_place(rows, 0),
+        parameter=registry().by_key[rows.key],
+        found=f"{len(rows.lines)} entries",
+        expected="no entry",
+    )
+
+
+def _check_closed(view: ListView, key: str, count: int) -> None:
+    """Report a modulo table whose ends differ: the axis jumps where it passes over."""
+    rows = view.rows(key)
+    if rows is None or count < 2:
+        return
+    first, last = (rows.last.get((index,)) for index in (0, count - 1))
+    if first is None or last is None or rows.integers[first] == rows.integers[last]:
+        return
+    ends = f"[0] = {rows.texts[first]}, [{count - 1}] = {rows.texts[last]}"
+    view.add(
+        "warning",
+        f"the ends of the modulo table differ: {key} {ends}",
+        view.value_place(rows, last),
+        parameter=registry().by_key["kw.ssfk.modulo"],
+        found=ends,
+        expected="the same value at both ends",
+    )
+
+
+def _check_friction(view: ListView) -> None:
+    known = registry().by_key
+    sizer = known["frict_comp.table_entries"]
+    count = view.integer(sizer.key)
+    if count is None or not usable(count):
+        return
+    if sizer.key not in view.columns and view.integer("frict_comp.mode"):
+        return
+    velocity, current = "frict_comp.table[].in", "frict_comp.table[].out"
+    for key in (velocity, current):
+        check_size(view, key, count, sizer)
+    if count:
+        check_ascending(view, velocity, count, "friction velocities")
+        check_complete(view, current, count)
+    scale = known["frict_comp.scaling_factor"]
+    share = view.integer(scale.key)
+    if share is not None and abs(share) < _LOW_SCALE:
+        view.add(
+            "info",
+            f"only {share / 10:g} % of the table's current is added",
+            view.place(scale.key),
+            parameter=scale,
+            found=str(share),
+            expected="1000 for the values as they stand",
+        )
+
+
+def _check_plane(view: ListView) -> None:
+    known = registry().by_key
+    row = known["kw.crosscomp2.table[][].correction"]
+    rows = view.rows(row.key)
+    ends = [view.integer(f"kw.crosscomp2.last_index_master{axis}") for axis in (1, 2)]
+    _check_plane_order(view, rows)
+    is_square = view.value("kw.crosscomp2.grid") != "RECTANGULAR"
+    for name in ("interval1", "interval2") if is_square else ("interval",):
+        spare = view.rows(f"kw.crosscomp2.{name}")
+        if spare is not None:
+            grid = "QUADRATIC" if is_square else "RECTANGULAR"
+            _unused(view, spare, f"the grid is {grid}")
+    if ends[0] is None or ends[1] is None or not all(map(usable, ends)):
+        return
+    last1, last2 = ends[0], ends[1]
+    count = (last1 + 1) * (last2 + 1)
+    present = rows.last if rows is not None else {}
+    inside = len(present)
+    if rows is not None and present:
+        height = max(map(operator.itemgetter(0), present))
+        width = max(map(operator.itemgetter(1), present))
+        if height > last2 or width > last1:
+            beyond = [
+                at for at, (j, i) in enumerate(rows.indices) if j > last2 or i > last1
+            ]
+            inside -= len({rows.indices[at] for at in beyond})
+            swapped = height <= last1 and width <= last2
+            hint = (
+                "; are the indices swapped? the first one is master 2"
+                if swapped
+                else ""
+            )
+            shown = shorten((list(rows.indices[at]) for at in beyond), len(beyond))
+            view.add(
+                "error",
+                f"{row.key} goes beyond the table's end: {shown}, but "
+                f"last_index_master2 = {last2}, last_index_master1 = {last1}{hint}",
+                view.name_place(rows, beyond[0]),
+                parameter=row,
+                found=shown,
+                expected=f"indices up to [{last2}][{last1}]",
+            )
+    if inside < count:
+        cells = (
+            [j, i]
+            for j in range(last2 + 1)
+            for i in range(last1 + 1)
+            if (j, i) not in present
+        )
+        view.add(
+            "warning" if inside else "error",
+            f"{row.key} lacks {count - inside} of {count} entries, which count as 0: "
+            f"{shorten(cells, count - inside)}",
+            view.place(row.key) if rows is None else view.name_place(rows, 0),
+            parameter=row,
+            number=None if inside else 70183,
+            found=f"{inside} entries",
+            expected=f"{count} entries",
+        )
+
+
+def _check_plane_order(view: ListView, rows: Rows | None) -> None:
+    """Report a table size behind the table: the values above it must be read again."""
+    if rows is None:
+        return
+    for axis in (1, 2):
+        key = f"kw.crosscomp2.last_index_master{axis}"
+        sizes = view.rows(key)
+        if sizes is not None and sizes.lines[-1] > min(rows.lines):
+            view.add(
+                "warning",
+                f"{key} stands behind entries of the table, which the kernel must then "
+                "read again",
+                view.place(key),
+                parameter=registry().by_key[key],
+                found=f"table from line {min(rows.lines)}",
+                expected="the size above the table",
+            )

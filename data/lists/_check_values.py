@@ -1,0 +1,284 @@
+"""Rules for single entries: type, range, words, build."""
+
+from ._check_view import ListView, read_value
+from ._entry import Rows
+from ._parameter import Parameter
+from ._registry import build_has, parse_build, registry
+from ._remarks import RemarkCode
+from ._values import INTEGER_LIMITS, parse_integer
+
+_QUOTES_SINCE = "V3.1.3081.0"
+"""Build from which a text may stand in quotes (ISG manual, 1.3; semantics S-04)."""
+
+
+def check_values(view: ListView) -> None:
+    """Judge every entry of a known name for itself."""
+    known = registry().by_key
+    explained = _explained_lines(view)
+    for key, rows in view.columns.items():
+        row = known.get(key)
+        if row is None:
+            continue
+        if row.kind != view.file.kind and not _is_shared(view, row):
+            _misplaced(view, rows, row)
+        if not build_has(row, view.build):
+            _too_new(view, rows, row)
+        if row.is_integer:
+            _check_integers(view, rows, row, explained)
+        else:
+            _check_others(view, rows, row, explained)
+
+
+def _explained_lines(view: ListView) -> frozenset[int]:
+    """Return the lines whose value a remark already calls unreadable."""
+    codes = (RemarkCode.GLUED_COMMENT, RemarkCode.NO_VALUE)
+    return frozenset(r.line for r in view.file.remarks if r.code in codes)
+
+
+def _is_shared(view: ListView, row: Parameter) -> bool:
+    """Return whether the axis list has this entry too: ``kopf.*`` heads both."""
+    return row.structure == "kopf" and view.file.kind == "axis"
+
+
+def _misplaced(view: ListView, rows: Rows, row: Parameter) -> None:
+    names = {"compensation": "a compensation list", "axis": "an axis list"}
+    place = names.get(row.kind, "a start-up list")
+    view.add(
+        "warning",
+        f"{row.key} belongs into {place}",
+        view.name_place(rows, 0),
+        parameter=row,
+        found=names.get(view.file.kind, "a start-up list"),
+        expected=place,
+    )
+
+
+def _too_new(view: ListView, rows: Rows, row: Parameter) -> None:
+    view.add(
+        "warning",
+        f"{row.key} exists as of build {row.since}; {view.build} does not take it over",
+        view.name_place(rows, 0),
+        parameter=row,
+        found=view.build or "",
+        expected=f"build {row.since}",
+    )
+
+
+def _check_integers(
+    view: ListView, rows: Rows, row: Parameter, explained: frozenset[int]
+) -> None:
+    """Judge a column of whole numbers; a clean one is looked at as a whole."""
+    numbers = [value for value in rows.integers if value is not None]
+    if len(numbers) < len(rows.integers):
+        unread: list[int] = []
+        numbers = []
+        for at, text in enumerate(rows.texts):
+            value = read_value(row, text)
+            if isinstance(value, int):
+                numbers.append(value)
+            elif rows.lines[at] not in explained:
+                unread.append(at)
+        _unreadable(view, rows, row, unread)
+    if not numbers:
+        return
+    low, high = min(numbers), max(numbers)
+    bottom, top = INTEGER_LIMITS[row.type]
+    if low < bottom or high > top or not _in_range(row, low, high):
+        _sort_out(view, rows, row)
+    elif row.narrow_type is not None:
+        narrow = INTEGER_LIMITS[row.narrow_type]
+        if low < narrow[0] or high > narrow[1]:
+            wrong = [
+                at
+                for at, text in enumerate(rows.texts)
+                if not narrow[0] <= (parse_integer(text) or 0) <= narrow[1]
+            ]
+            view.add_rows(
+                "warning",
+                rows,
+                wrong,
+                lambda text: (
+                    f"{row.key} = {text} does not fit {row.narrow_type}, "
+                    "which one of the manuals gives as its type"
+                ),
+                parameter=row,
+                number=row.number,
+                expected=f"{narrow[0]} to {narrow[1]}",
+            )
+
+
+def _in_range(row: Parameter, low: int, high: int) -> bool:
+    """Return whether all numbers from ``low`` to ``high`` are surely allowed."""
+    if row.values:
+        return low == high and low in row.values
+    if row.range is None or row.range.holds(low, high):
+        return True
+    return low == high and low in row.also
+
+
+def _sort_out(view: ListView, rows: Rows, row: Parameter) -> None:
+    """Report the values of a column that are outside of type or range, by severity."""
+    bottom, top = INTEGER_LIMITS[row.type]
+    untyped: list[int] = []
+    negative: list[int] = []
+    outside: list[int] = []
+    doubtful: list[int] = []
+    for at, text in enumerate(rows.texts):
+        value = read_value(row, text)
+        if not isinstance(value, int):
+            continue
+        if row.negative is not None and value < 0 and bottom >= 0:
+            negative.append(at)
+        elif not bottom <= value <= top:
+            untyped.append(at)
+        elif _in_range(row, value, value) or _is_idle_default(view, row, value):
+            pass
+        elif row.wide_range is not None and row.wide_range.holds(value, value):
+            doubtful.append(at)
+        else:
+            outside.append(at)
+    key = row.key
+    typed = f"{bottom} to {top}"
+    asked = _asked(row)
+    view.add_rows(
+        "error",
+        rows,
+        untyped,
+        lambda text: f"{key} = {text} does not fit {row.type}",
+        parameter=row,
+        number=row.number,
+        expected=typed,
+    )
+    view.add_rows(
+        "error",
+        rows,
+        negative,
+        lambda text: f"{key} = {text} is negative",
+        parameter=row,
+        number=row.negative,
+        expected=asked,
+    )
+    view.add_rows(
+        "error",
+        rows,
+        outside,
+        lambda text: f"{key} = {text} is not allowed, expected {asked}",
+        parameter=row,
+        number=row.number,
+        expected=asked,
+    )
+    view.add_rows(
+        "warning",
+        rows,
+        doubtful,
+        lambda text: (
+            f"{key} = {text} is allowed by one of two statements of the "
+            f"manuals only, expected {asked}"
+        ),
+        parameter=row,
+        number=row.number,
+        expected=asked,
+    )
+
+
+def _is_idle_default(view: ListView, row: Parameter, value: int) -> bool:
+    """Return whether the value is the default of a function that the list leaves idle.
+
+    Several defaults lie outside their own range (semantics S-49); that matters only
+    where the function is in use.
+    """
+    functions = {function.structure for function in registry().functions}
+    idle = row.structure in functions - view.in_use
+    return idle and value == row.default
+
+
+def _asked(row: Parameter) -> str:
+    """Return what a value must be, in words."""
+    if row.values:
+        return " or ".join(str(value) for value in row.values)
+    if row.range is None:
+        bottom, top = INTEGER_LIMITS.get(row.type, (0, 0))
+        return f"{bottom} to {top}"
+    also = "".join(f", or {value}" for value in row.also)
+    return f"{row.range}{also}"
+
+
+def _unreadable(view: ListView, rows: Rows, row: Parameter, wrong: list[int]) -> None:
+    view.add_rows(
+        "error",
+        rows,
+        wrong,
+        lambda text: f"{row.key} cannot be read: {text!r}",
+        parameter=row,
+        number=row.number,
+        expected="0 or 1" if row.type == "BOOLEAN" else f"a decimal {row.type}",
+    )
+
+
+def _check_others(
+    view: ListView, rows: Rows, row: Parameter, explained: frozenset[int]
+) -> None:
+    """Judge texts, named bits and real numbers."""
+    values = [read_value(row, text) for text in rows.texts]
+    unread = [
+        at
+        for at, value in enumerate(values)
+        if value is None and rows.lines[at] not in explained
+    ]
+    _unreadable(view, rows, row, unread)
+    if row.range is not None:
+        wrong = [
+            at
+            for at, value in enumerate(values)
+            if isinstance(value, int | float) and not row.range.holds(value, value)
+        ]
+        view.add_rows(
+            "error",
+            rows,
+            wrong,
+            lambda text: f"{row.key} = {text} is not allowed, expected {_asked(row)}",
+            parameter=row,
+            number=row.number,
+            expected=_asked(row),
+        )
+    if row.words:
+        wrong = [at for at, value in enumerate(values) if value not in row.words]
+        view.add_rows(
+            "error",
+            rows,
+            wrong,
+            lambda text: f"{row.key} = {text!r} is not allowed",
+            parameter=row,
+            number=row.number,
+            expected=" or ".join(row.words),
+        )
+    if row.type == "STRING" and view.build is not None:
+        _check_quotes(view, rows, row, view.build)
+    if row.length is not None:
+        longest = row.length
+        wrong = [at for at, text in enumerate(rows.texts) if len(text) > longest]
+        view.add_rows(
+            "warning",
+            rows,
+            wrong,
+            lambda text: f"{row.key} is longer than {longest} characters: {text!r}",
+            parameter=row,
+            expected=f"at most {longest} characters",
+        )
+
+
+def _check_quotes(view: ListView, rows: Rows, row: Parameter, build: str) -> None:
+    """Report a text in quotes that a build before they existed takes literally."""
+    if parse_build(build) >= parse_build(_QUOTES_SINCE):
+        return
+    quoted = [at for at, line in enumerate(rows.lines) if view.line(line).quoted]
+    view.add_rows(
+        "warning",
+        rows,
+        quoted,
+        lambda text: (
+            f"quotes exist as of build {_QUOTES_SINCE}, not in {build}: {text!r}"
+        ),
+        parameter=row,
+        expected="a text without quotes",
+    )

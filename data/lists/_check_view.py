@@ -1,0 +1,220 @@
+"""One list as the checker sees it: typed values, places, and the findings so far."""
+
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TypeAlias
+
+from ._entry import Rows
+from ._finding import Finding, Level
+from ._grammar import Line, read_line
+from ._listfile import ListFile
+from ._parameter import Parameter
+from ._registry import build_has, registry
+from ._values import parse_bits, parse_boolean, parse_integer, parse_real
+
+LIMIT = 10
+"""Findings of one sort that are named one by one; the rest is counted."""
+
+Place: TypeAlias = tuple[int, int]
+"""1-based line and column."""
+
+
+class ListView:
+    """One list with its findings; the rules of the checker write into it."""
+
+    def __init__(self, file: ListFile, build: str | None) -> None:
+        """Look at ``file`` as a controller of ``build`` would, the newest if None."""
+        self.file = file
+        self.build = build
+        self.columns: Mapping[str, Rows] = file.columns
+        self.findings: list[Finding] = []
+        self._lines: dict[int, Line] = {}
+
+    # ---------------------------------------------------------------- what stands there
+
+    def rows(self, key: str) -> Rows | None:
+        """Return all entries of a key, None where there is none."""
+        return self.columns.get(key)
+
+    def text(self, key: str) -> str | None:
+        """Return the text of the entry that counts (the last one), for scalar keys."""
+        rows = self.columns.get(key)
+        return rows.texts[-1] if rows is not None else None
+
+    def value(self, key: str) -> int | float | str | None:
+        """Return the value of a scalar entry, with the default where it is missing.
+
+        None where it cannot be read, or where it is missing and has no default.
+        """
+        row = registry().by_key[key]
+        text = self.text(key)
+        if text is None or not build_has(row, self.build):
+            return row.default
+        found = read_value(row, text)
+        return row.default if found == 0 and row.zero_is_default else found
+
+    def integer(self, key: str) -> int | None:
+        """Return the value of a scalar whole number, with its default; None if none."""
+        found = self.value(key)
+        return found if isinstance(found, int) else None
+
+    def given(self, key: str) -> bool:
+        """Return whether the entry stands in the list and is not 0."""
+        text = self.text(key)
+        row = registry().by_key[key]
+        if text is None or not build_has(row, self.build):
+            return False
+        return bool(read_value(row, text))
+
+    @functools.cached_property
+    def structures(self) -> frozenset[str]:
+        """Structures that have an entry, such as ``kw.ssfk``."""
+        known = registry().by_key
+        return frozenset(known[key].structure for key in self.columns if key in known)
+
+    @functools.cached_property
+    def in_use(self) -> frozenset[str]:
+        """Structures of the compensations that the list sets up.
+
+        A structure that holds only a size, a unit or zeros is idle.
+        """
+        tables = {
+            structure
+            for structure in self.structures
+            if any(
+                key.startswith(f"{structure}.") and "[]" in key for key in self.columns
+            )
+        }
+        for function in registry().functions:
+            stem = function.structure
+            if any(self.given(f"{stem}.{sign}") for sign in function.signs):
+                tables.add(stem)
+        return frozenset(tables)
+
+    def first_line(self, structure: str) -> int:
+        """Return the first line with an entry of the structure, else 1."""
+        known = registry().by_key
+        lines = (
+            rows.lines[0]
+            for key, rows in self.columns.items()
+            if key in known and known[key].structure == structure
+        )
+        return min(lines, default=1)
+
+    # ---------------------------------------------------------------- where it stands
+
+    def line(self, number: int) -> Line:
+        """Return the parts of a line by its 1-based number."""
+        if number not in self._lines:
+            self._lines[number] = read_line(self.file.lines[number - 1])
+        return self._lines[number]
+
+    def value_place(self, rows: Rows, row: int) -> Place:
+        """Return where the value of a row stands."""
+        number = rows.lines[row]
+        return number, self.line(number).value_start + 1
+
+    def name_place(self, rows: Rows, row: int) -> Place:
+        """Return where the name of a row stands."""
+        number = rows.lines[row]
+        return number, self.line(number).start + 1
+
+    def place(self, key: str) -> Place:
+        """Return where a scalar's value stands, else the start of its structure."""
+        rows = self.columns.get(key)
+        if rows is not None:
+            return self.value_place(rows, len(rows.lines) - 1)
+        row = registry().by_key.get(key)
+        return (1, 1) if row is None else (self.first_line(row.structure), 1)
+
+    # ---------------------------------------------------------------- findings
+
+    def add(
+        self,
+        level: Level,
+        message: str,
+        place: Place,
+        *,
+        parameter: Parameter | None = None,
+        number: int | None = None,
+        found: str = "",
+        expected: str = "",
+    ) -> None:
+        """Note a finding."""
+        identity = None if parameter is None else parameter.id
+        finding = Finding(
+            self.file.source, *place, level, identity, number, message, found, expected
+        )
+        self.findings.append(finding)
+
+    def add_rows(
+        self,
+        level: Level,
+        rows: Rows,
+        wrong: Sequence[int],
+        message: Callable[[str], str],
+        *,
+        parameter: Parameter | None = None,
+        number: int | None = None,
+        expected: str = "",
+        limit: int = LIMIT,
+    ) -> None:
+        """Note a finding for each row; behind ``limit`` of them, one for the rest.
+
+        Args:
+            level: Level of the findings.
+            rows: Column of the list.
+            wrong: Positions in it, ascending.
+            message: Sentence for a value's text.
+            parameter: Row of the registry.
+            number: What the controller reports.
+            expected: What the manuals ask for.
+            limit: Findings that are named one by one.
+        """
+        for row in wrong[:limit]:
+            text = rows.texts[row]
+            self.add(
+                level,
+                message(text),
+                self.value_place(rows, row),
+                parameter=parameter,
+                number=number,
+                found=text,
+                expected=expected,
+            )
+        if len(wrong) > limit:
+            rest = len(wrong) - limit
+            text = rows.texts[wrong[limit]]
+            self.add(
+                level,
+                f"{message(text)}; {rest} such values from here on",
+                self.value_place(rows, wrong[limit]),
+                parameter=parameter,
+                number=number,
+                found=f"{rest} values",
+                expected=expected,
+            )
+
+
+def read_value(row: Parameter, text: str) -> int | float | str | None:
+    """Return the value of an entry in list units; None where it cannot be read."""
+    if row.type == "BOOLEAN":
+        truth = parse_boolean(text)
+        return parse_integer(text) if truth is None else int(truth)
+    if row.type == "REAL64":
+        return parse_real(text)
+    if row.type == "BITS":
+        return parse_bits(text)
+    if row.type == "STRING":
+        return text.upper() if row.words else text
+    return parse_integer(text)
+
+
+def shorten(numbers: Iterable[object], count: int) -> str:
+    """Return the first few of ``count`` things: ``3, 4, 5, … (17)``."""
+    shown: list[str] = []
+    for number in numbers:
+        shown.append(str(number))
+        if len(shown) == 3:
+            break
+    return ", ".join(shown) + (f", … ({count})" if count > len(shown) else "")

@@ -1,0 +1,189 @@
+"""Two lists compared: entry by entry, as offset curves, and what loading takes."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Literal, TypeAlias
+
+from ._curves import OffsetCurve, offset_curves
+from ._entry import Rows
+from ._listfile import ListFile
+from ._names import full_name, meaning
+from ._registry import registry
+from ._values import parse_boolean, parse_integer
+
+Action: TypeAlias = Literal["none", "reload", "restart"]
+"""What the controller needs: nothing, the lists loaded again, or a restart."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """One entry that differs; None where the entry is missing."""
+
+    name: str
+    old: int | str | None
+    new: int | str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class CurveChange:
+    """How much a table changes what the controller adds."""
+
+    compensation: str
+    branch: str
+    largest: float | None
+    """Change of the offset, new − old, of largest size; None if not comparable."""
+    unit: str
+    """µm, or increments."""
+    at: tuple[float, ...]
+    """Where: position of the master, or of both, in mm (or increments)."""
+    note: str = ""
+    """Why the two cannot be compared, or what else to know."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """What changed between two lists."""
+
+    changed: tuple[Change, ...]
+    curves: tuple[CurveChange, ...]
+    action: Action
+    reasons: tuple[str, ...]
+    """Why a restart is needed, one sentence each."""
+
+
+def compare(old: ListFile, new: ListFile) -> Comparison:
+    """Return what changed from one list to the other.
+
+    Entries are compared by what they say: another spelling of a number, a comment or
+    the order of the lines is no change.
+    """
+    changed = tuple(_changes(old, new))
+    reasons = tuple(_restart_reasons(old, new, changed))
+    action: Action = "none"
+    if changed:
+        action = "restart" if reasons else "reload"
+    curves = tuple(_curve_changes(offset_curves(old), offset_curves(new)))
+    return Comparison(changed, curves, action, reasons)
+
+
+def _changes(old: ListFile, new: ListFile) -> Iterator[Change]:
+    empty = Rows("", [], [], [], True)
+    keys = [*new.columns, *(key for key in old.columns if key not in new.columns)]
+    for key in keys:
+        before, after = old.columns.get(key, empty), new.columns.get(key, empty)
+        if before.indices == after.indices and before.texts == after.texts:
+            continue
+        places = [*after.last, *(at for at in before.last if at not in after.last)]
+        for indices in places:
+            texts = [_text(rows, indices) for rows in (before, after)]
+            if not _same(key, texts[0], texts[1]):
+                values = [_shown(text) for text in texts]
+                yield Change(full_name(key, indices), values[0], values[1])
+
+
+def _text(rows: Rows, indices: tuple[int, ...]) -> str | None:
+    row = rows.last.get(indices)
+    return None if row is None else rows.texts[row]
+
+
+def _shown(text: str | None) -> int | str | None:
+    number = None if text is None else parse_integer(text)
+    return text if number is None else number
+
+
+def _same(key: str, old: str | None, new: str | None) -> bool:
+    if old is None or new is None or old == new:
+        return old == new
+    if meaning(key).boolean and (truth := parse_boolean(old)) is not None:
+        return truth == parse_boolean(new)
+    number = parse_integer(old)
+    return number is not None and number == parse_integer(new)
+
+
+def _restart_reasons(
+    old: ListFile, new: ListFile, changed: tuple[Change, ...]
+) -> Iterator[str]:
+    """Return why loading the list again is not enough.
+
+    The manuals promise an update at run time for compensation lists alone ([001]
+    p. 27), and there not for the memory that a table reserves; for axis and start-up
+    lists the strict reading is a restart.
+    """
+    if not changed:
+        return
+    for kind, sort in (("axis", "an axis list"), ("startup", "a start-up list")):
+        if kind in (old.kind, new.kind):
+            yield f"{sort}: only compensation lists are updated at run time"
+            return
+    for change in changed:
+        row = registry().by_key.get(change.name)
+        if row is None:
+            continue
+        if row.changed is not None:
+            default = row.default if row.zero_is_default else None
+            sizes = [value or default for value in (change.old, change.new)]
+            if sizes[0] != sizes[1]:
+                yield (
+                    f"{change.name} changes from {sizes[0]} to {sizes[1]} "
+                    f"(controller error {row.changed} on loading)"
+                )
+        elif change.name == "kopf.achs_nr":
+            yield "kopf.achs_nr changes: the start-up list ties the file to its axis"
+
+
+def _curve_changes(
+    old: tuple[OffsetCurve, ...], new: tuple[OffsetCurve, ...]
+) -> Iterator[CurveChange]:
+    for compensation in dict.fromkeys(curve.compensation for curve in (*new, *old)):
+        before: dict[str, OffsetCurve] = {}
+        after: dict[str, OffsetCurve] = {}
+        for curves, side in ((old, before), (new, after)):
+            for curve in curves:
+                if curve.compensation == compensation:
+                    side[curve.branch] = curve
+        sides = [s for s in ("positive", "negative") if s in before or s in after]
+        for branch in sides or ("both",):
+            # A table for both directions stands for each of them.
+            pair = (
+                before.get(branch, before.get("both")),
+                after.get(branch, after.get("both")),
+            )
+            if pair[0] != pair[1]:
+                yield _curve_change(compensation, branch, *pair)
+
+
+def _curve_change(
+    compensation: str,
+    branch: str,
+    old: OffsetCurve | None,
+    new: OffsetCurve | None,
+) -> CurveChange:
+    """Return the largest change, which stands at a node of one of the two tables."""
+    given = [curve for curve in (old, new) if curve is not None]
+    unit = "µm" if all(curve.metric for curve in given) else "increments"
+    note = ""
+    if len({curve.metric for curve in given}) > 1:
+        note = "one list counts in 0.1 µm, the other in increments"
+    elif not all(curve.ascending and all(curve.nodes) for curve in given):
+        note = "the positions of a table do not ascend"
+    if note:
+        return CurveChange(compensation, branch, None, unit, (), note)
+    if len({curve.masters for curve in given}) > 1:
+        note = "the axis that enters the table changes too"
+    elif len(given) == 1:
+        note = "new table" if old is None else "table removed"
+    grid = tuple(
+        tuple(sorted({at for curve in given for at in curve.nodes[axis]}))
+        for axis in range(len(given[0].nodes))
+    )
+    none = [(0.0,) * len(grid[0])] * (len(grid[1]) if len(grid) > 1 else 1)
+    first = none if old is None else old.sample(grid)
+    second = none if new is None else new.sample(grid)
+    largest = 0.0
+    at: tuple[float, ...] = tuple(axis[0] for axis in grid)
+    for j, (before, after) in enumerate(zip(first, second, strict=True)):
+        for i, (a, b) in enumerate(zip(before, after, strict=True)):
+            if abs(b - a) > abs(largest):
+                largest = b - a
+                at = tuple(axis[k] for axis, k in zip(grid, (i, j), strict=False))
+    return CurveChange(compensation, branch, round(largest, 6), unit, at, note)

@@ -1,0 +1,286 @@
+"""Editing the lines of a list: what is not named stays byte for byte as it is."""
+
+import bisect
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from ._format import EntryValueError, UnknownEntryError, comment_lines, value_texts
+from ._grammar import Line, read_line
+from ._names import BLANKS, full_name, locate, meaning
+from ._registry import registry
+from ._scan import PLAIN, Scan
+from ._values import parse_boolean, parse_integer
+
+
+class Addition(NamedTuple):
+    """An entry to add."""
+
+    key: str
+    indices: tuple[int, ...]
+    text: str
+
+    @property
+    def name(self) -> str:
+        """Canonical name with indices."""
+        return full_name(self.key, self.indices)
+
+
+def changes(
+    found: Scan, values: Mapping[str, object], source: str, encoding: str
+) -> dict[int, tuple[str, bool]]:
+    """Return the new text of a value, and whether it is a number, by 1-based line.
+
+    Raises:
+        UnknownEntryError: If the list has no entry of a name.
+        EntryValueError: If a value does not fit its parameter or the encoding.
+    """
+    lines: dict[str, list[int]] = {}
+    names: dict[str, list[str]] = {}
+    for name in values:
+        place = locate(name)
+        rows = None if place is None else found.columns.get(place[0])
+        row = None if place is None or rows is None else rows.last.get(place[1])
+        if place is None or rows is None or row is None:
+            raise UnknownEntryError(source, name, "the name of an entry of this list")
+        lines.setdefault(place[0], []).append(rows.lines[row])
+        names.setdefault(place[0], []).append(name)
+    changed: dict[int, tuple[str, bool]] = {}
+    for key, numbers in lines.items():
+        wanted = [values[name] for name in names[key]]
+        texts = value_texts(key, names[key], wanted, source)
+        check_encoding(names[key], texts, source, encoding)
+        sense = meaning(key)
+        plain = sense.style == "number" and not sense.boolean
+        for number, text in zip(numbers, texts, strict=True):
+            changed[number] = text, plain
+    return changed
+
+
+def check_encoding(
+    names: list[str], texts: list[str], source: str, encoding: str
+) -> None:
+    """Refuse texts that the encoding of the list lacks."""
+    if "".join(texts).isascii():
+        return
+    for name, text in zip(names, texts, strict=True):
+        if not text.isascii():
+            try:
+                text.encode(encoding)
+            except UnicodeEncodeError:
+                expected = f"characters that the encoding of the list ({encoding}) has"
+                raise EntryValueError(source, name, repr(text), expected) from None
+
+
+def rewrite(
+    lines: tuple[str, ...], changed: Mapping[int, tuple[str, bool]]
+) -> tuple[str, ...]:
+    """Return the lines with new values; only the characters of a value change."""
+    new = list(lines)
+    for number, (text, plain) in changed.items():
+        simple = PLAIN.match(lines[number - 1]) if plain else None
+        if simple is not None:
+            start, end = simple.span(5)
+            old = lines[number - 1]
+            if parse_integer(simple[5]) != parse_integer(text):
+                new[number - 1] = f"{old[:start]}{text}{old[end:]}"
+            continue
+        line = read_line(lines[number - 1])
+        if _says(line, text):
+            continue
+        start, end = line.value_start, line.value_end
+        before, after = lines[number - 1][:start], lines[number - 1][end:]
+        # An entry without a value, and a comment glued to one, get the blank they need.
+        lead = "" if before.endswith(tuple(BLANKS)) else " "
+        tail = " " if line.glued or after.startswith(("#", "(", "/*")) else ""
+        new[number - 1] = f"{before}{lead}{text}{tail}{after}"
+    return tuple(new)
+
+
+def _says(line: Line, text: str) -> bool:
+    """Return whether the line has the value already, in whatever spelling."""
+    if not (line.value or line.quoted):
+        return False
+    sense = meaning(line.key)
+    if sense.boolean:
+        return parse_boolean(line.value) == parse_boolean(text)
+    if sense.style == "text":
+        return line.value == text.strip('"')
+    number = parse_integer(line.value)
+    return line.value == text or (number is not None and number == parse_integer(text))
+
+
+def additions(
+    values: Mapping[str, object], source: str, encoding: str
+) -> list[Addition]:
+    """Return the entries to add, checked against the registry.
+
+    Raises:
+        UnknownEntryError: If no manual knows a name.
+        EntryValueError: If a value does not fit its parameter or the encoding.
+    """
+    columns: dict[str, list[tuple[tuple[int, ...], str]]] = {}
+    for name in values:
+        place = locate(name)
+        row = None if place is None else registry().by_key.get(place[0])
+        if place is None or row is None or place[0].count("[]") != len(place[1]):
+            expected = "the name of a parameter in the manuals, with its indices"
+            raise UnknownEntryError(source, name, expected)
+        columns.setdefault(place[0], []).append((place[1], name))
+    added: list[Addition] = []
+    for key, places in columns.items():
+        names = [name for _, name in places]
+        texts = value_texts(key, names, [values[name] for name in names], source)
+        check_encoding(names, texts, source, encoding)
+        for (indices, _), text in zip(places, texts, strict=True):
+            added.append(Addition(key, indices, text))
+    return added
+
+
+def insert(
+    lines: tuple[str, ...],
+    found: Scan,
+    added: list[Addition],
+    *,
+    comment: str | None,
+    newline: str,
+    encoding: str,
+) -> tuple[str, ...]:
+    """Return the lines with new entries; see `ListFile.merge` for where they go.
+
+    Args:
+        lines: The list.
+        found: What it holds.
+        added: Entries that it lacks.
+        comment: Comment line above the first of them.
+        newline: Line end of the list.
+        encoding: Encoding of the list.
+    """
+    stems = list(dict.fromkeys(_stem(entry.key) for entry in added))
+    added = sorted(
+        added,
+        key=lambda entry: (
+            stems.index(_stem(entry.key)),
+            bool(entry.indices),
+            entry.indices,
+        ),
+    )
+    places = _Places(lines, found)
+    inserted: dict[int, list[str]] = {}
+    for entry in added:
+        after, like = places.find(entry)
+        while after + 1 in found.continued:
+            after += 1  # never between a comment and its last line
+        inserted.setdefault(after, []).append(_line_like(lines, like, entry, newline))
+    new: list[str] = []
+    remarks = [] if comment is None else comment_lines(comment, encoding, newline)
+    for number in range(len(lines) + 1):
+        if number:
+            new.append(lines[number - 1])
+        if number not in inserted:
+            continue
+        if new and not new[-1].endswith(("\n", "\r")):
+            new[-1] += newline  # the last line had no end of its own
+        new += remarks + inserted[number]
+        remarks = []
+    return tuple(new)
+
+
+def _line_like(
+    lines: tuple[str, ...], like: int | None, entry: Addition, newline: str
+) -> str:
+    """Return a line for the entry, laid out like its neighbour."""
+    indent, column = "", len(entry.name) + 2
+    if like is not None:
+        line = read_line(lines[like - 1])
+        indent = lines[like - 1][: line.start]
+        column = max(line.value_start - line.start, len(entry.name) + 1)
+        if indent.strip(" \t"):
+            indent = ""  # a byte order mark belongs to the first line alone
+    return f"{indent}{entry.name:<{column}}{entry.text}{newline}"
+
+
+class _Places:
+    """Where new entries belong among the lines of a list."""
+
+    def __init__(self, lines: tuple[str, ...], found: Scan) -> None:
+        self._found = found
+        self._end = _end_of(lines, found)
+        self._sorted: dict[str, list[tuple[tuple[int, ...], int]] | None] = {}
+
+    def find(self, entry: Addition) -> tuple[int, int | None]:
+        """Return the line after which the entry goes, and one to lay it out like."""
+        if entry.indices and (place := self._in_table(entry)) is not None:
+            return place
+        scalars, tables = self._structure(_stem(entry.key))
+        if not entry.indices and tables:
+            # Sizes stand before the table that they speak of (semantics S-08).
+            before = [line for line in scalars if line < tables[0]]
+            return (before[-1], before[-1]) if before else (tables[0] - 1, tables[0])
+        if scalars or tables:
+            last = max(scalars[-1:] + tables[-1:])
+            return last, last
+        entries = self._found.entry_lines
+        if _stem(entry.key) == "kopf" and entries:
+            return entries[0] - 1, entries[0]
+        return self._end, None
+
+    def _in_table(self, entry: Addition) -> tuple[int, int] | None:
+        """Return the place by index, where the column of the entry stands in order."""
+        if entry.key not in self._sorted:
+            rows = self._found.columns.get(entry.key)
+            pairs = (
+                [] if rows is None else list(zip(rows.indices, rows.lines, strict=True))
+            )
+            self._sorted[entry.key] = pairs if pairs == sorted(pairs) else None
+        ordered = self._sorted[entry.key]
+        if not ordered:
+            return None
+        at = bisect.bisect_left(ordered, (entry.indices, 0))
+        if at == 0:
+            return ordered[0][1] - 1, ordered[0][1]
+        return ordered[at - 1][1], ordered[at - 1][1]
+
+    def _structure(self, stem: str) -> tuple[list[int], list[int]]:
+        """Return the lines of a structure, scalars and table entries, ascending."""
+        scalars: list[int] = []
+        tables: list[int] = []
+        for key, rows in self._found.columns.items():
+            if _stem(key) == stem:
+                (tables if "[" in key else scalars).extend(rows.lines)
+        return sorted(scalars), sorted(tables)
+
+
+def _stem(key: str) -> str:
+    """Return the structure of a key: ``kw.ssfk`` for all its entries and tables."""
+    return key.partition("[")[0].rpartition(".")[0]
+
+
+def _end_of(lines: tuple[str, ...], found: Scan) -> int:
+    """Return the number of lines before the closing one, or of all lines."""
+    if found.end_line is not None:
+        return found.end_line - 1
+    last = len(lines)
+    while last and not lines[last - 1].strip():
+        last -= 1
+    if last and lines[last - 1].strip().lower() in ("# end", "# ende", "#end", "#ende"):
+        return last - 1
+    return len(lines)
+
+
+def without(
+    lines: tuple[str, ...], found: Scan, names: Iterable[str]
+) -> tuple[str, ...]:
+    """Return the lines without those of the named entries."""
+    unwanted: dict[str, set[tuple[int, ...]]] = {}
+    for name in names:
+        place = locate(name)
+        if place is not None:
+            unwanted.setdefault(place[0], set()).add(place[1])
+    gone: set[int] = set()
+    for key, indices in unwanted.items():
+        rows = found.columns.get(key)
+        if rows is not None:
+            for at, line in zip(rows.indices, rows.lines, strict=True):
+                if at in indices:
+                    gone.add(line)
+    return tuple(line for number, line in enumerate(lines, 1) if number not in gone)

@@ -1,0 +1,180 @@
+"""One row of the registry: what the manuals say of one parameter.
+
+Named tuples, not dataclasses: making the classes takes a sixth of the time, and every
+start of ``axcomp check`` pays for it.
+"""
+
+from typing import Literal, NamedTuple, TypeAlias
+
+from ._finding import Level
+from ._values import INTEGER_LIMITS
+
+Kind: TypeAlias = Literal["compensation", "axis", "startup", "unknown"]
+
+
+class Interval(NamedTuple):
+    """A range of numbers with open or closed ends; None is an end without limit."""
+
+    minimum: int | None
+    maximum: int | None
+    exclusive_minimum: bool = False
+    exclusive_maximum: bool = False
+
+    def holds(self, low: int | float, high: int | float) -> bool:
+        """Return whether all numbers from ``low`` to ``high`` lie inside."""
+        bottom, top = self.minimum, self.maximum
+        if bottom is not None and (
+            low < bottom or (self.exclusive_minimum and low == bottom)
+        ):
+            return False
+        return top is None or not (
+            high > top or (self.exclusive_maximum and high == top)
+        )
+
+    def __str__(self) -> str:
+        """Return the range as the manuals print it, without the name."""
+        low, high = self.minimum, self.maximum
+        left = (
+            f"{low} {'<' if self.exclusive_minimum else '≤'} "
+            if low is not None
+            else ""
+        )
+        right = (
+            f" {'<' if self.exclusive_maximum else '≤'} {high}"
+            if high is not None
+            else ""
+        )
+        return f"{left}x{right}"
+
+
+class Alias(NamedTuple):
+    """Another name of a parameter."""
+
+    name: str
+    kind: Literal["alias", "legacy"]
+    note: str
+    """Where the name stands."""
+    semantics: str
+
+
+class Condition(NamedTuple):
+    """What must hold between the entries of one structure.
+
+    One reading that fails gives `level`. Several readings are contradictory statements
+    of the manuals: an error where all fail, a warning where only some do.
+    """
+
+    readings: tuple[str, ...]
+    expected: str
+    when: str | None = None
+    level: Level = "error"
+    number: int | None = None
+    semantics: str | None = None
+
+
+class Parameter(NamedTuple):
+    """What the manuals say of one parameter."""
+
+    id: str | None
+    """Such as ``P-COMP-00016``; None for entries that the manuals name without one."""
+    key: str
+    """Name in the list, lower case, indices as ``[]``; empty where only mentioned."""
+    text: str
+    kind: Kind
+    type: str
+    """BOOLEAN, UNS08 … UNS32, SGN16 … SGN64, REAL64, STRING or BITS (named bits)."""
+    narrow_type: str | None = None
+    range: Interval | None = None
+    wide_range: Interval | None = None
+    values: tuple[int, ...] = ()
+    also: tuple[int, ...] = ()
+    words: tuple[str, ...] = ()
+    length: int | None = None
+    unit: tuple[str, str] = ("", "")
+    """Unit in the list for linear axes, and for rotary axes and spindles."""
+    default: int | str | None = None
+    zero_is_default: bool = False
+    axes: tuple[str, ...] = ()
+    since: str | None = None
+    since_note: str | None = None
+    number: int | None = None
+    """Error number that the controller reports for a defective value."""
+    negative: int | None = None
+    missing: int | None = None
+    changed: int | None = None
+    """Error number where the value is changed after start-up: a restart is needed."""
+    numbers: tuple[int, ...] = ()
+    """Further error numbers of the same cause."""
+    needed: str | None = None
+    conditions: tuple[Condition, ...] = ()
+    aliases: tuple[Alias, ...] = ()
+    generation: Literal["present", "old"] = "present"
+    discontinued: str | None = None
+    mentioned: bool = False
+    misspelt: tuple[str, ...] = ()
+    semantics: tuple[str, ...] = ()
+    source: tuple[str, ...] = ()
+
+    @property
+    def structure(self) -> str:
+        """Part of the key before the table and the last dot, such as ``kw.ssfk``."""
+        table = self.key.find("[")
+        stem = self.key if table < 0 else self.key[:table]
+        return stem.rpartition(".")[0]
+
+    @property
+    def name(self) -> str:
+        """Part of the key behind the last dot."""
+        return self.key.rpartition(".")[2]
+
+    @property
+    def is_table(self) -> bool:
+        """Whether the parameter stands once per table entry."""
+        return "[]" in self.key
+
+    @property
+    def is_integer(self) -> bool:
+        """Whether the value is a whole number (BOOLEAN included)."""
+        return self.type in INTEGER_LIMITS
+
+    @property
+    def error_numbers(self) -> tuple[int, ...]:
+        """Error numbers of the controller that the parameter can cause, ascending."""
+        found = {self.number, self.negative, self.missing, self.changed, *self.numbers}
+        found.update(condition.number for condition in self.conditions)
+        return tuple(sorted(number for number in found if number is not None))
+
+
+class Function(NamedTuple):
+    """A compensation whose table stands in a compensation list."""
+
+    name: str
+    structure: str
+    activation: str
+    """Key of the axis parameter that switches it on."""
+    signs: tuple[str, ...]
+    """Scalars of the structure that, when not 0, show that it is in use."""
+    masters: tuple[str, ...] = ()
+    adaptations: tuple[str, ...] = ()
+    absent: int | None = None
+    """What the controller reports where it is switched on without a table."""
+    unit: str | None = None
+
+
+def parse_interval(text: str, type_name: str) -> Interval:
+    """Return the interval of a text such as ``0 < x <= MAX``, for a kernel type."""
+    low, high = INTEGER_LIMITS.get(type_name, (None, None))
+    words = text.split()
+    at = words.index("x")
+
+    def number(word: str) -> int | None:
+        return {"MIN": low, "MAX": high}[word] if word in ("MIN", "MAX") else int(word)
+
+    bottom = number(words[at - 2]) if at else low
+    top = number(words[at + 2]) if at + 2 < len(words) else high
+    return Interval(
+        bottom,
+        top,
+        exclusive_minimum=bool(at) and words[at - 1] == "<",
+        exclusive_maximum=at + 2 < len(words) and words[at + 1] == "<",
+    )

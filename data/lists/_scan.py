@@ -1,0 +1,204 @@
+"""The lines of a list, sorted into columns, remarks and special lines.
+
+Nearly every line of a large list is a plain table line, and most of those stand in a
+run that differs in indices and values alone. A run is taken in one piece and never
+becomes objects. All other lines go through `read_line`, which says the same of plain
+lines too (a test holds them together).
+"""
+
+import io
+import re
+from typing import NamedTuple
+
+from ._entry import Rows, TextRemark
+from ._grammar import Line, read_line
+from ._names import full_name, meaning, split_name
+from ._remarks import RemarkCode
+
+PLAIN = re.compile(
+    r"[ \t]*+([a-z_][a-z0-9_.]*+)\[ *+([0-9]{1,9}+)\](?:\[ *+([0-9]{1,9}+)\])?+"
+    r"\.([a-z_][a-z0-9_.]*+)[ \t]++(-?+[0-9]{1,18}+)(?:[ \t][^\r\n]*+)?+(?:\r?+\n|\Z)"
+)
+"""A lower-case table line with a decimal integer, and maybe a comment."""
+_DIGITS = re.compile(r"-?[0-9]{1,18}")
+_ENTRY_LIKE = re.compile(r"\s*[A-Za-z_]\w*(?:\[[\s\d]+\]|\.[A-Za-z_])", re.ASCII)
+
+
+class Scan(NamedTuple):
+    """What the lines of a list hold."""
+
+    columns: dict[str, Rows]
+    """Entries by canonical key, in order of first appearance."""
+    remarks: tuple[TextRemark, ...]
+    continued: frozenset[int]
+    """1-based numbers of the lines that only continue a comment."""
+    end_line: int | None
+    """1-based number of the last closing line, ``End`` or ``Ende``, if any."""
+
+    @property
+    def entry_lines(self) -> list[int]:
+        """1-based numbers of the lines that hold an entry, ascending."""
+        return sorted(line for rows in self.columns.values() for line in rows.lines)
+
+
+class _Column:
+    """A column while it grows: index digits, texts and lines as they come."""
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+        self.digits: list[list[str]] = [[] for _ in range(key.count("[]"))]
+        self.texts: list[str] = []
+        self.lines: list[int] = []
+        self.plain = True
+
+    def append(self, line: Line, number: int) -> None:
+        for digits, index in zip(self.digits, line.indices, strict=True):
+            digits.append(str(index))
+        self.texts.append(line.value)
+        self.lines.append(number)
+        self.plain = self.plain and _DIGITS.fullmatch(line.value) is not None
+
+    def extend(self, parts: list[str], number: int) -> int:
+        """Add rows of plain lines, flat, from a line on; return the line after them."""
+        size = len(self.digits) + 1
+        for place, digits in enumerate(self.digits):
+            digits.extend(parts[place::size])
+        self.texts.extend(parts[size - 1 :: size])
+        end = number + len(parts) // size
+        self.lines.extend(range(number, end))
+        return end
+
+    def rows(self) -> Rows:
+        if self.digits:
+            numbers = (map(int, digits) for digits in self.digits)
+            indices = list(zip(*numbers, strict=True))
+        else:
+            indices = [()] * len(self.lines)
+        return Rows(self.key, indices, self.texts, self.lines, self.plain)
+
+
+class _Route:
+    """How to take a run of plain lines of one name without a look at each."""
+
+    def __init__(self, head: str, tail: str, both: bool, column: _Column) -> None:
+        index = r"\[ *+[0-9]{1,9}+\]"
+        name = f"{re.escape(head)}{index * (2 if both else 1)}\\.{re.escape(tail)}"
+        line = rf"[ \t]*+{name}[ \t]++-?+[0-9]{{1,18}}+[ \t]*+\r?+\n"
+        self.run = re.compile(f"(?:{line})++")
+        self.column = column
+        self._ends = (f"{head}[", f"].{tail}")
+
+    def parts(self, run: str) -> list[str]:
+        """Return indices and values of a run, flat."""
+        head, tail = self._ends
+        return run.replace(head, " ").replace(tail, " ").replace("][", " ").split()
+
+
+def split_lines(text: str) -> tuple[str, ...]:
+    r"""Return the lines with their line ends: ``\n``, ``\r\n`` and a lone ``\r``."""
+    return tuple(io.StringIO(text, newline=""))
+
+
+def scan(lines: tuple[str, ...]) -> Scan:
+    """Return what the lines hold; never raises on what they say."""
+    text = "".join(lines)
+    continued = _continued_comments(lines)
+    columns: dict[str, _Column] = {}
+    routes: dict[tuple[str, str, bool], _Route | None] = {}
+    remarks: list[TextRemark] = []
+    end_line: int | None = None
+    at, number = 0, 1
+    while number <= len(lines):
+        plain = PLAIN.match(text, at)
+        if plain is not None:
+            head, first, second, tail, value = plain.groups()
+            key = (head, tail, second is not None)
+            if key not in routes:
+                routes[key] = _route(*key, columns)
+            route = routes[key]
+            if route is not None:
+                parts = [first, value] if second is None else [first, second, value]
+                run = route.run.match(text, plain.end())
+                if run is not None:
+                    parts += route.parts(run.group())
+                at = plain.end() if run is None else run.end()
+                number = route.column.extend(parts, number)
+                continue
+        line = lines[number - 1]
+        at += len(line)
+        if number in continued:
+            code = str(RemarkCode.COMMENT_LINE)
+            remarks.append(TextRemark(number, 1, code, line.strip()[:20]))
+        else:
+            read = read_line(line)
+            remarks.extend(TextRemark(number, *note) for note in read.notes)
+            if read.kind == "end":
+                end_line = number
+            elif read.kind == "entry":
+                if read.key not in columns:
+                    columns[read.key] = _Column(read.key)
+                columns[read.key].append(read, number)
+        number += 1
+    done = {key: column.rows() for key, column in columns.items() if column.lines}
+    for rows in done.values():
+        remarks.extend(_repeated(rows, lines))
+    remarks.sort(key=lambda remark: (remark.line, remark.column))
+    return Scan(done, tuple(remarks), continued, end_line)
+
+
+def _route(
+    head: str, tail: str, both: bool, columns: dict[str, _Column]
+) -> _Route | None:
+    """Return how to take plain lines of a name, None if they need a closer look."""
+    parts = split_name(f"{head}[0][0].{tail}" if both else f"{head}[0].{tail}")
+    if parts is None:
+        return None
+    sense = meaning(parts[0])
+    if sense.key != parts[0] or sense.style in ("text", "bits"):
+        return None
+    if sense.key not in columns:
+        columns[sense.key] = _Column(sense.key)
+    return _Route(head, tail, both, columns[sense.key])
+
+
+def _continued_comments(lines: tuple[str, ...]) -> frozenset[int]:
+    """Return the lines that only continue a ``/*`` comment of a line above.
+
+    Comments end with their line (manual, 1.4: a ``/*`` without ``*/`` is complete), so
+    an entry always counts, whatever was opened above it. Lines of plain words between
+    an open ``/*`` and its ``*/`` are still better read as comment than as rubbish.
+    """
+    continued: set[int] = set()
+    closers = [number for number, line in enumerate(lines) if "*/" in line]
+    for closer in closers:
+        line = lines[closer]
+        if "/*" in line[: line.index("*/")] or _ENTRY_LIKE.match(line):
+            continue
+        for number in range(closer - 1, -1, -1):
+            above = lines[number]
+            opened = above.rfind("/*")
+            if opened >= 0:
+                if "*/" not in above[opened:]:
+                    continued.update(range(number + 2, closer + 2))
+                break
+            if "*/" in above or _ENTRY_LIKE.match(above):
+                break
+    return frozenset(continued)
+
+
+def _repeated(rows: Rows, lines: tuple[str, ...]) -> list[TextRemark]:
+    """Return a remark for every entry that a later one of the same name replaces."""
+    if len(rows.last) == len(rows.indices):
+        return []
+    remarks: list[TextRemark] = []
+    for row, indices in enumerate(rows.indices):
+        last = rows.last[indices]
+        if row != last:
+            column = read_line(lines[rows.lines[row] - 1]).start + 1
+            name = full_name(rows.key, indices)
+            shown = f"{name}, again in line {rows.lines[last]}"
+            remark = TextRemark(
+                rows.lines[row], column, str(RemarkCode.REPEATED), shown
+            )
+            remarks.append(remark)
+    return remarks
