@@ -1,0 +1,16 @@
+"""Estimators: arrays in, model and uncertainty out; this floor knows no files."""
+
+from ._errors import FitError as FitError
+from ._predict import (
+    leave_out as leave_out,
+    predict as predict,
+    spatial_blocks as spatial_blocks,
+)
+from ._table import fit_table as fit_table
+from ._types import (
+    RunEffect as RunEffect,
+    Samples as Samples,
+    TableFit as TableFit,
+    TableLayout as TableLayout,
+)
+from ._values import fit_values as fit_values

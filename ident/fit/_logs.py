@@ -1,0 +1,55 @@
+"""The four smoothness weights as logarithms relative to the density of the readings.
+
+Order of the four: second and fourth differences along the slow axis, then along the fast one.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ._posterior import Problem
+from ._prior import Smoothness
+
+LOW = float(np.log(1e-4))
+"""Below this a term does nothing."""
+HIGH = np.log((1e9, 1e11, 1e9, 1e11))
+"""Above these the matrix loses the digits that the readings need."""
+
+
+def smoothness_of(log: Float[np.ndarray, " 4"], density: float) -> Smoothness:
+    """Return weights from logarithms relative to the density.
+
+    Fourth differences at the lower end are left out; second differences never are, since the
+    fourth ones alone would leave cubics undetermined.
+    """
+    weights = np.exp(log) * density
+    weights[1::2][log[1::2] <= LOW + 1e-9] = 0.0
+    return _smoothness(weights)
+
+
+def logs_of(smoothness: Smoothness, density: float) -> Float[np.ndarray, " 4"]:
+    """Return the logarithms of weights, clipped to their range."""
+    weights = np.array([*smoothness.slow, *smoothness.fast]) / density
+    return np.asarray(np.clip(np.log(np.maximum(weights, 1e-300)), LOW, HIGH))
+
+
+def active_weights(problem: Problem) -> Bool[np.ndarray, " 4"]:
+    """Tell which of the four weights have any difference to act on."""
+    result = []
+    for chain in (problem.prior.slow, problem.prior.fast):
+        parts = () if chain is None else (chain.second, chain.fourth)
+        rows = [part.count_nonzero() for part in parts] or [0, 0]
+        result += [count > 0 for count in rows]
+    return np.array(result)
+
+
+def _smoothness(weights: Float[np.ndarray, " 4"]) -> Smoothness:
+    return Smoothness((weights[0], weights[1]), (weights[2], weights[3]))
+
+
+def spread_logs(
+    mask: Bool[np.ndarray, " 4"], reduced: np.ndarray
+) -> Float[np.ndarray, " 4"]:
+    # No weight at all where there is nothing to weigh.
+    log = np.full(4, -np.inf)
+    log[mask] = reduced
+    return log

@@ -1,0 +1,200 @@
+"""The Gaussian posterior of a table: node values, run effects, evidence, variances."""
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from ._band import BandFactor, factorise
+from ._information import Normal, assemble
+from ._prior import Smoothness, TablePrior
+
+
+@dataclasses.dataclass(frozen=True)
+class Border:
+    """Run effects beside the node values: their sums, and their coupling to the nodes.
+
+    Attributes:
+        coupling: Σ w x zᵀ, shape (slow, fast, r).
+        matrix: Σ w z zᵀ, shape (r, r).
+        vector: Σ w z y about the current effects, shape (r,).
+    """
+
+    coupling: Float[np.ndarray, "l s r"]
+    matrix: Float[np.ndarray, "r r"]
+    vector: Float[np.ndarray, " r"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """A table fit as sums about a current estimate, so that nothing cancels.
+
+    Attributes:
+        normal: Normal matrix of the node values.
+        prior: Smoothness prior.
+        vector: Σ w y x over the nodes, with y the reading minus the current estimate.
+        square: Σ w y².
+        count: Number of readings.
+        values: Current node values over (slow, fast).
+        effects: Current run effects, shape (r,).
+        border: Sums of the run effects, None without them.
+    """
+
+    normal: Normal
+    prior: TablePrior
+    vector: Float[np.ndarray, "l s"]
+    square: float
+    count: int
+    values: Float[np.ndarray, "l s"]
+    effects: Float[np.ndarray, " r"]
+    border: Border | None = None
+
+    @property
+    def free(self) -> int:
+        """Readings beyond those that the prior's null space and the run effects use up."""
+        return self.count - self.prior.null - len(self.effects)
+
+
+@dataclasses.dataclass(frozen=True)
+class Posterior:
+    """Solution of a `Problem` for one set of smoothness weights; variances are lazy."""
+
+    problem: Problem
+    smoothness: Smoothness
+    factor: BandFactor
+    values: Float[np.ndarray, "l s"]
+    effects: Float[np.ndarray, " r"]
+    residual_square: float
+    penalty: float
+    gain: Float[np.ndarray, "n r"]
+    schur_inverse: Float[np.ndarray, "r r"]
+    logdet: float
+
+    @property
+    def variance(self) -> float:
+        """Variance of one reading of weight 1, by restricted maximum likelihood."""
+        return (self.residual_square + self.penalty) / self.problem.free
+
+    @cached_property
+    def evidence(self) -> float:
+        """Minus twice the restricted log-likelihood, up to a constant; smaller is better."""
+        prior = self.problem.prior.logdet(self.smoothness)
+        return self.problem.free * float(np.log(self.variance)) + self.logdet - prior
+
+    @cached_property
+    def inverse(self) -> dict[tuple[int, int], Float[np.ndarray, "l s"]]:
+        """Elements of the inverse between nodes that share a cell, ``[dl, ds][l, s]``.
+
+        Relative to 1/noise². Entry ``(l, s)`` belongs to the pair of that node and node
+        ``(l + dl, s + ds)``.
+        """
+        grid = self.problem.normal.grid
+        steps = list(self.problem.normal.diagonals)
+        band = self.factor.columns.shape[1] - 1
+        if not grid.layout.periodic:
+            offsets = {step: step[0] * grid.fast + step[1] for step in steps}
+            inside = [offset for offset in offsets.values() if offset <= band]
+            found = self.factor.inverse_diagonals(inside)
+            shape = (grid.slow, grid.fast)
+            return {
+                step: found[offset].reshape(shape) + self._border_share(*step)
+                for step, offset in offsets.items()
+                if offset in found
+            }
+        found = self.factor.inverse_diagonals(range(band + 1))
+        stack = np.stack([found[offset] for offset in range(band + 1)])
+        result = {}
+        for step in steps:
+            own, other = (
+                grid.rank,
+                grid.rank[grid.neighbour(np.arange(grid.slow), step[0])],
+            )
+            low, high = np.minimum(own, other), np.maximum(own, other)
+            column = low[:, None] * grid.fast + np.arange(grid.fast)
+            offset = ((high - low) * grid.fast)[:, None]
+            result[step] = stack[offset, column] + self._border_share(*step)
+        return result
+
+    def _border_share(self, dl: int, ds: int) -> Float[np.ndarray, "l s"]:
+        """Return what the uncertainty of the run effects adds to the inverse."""
+        grid = self.problem.normal.grid
+        if not len(self.effects):
+            return np.zeros((grid.slow, grid.fast))
+        gain = self.gain.reshape(grid.slow, grid.fast, -1)[grid.rank]
+        moved = np.roll(gain, (-dl, -ds), axis=(0, 1))
+        return np.asarray(np.einsum("lsr,rq,lsq->ls", gain, self.schur_inverse, moved))
+
+    @cached_property
+    def used(self) -> float:
+        """Effective number of parameters: trace of inverse × information of the readings."""
+        result = 0.0
+        for step, coupling in self.problem.normal.diagonals.items():
+            twice = 1.0 if step == (0, 0) else 2.0
+            if step in self.inverse:
+                result += twice * float((coupling * self.inverse[step]).sum())
+        border = self.problem.border
+        if border is not None:
+            cross = self.gain.T @ _to_band(
+                self.problem.normal.grid.rank, border.coupling
+            )
+            result += float((self.schur_inverse * (border.matrix - 2.0 * cross)).sum())
+        return result
+
+
+def solve(problem: Problem, smoothness: Smoothness) -> Posterior | None:
+    """Return the posterior, or None where the matrix is numerically singular."""
+    grid = problem.normal.grid
+    factor = factorise(assemble(problem.normal, problem.prior, smoothness))
+    if factor is None or not np.isfinite(factor.logdet):
+        return None
+    right = problem.vector - problem.prior.apply(smoothness, problem.values)
+    step = factor.solve(_to_band(grid.rank, right))
+    count = len(problem.effects)
+    gain = np.zeros((grid.size, count))
+    schur_inverse: Float[np.ndarray, "r r"] = np.zeros((count, count))
+    logdet = factor.logdet
+    effect_step = np.zeros(count)
+    if problem.border is not None and count:
+        border = problem.border
+        coupling = _to_band(grid.rank, border.coupling)
+        gain = factor.solve(coupling)
+        schur = border.matrix - coupling.T @ gain
+        try:
+            root = np.linalg.cholesky(schur)
+        except np.linalg.LinAlgError:
+            return None
+        logdet += 2.0 * float(np.log(np.diag(root)).sum())
+        schur_inverse = np.linalg.inv(schur)
+        effect_step = schur_inverse @ (border.vector - coupling.T @ step)
+        step = step - gain @ effect_step
+    move = step.reshape(grid.slow, grid.fast)[grid.rank]
+    values = problem.values + move
+    square = problem.square - 2.0 * float((problem.vector * move).sum())
+    square += float((move * problem.normal.apply(move)).sum())
+    if problem.border is not None and count:
+        border = problem.border
+        square += -2.0 * float(border.vector @ effect_step)
+        square += float(effect_step @ border.matrix @ effect_step)
+        square += 2.0 * float(
+            (move[:, :, None] * border.coupling).sum((0, 1)) @ effect_step
+        )
+    return Posterior(
+        problem=problem,
+        smoothness=smoothness,
+        factor=factor,
+        values=values,
+        effects=problem.effects + effect_step,
+        residual_square=max(square, 0.0),
+        penalty=problem.prior.penalty(smoothness, values),
+        gain=gain,
+        schur_inverse=schur_inverse,
+        logdet=logdet,
+    )
+
+
+def _to_band(rank: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return values over (slow, fast) as a vector in the order of the band."""
+    result = np.empty_like(values)
+    result[rank] = values
+    return result.reshape(values.shape[0] * values.shape[1], *values.shape[2:])

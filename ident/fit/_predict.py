@@ -1,0 +1,118 @@
+"""What a fitted table says elsewhere, and what it says without some of its readings."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._errors import FitError
+from ._grid import Grid
+from ._information import evaluate
+from ._table import fit_table
+from ._types import Samples, TableFit, TableLayout
+
+
+def predict(
+    fit: TableFit,
+    positions: Float[np.ndarray, "t d"],
+    branch: Int[np.ndarray, " t"] | None = None,
+) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+    """Return error and its standard deviation at positions, the edge held, in mm or °.
+
+    The deviation is that of the table; a reading there scatters by `TableFit.noise` on top.
+    """
+    grid = Grid(fit.layout)
+    place = grid.locate(Samples(positions, np.zeros(len(positions)), branch))
+    mean = evaluate(grid, place, grid.from_table(fit.values))
+    l, s, u, v = place.l, place.s, place.u, place.v
+    above = grid.neighbour(l) if grid.slow > 1 else l
+    right = np.minimum(s + 1, grid.fast - 1)
+    cov = fit.covariance
+    low, high = (1 - u), u
+    if not grid.planar:
+        variance = low**2 * cov[0, 0][l, s] + high**2 * cov[0, 0][above, s]
+        if (1, 0) in cov:
+            variance = variance + 2 * low * high * cov[1, 0][l, s]
+        return mean, np.sqrt(np.maximum(variance, 0.0))
+    weights = {
+        (0, 0): low * (1 - v),
+        (0, 1): low * v,
+        (1, 0): high * (1 - v),
+        (1, 1): high * v,
+    }
+    nodes = {
+        (0, 0): (l, s),
+        (0, 1): (l, right),
+        (1, 0): (above, s),
+        (1, 1): (above, right),
+    }
+    variance = np.zeros(len(positions))
+    corners = list(weights)
+    for i, first in enumerate(corners):
+        for second in corners[i:]:
+            step = (second[0] - first[0], second[1] - first[1])
+            # Coupling (dl, ds) is stored at the node that it starts from.
+            if step not in cov:
+                continue
+            share = weights[first] * weights[second] * (1.0 if first == second else 2.0)
+            variance += share * cov[step][nodes[first]]
+    return mean, np.sqrt(np.maximum(variance, 0.0))
+
+
+def leave_out(
+    layout: TableLayout,
+    samples: Samples,
+    groups: Int[np.ndarray, " t"],
+    fit: TableFit,
+    *,
+    run_effects: str = "none",
+) -> Iterator[tuple[int, TableFit]]:
+    """Yield for each group the table fitted to all the others.
+
+    Smoothness weights and loss are those of ``fit``; noise and run effects are estimated anew.
+
+    Raises:
+        FitError: If there are fewer than two groups.
+    """
+    labels = np.unique(groups)
+    if len(labels) < 2:
+        msg = "leaving out needs at least two groups of readings, found one."
+        raise FitError(msg)
+    for label in labels:
+        rest = samples.take(groups != label)
+        yield (
+            int(label),
+            fit_table(
+                layout,
+                rest,
+                smoothness=dict(fit.smoothness),
+                loss=fit.loss,
+                run_effects=run_effects,
+                allow_gaps=True,
+            ),
+        )
+
+
+def spatial_blocks(
+    layout: TableLayout, samples: Samples, count: int = 8, seed: int = 0
+) -> Int[np.ndarray, " t"]:
+    """Return a group for each reading: interleaved blocks of neighbouring cells.
+
+    For data without runs. Each axis is cut into about four blocks per group so that what is
+    left out is bridged from around it and not extrapolated.
+    """
+    grid = Grid(layout)
+    place = grid.locate(samples)
+    rng = np.random.default_rng(seed)
+    slow_blocks = min(max(grid.slow - 1, 1), 4 * count)
+    slow = place.l * slow_blocks // max(grid.slow - 1, 1)
+    if grid.planar:
+        fast_blocks = min(max(grid.fast - 1, 1), 4 * count)
+        fast = place.s * fast_blocks // max(grid.fast - 1, 1)
+    else:
+        fast_blocks, fast = 1, np.zeros(len(slow), np.int64)
+    block = slow * fast_blocks + fast
+    total = slow_blocks * fast_blocks
+    # Every group gets the same number of blocks, in random places.
+    group = rng.permutation(np.arange(total) % max(min(count, total), 1))
+    return np.asarray(group[np.minimum(block, total - 1)], np.int64)

@@ -1,0 +1,93 @@
+"""Offset and drift of repeated runs, as nuisance beside the table.
+
+The effects of all runs sum to zero, so that the table keeps the mean of the runs; a drift
+that all runs share cannot be told from the table and stays in it.
+"""
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float, Int
+
+from ._errors import FitError
+from ._types import RunEffect, Samples
+
+
+@dataclasses.dataclass(frozen=True)
+class RunDesign:
+    """Columns of the nuisance effects.
+
+    Attributes:
+        labels: The runs, ascending.
+        index: Run per reading as index into ``labels``.
+        order: Centred place within the run, None without drift.
+        contrast: Orthonormal columns that sum to zero over the runs.
+    """
+
+    labels: Int[np.ndarray, " r"]
+    index: Int[np.ndarray, " t"]
+    order: Float[np.ndarray, " t"] | None
+    contrast: Float[np.ndarray, "r c"]
+
+    @property
+    def count(self) -> int:
+        """Number of nuisance parameters."""
+        return int(self.contrast.shape[1]) * (1 if self.order is None else 2)
+
+    def columns(self) -> Float[np.ndarray, "t c"]:
+        """Return the design matrix of the effects."""
+        offset = np.asarray(self.contrast[self.index])
+        if self.order is None:
+            return offset
+        return np.hstack([offset, offset * self.order[:, None]])
+
+    def effects(
+        self, values: Float[np.ndarray, " c"], covariance: Float[np.ndarray, "c c"]
+    ) -> tuple[RunEffect, ...]:
+        """Return the effects run by run."""
+        part = self.contrast.shape[1]
+        deviation = []
+        result = []
+        for start in range(0, len(values), part):
+            block = covariance[start : start + part, start : start + part]
+            spread = np.einsum("rc,cd,rd->r", self.contrast, block, self.contrast)
+            deviation.append(np.sqrt(np.maximum(spread, 0.0)))
+            result.append(self.contrast @ values[start : start + part])
+        zero = np.zeros(len(self.labels))
+        drift, drift_sd = (result[1], deviation[1]) if len(result) > 1 else (zero, zero)
+        return tuple(
+            RunEffect(int(label), *map(float, row))
+            for label, *row in zip(
+                self.labels, result[0], deviation[0], drift, drift_sd, strict=True
+            )
+        )
+
+
+def run_design(samples: Samples, effects: str) -> RunDesign | None:
+    """Return the design for ``"none"``, ``"offset"`` or ``"drift"``; None where there is none.
+
+    Raises:
+        FitError: If the kind is unknown, or runs or order are missing.
+    """
+    if effects not in ("none", "offset", "drift"):
+        msg = f"run_effects: found {effects!r}, expected 'none', 'offset' or 'drift'."
+        raise FitError(msg)
+    if effects == "none":
+        return None
+    if samples.run is None:
+        msg = f"run_effects {effects!r} need the run of every reading, found none."
+        raise FitError(msg)
+    if effects == "drift" and samples.order is None:
+        msg = "run_effects 'drift' need the place of every reading within its run, found none."
+        raise FitError(msg)
+    labels, index = np.unique(samples.run, return_inverse=True)
+    if len(labels) < 2:
+        return None
+    order = (
+        samples.order - 0.5
+        if effects == "drift" and samples.order is not None
+        else None
+    )
+    contrast = scipy.linalg.null_space(np.ones((1, len(labels))))
+    return RunDesign(labels.astype(np.int64), index.reshape(-1), order, contrast)

@@ -1,0 +1,164 @@
+"""A spectral stand-in for the evidence of a large plane: where to begin, and how it bends."""
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Float
+from scipy.optimize import minimize
+
+from ._logs import HIGH, LOW, spread_logs
+from ._posterior import Posterior, Problem, solve
+from ._prior import ChainPrior, Smoothness
+
+WORTH = 2.0
+"""Gain in evidence below which the fourth differences are left out."""
+
+
+def spectral_start(
+    problem: Problem, density: float, active: Bool[np.ndarray, " 4"]
+) -> "tuple[Spectrum, Float[np.ndarray, ' 4']] | None":
+    """Return the surrogate and its best logs; fourth differences only where worth it.
+
+    The modes of second differences bend nowhere at the ends of the table, those of fourth
+    differences may: smooth errors need the latter, or their ends look rough.
+    """
+    weight = 1e-3 * density
+    light = solve(problem, Smoothness((weight, 0.0), (weight, 0.0)))
+    if light is None:
+        return None
+    bases = np.log((1e-2, 1.0, 1e2, 1e4))
+    plain = active & np.array([True, False, True, False])
+    rough = Spectrum.of(light, 2)
+    rough_cost, rough_log = rough.descend(plain, [np.full(4, base) for base in bases])
+    if not active[1::2].any():
+        return rough, rough_log
+    smooth = Spectrum.of(light, 4)
+    starts = [np.where(plain, base, base + np.log(30.0)) for base in bases]
+    starts.append(np.where(plain, rough_log, rough_log[[0, 0, 2, 2]] + np.log(1e2)))
+    smooth_cost, smooth_log = smooth.descend(active, starts)
+    if smooth_cost < rough_cost - WORTH:
+        return smooth, smooth_log
+    return rough, rough_log
+
+
+@dataclasses.dataclass(frozen=True)
+class Spectrum:
+    """A light fit of a plane in the eigenbasis of second differences: uniform readings assumed.
+
+    Attributes:
+        slow: Second and fourth differences of the modes along the slow axis, and their own
+            size, for modes normalised against the mass of linear interpolation; ``fast`` likewise.
+        power: Squared coefficients of the light fit.
+        variance: Of one coefficient: noise² / information.
+    """
+
+    slow: tuple[np.ndarray, np.ndarray, np.ndarray]
+    fast: tuple[np.ndarray, np.ndarray, np.ndarray]
+    power: Float[np.ndarray, "l s"]
+    variance: float
+
+    @classmethod
+    def of(cls, light: Posterior, order: int) -> "Spectrum":
+        """Build the surrogate from a light fit, in the modes of one order of differences."""
+        problem = light.problem
+        assert problem.prior.fast is not None
+        slow, slow_basis = _modes(problem.prior.slow, order)
+        fast, fast_basis = _modes(problem.prior.fast, order)
+        power = np.square(slow_basis.T @ light.values @ fast_basis)
+        spare = max(problem.count - problem.normal.grid.size, 0.1 * problem.count)
+        return cls(
+            slow, fast, power, light.residual_square / spare / problem.normal.density
+        )
+
+    def _parts(self, log: Float[np.ndarray, " 4"]) -> tuple[np.ndarray, ...]:
+        """Return the precision that each of the four terms gives every mode."""
+        weights = np.exp(log)
+        weights[1::2][log[1::2] <= LOW + 1e-9] = 0.0
+        slow2, slow4, slow1 = self.slow
+        fast2, fast4, fast1 = self.fast
+        return (
+            weights[0] * np.outer(slow2, fast1),
+            weights[1] * np.outer(slow4, fast1),
+            weights[2] * np.outer(slow1, fast2),
+            weights[3] * np.outer(slow1, fast4),
+        )
+
+    def cost(
+        self, log: Float[np.ndarray, " 4"], louder: float
+    ) -> tuple[float, Float[np.ndarray, " 5"]]:
+        """Return the surrogate of `Posterior.evidence` and its slope.
+
+        ``louder`` is the log by which uneven density raises the noise of the modes.
+        """
+        parts = self._parts(log)
+        precision = np.maximum(sum(parts), 1e-30)
+        free = precision > 1e-30
+        spread = self.variance * np.exp(louder) * (1.0 + 1.0 / precision)
+        excess = np.where(free, 1.0 - self.power / spread, 0.0)
+        cost = float((np.log(spread) + self.power / spread)[free].sum())
+        scale = -excess / (1.0 + precision) / precision
+        slope = [float((scale * part).sum()) for part in parts]
+        return cost, np.array([*slope, float(excess.sum())])
+
+    def information(self, log: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "4 4"]:
+        """Return the expected second derivative of the cost, lifted off zero."""
+        parts = self._parts(log)
+        precision = np.maximum(sum(parts), 1e-30)
+        scale = np.where(precision > 1e-30, 1.0 / (precision * (1.0 + precision)), 0.0)
+        columns = np.stack([(scale * part).reshape(-1) for part in parts])
+        return np.asarray(columns @ columns.T + np.eye(4))
+
+    def descend(
+        self, mask: Bool[np.ndarray, " 4"], starts: list[Float[np.ndarray, " 4"]]
+    ) -> tuple[float, Float[np.ndarray, " 4"]]:
+        """Return the best cost and logs over the weights in ``mask``."""
+        keep = np.append(mask, True)
+
+        def cost(
+            reduced: Float[np.ndarray, " k"],
+        ) -> tuple[float, Float[np.ndarray, " k"]]:
+            value, slope = self.cost(
+                spread_logs(mask, reduced[:-1]), float(reduced[-1])
+            )
+            return value, slope[keep]
+
+        bounds = [*zip(np.full(4, LOW)[mask], HIGH[mask], strict=True), (-0.7, 2.0)]
+        results = [
+            minimize(
+                cost, np.append(np.clip(log, LOW + 0.5, HIGH)[mask], 0.0), jac=True,
+                bounds=bounds, method="L-BFGS-B", options={"maxiter": 60},
+            )
+            for log in starts
+        ]  # fmt: skip
+        best = min(results, key=lambda found: float(found.fun))
+        return float(best.fun), spread_logs(mask, best.x[:-1])
+
+
+def _modes(
+    chain: ChainPrior, order: int
+) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], Float[np.ndarray, "n n"]]:
+    """Return second differences, fourth differences and size of the modes; basis × mass."""
+    n = chain.size
+    diagonal = np.full(n, 2.0 / 3.0)
+    diagonal[[0, -1]] = 1.0 / 3.0
+    beside = np.full(n - 1, 1.0 / 6.0)
+    mass = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
+    # The density counts what stands on the diagonal.
+    mass /= mass.diagonal().mean()
+    second, fourth = (gram.toarray() for gram in chain.grams)
+    _, vectors = scipy.linalg.eigh(second if order == 2 else fourth, mass)
+    # Within what fourth differences leave alone, second differences tell the modes apart.
+    free = min(4, n)
+    inner = vectors[:, :free].T @ second @ vectors[:, :free]
+    vectors[:, :free] = vectors[:, :free] @ np.linalg.eigh(inner)[1]
+    bends = []
+    for gram in (second, fourth):
+        values = np.maximum(
+            np.einsum("ik,ij,jk->k", vectors, gram, vectors, optimize=True), 0.0
+        )
+        values[: chain.null] = 0.0
+        bends.append(values)
+    return (bends[0], bends[1], np.square(vectors).sum(axis=0)), np.asarray(
+        mass @ vectors
+    )

@@ -1,0 +1,123 @@
+"""What goes into a table fit and what comes out: arrays and their meaning."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+Array = np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class TableLayout:
+    """Where the nodes of a table lie; a table is one array per branch over these nodes.
+
+    Attributes:
+        nodes: Ascending node positions per input axis in mm or °. One entry for a 1-D table
+            (cross, leadscrew), two for the plane: master 1 first.
+        branches: 1, or 2 for a bilateral table (branch 0 = motion in positive direction,
+            branch 1 = negative).
+        periodic: The last node is the first one again (modulo axis, 1-D only); positions are
+            wrapped into the range of the nodes.
+    """
+
+    nodes: tuple[Float[Array, " _n"], ...]
+    branches: int = 1
+    periodic: bool = False
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the value array: ``(n,)`` or ``(2, n)`` for 1-D, ``(n2, n1)`` for the plane.
+
+        A periodic table keeps its repeated end, with equal first and last value.
+        """
+        own = tuple(len(nodes) for nodes in reversed(self.nodes))
+        return own if self.branches == 1 else (self.branches, *own)
+
+
+@dataclasses.dataclass(frozen=True)
+class Samples:
+    """What was measured, ready to fit: one row per reading, no NaN.
+
+    Attributes:
+        positions: Input position of the table per axis in mm or °, shape ``(t, d)``, columns in the
+            order of `TableLayout.nodes`.
+        error: Actual − commanded in mm or °, shape ``(t,)``.
+        branch: 0 or 1 per reading for a table with two branches, else None.
+        weight: Known relative weights (1/variance ratio) > 0, or None for equal ones.
+        run: Index of the repeated run per reading (any integers), or None where there are no runs.
+        order: Place of the reading within its run, 0 at the start and 1 at the end, for drift;
+            None where there is none.
+    """
+
+    positions: Float[Array, "t d"]
+    error: Float[Array, " t"]
+    branch: Int[Array, " t"] | None = None
+    weight: Float[Array, " t"] | None = None
+    run: Int[Array, " t"] | None = None
+    order: Float[Array, " t"] | None = None
+
+    def take(self, keep: Bool[Array, " t"]) -> "Samples":
+        """Return the readings for which ``keep`` is true."""
+        parts = {
+            field.name: value[keep]
+            for field in dataclasses.fields(self)
+            if (value := getattr(self, field.name)) is not None
+        }
+        return Samples(**parts)
+
+
+@dataclasses.dataclass(frozen=True)
+class RunEffect:
+    """Offset and drift of one run against the mean of all, in mm, with standard deviations."""
+
+    run: int
+    offset: float
+    offset_sd: float
+    drift: float
+    drift_sd: float
+
+
+@dataclasses.dataclass(frozen=True)
+class TableFit:
+    """A fitted table with what is known about it; signs are those of the *error*.
+
+    Attributes:
+        layout: Where the nodes lie.
+        values: Estimated error at each node in mm or °, shape `TableLayout.shape`.
+        standard_deviation: Of each node value, same shape and unit.
+        support: Number of readings that touch each node, same shape; 0 = not measured, the value
+            is what the prior fills in.
+        noise: Standard deviation of one reading (weight 1) in mm or °, wild readings left out.
+        smoothness: Weights of the prior by name (``"order 2, axis 1"`` …), relative to 1/noise².
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        residual: Reading − table − run effects per sample in mm or °, shape ``(t,)``.
+        share: Weight that the loss left each reading, 0 to 1.
+        wild: Readings that the loss rejected outright.
+        runs: Fitted offset and drift per run; empty where there are no runs.
+        suspect_nodes: Indices (into the flattened table) of nodes whose readings contradict their
+            surroundings.
+        suspect_runs: Runs that contradict the others.
+        covariance: Between each node and its neighbour ``(slow step, fast step)`` in the order of
+            the fit, in mm²; `predict` uses it.
+        converged: Whether the iterations reached their tolerance.
+        message: One sentence on how the fit went, for the report.
+    """
+
+    layout: TableLayout
+    values: Float[Array, "..."]
+    standard_deviation: Float[Array, "..."]
+    support: Int[Array, "..."]
+    noise: float
+    smoothness: Mapping[str, float]
+    loss: str
+    residual: Float[Array, " t"]
+    share: Float[Array, " t"]
+    wild: Bool[Array, " t"]
+    runs: tuple[RunEffect, ...]
+    suspect_nodes: tuple[int, ...]
+    suspect_runs: tuple[int, ...]
+    covariance: Mapping[tuple[int, int], Float[Array, "l s"]]
+    converged: bool
+    message: str

@@ -1,0 +1,264 @@
+"""The table fit as a differentiable function: node values from readings, nothing else.
+
+For researchers who differentiate through a fit, and the fast path where only the values
+are wanted. Robust weights, evidence and standard deviations are the business of `fit_table`.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Float
+
+from ... import models as models  # switches JAX to 64 bits
+from ._compiled import fused_block
+from ._errors import FitError
+from ._grid import BLOCK, MANY, Grid, Located, equidistant
+from ._information import (
+    Normal,
+    cells_of,
+    evaluate,
+    moment_sums,
+    normal_from_moments,
+    vector_from_moments,
+)
+from ._posterior import Posterior, Problem, solve
+from ._table import fixed_smoothness, table_prior
+from ._threads import one_blas_thread
+from ._types import Samples, TableLayout
+
+
+def fit_values(
+    layout: TableLayout,
+    positions: Float[ArrayLike, "t d"],
+    error: Float[ArrayLike, " t"],
+    *,
+    smoothness: float | Mapping[str, float],
+    branch: np.ndarray | None = None,
+    weight: Float[ArrayLike, " t"] | None = None,
+) -> Float[Array, "..."]:
+    r"""Return the node values that minimise the penalised squares, differentiably.
+
+    $\hat\theta = (X^T W X + P)^{-1} X^T W e$ with the stencil $X$ of the controller's
+    interpolation. Derivatives with respect to positions, error and weight are exact (implicit
+    function theorem; a position at a node takes the slope of the cell that begins there).
+    Works under `jax.grad`, `jax.vjp`, `jax.jit` and, one by one, `jax.vmap`.
+
+    Args:
+        layout: Where the nodes lie.
+        positions: Input positions in mm or °, shape ``(t, d)``.
+        error: Readings in mm or °, shape ``(t,)``.
+        smoothness: As for `fit_table`, but not ``"auto"``; `TableFit.smoothness` will do.
+        branch: 0 or 1 per reading for a table with two branches.
+        weight: Known weights, shape ``(t,)``.
+
+    Returns:
+        Node values of shape `TableLayout.shape` in mm or °.
+
+    Raises:
+        FitError: If the readings do not determine the table.
+    """
+    setup = _Setup(layout, smoothness, None if branch is None else branch.tobytes())
+    if weight is None:
+        weight = np.ones(np.shape(error))
+    return _fit(setup, _plain(positions), _plain(error), _plain(weight))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Setup:
+    """What is not differentiated; compared by identity, so that it may be static."""
+
+    layout: TableLayout
+    smoothness: float | Mapping[str, float]
+    branches: bytes | None
+
+    def samples(
+        self, positions: np.ndarray, error: np.ndarray, weight: np.ndarray
+    ) -> Samples:
+        branch = (
+            None if self.branches is None else np.frombuffer(self.branches, np.int64)
+        )
+        return Samples(positions, error, branch, weight)
+
+
+def _plain(value: ArrayLike) -> ArrayLike:
+    """Leave traced and NumPy arrays as they are; everything else becomes an array."""
+    return (
+        value if isinstance(value, jax.Array | np.ndarray) else np.asarray(value, float)
+    )
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _fit(setup: _Setup, positions: Array, error: Array, weight: Array) -> Array:
+    result, _ = _forward(setup, positions, error, weight)
+    return result
+
+
+def _forward(
+    setup: _Setup, positions: Array, error: Array, weight: Array
+) -> tuple[Array, tuple[Array, ...]]:
+    shape = _shape(setup.layout.shape)
+    arguments = (positions, error, weight)
+    if any(isinstance(value, Tracer) for value in arguments):
+        call = partial(_values_on_host, setup)
+        values = jax.pure_callback(call, shape, *arguments, vmap_method="sequential")
+    else:
+        values = jnp.asarray(_values_on_host(setup, *arguments))
+    return values, (positions, error, weight, values)
+
+
+def _backward(
+    setup: _Setup, kept: tuple[Array, ...], slope: Array
+) -> tuple[Array, Array, Array]:
+    shapes = tuple(_shape(value.shape) for value in kept[:3])
+    result: tuple[Array, Array, Array] = jax.pure_callback(
+        partial(_slopes_on_host, setup), shapes, *kept, slope, vmap_method="sequential"
+    )
+    return result
+
+
+def _shape(shape: tuple[int, ...]) -> jax.ShapeDtypeStruct:
+    return jax.ShapeDtypeStruct(shape, jnp.float64)  # type: ignore[no-untyped-call]
+
+
+_fit.defvjp(_forward, _backward)
+
+
+def _values_on_host(
+    setup: _Setup, positions: Array, error: Array, weight: Array
+) -> Float[np.ndarray, "..."]:
+    samples = setup.samples(
+        np.asarray(positions), np.asarray(error), np.asarray(weight)
+    )
+    grid = Grid(setup.layout)
+    with one_blas_thread():
+        posterior = _solved(grid, setup.smoothness, *sums_of(grid, samples))
+        return grid.to_table(posterior.values)
+
+
+def _slopes_on_host(
+    setup: _Setup,
+    positions: Array,
+    error: Array,
+    weight: Array,
+    values: Array,
+    slope: Array,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the slopes by the adjoint: one more solve with the same matrix.
+
+    With λ = A⁻¹·slope, table λ(x) and residual r: dE/de = w·λ(x), dE/dw = λ(x)·r and
+    dE/dx = w·(λ'(x)·r − λ(x)·θ'(x)).
+    """
+    samples = setup.samples(
+        np.asarray(positions), np.asarray(error), np.asarray(weight)
+    )
+    known = np.asarray(weight)
+    grid = Grid(setup.layout)
+    with one_blas_thread():
+        normal, _ = sums_of(grid, samples)
+        # The repeated end of a ring is the same unknown as its beginning.
+        pull = np.asarray(slope, float)
+        right = grid.from_table(pull)
+        if setup.layout.periodic:
+            right[0] += pull.T[-1] if setup.layout.branches == 2 else pull[-1]
+        adjoint = _solved(grid, setup.smoothness, normal, right).values
+    place = grid.locate(samples)
+    table = grid.from_table(np.asarray(values))
+    along, here = evaluate(grid, place, adjoint), evaluate(grid, place, table)
+    residual = samples.error - here
+    result = np.zeros(positions.shape)
+    for axis in range(positions.shape[1]):
+        steep_adjoint = _steepness(grid, samples.positions, place, adjoint, axis)
+        steep_table = _steepness(grid, samples.positions, place, table, axis)
+        result[:, axis] = known * (steep_adjoint * residual - along * steep_table)
+    return result, known * along, along * residual
+
+
+def _steepness(
+    grid: Grid, positions: np.ndarray, located: Located, values: np.ndarray, axis: int
+) -> Float[np.ndarray, " t"]:
+    """Return the slope of a table along one axis at the readings; 0 where the edge is held."""
+    nodes = np.asarray(grid.layout.nodes[axis], float)
+    slow = axis == grid.slow_column
+    index, name = (located.l, "u") if slow else (located.s, "v")
+    ends = [
+        evaluate(
+            grid,
+            dataclasses.replace(located, **{name: np.full(len(index), end)}),
+            values,
+        )
+        for end in (0.0, 1.0)
+    ]
+    width = nodes[index + 1] - nodes[index] if len(nodes) > 1 else np.inf
+    inside = (positions[:, axis] >= nodes[0]) & (positions[:, axis] < nodes[-1])
+    steep = (ends[1] - ends[0]) / width
+    return np.where(inside | grid.layout.periodic, steep, 0.0)
+
+
+def _solved(
+    grid: Grid,
+    smoothness: float | Mapping[str, float],
+    normal: Normal,
+    vector: Float[np.ndarray, "l s"],
+) -> Posterior:
+    prior = table_prior(grid)
+    problem = Problem(
+        normal=normal,
+        prior=prior,
+        vector=vector,
+        square=0.0,
+        count=1,
+        values=np.zeros_like(vector),
+        effects=np.zeros(0),
+    )
+    posterior = solve(problem, fixed_smoothness(smoothness, normal.density, grid))
+    if posterior is None:
+        msg = "the readings do not determine the table: the normal matrix is singular."
+        raise FitError(msg)
+    return posterior
+
+
+def sums_of(grid: Grid, samples: Samples) -> tuple[Normal, Float[np.ndarray, "l s"]]:
+    """Return normal matrix and right-hand side of the readings, in one pass where it pays."""
+    weight = samples.weight
+    assert weight is not None
+    count = len(samples.error)
+    if not grid.planar or count < MANY or min(grid.slow, grid.fast) < 2:
+        place = grid.locate(samples)
+        return (
+            normal_from_moments(grid, moment_sums(grid, place, weight, 2)),
+            vector_from_moments(
+                grid, moment_sums(grid, place, weight * samples.error, 1)
+            ),
+        )
+    call = fused_block(
+        (grid.slow, equidistant(grid.slow_nodes)),
+        (grid.fast, equidistant(grid.fast_nodes)),
+        (grid.slow_column, 1 - grid.slow_column),
+    )
+    full = count - count % BLOCK
+    blocks = []
+    for start in range(0, full, BLOCK):
+        piece = slice(start, start + BLOCK)
+        blocks.append(
+            call(
+                samples.positions[piece], samples.error[piece], weight[piece],
+                grid.slow_nodes, grid.fast_nodes,
+            )
+        )  # fmt: skip
+    cells = cells_of(grid)
+    sums = []
+    for part, powers in ((0, 3), (1, 2)):
+        total = sum(np.asarray(block[part]) for block in blocks)
+        sums.append(np.reshape(total, (powers, powers, *cells)).transpose(2, 3, 0, 1))
+    if full < count:
+        rest = samples.take(np.arange(count) >= full)
+        place = grid.locate(rest)
+        assert rest.weight is not None
+        sums[0] = sums[0] + moment_sums(grid, place, rest.weight, 2)
+        sums[1] = sums[1] + moment_sums(grid, place, rest.weight * rest.error, 1)
+    return normal_from_moments(grid, sums[0]), vector_from_moments(grid, sums[1])
