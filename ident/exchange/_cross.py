@@ -1,0 +1,117 @@
+"""Cross compensation: ``kw.crosscomp`` in a list ↔ `Cross`."""
+
+import numpy as np
+
+from ...data.lists import ListFile
+from ...models import Conventions, Cross, Setpoints
+from ._capacity import max_points_entry
+from ._errors import ExchangeError
+from ._identity import (
+    Increments,
+    axis_number,
+    column,
+    required,
+    scaled,
+    unit_size,
+)
+from ._nodes import as_array, nodes_of_model
+from ._units import round_to_list
+
+PREFIX = "kw.crosscomp"
+DEFAULT_COUNT = 1000
+"""Entries without ``max_points``: one manual has 1001, two have 1000 (S-13)."""
+
+
+def has_cross(listing: ListFile) -> bool:
+    """Whether the list holds a cross table."""
+    return bool(listing.table(PREFIX, "setpoint"))
+
+
+def cross_master(listing: ListFile) -> int:
+    """Return the logical number of the master axis."""
+    return required(listing, f"{PREFIX}.master_ax_nr")
+
+
+def cross_from_list(
+    listing: ListFile, conventions: Conventions, increment: Increments = None
+) -> Cross:
+    """Return the cross table that a list describes, in mm or °.
+
+    Args:
+        listing: List of the slave axis.
+        conventions: Sign and edge rules.
+        increment: Worth of an encoder increment for lists with ``unit 0``.
+
+    Raises:
+        ExchangeError: If an entry is missing or the setpoints do not ascend.
+    """
+    count = required(listing, f"{PREFIX}.last_index") + 1
+    setpoints = column(listing, PREFIX, "setpoint")
+    corrections = column(listing, PREFIX, "correction")
+    by_master = unit_size(listing, PREFIX, cross_master(listing), increment)
+    by_slave = unit_size(listing, PREFIX, axis_number(listing), increment)
+    # A missing setpoint or correction is 0 in the controller (S-57).
+    points = np.array([scaled(setpoints.get(k, 0), by_master) for k in range(count)])
+    values = np.array([scaled(corrections.get(k, 0), by_slave) for k in range(count)])
+    refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
+    return Cross(
+        nodes=Setpoints(as_array(points)),
+        values=as_array(values),
+        sign=float(conventions.cross_sign),
+        held=conventions.cross_edge == "hold",
+    )
+
+
+def refuse_unordered(points: np.ndarray, name: str) -> None:
+    """Raise where setpoints are none or do not ascend."""
+    if len(points) == 0:
+        raise ExchangeError(where=name, found="no points", expected="at least one")
+    falling = np.flatnonzero(np.diff(points) <= 0)
+    if falling.size:
+        at = int(falling[0])
+        raise ExchangeError(
+            where=name,
+            found=f"{points[at + 1]:g} after {points[at]:g} (index {at + 1})",
+            expected="ascending setpoints",
+        )
+
+
+def entries_of_cross(
+    cross: Cross,
+    master: int,
+    *,
+    existing: ListFile | None = None,
+    max_points: int | None = None,
+    build: str | None = None,
+) -> dict[str, int | str]:
+    """Return the list entries of a cross table, rounded to list units.
+
+    Args:
+        cross: Table in mm or °; its setpoints must be multiples of a list unit.
+        master: Logical number of the master axis.
+        existing: List that will be edited.
+        max_points: Wanted size of the memory, or None to write it only where needed.
+        build: Of the controller, or None for the newest.
+
+    Raises:
+        ExchangeError: If something does not fit into a list.
+    """
+    points = nodes_of_model(cross.nodes, PREFIX).integers
+    entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
+    size = max_points_entry(
+        len(points),
+        name=f"{PREFIX}.max_points",
+        fits_default=len(points) <= DEFAULT_COUNT,
+        wanted=max_points,
+        existing=None if existing is None else existing.integer(f"{PREFIX}.max_points"),
+        build=build,
+    )
+    if size is not None:
+        entries[f"{PREFIX}.max_points"] = size
+    entries[f"{PREFIX}.last_index"] = len(points) - 1
+    entries[f"{PREFIX}.master_ax_nr"] = master
+    table = round_to_list(np.asarray(cross.values), f"{PREFIX}.table[].correction")
+    for k, (point, value) in enumerate(zip(points, table.tolist(), strict=True)):
+        entries[f"{PREFIX}.table[{k}].setpoint"] = point
+        entries[f"{PREFIX}.table[{k}].correction"] = value
+    return entries

@@ -1,0 +1,151 @@
+"""Leadscrew error compensation: ``kw.ssfk`` in a list ↔ `Leadscrew`."""
+
+import numpy as np
+
+from ...data.lists import ListFile
+from ...models import Conventions, EquidistantNodes, Leadscrew, Setpoints
+from ._capacity import max_points_entry
+from ._cross import refuse_unordered
+from ._errors import ExchangeError
+from ._identity import (
+    Increments,
+    axis_number,
+    column,
+    required,
+    scaled,
+    unit_size,
+)
+from ._nodes import GridNodes, as_array, nodes_of_model
+from ._units import SGN16, round_to_list
+
+PREFIX = "kw.ssfk"
+DEFAULT_COUNT = 1499
+"""Entries without ``max_points``: ``kw_nr_max`` must stay below 1500."""
+
+
+def has_leadscrew(listing: ListFile) -> bool:
+    """Whether the list holds a leadscrew table."""
+    return bool(listing.table(PREFIX, "pos"))
+
+
+def leadscrew_from_list(
+    listing: ListFile,
+    conventions: Conventions,
+    increment: Increments = None,
+    *,
+    modulo: tuple[float, float] | None = None,
+) -> Leadscrew:
+    """Return the leadscrew table that a list describes, in mm or °.
+
+    Args:
+        listing: List of the axis.
+        conventions: Sign and edge rules.
+        increment: Worth of an encoder increment for lists with ``unit 0``.
+        modulo: Range of the axis, for a modulo table; first to last point where it is
+            not given (S-20).
+
+    Raises:
+        ExchangeError: If an entry is missing or the setpoints do not ascend.
+    """
+    size = unit_size(listing, PREFIX, axis_number(listing), increment)
+    count = required(listing, f"{PREFIX}.kw_nr_max")
+    if count < 1:
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.kw_nr_max",
+            found=str(count),
+            expected="1 or more",
+        )
+    # Missing values are 0 in the controller.
+    columns = [column(listing, PREFIX, "pos")]
+    if listing.boolean(f"{PREFIX}.bilateral"):
+        columns.append(column(listing, PREFIX, "neg"))
+    values = [
+        np.array([scaled(given.get(k, 0), size) for k in range(count)])
+        for given in columns
+    ]
+    # An interval of 0, its default, asks for setpoints.
+    interval = listing.integer(f"{PREFIX}.interval") or 0
+    nodes: EquidistantNodes | Setpoints
+    if interval > 0:
+        start = listing.integer(f"{PREFIX}.kw_startpos") or 0
+        nodes = EquidistantNodes(
+            as_array(scaled(start, size)), as_array(scaled(interval, size)), count
+        )
+    else:
+        given = column(listing, PREFIX, "setpoint")
+        points = np.array([scaled(given.get(k, 0), size) for k in range(count)])
+        refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
+        nodes = Setpoints(as_array(points))
+    wraps = None
+    if listing.boolean(f"{PREFIX}.modulo"):
+        ends = np.asarray(nodes.positions)
+        wraps = modulo or (float(ends[0]), float(ends[-1]))
+    return Leadscrew(
+        nodes=nodes,
+        pos=as_array(values[0]),
+        neg=as_array(values[1]) if len(values) == 2 else None,
+        modulo=wraps,
+        sign=float(conventions.leadscrew_sign),
+    )
+
+
+def entries_of_leadscrew(
+    screw: Leadscrew,
+    *,
+    existing: ListFile | None = None,
+    max_points: int | None = None,
+    build: str | None = None,
+) -> dict[str, int | str]:
+    """Return the list entries of a leadscrew table, rounded to list units.
+
+    A bilateral table carries ``set_pos_without_comp 1``: the values of other
+    compensations cannot then turn its direction (S-23). Values must fit SGN16,
+    since one manual says so (S-22).
+
+    Args:
+        screw: Table in mm or °; its nodes must be multiples of a list unit.
+        existing: List that will be edited.
+        max_points: Wanted size of the memory, or None to write it only where needed.
+        build: Of the controller, or None for the newest.
+
+    Raises:
+        ExchangeError: If something does not fit into a list.
+    """
+    nodes = nodes_of_model(screw.nodes, PREFIX)
+    count = len(nodes.integers)
+    entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
+    size = max_points_entry(
+        count + 1,
+        name=f"{PREFIX}.max_points",
+        fits_default=count <= DEFAULT_COUNT,
+        wanted=max_points,
+        existing=None if existing is None else existing.integer(f"{PREFIX}.max_points"),
+        build=build,
+    )
+    if size is not None:
+        entries[f"{PREFIX}.max_points"] = size
+    entries |= {
+        f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
+        f"{PREFIX}.kw_startpos": nodes.integers[0],
+        f"{PREFIX}.kw_nr_max": count,
+        f"{PREFIX}.bilateral": int(screw.neg is not None),
+        f"{PREFIX}.modulo": int(screw.modulo is not None),
+    }
+    if screw.neg is not None:
+        entries[f"{PREFIX}.set_pos_without_comp"] = 1
+    if not isinstance(nodes, GridNodes):
+        for k, point in enumerate(nodes.integers):
+            entries[f"{PREFIX}.table[{k}].setpoint"] = point
+    for name, branch in (("pos", screw.pos), ("neg", screw.neg)):
+        if branch is None:
+            continue
+        values = round_to_list(np.asarray(branch), f"{PREFIX}.table[].{name}", SGN16)
+        if screw.modulo is not None and values[0] != values[-1]:
+            raise ExchangeError(
+                where=f"{PREFIX}.table[].{name}",
+                found=f"{values[0]} at the start and {values[-1]} at the end",
+                expected="equal values at both ends of a modulo table",
+            )
+        for k, value in enumerate(values.tolist()):
+            entries[f"{PREFIX}.table[{k}].{name}"] = value
+    return entries

@@ -1,0 +1,119 @@
+"""Node positions as a list holds them: integers, on a grid or one by one."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...models import AbstractNodes, EquidistantNodes, Setpoints
+from ._errors import ExchangeError
+from ._units import LIST_UNITS, exact_in_list
+
+
+def as_array(values: Float[np.ndarray, "..."] | float) -> Float[Array, "..."]:
+    """Return numbers as the 64-bit array that a model holds."""
+    return jnp.asarray(values, dtype=jnp.float64)
+
+
+@dataclasses.dataclass(frozen=True)
+class GridNodes:
+    """Equidistant nodes: start, interval (list units) and count."""
+
+    start: int
+    interval: int
+    count: int
+
+    @property
+    def integers(self) -> tuple[int, ...]:
+        """Positions in list units."""
+        return tuple(self.start + self.interval * k for k in range(self.count))
+
+    @property
+    def positions(self) -> Float[np.ndarray, " n"]:
+        """Positions in mm or °."""
+        return np.asarray(self.integers, dtype=np.int64) / LIST_UNITS
+
+    def model(self) -> EquidistantNodes:
+        """Return the nodes of a model."""
+        return EquidistantNodes(
+            as_array(self.start / LIST_UNITS),
+            as_array(self.interval / LIST_UNITS),
+            self.count,
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class PointNodes:
+    """Ascending setpoints in list units."""
+
+    integers: tuple[int, ...]
+
+    @property
+    def positions(self) -> Float[np.ndarray, " n"]:
+        """Positions in mm or °."""
+        return np.asarray(self.integers, dtype=np.int64) / LIST_UNITS
+
+    def model(self) -> Setpoints:
+        """Return the nodes of a model."""
+        return Setpoints(as_array(self.positions))
+
+
+ListNodes = GridNodes | PointNodes
+
+
+def grid_nodes(start: float, interval: float, count: int, name: str) -> GridNodes:
+    """Return equidistant nodes given in mm or °.
+
+    Raises:
+        ExchangeError: If start or interval is no multiple of a list unit, the interval
+            is not positive, there are fewer than two nodes, or they leave SGN32.
+    """
+    if interval <= 0:
+        raise ExchangeError(
+            where=f"{name}.interval", found=f"{interval:g}", expected="more than 0"
+        )
+    if count < 2:
+        raise ExchangeError(
+            where=f"{name}.points", found=str(count), expected="at least 2"
+        )
+    first = int(exact_in_list(start, f"{name}.start"))
+    step = int(exact_in_list(interval, f"{name}.interval"))
+    exact_in_list(start + interval * (count - 1), f"{name}: last node")
+    return GridNodes(first, step, count)
+
+
+def point_nodes(setpoints: Float[np.ndarray, " n"], name: str) -> PointNodes:
+    """Return single nodes given in mm or °.
+
+    Raises:
+        ExchangeError: If one is no multiple of a list unit, they do not ascend, there
+            are fewer than two, or they leave SGN32.
+    """
+    if len(setpoints) < 2:
+        raise ExchangeError(
+            where=f"{name}.setpoints",
+            found=f"{len(setpoints)} of them",
+            expected="at least 2",
+        )
+    integers = exact_in_list(setpoints, f"{name}.setpoints")
+    steps = np.diff(integers)
+    if (steps <= 0).any():
+        at = int(np.argmax(steps <= 0))
+        raise ExchangeError(
+            where=f"{name}.setpoints",
+            found=f"{setpoints[at]:g} followed by {setpoints[at + 1]:g}",
+            expected="ascending positions",
+        )
+    return PointNodes(tuple(int(k) for k in integers))
+
+
+def nodes_of_model(nodes: AbstractNodes, name: str) -> ListNodes:
+    """Return the nodes of a model in list units.
+
+    Raises:
+        ExchangeError: If a position is no multiple of a list unit.
+    """
+    if isinstance(nodes, EquidistantNodes):
+        return grid_nodes(float(nodes.start), float(nodes.interval), nodes.count, name)
+    return point_nodes(np.asarray(nodes.positions, dtype=float), name)

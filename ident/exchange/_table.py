@@ -1,0 +1,163 @@
+"""What a fit writes: one table at given nodes, as list entries and as model."""
+
+import abc
+import dataclasses
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...data.lists import ListFile
+from ...models import Conventions, Cross, Leadscrew, Plane
+from ..fit import TableLayout
+from ._evaluate import offset_at
+from ._identity import Increments
+from ._nodes import ListNodes, nodes_of_model
+from ._units import SGN32, from_list_units, round_to_list
+
+Model = Plane | Cross | Leadscrew
+
+
+@dataclasses.dataclass(frozen=True)
+class AbstractTable(abc.ABC):
+    """One compensation of one axis at fixed nodes: the bridge from fit to list.
+
+    Attributes:
+        axis: Logical number of the compensated axis.
+        masters: Logical numbers of the axes whose positions enter, master 1 first; the
+            axis itself for a leadscrew.
+        nodes: Per master, in list units.
+        conventions: Sign and edge rules.
+        periodic: The range of the nodes is one turn, and the last node the first again.
+    """
+
+    axis: int
+    masters: tuple[int, ...]
+    nodes: tuple[ListNodes, ...]
+    conventions: Conventions
+    periodic: bool = False
+
+    compensation: ClassVar[str]
+    """As in the job file."""
+    prefix: ClassVar[str]
+    """Structure in the compensation list."""
+    activation: ClassVar[str]
+    """Entry of the axis list that switches it on."""
+    keyword: ClassVar[str]
+    """Of the NC command ``COMP`` and of `prog_movement_requires_compensations`."""
+    branch_names: ClassVar[tuple[str, ...]] = ("",)
+    value_bounds: ClassVar[tuple[int, int]] = SGN32
+
+    @property
+    @abc.abstractmethod
+    def sign(self) -> int:
+        """Offset = sign · entry."""
+
+    @abc.abstractmethod
+    def model(self, integers: Int[np.ndarray, "..."]) -> Model:
+        """Return the model that the controller makes of integer entries."""
+
+    @abc.abstractmethod
+    def entries(
+        self,
+        integers: Int[np.ndarray, "..."],
+        *,
+        existing: ListFile | None = None,
+        max_points: int | None = None,
+        build: str | None = None,
+    ) -> dict[str, int | str]:
+        """Return the list entries for integer values shaped like `layout`."""
+
+    @abc.abstractmethod
+    def is_in(self, listing: ListFile) -> bool:
+        """Whether a list holds a table of this compensation."""
+
+    @abc.abstractmethod
+    def read(self, listing: ListFile, increments: Increments = None) -> Model:
+        """Return the model of the table that a list holds."""
+
+    @abc.abstractmethod
+    def masters_in(self, listing: ListFile) -> tuple[int, ...]:
+        """Return the masters of the table that a list holds."""
+
+    @property
+    def branches(self) -> int:
+        """Number of values per node: 2 where the direction of motion counts."""
+        return 1
+
+    @property
+    def layout(self) -> TableLayout:
+        """Nodes in mm or °, for the fit."""
+        return TableLayout(
+            nodes=tuple(nodes.positions for nodes in self.nodes),
+            branches=self.branches,
+            periodic=self.periodic,
+        )
+
+    def to_integers(self, offset: Float[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
+        """Round offsets at the nodes (mm or °) to the integers of the list.
+
+        Raises:
+            ExchangeError: If one does not fit its type.
+        """
+        column = "pos" if "pos" in self.branch_names else "correction"
+        name = f"{self.prefix}.table[].{column}"
+        return round_to_list(self.sign * offset, name, self.value_bounds)
+
+    def to_offsets(self, integers: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Return the offsets at the nodes in mm or ° that integer entries stand for."""
+        return self.sign * from_list_units(integers)
+
+    def offset(
+        self,
+        model: Model,
+        positions: Float[np.ndarray, "t d"],
+        branch: Int[np.ndarray, " t"] | None,
+    ) -> Float[np.ndarray, " t"]:
+        """Return what the controller adds at each reading, in mm or °.
+
+        Args:
+            model: From `model` or `read`.
+            positions: One column per master.
+            branch: 0 = positive, 1 = negative direction of motion; None where the table
+                does not ask.
+        """
+        direction = None if branch is None else 1 - 2 * branch
+        return offset_at(model, positions, direction)
+
+    def at_nodes(self, model: Model) -> Float[np.ndarray, "..."]:
+        """Return the offset of a model at the nodes, shaped like `layout`."""
+        axes = [nodes.positions for nodes in self.nodes]
+        grid = np.meshgrid(*reversed(axes), indexing="ij")
+        points = np.stack([column.ravel() for column in reversed(grid)], axis=1)
+        if self.periodic:
+            # The last node is the first one again; asked as a position it would wrap,
+            # and a held table would answer with its own end.
+            points[-1] = points[0]
+        found = [
+            self.offset(model, points, np.full(len(points), k, dtype=np.int64))
+            for k in range(self.branches)
+        ]
+        return np.concatenate(found).reshape(self.layout.shape)
+
+
+def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:
+    """Return the nodes of a model per master, in list units.
+
+    Raises:
+        ExchangeError: If a position is no multiple of a list unit.
+    """
+    if isinstance(model, Plane):
+        return (
+            nodes_of_model(model.nodes1, f"{name} master 1"),
+            nodes_of_model(model.nodes2, f"{name} master 2"),
+        )
+    return (nodes_of_model(model.nodes, name),)
+
+
+def by_branch(table: AbstractTable, values: np.ndarray) -> Mapping[str, np.ndarray]:
+    """Split values into named branches (``pos`` and ``neg``, or ``""``)."""
+    if table.branches == 1:
+        return {table.branch_names[0]: values}
+    return dict(zip(table.branch_names, values, strict=True))

@@ -1,0 +1,77 @@
+"""List units: integers of 0.1 µm or 0.0001°, and what fits into them."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._errors import ExchangeError
+
+LIST_UNITS = 10_000
+"""List units per mm or per degree; dividing by it rounds once."""
+
+SGN16 = (-(2**15), 2**15 - 2)
+SGN32 = (-(2**31), 2**31 - 2)
+"""Smallest and largest integer of each type; the manuals exclude the upper end."""
+
+_EXACT = 1e-5
+"""Distance to an integer in list units that is floating point noise (1 pm)."""
+
+
+def round_to_list(
+    values: Float[np.ndarray, "..."],
+    name: str,
+    bounds: tuple[int, int] = SGN32,
+) -> Int[np.ndarray, "..."]:
+    """Round mm or ° to the nearest list unit.
+
+    Node values are rounded, not their differences: a constant slope stays unbiased.
+
+    Args:
+        values: In mm or °.
+        name: Of the list entry, for the message.
+        bounds: Smallest and largest integer that the entry may hold.
+
+    Raises:
+        ExchangeError: If a value is not finite or does not fit the type of the entry.
+    """
+    scaled = np.rint(np.asarray(values, dtype=float) * LIST_UNITS)
+    low, high = bounds
+    bad = ~((scaled >= low) & (scaled <= high))
+    if bad.any():
+        worst = np.asarray(values, dtype=float)[bad].flat[0]
+        raise ExchangeError(
+            where=name,
+            found=f"{worst:.6g} mm or °",
+            expected=f"a value from {low / LIST_UNITS:.10g} to {high / LIST_UNITS:.10g}"
+            f" ({low} to {high} list units)",
+        )
+    return np.asarray(scaled, dtype=np.int64)
+
+
+def exact_in_list(
+    values: Float[np.ndarray, "..."] | float,
+    name: str,
+    bounds: tuple[int, int] = SGN32,
+) -> Int[np.ndarray, "..."]:
+    """Convert mm or ° to list units, refusing what is no multiple of one.
+
+    Positions of nodes are never rounded: a node that moves by half a list unit is
+    another table.
+
+    Raises:
+        ExchangeError: If a value is no multiple of 0.1 µm or 0.0001°, or does not fit.
+    """
+    array = np.asarray(values, dtype=float)
+    rounded = round_to_list(array, name, bounds)
+    off = np.abs(array * LIST_UNITS - rounded) > _EXACT
+    if off.any():
+        raise ExchangeError(
+            where=name,
+            found=f"{array[off].flat[0]:.10g}",
+            expected="a multiple of 0.0001 (0.1 µm or 0.0001° is the unit of the list)",
+        )
+    return rounded
+
+
+def from_list_units(values: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Convert list units to mm or °."""
+    return np.asarray(values, dtype=np.int64) / LIST_UNITS

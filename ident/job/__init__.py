@@ -1,0 +1,21 @@
+"""Job files: from TOML to lists, result and proof."""
+
+from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
+from ._cache import use_compilation_cache as use_compilation_cache
+from ._errors import JobError as JobError, OutputError as OutputError
+from ._json import result_json as result_json
+from ._load import (
+    Job as Job,
+    load_conventions as load_conventions,
+    load_job as load_job,
+)
+from ._output import write_atomically as write_atomically
+from ._result import (
+    ConventionState as ConventionState,
+    FitResult as FitResult,
+    JobResult as JobResult,
+    LoadStep as LoadStep,
+    Remark as Remark,
+    SampleView as SampleView,
+)
+from ._run import run_job as run_job

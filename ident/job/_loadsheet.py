@@ -1,0 +1,153 @@
+"""The load sheet: which file goes where, in which order, how to see it and go back."""
+
+from collections.abc import Sequence
+
+from ._fitting import Fitted
+from ._lists import AxisFiles
+from ._load import Job
+from ._result import LoadStep
+
+
+def load_sheet(
+    job: Job,
+    files: Sequence[AxisFiles],
+    fitted: Sequence[Fitted],
+    rejected: Sequence[str],
+) -> tuple[LoadStep, ...]:
+    """Return the steps that bring the lists of a job onto the controller.
+
+    Args:
+        job: The job.
+        files: Lists by axis.
+        fitted: All fits.
+        rejected: Axes whose lists failed the gate: they have no step.
+    """
+    steps: list[LoadStep] = []
+    for axis in rejected:
+        steps.append(
+            LoadStep(
+                "Do not load",
+                f"The list of {axis} failed the gate and lies in rejected/.",
+            )
+        )
+    let_out = [one for one in files if one.axis not in rejected]
+    if not let_out:
+        return tuple(steps)
+    for one in let_out:
+        steps += _files_of(job, one)
+    for one in let_out:
+        steps += _switching(job, one, fitted)
+    steps += _watching(job, let_out, fitted)
+    return tuple(steps)
+
+
+def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
+    axis = job.spec.axes[one.axis]
+    steps = []
+    if one.is_new:
+        steps.append(
+            LoadStep(
+                f"Put {one.compensation_name} in place",
+                f"It is the whole compensation list of {one.axis} (axis {axis.number})."
+                " Only where this axis has no list yet: copied over another one, it"
+                " would lose that one's other compensations. Announce it by the"
+                " entries in hochlauf.add.lis, or as the System Manager does.",
+            )
+        )
+    else:
+        steps.append(
+            LoadStep(
+                f"Keep a copy of {axis.listing}",
+                "It is the way back.",
+            )
+        )
+        steps.append(
+            LoadStep(
+                f"Replace {axis.listing} by {one.compensation_name}",
+                "Only the entries of the new tables differ (axcomp diff shows them).",
+            )
+        )
+    if axis.machine_data is not None:
+        detail = f"Keep a copy of {axis.machine_data}, then replace it."
+        steps.append(LoadStep(f"Put {one.machine_name} in place", detail))
+    else:
+        steps.append(
+            LoadStep(
+                f"Enter the lines of {one.machine_name}",
+                f"By hand into the axis list of {one.axis}; the file holds these"
+                " entries only and must not be copied over it.",
+            )
+        )
+    if one.restart is None:
+        action, detail = (
+            "Reload the lists",
+            f"No size of a table of {one.axis} changes.",
+        )
+    else:
+        action, detail = "Restart the controller", f"{one.axis}: {one.restart}."
+    steps.append(LoadStep(action, detail))
+    return steps
+
+
+def _switching(job: Job, one: AxisFiles, fitted: Sequence[Fitted]) -> list[LoadStep]:
+    """Return how the compensations of an axis are switched on, one by one."""
+    name = job.spec.axes[one.axis].name or one.axis
+    steps = []
+    for fit in fitted:
+        if fit.plan.fit.axis != one.axis:
+            continue
+        word = fit.plan.table.keyword
+        needs = "its masters are" if word != "LEAD" else "it is"
+        detail = f"Works once {needs} referenced. {name}[COMP ON {word}] switches it on"
+        if fit.plan.fit.manual_activation:
+            detail += " and is needed in every NC program (manual_activation 1)"
+        else:
+            detail += " where it was switched off; after COMP OFF it does not return"
+            detail += " by itself"
+        detail += (
+            f". Check: $IF V.A.{word}_COMP_ACTIVE.{name} != TRUE … $ENDIF. Wait for"
+            " standstill before switching."
+        )
+        steps.append(
+            LoadStep(f"Switch on {fit.plan.table.compensation} of {one.axis}", detail)
+        )
+    return steps
+
+
+def _watching(
+    job: Job, files: Sequence[AxisFiles], fitted: Sequence[Fitted]
+) -> list[LoadStep]:
+    names = {one.axis for one in files}
+    words: dict[str, list[str]] = {}
+    for fit in fitted:
+        if fit.plan.fit.axis in names:
+            words.setdefault(fit.plan.fit.axis, []).append(fit.plan.table.keyword)
+    demands = "; ".join(f"{axis}: {' | '.join(own)}" for axis, own in words.items())
+    readings = ", ".join(
+        f"V.A.{word}_COMP_CURR.{job.spec.axes[axis].name or axis}"
+        for axis, own in words.items()
+        for word in own
+    )
+    return [
+        LoadStep(
+            "Demand them in automatic mode",
+            "lr_param.prog_movement_requires_compensations (P-AXIS-00465) stops a"
+            f" program that moves without them: {demands}.",
+        ),
+        LoadStep(
+            "See that it works",
+            f"Read {readings} at a few positions and compare with axcomp simulate."
+            " Displays have the compensation removed; the positions on the drive bus"
+            " contain it.",
+        ),
+        LoadStep(
+            "Measure once more with the list active",
+            "Until then the error after is computed, not verified: a wrong sign would"
+            " double the error, and only a second measurement or a log shows it.",
+        ),
+        LoadStep(
+            "Go back",
+            "COMP OFF for the axis, or the kept copies and a reload"
+            " (a restart where a size changed).",
+        ),
+    ]

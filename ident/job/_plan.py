@@ -1,0 +1,227 @@
+"""Which table each fit writes: nodes, masters and the list that is there already."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from ...data.lists import ListFile
+from ..exchange import (
+    AbstractTable,
+    ExchangeError,
+    Model,
+    axis_number,
+    refuse_lost_nodes,
+)
+from ._fit_schema import CrossSpec, LeadscrewSpec, TableSpec
+from ._layout import empty_table, refuse_short_cross, table_of
+from ._load import Job
+from ._result import Remark
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """One fit before its measurement is looked at.
+
+    Attributes:
+        index: Of the fit in the job.
+        fit: Its specification.
+        table: What will be written.
+        existing: The axis's compensation list, or None.
+        axis_list: The axis's axis list, or None.
+        old: Table of this compensation in the existing list, or None.
+        active: Whether it was active while measuring: the new table is then old +
+            residual, else it replaces the old one.
+        remarks: What the user must know.
+    """
+
+    index: int
+    fit: TableSpec
+    table: AbstractTable
+    existing: ListFile | None
+    axis_list: ListFile | None
+    old: Model | None
+    active: bool
+    remarks: tuple[Remark, ...]
+
+    @property
+    def old_offset(self) -> Float[np.ndarray, "..."] | None:
+        """Offset of the old table at the new nodes in mm or °, or None."""
+        return None if self.old is None else self.table.at_nodes(self.old)
+
+
+def plan_fits(job: Job) -> tuple[Plan, ...]:
+    """Return what each fit of a job writes.
+
+    Raises:
+        JobError: If nodes, masters or existing lists do not suit.
+    """
+    lists = {
+        name: (
+            None if axis.listing is None else ListFile.read(job.file(axis.listing)),
+            None
+            if axis.machine_data is None
+            else ListFile.read(job.file(axis.machine_data)),
+        )
+        for name, axis in job.spec.axes.items()
+    }
+    for name, pair in lists.items():
+        for key, listing in zip(("list", "machine_data"), pair, strict=True):
+            _refuse_other_axis(job, name, key, listing)
+    plans = []
+    for k, fit in enumerate(job.spec.fits):
+        assert isinstance(fit, TableSpec)  # `find_fault` has seen to it
+        plans.append(_plan(job, k, fit, *lists[fit.axis]))
+    return tuple(plans)
+
+
+def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile | None) -> None:
+    if listing is None:
+        return
+    number = job.spec.axes[name].number
+    try:
+        found = axis_number(listing)
+    except ExchangeError:
+        return  # The file does not say; the job does.
+    stated = listing.integer("kopf.achs_nr")
+    if stated is not None and found != number:
+        raise job.error(
+            ("axes", name, key),
+            f"found a list of axis {found} (kopf.achs_nr), expected axis {number}",
+        )
+
+
+def _plan(
+    job: Job,
+    index: int,
+    fit: TableSpec,
+    existing: ListFile | None,
+    axis_list: ListFile | None,
+) -> Plan:
+    where = ("fits", index)
+    used = {name: set(job.spec.measurements[name].active) for name in fit.sources}
+    active = {fit.compensation in names for names in used.values()}
+    if len(active) > 1:
+        raise job.error(
+            where,
+            f"found measurements with {fit.compensation} on and off (active),"
+            " expected one state for all that are joined",
+        )
+    try:
+        old = _old_table(job, fit, existing)
+        table = table_of(job, index, fit, old)
+        if True in active:
+            if existing is None or old is None:
+                raise job.error(
+                    ("axes", fit.axis, "list"),
+                    f"{fit.compensation} was active while measuring, but no list with"
+                    " its table is given, expected list = the file that was loaded",
+                )
+            old_masters = table.masters_in(existing)
+            if old_masters != table.masters:
+                raise job.error(
+                    where,
+                    f"found masters {list(table.masters)}, expected"
+                    f" {list(old_masters)} as in the active table of {existing.source}",
+                )
+            refuse_lost_nodes(table, old, existing.source)
+    except ExchangeError as error:
+        raise job.error(where, str(error)) from None
+    refuse_short_cross(job, index, fit, table)
+    if isinstance(fit, CrossSpec) and job.conventions.cross_list == "master":
+        raise job.error(
+            where,
+            "found the convention cross_list = 'master', expected 'slave': cross tables"
+            " are written into the list of the compensated axis",
+        )
+    if isinstance(fit, LeadscrewSpec) and fit.bilateral:
+        for name, names in used.items():
+            if "backlash" in names:
+                raise job.error(
+                    ("measurements", name, "active"),
+                    "found backlash for a bilateral leadscrew fit, which switches it"
+                    " off (both would compensate the reversal), expected a measurement"
+                    " without it",
+                )
+    return Plan(
+        index=index,
+        fit=fit,
+        table=table,
+        existing=existing,
+        axis_list=axis_list,
+        old=old,
+        active=True in active,
+        remarks=tuple(_remarks(job, fit, existing, old, True in active)),
+    )
+
+
+def _increments(job: Job) -> Mapping[int, float]:
+    return {
+        axis.number: axis.increment
+        for axis in job.spec.axes.values()
+        if axis.increment is not None
+    }
+
+
+def _old_table(job: Job, fit: TableSpec, existing: ListFile | None) -> Model | None:
+    """Return the table that the existing list holds, or None."""
+    if existing is None:
+        return None
+    probe = empty_table(job, fit)
+    return probe.read(existing, _increments(job)) if probe.is_in(existing) else None
+
+
+def _remarks(
+    job: Job,
+    fit: TableSpec,
+    existing: ListFile | None,
+    old: Model | None,
+    active: bool,
+) -> list[Remark]:
+    found: list[Remark] = []
+    if active:
+        found.append(
+            Remark(
+                "info",
+                "The old table was active while measuring: the new one is old +"
+                " residual.",
+            )
+        )
+    elif old is not None:
+        found.append(
+            Remark(
+                "info",
+                "The old table was off while measuring: the new one replaces it.",
+            )
+        )
+    if isinstance(fit, CrossSpec) and job.spec.axes[fit.master].limits is None:
+        found.append(
+            Remark(
+                "warning",
+                f"No software limits of {fit.master} are given: make sure that the"
+                " nodes reach them, since what the controller does outside a cross"
+                " table is not documented.",
+            )
+        )
+    if existing is None:
+        return found
+    others = {spec.compensation for spec in job.spec.fits if spec.axis == fit.axis}
+    on = set().union(*(job.spec.measurements[name].active for name in fit.sources))
+    for kind, prefix in (
+        ("cross", "kw.crosscomp"),
+        ("plane", "kw.crosscomp2"),
+        ("leadscrew", "kw.ssfk"),
+    ):
+        field = "pos" if kind == "leadscrew" else "correction"
+        values = existing.table(prefix, field).values()
+        if kind not in on | others and any(values):
+            found.append(
+                Remark(
+                    "warning",
+                    f"The list also holds a {kind} table that was off while measuring:"
+                    " what it corrects is part of the new table as well. Leave it off,"
+                    f" or measure with {kind} active.",
+                )
+            )
+    return found

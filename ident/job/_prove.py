@@ -1,0 +1,140 @@
+"""The proof of one fit: its file, read back and evaluated by the controller's rules."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ...data.lists import ListFile
+from ..exchange import Model, by_branch
+from ..proof import ErrorFigures, GateCheck, error_figures
+from ._fitting import Fitted
+from ._lists import AxisFiles
+from ._load import Job
+from ._output import OutFolder
+from ._remarks import fit_remarks
+from ._result import (
+    ConventionState,
+    FitResult,
+    Remark,
+    SampleView,
+)
+from ._source import masters_of
+
+_CONVENTIONS = {
+    "plane": ("plane_",),
+    "cross": ("cross_",),
+    "leadscrew": ("leadscrew_", "direction_source", "start_direction"),
+}
+
+
+def offset_at_readings(one: Fitted, model: Model) -> Float[np.ndarray, " t"]:
+    """Return what a model of the new table adds at each reading, in mm or °."""
+    return one.plan.table.offset(
+        model,
+        one.readings.positions,
+        one.samples.branch,
+    )
+
+
+def prove(
+    job: Job,
+    folder: OutFolder,
+    one: Fitted,
+    gate: tuple[GateCheck, ...],
+    files: AxisFiles,
+    written: tuple[Path, ...],
+    cycles: int | None,
+) -> FitResult:
+    """Return one fit with its proof: the file as it lies in the folder, read back.
+
+    Args:
+        job: The job.
+        folder: Where the files lie.
+        one: The fit.
+        gate: What the gate said.
+        files: The lists of the axis.
+        written: Their names in the folder, the compensation list first.
+        cycles: Value of P-AXIS-00243, where a table of the axis has two directions.
+    """
+    plan, readings = one.plan, one.readings
+    table, spec = plan.table, plan.fit
+    back = ListFile.read(folder.root / written[0])
+    from_file = one.before + offset_at_readings(one, table.read(back)) - one.active
+    runs = readings.run_table(table.masters == (table.axis,))
+    entries = table.sign * one.offset
+    old = plan.old_offset
+    linear = job.spec.axes[spec.axis].kind == "linear"
+    error = {
+        "before": error_figures(one.before, runs, one.fit.wild),
+        "predicted": error_figures(one.held_out.residual, runs, one.fit.wild),
+        "from_file": error_figures(from_file, runs, one.fit.wild),
+    }
+    return FitResult(
+        compensation=spec.compensation,
+        axis=spec.axis,
+        axis_number=table.axis,
+        masters=masters_of(spec),
+        unit="mm" if linear else "deg",
+        nodes=tuple(nodes.positions for nodes in table.nodes),
+        table=by_branch(table, entries),
+        old_table=None if old is None else by_branch(table, table.sign * old),
+        standard_deviation=by_branch(table, one.fit.standard_deviation),
+        support=by_branch(table, one.fit.support),
+        fit=one.fit,
+        samples=SampleView(
+            positions=readings.positions,
+            direction=readings.direction,
+            run=readings.run,
+            order=readings.order,
+            before=one.before,
+            predicted=one.held_out.residual,
+            from_file=from_file,
+            predicted_sd=one.held_out.standard_deviation,
+            share=one.fit.share,
+        ),
+        error=error,
+        rounding=one.rounding,
+        gate=gate,
+        remarks=(
+            *plan.remarks,
+            *readings.remarks,
+            *fit_remarks(one, linear),
+            *_without_use(error),
+            *files.remarks,
+        ),
+        conventions=_conventions(job, spec.compensation),
+        files=written,
+        cycles=cycles if table.branches == 2 else None,
+        findings=tuple(dataclasses.asdict(item) for item in files.findings),
+        held_out="run" if one.held_out.by_run else "block",
+    )
+
+
+def _without_use(error: Mapping[str, ErrorFigures]) -> list[Remark]:
+    """Return a warning where the list would not have helped on data it has not seen."""
+    if error["predicted"].rms < error["before"].rms:
+        return []
+    return [
+        Remark(
+            "warning",
+            "On readings that the fit did not see, this list leaves no less error than"
+            " there is without it: what was measured is scatter or drift, which no"
+            " table takes away. Measure again before loading it.",
+        )
+    ]
+
+
+def _conventions(job: Job, compensation: str) -> tuple[ConventionState, ...]:
+    return tuple(
+        ConventionState(
+            name=rule.name,
+            value=str(rule.value),
+            state="verified" if rule.name in job.verified else "assumed",
+            meaning=f"{rule.meaning} ({rule.rule})",
+        )
+        for rule in job.conventions.listing()
+        if rule.name.startswith(_CONVENTIONS[compensation])
+    )

@@ -1,0 +1,192 @@
+"""From measurements to readings of one fit: errors, positions, directions, runs."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..exchange import AbstractTable
+from ..proof import RunTable
+from ._fit_schema import TableSpec
+from ._load import Job
+from ._result import Remark
+from ._runs import cycles_of, place_in_run, runs_overlap
+from ._source import Part, Tables, masters_of, read_part
+
+
+@dataclasses.dataclass(frozen=True)
+class Readings:
+    """What was measured, ready for a fit; one row per reading, mm or °.
+
+    Attributes:
+        positions: Of the masters, shape ``(t, d)``.
+        error: Actual − commanded, reduced as the job asks.
+        direction: ±1, or None where it is neither needed nor known.
+        run: Cycle of each reading, or None where nothing was repeated.
+        order: Time in s, or row number.
+        place: Place within the run, 0 to 1, or None.
+        datum: Where the error is zero, per master, or None.
+        slices: Rows of each measurement.
+        repeated: The runs go over the same places, so that each can be judged by the
+            others.
+        remarks: What was taken for granted.
+    """
+
+    positions: Float[np.ndarray, "t d"]
+    error: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"] | None
+    run: Int[np.ndarray, " t"] | None
+    order: Float[np.ndarray, " t"]
+    place: Float[np.ndarray, " t"] | None
+    datum: tuple[float, ...] | None
+    slices: Mapping[str, slice]
+    repeated: bool
+    remarks: tuple[Remark, ...]
+
+    def run_table(self, axis_is_master: bool) -> RunTable | None:
+        """Return how the readings lie in a run table of ISO 230-2, or None.
+
+        Only errors along the axis itself, at targets that come back, make one.
+        """
+        if not axis_is_master or self.run is None:
+            return None
+        target = self.positions[:, 0]
+        if 2 * len(np.unique(target)) > len(target):
+            return None
+        direction = self.direction
+        if direction is None:
+            direction = np.ones(len(target), dtype=np.int64)
+        return RunTable(target, self.run, direction)
+
+
+def read_fit(
+    tables: Tables,
+    index: int,
+    fit: TableSpec,
+    table: AbstractTable,
+    extra: Mapping[str, Float[np.ndarray, " t"]],
+) -> Readings:
+    """Return the readings of a fit, all its measurements joined.
+
+    Args:
+        tables: Files of the job.
+        index: Of the fit in the job.
+        fit: Its specification.
+        table: What will be written.
+        extra: By measurement, what earlier fits of this axis add to it; a later fit
+            takes what they leave.
+
+    Raises:
+        MeasurementError: If a role is missing or a value cannot be used.
+        JobError: If the measurement does not suit the fit.
+    """
+    job = tables.job
+    parts = [read_part(tables, index, name, fit, table) for name in fit.sources]
+    remarks = [Remark("info", text) for part in parts for text in part.remarks]
+    slices: dict[str, slice] = {}
+    errors: list[np.ndarray] = []
+    start = 0
+    for name, part in zip(fit.sources, parts, strict=True):
+        slices[name] = slice(start, start + len(part.error))
+        start += len(part.error)
+        error = part.error
+        if name in extra:
+            error = error + extra[name]
+            remarks.append(
+                Remark(
+                    "info",
+                    f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
+                    " this one corrects what that list leaves.",
+                )
+            )
+        errors.append(error)
+    positions = np.concatenate([part.positions for part in parts])
+    direction = _joined([part.direction for part in parts])
+    run = _joined_runs(parts)
+    if run is not None and direction is not None:
+        run = cycles_of(run, direction)
+    times = [part.time for part in parts]
+    order = _joined(times)
+    if order is None:
+        order = np.arange(start, dtype=float)
+    repeated = run is not None and runs_overlap(
+        positions,
+        run,
+        tuple(nodes.positions for nodes in table.nodes),
+        direction if table.branches == 2 else None,
+    )
+    if run is not None and len(np.unique(run)) > 1 and not repeated:
+        remarks.append(
+            Remark(
+                "info",
+                "The runs do not go over the same places, so that none can be judged by"
+                " the others: offsets of single runs are not estimated.",
+            )
+        )
+    return Readings(
+        positions=positions,
+        error=np.concatenate(errors),
+        direction=direction,
+        run=run,
+        order=np.asarray(order, dtype=float),
+        place=None if run is None else place_in_run(run, order),
+        datum=_datum(job, index, fit),
+        slices=slices,
+        repeated=repeated,
+        remarks=tuple(remarks),
+    )
+
+
+def _joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if len(known) == len(parts) else None
+
+
+def _joined_runs(parts: list[Part]) -> Int[np.ndarray, " t"] | None:
+    """Number the runs of all measurements one after the other.
+
+    A measurement without runs is a run of its own beside others.
+    """
+    if len(parts) == 1 and parts[0].run is None:
+        return None
+    numbered: list[np.ndarray] = []
+    first = 1
+    for part in parts:
+        if part.run is None:
+            own = np.zeros(len(part.error), dtype=np.int64)
+        else:
+            own = np.unique(part.run, return_inverse=True)[1].reshape(-1)
+        numbered.append(own.astype(np.int64) + first)
+        first += int(own.max(initial=0)) + 1
+    return np.concatenate(numbered)
+
+
+def _datum(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:
+    found = {
+        name: spec.datum.at
+        for name in fit.sources
+        if (spec := job.spec.measurements[name]).datum is not None
+        and spec.datum is not None
+    }
+    if not found:
+        return None
+    places = {
+        name: tuple(map(float, at if isinstance(at, list) else [at]))
+        for name, at in found.items()
+    }
+    name, place = next(iter(places.items()))
+    if len(set(places.values())) > 1 or len(places) < len(fit.sources):
+        raise job.error(
+            ("fits", index),
+            "found measurements with different datums, expected the same one for all"
+            " that are joined",
+        )
+    count = len(masters_of(fit))
+    if len(place) != count:
+        raise job.error(
+            ("measurements", name, "datum", "at"),
+            f"found {len(place)} position, expected {count} for the"
+            f" {fit.compensation} fit of {fit.axis}",
+        )
+    return place

@@ -1,0 +1,102 @@
+"""What a fit has to say for itself, in sentences."""
+
+import numpy as np
+
+from ._fitting import Fitted
+from ._result import Remark
+from ._source import masters_of
+
+_MANY = 0.05
+"""Share of wild readings from which on the instrument deserves a look."""
+
+_MOST = 6
+"""Nodes that are named one by one."""
+
+
+def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
+    """Return gaps, suspicious nodes and runs, and what each run was allowed.
+
+    Args:
+        one: The fit.
+        linear: Whether lengths are in mm, else in °.
+    """
+    found: list[Remark] = []
+    fit = one.fit
+    empty = int(np.sum(fit.support == 0))
+    if empty:
+        found.append(
+            Remark(
+                "warning",
+                f"{empty} of {fit.support.size} node values were not measured; they are"
+                " filled by the prior and marked with support 0.",
+            )
+        )
+    outside = _outside(one)
+    if outside:
+        found.append(
+            Remark(
+                "info",
+                f"{outside} readings lie outside the table, where its edge is held.",
+            )
+        )
+    if wild := int(fit.wild.sum()):
+        found.append(
+            Remark(
+                "warning" if wild > _MANY * len(fit.wild) else "info",
+                f"{wild} of {len(fit.wild)} readings are wild: the fit, rms and max"
+                " leave them out (ISO 230-2 figures keep every reading).",
+            )
+        )
+    if fit.suspect_nodes:
+        names = [_node(one, k) for k in fit.suspect_nodes[:_MOST]]
+        more = len(fit.suspect_nodes) - len(names)
+        words = "; ".join(names) + (f" and {more} more" if more else "")
+        found.append(
+            Remark("warning", f"Readings contradict their surroundings at {words}.")
+        )
+    if fit.suspect_runs:
+        runs = ", ".join(str(run) for run in fit.suspect_runs)
+        found.append(Remark("warning", f"Contradicts the other runs: run {runs}."))
+    if fit.runs:
+        largest = 1e3 * max(abs(run.offset) for run in fit.runs)
+        unit = "µm" if linear else "0.001°"
+        own = "offset and drift" if one.run_effects == "drift" else "offset"
+        found.append(
+            Remark(
+                "info",
+                f"Each of the {len(fit.runs)} runs was allowed an {own} of its own"
+                f" (offsets up to {largest:.1f} {unit}); the table keeps their"
+                " mean.",
+            )
+        )
+    if not fit.converged:
+        found.append(Remark("warning", fit.message))
+    return found
+
+
+def _outside(one: Fitted) -> int:
+    """Return how many readings lie outside the nodes."""
+    if one.plan.table.periodic:
+        return 0
+    outside = np.zeros(len(one.before), dtype=bool)
+    for k, nodes in enumerate(one.plan.table.nodes):
+        ends = nodes.positions[[0, -1]]
+        column = one.readings.positions[:, k]
+        outside |= (column < ends[0] - 1e-9) | (column > ends[1] + 1e-9)
+    return int(outside.sum())
+
+
+def _node(one: Fitted, index: int) -> str:
+    """Return a node of the flattened table in words."""
+    table = one.plan.table
+    place = np.unravel_index(index, table.layout.shape)
+    own = [int(k) for k in place[-len(table.nodes) :]]
+    words = ", ".join(
+        f"{name} = {nodes.positions[k]:g}"
+        for name, nodes, k in zip(
+            masters_of(one.plan.fit), table.nodes, reversed(own), strict=True
+        )
+    )
+    if table.branches == 2:
+        words += " (positive)" if place[0] == 0 else " (negative)"
+    return words

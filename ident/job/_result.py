@@ -1,0 +1,179 @@
+"""What a job found: the structure behind result.json, report and exit status."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..fit import TableFit
+from ..proof import ErrorFigures, GateCheck
+
+Array = np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Remark:
+    """Something that the user must know: ``level`` is error, warning or info."""
+
+    level: str
+    message: str
+
+
+@dataclasses.dataclass(frozen=True)
+class ConventionState:
+    """A rule of the controller that was used.
+
+    Attributes:
+        name: Of the convention.
+        value: The value taken.
+        state: ``assumed`` or ``verified``.
+        meaning: One line.
+    """
+
+    name: str
+    value: str
+    state: str
+    meaning: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class SampleView:
+    """The readings of a fit with what became of them, one row per reading, mm or °.
+
+    Attributes:
+        positions: Input positions, shape ``(t, d)``, columns as in `FitResult.masters`.
+        direction: ±1 per reading, or None where the table does not ask for it.
+        run: Run per reading, or None.
+        order: Time of each reading in s, or its row number where no time was given.
+        before: Error as measured (after `remove`, `datum`, reduction to the reference
+            temperature).
+        predicted: Error left under the list fitted *without* this reading's run or
+            block.
+        from_file: Error left when the written file, read back, is evaluated by the
+            controller's rules.
+        predicted_sd: Standard deviation predicted for a held-out reading.
+        share: Weight that the loss left the reading, 0 (wild) to 1.
+    """
+
+    positions: Float[Array, "t d"]
+    direction: Int[Array, " t"] | None
+    run: Int[Array, " t"] | None
+    order: Float[Array, " t"]
+    before: Float[Array, " t"]
+    predicted: Float[Array, " t"]
+    from_file: Float[Array, " t"]
+    predicted_sd: Float[Array, " t"]
+    share: Float[Array, " t"]
+
+
+@dataclasses.dataclass(frozen=True)
+class FitResult:
+    """One compensation of one axis: table, uncertainty, proof, gate, files.
+
+    Attributes:
+        compensation: ``plane``, ``cross`` or ``leadscrew``.
+        axis: Name of the compensated axis in the job.
+        axis_number: Its logical number.
+        masters: Axes whose positions enter the table (leadscrew: the axis itself),
+            master 1 first.
+        unit: ``mm`` or ``deg``.
+        nodes: Node positions per master in ``unit``.
+        table: Written table by branch name in ``unit`` and with the sign of the list
+            entries: ``{"": …}`` for plane (shape ``[j, i]``) and cross,
+            ``{"pos": …, "neg": …}`` for a bilateral leadscrew, ``{"pos": …}`` for a
+            unilateral one.
+        old_table: Entries of the list that was there, at the same nodes, or None.
+        standard_deviation: Like ``table``.
+        support: Samples per node, like ``table``; 0 = not measured.
+        fit: The estimate behind it (sign of the error).
+        samples: The readings with before / predicted / from file.
+        error: Keys ``before``, ``predicted``, ``from_file``.
+        rounding: Largest effect of rounding to list units, in ``unit``.
+        gate: All checks; ``passed`` is true when every one passed.
+        remarks: What the user must know.
+        conventions: Rules used.
+        files: Files written for this fit, relative to the output folder; those of a
+            failed gate lie in ``rejected/``.
+        cycles: Value chosen for P-AXIS-00243, None where the table has one branch.
+        findings: What `axcomp check` says of the files, in its JSON shape.
+        held_out: ``run`` or ``block``: what the prediction left out together.
+        verified_by: Name of a second measurement that confirmed it, or None.
+    """
+
+    compensation: str
+    axis: str
+    axis_number: int
+    masters: tuple[str, ...]
+    unit: str
+    nodes: tuple[Float[Array, " _n"], ...]
+    table: Mapping[str, Float[Array, "..."]]
+    old_table: Mapping[str, Float[Array, "..."]] | None
+    standard_deviation: Mapping[str, Float[Array, "..."]]
+    support: Mapping[str, Int[Array, "..."]]
+    fit: TableFit
+    samples: SampleView
+    error: Mapping[str, ErrorFigures]
+    rounding: float
+    gate: tuple[GateCheck, ...]
+    remarks: tuple[Remark, ...]
+    conventions: tuple[ConventionState, ...]
+    files: tuple[Path, ...]
+    cycles: int | None = None
+    findings: tuple[Mapping[str, Any], ...] = ()
+    held_out: str = "block"
+    verified_by: str | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check of the gate passed."""
+        return all(check.passed for check in self.gate)
+
+
+@dataclasses.dataclass(frozen=True)
+class LoadStep:
+    """One line of the load sheet: what to do, with which file or entry, and why."""
+
+    action: str
+    detail: str
+
+
+@dataclasses.dataclass(frozen=True)
+class JobResult:
+    """Everything a job did.
+
+    Attributes:
+        title: Of the job; ``machine`` its identity (id, measured_at) as given.
+        fits: One entry per ``[[fits]]``, in order.
+        inputs: SHA-256 by file name, relative to the job.
+        versions: Of axcomp, Python and the numerical libraries.
+        load_sheet: Which file goes where, reload or restart, activation, the way back.
+        remarks: What concerns the job as a whole.
+        files: All files written, relative to the output folder.
+        wall_time: Seconds.
+        job: The job as resolved (defaults filled in), for the record.
+    """
+
+    title: str
+    machine: Mapping[str, Any]
+    fits: tuple[FitResult, ...]
+    inputs: Mapping[str, str]
+    versions: Mapping[str, str]
+    load_sheet: tuple[LoadStep, ...]
+    remarks: tuple[Remark, ...]
+    files: tuple[Path, ...]
+    wall_time: float
+    job: Mapping[str, Any]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every list passed its gate and nothing requested is missing."""
+        return all(fit.passed for fit in self.fits) and not any(
+            remark.level == "error"
+            for remark in (
+                *self.remarks,
+                *(r for fit in self.fits for r in fit.remarks),
+            )
+        )

@@ -1,0 +1,75 @@
+"""Repeated runs: readings taken in one go, over the same places as others."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+_LEAST = 3
+"""Readings that a run must have, so that it can have an offset of its own."""
+
+_COMMON = 0.5
+"""Share of its places that a run must have in common with others to be a repetition."""
+
+
+def cycles_of(
+    run: Int[np.ndarray, " t"], direction: Int[np.ndarray, " t"]
+) -> Int[np.ndarray, " t"]:
+    """Return cycles that hold both directions, where each run holds only one.
+
+    Some tables number the way out and the way back as runs of their own. An offset per
+    such run would take the reversal for itself; the k-th run out and the k-th run back
+    are one cycle.
+    """
+    runs = np.unique(run)
+    sides = {int(r): np.unique(direction[run == r]) for r in runs}
+    if any(len(side) > 1 for side in sides.values()) or len(np.unique(direction)) < 2:
+        return run
+    cycle: dict[int, int] = {}
+    for sign in (1, -1):
+        own = [r for r in sides if sides[r][0] == sign]
+        cycle |= {r: k for k, r in enumerate(own, start=1)}
+    return np.array([cycle[int(r)] for r in run], dtype=np.int64)
+
+
+def place_in_run(
+    run: Int[np.ndarray, " t"], order: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, " t"]:
+    """Return where in its run each reading was taken, 0 at the start, 1 at the end."""
+    place = np.zeros(len(run))
+    for label in np.unique(run):
+        own = np.flatnonzero(run == label)
+        span = float(np.ptp(order[own]))
+        if span > 0:
+            place[own] = (order[own] - order[own].min()) / span
+    return place
+
+
+def runs_overlap(
+    positions: Float[np.ndarray, "t d"],
+    run: Int[np.ndarray, " t"],
+    nodes: tuple[Float[np.ndarray, " _"], ...],
+    direction: Int[np.ndarray, " t"] | None,
+) -> bool:
+    """Return whether every run goes over places that others go over too.
+
+    Args:
+        positions: Of the masters.
+        run: Run per reading.
+        nodes: Of the table, per master: their cells are the places.
+        direction: ±1 where the two directions are different places, else None.
+    """
+    labels, index = np.unique(run, return_inverse=True)
+    if len(labels) < 2 or np.bincount(index.reshape(-1)).min() < _LEAST:
+        return False
+    cell = np.zeros(len(run), dtype=np.int64)
+    for k, own in enumerate(nodes):
+        # Nearest node: readings at the nodes themselves must not fall to either side.
+        middle = 0.5 * (own[1:] + own[:-1])
+        cell = cell * len(own) + np.searchsorted(middle, positions[:, k])
+    if direction is not None:
+        cell = 2 * cell + (direction < 0)
+    pairs = np.unique(np.stack([cell, index.reshape(-1)]), axis=1)
+    visits = np.bincount(pairs[0])
+    shared = visits[pairs[0]] > 1
+    total = np.bincount(pairs[1], minlength=len(labels))
+    common = np.bincount(pairs[1], weights=shared, minlength=len(labels))
+    return bool(np.all(common >= _COMMON * total))

@@ -1,0 +1,115 @@
+"""The job file as data: every key, its type and its default (interface.md)."""
+
+import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+
+from ._fit_schema import AnyFit, JobPart
+
+Compensation = Literal[
+    "backlash", "temperature", "cross", "plane", "leadscrew", "friction", "crosstalk"
+]
+Number = Annotated[int, Field(ge=1, le=65535)]
+Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+def _plain(name: str) -> str:
+    # An axis name stands in a list: what would start a comment or needs another
+    # encoding there is refused here, not written and misread.
+    if not name.isascii() or not name.isprintable() or set(name) & set("#();\"'/*{}"):
+        msg = "expected a name of plain ASCII letters, digits, blanks, '_' and '-'"
+        raise ValueError(msg)
+    return name
+
+
+class Machine(JobPart):
+    """Identity of the machine, for trends and stored conventions."""
+
+    id: str | None = None
+    measured_at: datetime.date | datetime.datetime | str | None = None
+    conventions: str | None = None
+
+
+class Controller(JobPart):
+    """The controller that will load the lists."""
+
+    build: str | None = None
+    cycle_time: Annotated[float, Field(gt=0)] = 0.001
+
+
+class Axis(JobPart):
+    """One axis; lengths in mm or °."""
+
+    number: Number
+    name: Annotated[str, Field(min_length=1), AfterValidator(_plain)] | None = None
+    kind: Literal["linear", "rotary", "spindle"] = Field("linear", alias="type")
+    limits: Range | None = None
+    listing: str | None = Field(None, alias="list")
+    machine_data: str | None = None
+    increment: Annotated[float, Field(gt=0)] | None = None
+    modulo: Range | None = None
+    gantry: str | None = None
+
+
+class ColumnChoice(JobPart):
+    """A column of a measurement file and its unit."""
+
+    column: str
+    unit: str | None = None
+
+
+class Datum(JobPart):
+    """Where the error is zero: one position per master, mm or °."""
+
+    at: float | Annotated[list[float], Field(min_length=1, max_length=2)]
+
+
+class MeasurementSpec(JobPart):
+    """One measurement: its file, columns and what was done while measuring."""
+
+    file: str | None = None
+    files: Annotated[list[str], Field(min_length=1)] | None = None
+    axis: str | None = None
+    active: list[Compensation] = Field(default_factory=list)
+    columns: dict[str, str | ColumnChoice] = Field(default_factory=dict)
+    datum: Datum | None = None
+    remove: Literal["none", "offset", "line"] = "none"
+    expansion: float | None = None
+    material_temperature: float | str | None = None
+    reference_temperature: float = 20.0
+    already_compensated: bool = False
+
+
+Limit = Annotated[float, Field(gt=0)]
+
+
+class Gate(JobPart):
+    """Limits of the gate; the defaults stand in `axcomp.ident.proof.GateLimits`."""
+
+    max_correction: Limit | None = None
+    max_slope: Limit | None = None
+    max_step: Limit | None = None
+    max_reversal: Limit | None = None
+    feed: Limit | None = None
+    max_velocity: Limit | None = None
+    max_kink: Limit | None = None
+    max_acceleration: Limit | None = None
+    max_change: Limit | None = None
+    max_current: Limit | None = None
+
+
+class JobFile(JobPart):
+    """A whole job."""
+
+    title: str = ""
+    machine: Machine = Machine()
+    controller: Controller = Controller()
+    axes: Annotated[dict[str, Axis], Field(min_length=1)]
+    measurements: Annotated[dict[str, MeasurementSpec], Field(min_length=1)]
+    fits: Annotated[list[AnyFit], Field(min_length=1)]
+    gate: Gate = Gate()
+
+    def resolved(self) -> dict[str, Any]:
+        """Return the job with its defaults filled in, for the record."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)

@@ -1,0 +1,163 @@
+"""One measurement for one fit: its file, roles, units and reductions."""
+
+import dataclasses
+
+import numpy as np
+
+from ...data.measurements import (
+    ColumnSpec,
+    DirectionUnknown,
+    Measurement,
+    Table,
+    derive_error,
+    explain_direction,
+    measurement,
+    read_table,
+    reduce_length,
+)
+from ..exchange import AbstractTable
+from ._fit_schema import CrossSpec, LeadscrewSpec, PlaneSpec, TableSpec
+from ._load import Job
+from ._remove import without_zero
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """The readings of one measurement."""
+
+    positions: np.ndarray
+    error: np.ndarray
+    direction: np.ndarray | None
+    run: np.ndarray | None
+    time: np.ndarray | None
+    remarks: tuple[str, ...]
+
+
+class Tables:
+    """Measurement files, each read once for all the fits of a job."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self._read: dict[str, Table] = {}
+
+    def table(self, name: str) -> Table:
+        """Return what the file of a measurement holds.
+
+        Raises:
+            MeasurementError: If it holds nothing usable.
+        """
+        if name not in self._read:
+            file = self.job.spec.measurements[name].file
+            assert file is not None  # `find_fault` has seen to it
+            self._read[name] = read_table(self.job.file(file))
+        return self._read[name]
+
+
+def masters_of(fit: TableSpec) -> tuple[str, ...]:
+    """Return the axes whose positions enter a table, master 1 first."""
+    if isinstance(fit, PlaneSpec):
+        return (fit.masters[0], fit.masters[1])
+    return (fit.master,) if isinstance(fit, CrossSpec) else (fit.axis,)
+
+
+def read_part(
+    tables: Tables, index: int, name: str, fit: TableSpec, table: AbstractTable
+) -> Part:
+    job = tables.job
+    spec = job.spec.measurements[name]
+    axes = job.spec.axes
+    masters = masters_of(fit)
+    columns = {
+        role: ColumnSpec(column)
+        if isinstance(column, str)
+        else ColumnSpec(column.column, column.unit)
+        for role, column in spec.columns.items()
+    }
+    measured = measurement(
+        tables.table(name),
+        columns,
+        axis=spec.axis or fit.axis,
+        masters=masters,
+        increments={
+            key: axis.increment
+            for key, axis in axes.items()
+            if axis.increment is not None
+        },
+        rotary=[key for key, axis in axes.items() if axis.kind != "linear"],
+        name=name,
+    )
+    why = f"for the {fit.compensation} fit of {fit.axis}"
+    columns_of = [measured.require(f"{axis}.position", why) for axis in masters]
+    positions = np.stack(columns_of, axis=1).astype(float)
+    error = np.asarray(derive_error(measured, fit.axis), dtype=float)
+    for k, axis in enumerate(masters):
+        if (span := axes[axis].modulo) is not None:
+            turn = span[1] - span[0]
+            positions[:, k] = span[0] + np.mod(positions[:, k] - span[0], turn)
+    remarks = list(measured.remarks)
+    if spec.expansion is not None:
+        error, note = _at_reference(job, name, measured, fit, positions, error)
+        remarks.append(note)
+    direction, words = _direction(measured, fit, table)
+    remarks += words
+    error = without_zero(error, positions, spec.remove)
+    run = measured.get("run")
+    time = measured.get("time")
+    return Part(positions, error, direction, run, time, tuple(remarks))
+
+
+def _at_reference(
+    job: Job,
+    name: str,
+    measured: Measurement,
+    fit: TableSpec,
+    positions: np.ndarray,
+    error: np.ndarray,
+) -> tuple[np.ndarray, str]:
+    spec = job.spec.measurements[name]
+    assert spec.expansion is not None
+    if not isinstance(fit, LeadscrewSpec):
+        return error, (
+            f"expansion of measurement {name!r} concerns lengths along an axis; the"
+            f" error of {fit.axis} over other axes is taken as it is."
+        )
+    if spec.already_compensated:
+        return error, f"Measurement {name!r} refers to 20 °C as it is."
+    given = spec.material_temperature
+    assert given is not None  # `find_fault` has seen to it
+    warmth: float | np.ndarray
+    if isinstance(given, str):
+        role = given if given.startswith("temperature.") else f"temperature.{given}"
+        warmth = measured.require(role, "as material_temperature")
+    else:
+        warmth = float(given)
+    at = spec.datum.at if spec.datum is not None else 0.0
+    datum = at if isinstance(at, float | int) else at[0]
+    reduced = reduce_length(
+        error,
+        positions[:, 0],
+        expansion=spec.expansion,
+        material_temperature=warmth,
+        reference_temperature=spec.reference_temperature,
+        datum=float(datum),
+    )
+    change = 1e3 * float(np.max(np.abs(reduced - error)))
+    return reduced, (
+        f"Measurement {name!r} was reduced to {spec.reference_temperature:g} °C; that"
+        f" changed readings by up to {change:.1f} µm."
+    )
+
+
+def _direction(
+    measured: Measurement, fit: TableSpec, table: AbstractTable
+) -> tuple[np.ndarray | None, list[str]]:
+    """Return directions where the table needs them, or where they can be had."""
+    if not isinstance(fit, LeadscrewSpec):
+        return None, []
+    try:
+        found = explain_direction(measured, fit.axis)
+    except DirectionUnknown:
+        if table.branches == 2:
+            raise
+        return None, []
+    return found.values, list(found.remarks) if table.branches == 2 else []

@@ -1,0 +1,19 @@
+"""Read-back, held-out prediction and the gate: why a list can be trusted."""
+
+from ._dynamics import GateTable as GateTable
+from ._figures import (
+    ErrorFigures as ErrorFigures,
+    RunTable as RunTable,
+    error_figures as error_figures,
+)
+from ._gate import (
+    GateCheck as GateCheck,
+    GateLimits as GateLimits,
+    judge as judge,
+)
+from ._heldout import HeldOut as HeldOut, held_out as held_out
+from ._reversal import (
+    choose_cycles as choose_cycles,
+    reversal_dynamics as reversal_dynamics,
+    spread_share as spread_share,
+)

@@ -1,0 +1,150 @@
+"""The gate: what a table may do to the machine before it is let out."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from ._dynamics import (
+    GateTable,
+    acceleration,
+    gradient,
+    kink,
+    place_of,
+    slope,
+    step,
+)
+from ._reversal import reversal_dynamics
+
+
+@dataclasses.dataclass(frozen=True)
+class GateCheck:
+    """One line of the gate: what was found, the limit, whether it passed.
+
+    Attributes:
+        name: As the key of the limit in the job file, or what is judged by it.
+        value: Largest value found, in `unit`.
+        limit: Largest value allowed.
+        unit: Of both.
+        passed: Whether the value stays inside.
+        where: Where the largest value lies, in words.
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    passed: bool
+    where: str
+
+
+@dataclasses.dataclass(frozen=True)
+class GateLimits:
+    """Limits of the gate with their defaults; lengths in mm (or °).
+
+    Attributes:
+        max_correction: Largest offset.
+        max_slope: Between neighbouring nodes, in µm per mm.
+        max_step: Between neighbouring nodes.
+        max_reversal: Jump of a bilateral table at reversal.
+        feed: In mm/min (°/min), at which the dynamics are judged.
+        max_velocity: That the table adds, in mm/s.
+        max_kink: Change of that velocity at a node, in mm/s.
+        max_acceleration: That the table adds, smoothed over 10 ms, in mm/s².
+        max_change: Against the existing list; None = not judged.
+        max_current: Of friction lists, as share of the rated value.
+    """
+
+    max_correction: float = 1.0
+    max_slope: float = 20.0
+    max_step: float = 0.2
+    max_reversal: float = 0.1
+    feed: float = 30_000.0
+    max_velocity: float = 20.0
+    max_kink: float = 20.0
+    max_acceleration: float = 5_000.0
+    max_change: float | None = None
+    max_current: float = 0.5
+
+
+def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
+    """Return every line of the gate for a table.
+
+    Velocity, kink and acceleration are those that the table adds while its masters move
+    with `GateLimits.feed`; for a plane in the worst direction.
+    """
+    unit = "mm" if table.unit == "mm" else "°"
+    feed = limits.feed / 60.0
+    steepest, at_slope = slope(table)
+    largest_step, at_step = step(table)
+    sharpest, at_kink = kink(table)
+    fastest, at_acceleration = acceleration(table, feed)
+    # 1 µm per mm is 0.001, and so is 0.001° per °.
+    per = "µm/mm" if table.unit == "mm" else "0.001°/°"
+    lines = [
+        _largest(table, "max_correction", table.offset, limits.max_correction, unit),
+        _check("max_slope", 1e3 * steepest, limits.max_slope, per, at_slope),
+        _check("max_step", largest_step, limits.max_step, unit, at_step),
+        _check(
+            "max_velocity",
+            gradient(table) * feed,
+            limits.max_velocity,
+            f"{unit}/s",
+            at_slope,
+        ),
+        _check("max_kink", sharpest * feed, limits.max_kink, f"{unit}/s", at_kink),
+        _check(
+            "max_acceleration",
+            fastest,
+            limits.max_acceleration,
+            f"{unit}/s²",
+            at_acceleration,
+        ),
+    ]
+    if len(table.offset) == 2:
+        lines += _reversal(table, limits, unit)
+    if table.change is not None and limits.max_change is not None:
+        lines.append(
+            _largest(table, "max_change", table.change, limits.max_change, unit)
+        )
+    return tuple(lines)
+
+
+def _check(name: str, value: float, limit: float, unit: str, where: str) -> GateCheck:
+    # The noise of floating point must not fail a table that lies on the limit.
+    passed = bool(value <= limit * (1 + 1e-9))
+    return GateCheck(name, float(value), float(limit), unit, passed, where)
+
+
+def _largest(
+    table: GateTable,
+    name: str,
+    branches: Sequence[np.ndarray],
+    limit: float,
+    unit: str,
+) -> GateCheck:
+    branch = max(branches, key=lambda values: float(np.max(np.abs(values))))
+    index = np.unravel_index(np.argmax(np.abs(branch)), branch.shape)
+    where = f"at {place_of(table, [int(k) for k in index])}"
+    return _check(name, float(np.max(np.abs(branch))), limit, unit, where)
+
+
+def _reversal(table: GateTable, limits: GateLimits, unit: str) -> list[GateCheck]:
+    jump = np.abs(table.offset[0] - table.offset[1])
+    k = int(np.argmax(jump))
+    where = f"at {place_of(table, [k])}"
+    spread = f"{where}, spread over {table.cycles} cycles"
+    fast, hard = reversal_dynamics(float(jump[k]), table.cycles, table.cycle_time)
+    return [
+        _check("max_reversal", float(jump[k]), limits.max_reversal, unit, where),
+        _check(
+            "max_velocity at reversal", fast, limits.max_velocity, f"{unit}/s", spread
+        ),
+        _check(
+            "max_acceleration at reversal",
+            hard,
+            limits.max_acceleration,
+            f"{unit}/s²",
+            spread,
+        ),
+    ]

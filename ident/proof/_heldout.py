@@ -1,0 +1,104 @@
+"""Held-out prediction: each reading under the list that was fitted without it."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..exchange import LIST_UNITS, AbstractTable
+from ..fit import Samples, TableFit, leave_out, predict, spatial_blocks
+
+_BLOCKS = 5
+"""Groups of spatial blocks where there are no runs."""
+
+_MOST_RUNS = 20
+"""Up to here each run is left out on its own."""
+
+
+@dataclasses.dataclass(frozen=True)
+class HeldOut:
+    """What a list would have left of each reading, had it not been measured.
+
+    Attributes:
+        residual: Error left per reading in mm or °.
+        standard_deviation: Predicted for such a reading, noise of the reading and
+            rounding to list units included.
+        groups: What was left out together: the run, or the spatial block.
+        by_run: Whether runs were left out (else blocks).
+    """
+
+    residual: Float[np.ndarray, " t"]
+    standard_deviation: Float[np.ndarray, " t"]
+    groups: Int[np.ndarray, " t"]
+    by_run: bool
+
+
+def held_out(
+    table: AbstractTable,
+    samples: Samples,
+    fit: TableFit,
+    to_integers: Callable[[TableFit], Int[np.ndarray, "..."]],
+    before: Float[np.ndarray, " t"],
+    active: Float[np.ndarray, " t"],
+    run_effects: str = "none",
+) -> HeldOut:
+    """Return what lists fitted without a run (or block) leave of its readings.
+
+    Each fold goes the whole way: fitted, rounded to list units, evaluated by the
+    rules of the controller.
+
+    Args:
+        table: What is written.
+        samples: Readings as fitted.
+        fit: The fit to all of them.
+        to_integers: From a fit to the entries of the list.
+        before: Error as measured, per reading.
+        active: Offset that was active while measuring, per reading.
+        run_effects: As in the fit.
+    """
+    by_run = samples.run is not None and len(np.unique(samples.run)) > 1
+    if by_run:
+        assert samples.run is not None
+        groups = _by_run(samples.run)
+    else:
+        groups = spatial_blocks(fit.layout, samples, count=_BLOCKS)
+    residual = np.full(len(before), np.nan)
+    deviation = np.full(len(before), np.nan)
+    weight = np.ones(len(before)) if samples.weight is None else samples.weight
+    folds = leave_out(fit.layout, samples, groups, fit, run_effects=run_effects)
+    for group, fold in folds:
+        left = groups == group
+        model = table.model(to_integers(fold))
+        offset = table.offset(model, samples.positions, samples.branch)
+        branch = None if samples.branch is None else samples.branch[left]
+        _, spread = predict(fold, samples.positions[left], branch)
+        residual[left] = (before + offset - active)[left]
+        deviation[left] = np.sqrt(
+            spread**2
+            + fold.noise**2 / weight[left]
+            + _run_variance(fold, samples, left)
+            + 1 / (12 * LIST_UNITS**2)
+        )
+    return HeldOut(residual, deviation, np.asarray(groups), by_run)
+
+
+def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
+    """Return the run of each reading; of many runs, a tenth of them at a time."""
+    rank = np.unique(run, return_inverse=True)[1].reshape(-1)
+    return np.asarray(rank % 10 if rank.max() >= _MOST_RUNS else run, dtype=np.int64)
+
+
+def _run_variance(
+    fold: TableFit, samples: Samples, left: np.ndarray
+) -> Float[np.ndarray, " t"] | float:
+    """Return what a run that was not measured yet adds by its own offset and drift."""
+    if len(fold.runs) < 2:
+        return 0.0
+    free = len(fold.runs) - 1
+    offset = sum(effect.offset**2 for effect in fold.runs) / free
+    if samples.order is None:
+        return offset
+    drift = sum(effect.drift**2 for effect in fold.runs) / free
+    late = samples.order[left] - 0.5
+    return np.asarray(offset + drift * np.square(late))

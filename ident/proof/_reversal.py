@@ -1,0 +1,68 @@
+"""How fast the jump of a bilateral table at reversal is, spread over a few cycles."""
+
+import numpy as np
+
+MOST_CYCLES = 19
+"""P-AXIS-00243 must stay below 20."""
+
+
+def spread_share(cycles: int) -> np.ndarray:
+    """Return the share of the jump that is out after 0, 1, … ``cycles`` cycles.
+
+    sin²(π/2 · k/n), as P-AXIS-00243 describes it; 0 and 1 are abrupt (S-06, S-25).
+    """
+    if cycles <= 1:
+        return np.array([0.0, 1.0])
+    return np.sin(0.5 * np.pi * np.arange(cycles + 1) / cycles) ** 2
+
+
+def reversal_dynamics(
+    jump: float, cycles: int, cycle_time: float
+) -> tuple[float, float]:
+    """Return the largest velocity and acceleration of a spread jump.
+
+    Both are differences from cycle to cycle, as the drive sees them.
+
+    Args:
+        jump: In mm or °.
+        cycles: Value of P-AXIS-00243.
+        cycle_time: In s.
+
+    Returns:
+        mm/s and mm/s² (°/s, °/s²).
+    """
+    position = jump * np.concatenate([[0.0], spread_share(cycles), [1.0]])
+    velocity = np.diff(position) / cycle_time
+    acceleration = np.diff(velocity) / cycle_time
+    return float(np.max(np.abs(velocity))), float(np.max(np.abs(acceleration)))
+
+
+def choose_cycles(
+    jump: float,
+    cycle_time: float,
+    max_velocity: float,
+    max_acceleration: float,
+    existing: int | None = None,
+) -> int:
+    """Return the number of cycles (2 … 19) over which a reversal jump is spread.
+
+    The smallest number whose velocity and acceleration from cycle to cycle both
+    stay inside the limits: a longer spread makes the path late at every reversal. An
+    existing value that is long enough stays. Where even 19 is too short, 19 is
+    returned, and the gate says no.
+
+    Args:
+        jump: Largest difference of the two directions in mm or °.
+        cycle_time: In s.
+        max_velocity: In mm/s.
+        max_acceleration: In mm/s².
+        existing: Value in the axis list, or None.
+    """
+
+    def inside(cycles: int) -> bool:
+        velocity, acceleration = reversal_dynamics(jump, cycles, cycle_time)
+        return velocity <= max_velocity and acceleration <= max_acceleration
+
+    if existing is not None and 2 <= existing <= MOST_CYCLES and inside(existing):
+        return existing
+    return next((n for n in range(2, MOST_CYCLES) if inside(n)), MOST_CYCLES)
