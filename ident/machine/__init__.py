@@ -1,0 +1,33 @@
+"""A virtual machine with known errors: it takes lists, is measured, and can be asked.
+
+Measured with no list, it gives the data of a job; measured again with the written
+lists active, it gives a true second measurement, since its errors come from physical
+causes and its offsets from the controller's rules, not from the fit.
+"""
+
+from ._example import (
+    LASER as LASER,
+    PROBE as PROBE,
+    STRAIGHTEDGE as STRAIGHTEDGE,
+    TRAVEL as TRAVEL,
+    example_machine as example_machine,
+)
+from ._instrument import Instrument as Instrument
+from ._loaded import LoadedTable as LoadedTable
+from ._machine import MachineError as MachineError, VirtualMachine as VirtualMachine
+from ._measure import (
+    Reading as Reading,
+    measure_length as measure_length,
+    measure_straightness as measure_straightness,
+    measure_surface as measure_surface,
+    write_laser_table as write_laser_table,
+    write_straightness as write_straightness,
+    write_surface as write_surface,
+)
+from ._sources import (
+    AbstractErrorSource as AbstractErrorSource,
+    BeamBow as BeamBow,
+    Reversal as Reversal,
+    ScrewPitch as ScrewPitch,
+    TableFlatness as TableFlatness,
+)

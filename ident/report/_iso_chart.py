@@ -1,0 +1,220 @@
+"""The ISO 230-2 chart: all runs, the means with their ±2 s band, and A, E, B marked."""
+
+import math
+import textwrap
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...data.measurements import (
+    EDITION,
+    Iso230,
+    describe_iso230,
+)
+from ._iso_marks import draw_brackets, draw_reversal, draw_tolerance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_UP, _DOWN = "#1f5fa8", "#c4511d"
+_SERIES = ("#7d8590", "#12805c", "#7a3e9d")
+_INK = "#24292f"
+_LEGEND_COLUMNS = 7
+_STYLE: Any = {
+    "font.size": 9.0,
+    "axes.edgecolor": "#57606a",
+    "axes.labelcolor": _INK,
+    "text.color": _INK,
+    "xtick.color": _INK,
+    "ytick.color": _INK,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "axcomp",  # equal input gives equal bytes
+}
+
+
+def draw_iso_chart(
+    tests: Mapping[str, Iso230],
+    *,
+    axis: str = "",
+    unit: str = "mm",
+    tolerance: float | None = None,
+    caption: bool = True,
+) -> "Figure":
+    """Return the chart of one positioning test, or of several overlaid.
+
+    Errors are drawn in µm (0.001° for a rotary axis) over positions in mm (°). The axis
+    of errors holds everything that is drawn; nothing is cut off.
+
+    Args:
+        tests: Evaluations by name (``before``, ``after`` …), in the order of drawing;
+            at most three.
+        axis: Name of the axis, for the title.
+        unit: ``mm`` or ``deg``, the unit of the evaluations.
+        tolerance: In ``unit``; drawn as a band around the middle of the last test's A.
+        caption: Whether to write the sentence under the plot; `describe_iso230`
+            gives it for documents that set it themselves.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(9.6, 5.7), dpi=150)
+        margin = 0.135 + 0.07 * (len(tests) - 1)
+        sentence = iso_chart_sentence(tests, unit=unit) if caption else ""
+        lines = textwrap.wrap(sentence, 138)
+        bottom = 0.105 + 0.033 * len(lines)
+        entries = sum(3 if test.bidirectional else 1 for test in tests.values())
+        entries += tolerance is not None
+        rows = math.ceil(entries / _LEGEND_COLUMNS)
+        top = 0.92 - 0.035 * rows
+        place = (0.08, bottom, 0.92 - margin, top - bottom)
+        axes = figure.add_axes(place)
+        small = "0.001°" if unit == "deg" else "µm"
+        long = "°" if unit == "deg" else "mm"
+        single = len(tests) == 1
+        for at, (name, test) in enumerate(tests.items()):
+            colours = (_UP, _DOWN) if single else (_SERIES[at], _SERIES[at])
+            _draw_test(axes, test, colours, "" if single else f"{name} ", at)
+        low, high = _extent(tests.values())
+        room = 0.08 * (high - low or 1.0)
+        axes.set_ylim(low - room, high + room)
+        for at, (name, test) in enumerate(tests.items()):
+            colour = _INK if single else _SERIES[at]
+            draw_brackets(axes, test, colour, at, "" if single else name)
+            draw_reversal(axes, test, colour, small, long)
+        if tolerance is not None:
+            draw_tolerance(axes, list(tests.values())[-1], tolerance, small)
+        axes.set_xlabel(f"Position [{long}]")
+        axes.set_ylabel(f"Deviation actual − commanded [{small}]")
+        axes.axhline(0.0, color="#57606a", linewidth=0.8, zorder=1)
+        axes.grid(color="#d0d7de", linewidth=0.5)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.set_title(_title(tests, axis), loc="left", fontsize=11, pad=11 + 15 * rows)
+        axes.legend(
+            loc="lower left",
+            bbox_to_anchor=(-0.005, 1.0),
+            ncols=math.ceil(entries / rows),
+            frameon=False,
+            fontsize=8,
+            handlelength=2.2,
+            handletextpad=0.5,
+            columnspacing=1.2,
+            borderaxespad=0.1,
+        )
+        text = "\n".join(lines)
+        figure.text(0.08, 0.022, text, fontsize=8.5, va="bottom", linespacing=1.35)
+    return figure
+
+
+def iso_chart_sentence(tests: Mapping[str, Iso230], *, unit: str = "mm") -> str:
+    """Return what the chart shows: how to read it, then the figures in words."""
+    reading = "Thin lines are single runs, thick lines their means, bands ±2 s."
+    return f"{reading} {describe_iso230(tests, unit=unit)}"
+
+
+def write_chart(figure: "Figure", folder: Path, stem: str) -> tuple[Path, Path]:
+    """Write a figure as SVG and PNG into a folder, each replaced whole; return paths.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    import matplotlib as mpl
+
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    with mpl.rc_context(_STYLE):
+        for ending in ("svg", "png"):
+            target = folder / f"{stem}.{ending}"
+            draft = folder / f".{stem}.{ending}.part"
+            try:
+                metadata = {"Date": None} if ending == "svg" else None
+                figure.savefig(
+                    draft, format=ending, metadata=metadata, facecolor="white"
+                )
+                draft.replace(target)
+            finally:
+                draft.unlink(missing_ok=True)
+            paths.append(target)
+    return paths[0], paths[1]
+
+
+def _title(tests: Mapping[str, Iso230], axis: str) -> str:
+    test = next(iter(tests.values()))
+    counts = [n for p in test.positions for n in (p.runs_up, p.runs_down) if n]
+    runs = (
+        f"{min(counts)}"
+        if min(counts) == max(counts)
+        else f"{min(counts)}–{max(counts)}"
+    )
+    named = f"Axis {axis}: p" if axis else "P"
+    sides = "both directions" if test.bidirectional else "one direction"
+    return (
+        f"{named}ositioning by {EDITION} — {len(test.positions)} targets, {runs} "
+        f"run{'s' if runs != '1' else ''}, {sides}"
+    )
+
+
+def _draw_test(
+    axes: "Axes", test: Iso230, colours: tuple[str, str], prefix: str, at: int
+) -> None:
+    """Draw runs, means and ±2 s bands of one test."""
+    faint = 0.35 if at == 0 else 0.45
+    for run in test.runs:
+        up = run.direction > 0
+        axes.plot(
+            run.target,
+            run.error * 1e3,
+            color=colours[0 if up else 1],
+            linewidth=0.6,
+            alpha=faint,
+            linestyle="-" if up else (0, (4, 2)),
+            zorder=2 + at,
+        )
+    for side, colour in zip(("up", "down"), colours, strict=True):
+        rows = [
+            (p.target, getattr(p, f"mean_{side}"), getattr(p, f"s_{side}"))
+            for p in test.positions
+            if getattr(p, f"mean_{side}") is not None
+        ]
+        if not rows:
+            continue
+        targets = np.array([row[0] for row in rows])
+        means = np.array([row[1] for row in rows]) * 1e3
+        spread = np.array([row[2] or 0.0 for row in rows]) * 2e3
+        axes.fill_between(
+            targets,
+            means - spread,
+            means + spread,
+            color=colour,
+            alpha=0.13,
+            linewidth=0,
+            zorder=1.5 + at,
+        )
+        axes.plot(
+            targets,
+            means,
+            color=colour,
+            linewidth=1.8,
+            marker="^" if side == "up" else "v",
+            markersize=5.5,
+            markeredgecolor="white",
+            markeredgewidth=0.7,
+            linestyle="-" if side == "up" else (0, (5, 1.6)),
+            label=f"{prefix or 'mean '}{'↑' if side == 'up' else '↓'}",
+            zorder=4 + at,
+        )
+
+
+def _extent(tests: Iterable[Iso230]) -> tuple[float, float]:
+    """Return the lowest and highest value drawn, in µm."""
+    values = [0.0]
+    for test in tests:
+        for ends in (test.accuracy_ends(), test.systematic_ends()):
+            values += ends or ()
+        for run in test.runs:
+            values += [float(run.error.min()), float(run.error.max())]
+    return min(values) * 1e3, max(values) * 1e3

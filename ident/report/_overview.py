@@ -1,0 +1,186 @@
+"""The whole job in one picture: each error before and after, at the same scale."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..job import FitResult, JobResult
+from . import _style as style
+from ._maps import mean_by_cell
+from ._plane import PlaneTable, bar, heat, label, plane_table
+from ._plot import Plot
+from ._readings import Readings, readings_of
+from ._scale import Scale, number, scale_of
+from ._second import SecondMeasurement
+
+_MOST = 6
+"""Fits that are drawn; the picture is a summary."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Cloud:
+    """Sound readings, for drawing.
+
+    Attributes:
+        positions: In mm.
+        error: In µm.
+        direction: ±1, or 0 where the table does not ask for it.
+    """
+
+    positions: Float[np.ndarray, "t d"]
+    error: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"]
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the error in µm."""
+        if not self.error.size:
+            return float("nan")
+        return float(np.sqrt(np.mean(self.error**2)))
+
+
+def overview_plot(
+    fits: Sequence[FitResult], second: Mapping[int, SecondMeasurement]
+) -> Plot | None:
+    """Draw every fit before and after: verified where it was, else predicted."""
+    shown = list(enumerate(fits))[:_MOST]
+    if not shown:
+        return None
+    heights = [_height(fit) for _, fit in shown]
+    figure = Figure(figsize=(7.2, sum(heights) + 0.2), layout="constrained")
+    panels = figure.subplots(len(shown), 2, squeeze=False, height_ratios=heights)
+    sentences = [
+        _draw_fit(figure, list(row), fit, second.get(place))
+        for row, (place, fit) in zip(panels, shown, strict=True)
+    ]
+    for row, (_, fit) in zip(panels, shown, strict=True):
+        if fit.fit.layout.branches == 2:
+            keys = row[0].get_legend_handles_labels()
+            figure.legend(*keys, loc="outside upper right", ncols=2, markerscale=2)
+            break
+    caption = f"Left: as measured. Right: with the new list. {' '.join(sentences)}"
+    return Plot("overview", "Before and after, at the same scale", figure, caption)
+
+
+def write_picture(
+    result: JobResult,
+    path: Path,
+    *,
+    second: Mapping[int, SecondMeasurement] | None = None,
+) -> None:
+    """Write the overview of a job as a PNG, small enough for a README.
+
+    Args:
+        result: What the job found; at least one fit.
+        path: File to write.
+        second: Measurements with the written lists active, by the place of the fit.
+    """
+    with style.house_style():
+        plot = overview_plot(result.fits, second or {})
+        if plot is not None:
+            plot.figure.savefig(path, format="png", dpi=110)
+
+
+def _height(fit: FitResult) -> float:
+    return 2.0 if len(fit.masters) == 1 else 2.3
+
+
+def _draw_fit(
+    figure: Figure,
+    panels: list[Axes],
+    fit: FitResult,
+    second: SecondMeasurement | None,
+) -> str:
+    """Draw one row and return its sentence."""
+    scale = scale_of(fit.unit)
+    readings = readings_of(fit, scale)
+    before = _before(readings)
+    after, kind = _after(readings, second, scale)
+    if len(fit.masters) == 2:
+        _draw_maps(figure, panels, fit, scale, (before, after))
+    else:
+        _draw_clouds(panels, fit, scale, (before, after))
+    over = "" if fit.compensation == "leadscrew" else f" over {', '.join(fit.masters)}"
+    name = f"{fit.axis}{over}"
+    sizes = [cloud.rms for cloud in (before, after)]
+    for panel, size, word in zip(panels, sizes, ("before", kind), strict=True):
+        panel.set_title(f"{name}, {word}: {number(size)} {scale.error} rms", fontsize=8)
+    return (
+        f"{name}: {number(sizes[0])} → {number(sizes[1])} {scale.error} rms ({kind})."
+    )
+
+
+def _before(readings: Readings) -> Cloud:
+    keep = ~readings.wild
+    return Cloud(
+        readings.positions[keep], readings.before[keep], readings.direction[keep]
+    )
+
+
+def _after(
+    readings: Readings, second: SecondMeasurement | None, scale: Scale
+) -> tuple[Cloud, str]:
+    if second is not None:
+        keep = second.sound
+        ways = second.direction
+        if ways is None:
+            ways = np.zeros(len(keep), dtype=np.int64)
+        error = second.error[keep] * scale.factor
+        return Cloud(second.positions[keep], error, ways[keep]), "verified"
+    keep = readings.sound
+    cloud = Cloud(
+        readings.positions[keep], readings.predicted[keep], readings.direction[keep]
+    )
+    return cloud, "predicted"
+
+
+def _draw_clouds(
+    panels: list[Axes], fit: FitResult, scale: Scale, both: tuple[Cloud, Cloud]
+) -> None:
+    for panel, cloud in zip(panels, both, strict=True):
+        for direction in (1, -1, 0):
+            rows = np.flatnonzero(cloud.direction == direction)
+            rows = rows[style.thin(rows.size, 3000)]
+            if rows.size:
+                panel.plot(
+                    cloud.positions[rows, 0], cloud.error[rows], linestyle="none",
+                    marker=style.DIRECTION_MARKER[direction], markersize=2.4,
+                    markeredgewidth=0, color=style.DIRECTION_COLOR[direction],
+                    alpha=0.7, rasterized=style.as_raster(rows.size),
+                    label=style.DIRECTION_NAME[direction],
+                )  # fmt: skip
+        panel.axhline(0, color=style.INK, linewidth=0.7)
+        panel.set_xlabel(f"{fit.masters[0]} in {scale.position}")
+    low, high = (
+        pick(pick(cloud.error.tolist(), default=0.0) for cloud in both)
+        for pick in (min, max)
+    )
+    room = 0.08 * (high - low or 1.0)
+    for panel in panels:
+        panel.set_ylim(low - room, high + room)
+    panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")
+
+
+def _draw_maps(
+    figure: Figure,
+    panels: list[Axes],
+    fit: FitResult,
+    scale: Scale,
+    both: tuple[Cloud, Cloud],
+) -> None:
+    table: PlaneTable = plane_table(fit, scale)
+    means = [mean_by_cell(table, each.positions, each.error)[0] for each in both]
+    known = np.abs(np.concatenate([mean[np.isfinite(mean)] for mean in means]))
+    span = float(known.max(initial=0.0)) or 1.0
+    layers = [
+        heat(panel, table, mean, limits=(-span, span), diverging=True)
+        for panel, mean in zip(panels, means, strict=True)
+    ]
+    for panel in panels:
+        label(panel, table, scale)
+    bar(figure, layers[0], panels, f"error in {scale.error}")

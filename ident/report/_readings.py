@@ -1,0 +1,127 @@
+"""The readings of a fit as the plots need them: display units, marked, binned."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..job import FitResult
+from ._scale import Scale
+
+
+@dataclasses.dataclass(frozen=True)
+class Readings:
+    """All readings of one fit in display units (errors in µm, positions in mm).
+
+    Attributes:
+        positions: Shape ``(t, d)``, one column per master.
+        direction: ±1 per reading; 0 where the table does not ask for it.
+        run: Run per reading, or None.
+        order: Time or place in sequence.
+        timed: Whether `order` is a time in seconds; else it is a row number.
+        before: Error as measured.
+        predicted: Error left under a list fitted without this reading, or NaN.
+        from_file: Error left under the written file.
+        sd: Predicted standard deviation of ``predicted``.
+        wild: Readings that the loss rejected.
+    """
+
+    positions: Float[np.ndarray, "t d"]
+    direction: Int[np.ndarray, " t"]
+    run: Int[np.ndarray, " t"] | None
+    order: Float[np.ndarray, " t"]
+    timed: bool
+    before: Float[np.ndarray, " t"]
+    predicted: Float[np.ndarray, " t"]
+    from_file: Float[np.ndarray, " t"]
+    sd: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+
+    @property
+    def size(self) -> int:
+        """Number of readings."""
+        return len(self.before)
+
+    @property
+    def sound(self) -> Bool[np.ndarray, " t"]:
+        """Readings that are neither wild nor without a prediction."""
+        return np.asarray(~self.wild & np.isfinite(self.predicted))
+
+
+@dataclasses.dataclass(frozen=True)
+class Bins:
+    """Mean of the readings in slices of a quantity, with its standard error.
+
+    Attributes:
+        edges: Of the slices, one more than there are slices.
+        count: Readings per slice; slices without readings are kept, with NaN.
+        mean: In µm.
+        error: Standard error of the mean in µm.
+    """
+
+    edges: Float[np.ndarray, " e"]
+    count: Int[np.ndarray, " b"]
+    mean: Float[np.ndarray, " b"]
+    error: Float[np.ndarray, " b"]
+
+    @property
+    def centre(self) -> Float[np.ndarray, " b"]:
+        """Middle of each slice."""
+        return np.asarray((self.edges[1:] + self.edges[:-1]) / 2)
+
+    @property
+    def worst(self) -> int | None:
+        """The slice whose mean stands out most against its standard error, if any."""
+        known = (self.count >= 3) & (self.error > 0)
+        if not known.any():
+            return None
+        size = np.abs(self.mean) / np.where(known, self.error, np.inf)
+        return int(np.nanargmax(np.where(known, size, -1.0)))
+
+
+def readings_of(fit: FitResult, scale: Scale) -> Readings:
+    """Return the readings of a fit in display units."""
+    samples = fit.samples
+    size = len(samples.before)
+    wild = fit.fit.wild
+    if len(wild) != size:  # readings were left out between fit and view
+        wild = samples.share <= 0.05
+    order = np.asarray(samples.order, dtype=float)
+    direction = samples.direction
+    return Readings(
+        positions=samples.positions,
+        direction=np.zeros(size, dtype=int) if direction is None else direction,
+        run=samples.run,
+        order=order,
+        timed=bool(np.any(order != np.round(order))),
+        before=samples.before * scale.factor,
+        predicted=samples.predicted * scale.factor,
+        from_file=samples.from_file * scale.factor,
+        sd=samples.predicted_sd * scale.factor,
+        wild=np.asarray(wild, dtype=bool),
+    )
+
+
+def bin_means(
+    where: Float[np.ndarray, " t"], value: Float[np.ndarray, " t"], slices: int
+) -> Bins:
+    """Return the means of ``value`` in equal slices of ``where``."""
+    low, high = float(where.min()), float(where.max())
+    if high <= low:
+        high = low + 1.0
+    edges = np.linspace(low, high, slices + 1)
+    index = np.clip(np.searchsorted(edges, where, side="right") - 1, 0, slices - 1)
+    number = np.bincount(index, minlength=slices)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.bincount(index, value, slices) / number
+        spread = np.bincount(index, (value - mean[index]) ** 2, slices)
+        error = np.sqrt(spread / np.maximum(number - 1, 1) / number)
+    return Bins(edges, number, mean, error)
+
+
+def robust_limit(value: Float[np.ndarray, " t"], share: float = 0.995) -> float:
+    """Return the size that all but a few of the values stay within, never 0."""
+    known = np.abs(value[np.isfinite(value)])
+    if known.size == 0:
+        return 1.0
+    return float(np.quantile(known, share)) * 1.15 or 1.0

@@ -1,0 +1,195 @@
+"""What remains after the list, over position, order and run: is a pattern left?"""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from ..job import FitResult
+from . import _style as style
+from ._plot import Plot
+from ._readings import Bins, Readings, bin_means, robust_limit
+from ._scale import Scale, grouped, number, percent, place
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """One quantity to look at the remaining error over.
+
+    Attributes:
+        name: In the caption.
+        label: Of the axis.
+        unit: With a leading blank, or empty.
+        where: Value per reading.
+        whole: Whether only whole numbers make sense.
+    """
+
+    name: str
+    label: str
+    unit: str
+    where: Float[np.ndarray, " t"]
+    whole: bool = False
+
+
+def views_of(fit: FitResult, readings: Readings, scale: Scale) -> list[View]:
+    """Return what to look over: each master, then the time or the order."""
+    unit = f" {scale.position}"
+    views = [
+        View(name, f"{name} in {scale.position}", unit, readings.positions[:, column])
+        for column, name in enumerate(fit.masters)
+    ]
+    if readings.timed:
+        views.append(View("time", "time in s", " s", readings.order))
+    else:
+        order = "row, in the order of measuring"
+        views.append(View("row", order, "", readings.order, whole=True))
+    return views
+
+
+def residual_plot(fit: FitResult, readings: Readings, scale: Scale) -> Plot | None:
+    """Draw the predicted remaining error over each master, the order, and the runs."""
+    if not readings.sound.any():
+        return None
+    runs = _runs(readings)
+    views = views_of(fit, readings, scale)
+    panels = len(views) + (runs is not None)
+    columns = 2 if panels % 2 == 0 else panels
+    rows = panels // columns
+    figure, axes = style.new_figure(2.4 * rows + 0.3, rows, columns, sharey=True)
+    limit = robust_limit(readings.predicted[readings.sound])
+    found = []
+    for panel, view in zip(axes, views, strict=False):
+        found.append(_draw_cloud(panel, readings, view.where, limit))
+        panel.set_xlabel(view.label)
+    if runs is not None:
+        _draw_runs(axes[-1], readings, runs)
+    for panel in axes[::columns]:
+        panel.set_ylabel(f"remaining in {scale.error}")
+    handles, names = axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper right", ncols=4, markerscale=1.6)
+    caption = _say_residuals(
+        fit, readings, scale, limit, _say_bins(fit, views, found, scale)
+    )
+    title = "What remains over position, order and run (predicted)"
+    return Plot("residuals", title, figure, caption)
+
+
+def _runs(readings: Readings) -> Float[np.ndarray, " r"] | None:
+    if readings.run is None:
+        return None
+    runs = np.unique(readings.run)
+    return runs.astype(float) if 2 <= runs.size <= 60 else None
+
+
+def _draw_cloud(
+    axes: Axes, readings: Readings, where: Float[np.ndarray, " t"], limit: float
+) -> Bins:
+    keep = np.flatnonzero(readings.sound)
+    keep = keep[style.thin(keep.size)]
+    for direction in (1, -1, 0):
+        rows = keep[readings.direction[keep] == direction]
+        if rows.size:
+            axes.plot(
+                where[rows], readings.predicted[rows],
+                linestyle="none", marker=style.DIRECTION_MARKER[direction],
+                markersize=float(np.clip(90 / np.sqrt(rows.size), 1.2, 3)),
+                markeredgewidth=0, color=style.DIRECTION_COLOR[direction], alpha=0.4,
+                rasterized=style.as_raster(rows.size),
+                label=f"reading, {style.DIRECTION_NAME[direction]}"
+                if direction else "reading",
+            )  # fmt: skip
+    sound = readings.sound
+    slices = int(np.clip(np.count_nonzero(sound) // 12, 3, 24))
+    bins = bin_means(where[sound], readings.predicted[sound], slices)
+    known = bins.count >= 3
+    axes.errorbar(
+        bins.centre[known], bins.mean[known], 2 * bins.error[known], linestyle="none",
+        marker="s", markersize=3.2, color=style.INK, elinewidth=1, capsize=1.5,
+        label="mean of a slice ± 2 standard errors", zorder=5,
+    )  # fmt: skip
+    axes.axhline(0, color=style.INK, linewidth=0.7)
+    axes.set_ylim(-limit, limit)
+    return bins
+
+
+def _draw_runs(axes: Axes, readings: Readings, runs: Float[np.ndarray, " r"]) -> None:
+    """Draw each run as mean and ± 2 standard deviations of its readings."""
+    sound = readings.sound
+    assert readings.run is not None
+    for run in runs:
+        rows = sound & (readings.run == run)
+        value = readings.predicted[rows]
+        if value.size:
+            spread = 2 * float(value.std())
+            axes.errorbar(
+                run, float(value.mean()), spread, marker="o", markersize=4,
+                color=style.GREEN, elinewidth=1.4, capsize=3,
+            )  # fmt: skip
+    axes.axhline(0, color=style.INK, linewidth=0.7)
+    axes.set_xlabel("run (mean ± 2 sd of its readings)")
+    if runs.size <= 12:
+        axes.set_xticks(runs.tolist(), [f"{run:g}" for run in runs])
+
+
+def _say_bins(
+    fit: FitResult, views: list[View], found: list[Bins], scale: Scale
+) -> str:
+    """Say which slice stands out most over each quantity, and whether by chance."""
+    parts, beyond = [], []
+    for view, bins in zip(views, found, strict=True):
+        worst = bins.worst
+        if worst is None:
+            continue
+        mean, error = float(bins.mean[worst]), float(bins.error[worst])
+        digits = 0 if view.whole or np.ptp(bins.edges) > 50 else 2
+        low, high = (round(float(bins.edges[worst + k]), digits) for k in (0, 1))
+        parts.append(
+            f"{view.name} {place(low)} to {place(high)}{view.unit} "
+            f"{number(mean, signed=True)} {scale.error} "
+            f"({abs(mean) / error:.1f} standard errors)"
+        )
+        # Largest of n independent normal means: expected below about sqrt(2 ln 2n)
+        # standard errors; one more allows for few readings per slice.
+        usual = float(np.sqrt(2 * np.log(2 * (bins.count >= 3).sum()))) + 1.0
+        if abs(mean) > usual * error:
+            beyond.append(view.name)
+    if not parts:
+        return ""
+    text = f"Slices that stand out most: {'; '.join(parts)}. "
+    if beyond and fit.fit.runs and beyond[-1] in ("time", "row"):
+        # A left-out run keeps the offset and drift of its own, as a new one would.
+        text += "The runs lie apart by their own offset and drift (next plot). "
+        beyond = beyond[:-1]
+        if not beyond:
+            return text.strip()
+    if beyond:
+        return text + f"Over {' and '.join(beyond)} that is more than chance."
+    return text + "That is no more than chance makes of so many slices."
+
+
+def _say_residuals(
+    fit: FitResult, readings: Readings, scale: Scale, limit: float, slices: str
+) -> str:
+    sound = readings.sound
+    value = readings.predicted[sound]
+    before = readings.before[~readings.wild]
+    text = [
+        f"On readings whose {fit.held_out} was left out of the fit, "
+        f"{number(float(np.sqrt(np.mean(value**2))))} {scale.error} rms remain of "
+        f"{number(float(np.sqrt(np.mean(before**2))))} {scale.error}."
+    ]
+    text += [slices] if slices else []
+    outside = float(np.mean(np.abs(value) > limit))
+    if outside:
+        text.append(f"{percent(outside)} of the readings lie beyond the frame.")
+    if readings.wild.any():
+        text.append(
+            f"{grouped(int(readings.wild.sum()))} wild readings are not drawn here."
+        )
+    if value.size > style.DRAWN_POINTS:
+        text.append(
+            f"{grouped(style.DRAWN_POINTS)} of {grouped(value.size)} readings are "
+            "drawn; the slices use all of them."
+        )
+    return " ".join(text)

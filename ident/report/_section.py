@@ -1,0 +1,207 @@
+"""One fit of a job as a section of the page: words, tables and plots in their order."""
+
+import dataclasses
+
+from ..job import ErrorFigures, FitResult, Remark
+from ._iso import iso_plot
+from ._lines import change_plot, curve_plot
+from ._maps import change_maps, coverage_maps, error_map, remainder_map
+from ._plot import Plot
+from ._readings import Readings, readings_of
+from ._residuals import residual_plot
+from ._runs import runs_plot
+from ._scale import Scale, number, percent, scale_of
+from ._second import SecondMeasurement
+from ._spread import spread_plot
+from ._words import Verdict, WildRow, how_it_was_made, verdict_of, wild_rows
+
+_LEVELS = {"error": 0, "warning": 1, "info": 2}
+
+_COLUMNS = (
+    ("before", "before", "measured"),
+    ("predicted", "predicted", "computed on readings left out of the fit"),
+    ("from_file", "from the file", "computed: the written file, read back"),
+    ("verified", "verified", "measured with the list active"),
+)
+
+_ROWS = (
+    ("rms", "root mean square"),
+    ("max", "largest magnitude"),
+    ("A", "accuracy of positioning: everything, both directions"),
+    ("R", "repeatability: scatter, which no table can remove"),
+    ("B", "reversal value: largest difference of the directions"),
+    ("E", "systematic positional deviation: range of the means"),
+    ("M", "range of the mean of both directions"),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class FiguresTable:
+    """Error before, predicted, from the file and verified, ready to print.
+
+    Attributes:
+        columns: Heading and what kind of number it is, per column.
+        rows: Name, explanation, and one number per column.
+        unit: Of all numbers.
+        iso: Whether rows of ISO 230-2 are among them.
+    """
+
+    columns: tuple[tuple[str, str], ...]
+    rows: tuple[tuple[str, str, tuple[str, ...]], ...]
+    unit: str
+    iso: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class GateRow:
+    """One line of the gate, ready to print; ``share``: value / limit in %, to 100."""
+
+    name: str
+    value: str
+    limit: str
+    unit: str
+    passed: bool
+    where: str
+    share: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Section:
+    """Everything that the page says of one fit."""
+
+    name: str
+    heading: str
+    verdict: Verdict
+    remarks: tuple[Remark, ...]
+    figures: FiguresTable
+    plots: tuple[Plot, ...]
+    gate: tuple[GateRow, ...]
+    facts: tuple[tuple[str, str], ...]
+    wild: tuple[WildRow, ...]
+    wild_count: int
+    fit: FitResult
+    scale: Scale
+    second: SecondMeasurement | None
+
+
+def section_of(
+    fit: FitResult, place: int, second: SecondMeasurement | None = None
+) -> Section:
+    """Return the section of one fit; ``place`` counts the fits of the job from 1."""
+    scale = scale_of(fit.unit)
+    readings = readings_of(fit, scale)
+    remarks = sorted(fit.remarks, key=lambda remark: _LEVELS.get(remark.level, 3))
+    over = "" if fit.compensation == "leadscrew" else " over " + ", ".join(fit.masters)
+    return Section(
+        name=f"{place}-{fit.compensation}-{_plain(fit.axis)}",
+        heading=f"{place}. {fit.compensation.capitalize()} of {fit.axis}{over}",
+        verdict=verdict_of(fit, scale, second),
+        remarks=tuple(remarks),
+        figures=figures_table(fit, scale, second),
+        plots=tuple(_plots(fit, readings, scale, second)),
+        gate=tuple(_gate_rows(fit)),
+        facts=tuple(how_it_was_made(fit, readings, scale)),
+        wild=tuple(wild_rows(fit, readings, scale)),
+        wild_count=int(readings.wild.sum()),
+        fit=fit,
+        scale=scale,
+        second=second,
+    )
+
+
+def figures_table(
+    fit: FitResult, scale: Scale, second: SecondMeasurement | None
+) -> FiguresTable:
+    """Return the table of error figures in display units."""
+    figures: dict[str, ErrorFigures] = dict(fit.error)
+    if second is not None:
+        figures["verified"] = second.figures
+    columns = [column for column in _COLUMNS if column[0] in figures]
+    rows = []
+    for name, meaning in _ROWS:
+        values = [_figure(figures[key], name) for key, _, _ in columns]
+        if any(value is not None for value in values):
+            shown = tuple(
+                "–" if value is None else number(value * scale.factor)
+                for value in values
+            )
+            rows.append((name, meaning, shown))
+    return FiguresTable(
+        columns=tuple((label, kind) for _, label, kind in columns),
+        rows=tuple(rows),
+        unit=scale.error,
+        iso=any(name in "AREBM" for name, _, _ in rows),
+    )
+
+
+def _figure(figures: ErrorFigures, name: str) -> float | None:
+    if name in ("rms", "max"):
+        return float(getattr(figures, name))
+    return None if figures.iso230 is None else figures.iso230.get(name)
+
+
+def _plots(
+    fit: FitResult,
+    readings: Readings,
+    scale: Scale,
+    second: SecondMeasurement | None,
+) -> list[Plot]:
+    """Draw what the data can show, most telling first."""
+    if len(fit.masters) == 2:
+        drawn = [
+            error_map(fit, readings, scale),
+            coverage_maps(fit, scale),
+            change_maps(fit, scale),
+            remainder_map(fit, readings, scale),
+        ]
+    else:
+        drawn = [
+            curve_plot(fit, readings, scale),
+            change_plot(fit, scale),
+            iso_plot(fit, second),
+        ]
+    drawn += [
+        residual_plot(fit, readings, scale),
+        runs_plot(fit, scale),
+        spread_plot(readings, scale),
+    ]
+    return [plot for plot in drawn if plot is not None]
+
+
+def _gate_rows(fit: FitResult) -> list[GateRow]:
+    return [
+        GateRow(
+            name=check.name,
+            value=f"{check.value:.4g}",
+            limit=f"{check.limit:.4g}",
+            unit=check.unit,
+            passed=check.passed,
+            where=check.where,
+            share=min(100.0, 100 * abs(check.value) / check.limit)
+            if check.limit > 0
+            else 100.0,
+        )
+        for check in fit.gate
+    ]
+
+
+def summary_row(section: Section) -> tuple[str, ...]:
+    """Return the line of a fit in the overview: before, predicted, verified, gate."""
+    table = section.figures
+    rms = next((row for row in table.rows if row[0] == "rms"), None)
+    cells = dict(zip((c[0] for c in table.columns), rms[2], strict=True)) if rms else {}
+    before, after = section.fit.error.get("before"), section.fit.error.get("predicted")
+    gain = "–"
+    if before and after and before.rms > 0 and after.rms < before.rms:
+        gain = percent(1 - after.rms / before.rms)
+    return (
+        cells.get("before", "–"),
+        cells.get("predicted", "–"),
+        gain,
+        cells.get("verified", section.fit.verified_by or "not yet"),
+    )
+
+
+def _plain(name: str) -> str:
+    """Return a name that is safe in a file name and an anchor."""
+    return "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in name)

@@ -1,0 +1,94 @@
+"""Writes the report: one HTML page that needs nothing else, and its plots as files."""
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+
+import jinja2
+import markupsafe
+
+from ..job import JobResult, write_atomically
+from . import _style as style
+from ._job_text import job_text
+from ._overview import overview_plot
+from ._plot import Plot
+from ._second import SecondMeasurement
+from ._section import Section, section_of, summary_row
+
+_TEMPLATE = "report.html.jinja"
+_WORDS = {"good": "good", "warn": "look", "bad": "stop"}
+_LEVELS = {"error": 0, "warning": 1, "info": 2}
+
+
+def write_report(
+    result: JobResult,
+    out: Path,
+    *,
+    second: Mapping[int, SecondMeasurement] | None = None,
+) -> tuple[Path, ...]:
+    """Write ``report.html`` and ``plots/*.svg`` into a folder and return their paths.
+
+    Args:
+        result: What the job found.
+        out: Folder of the report; it is made where it is missing.
+        second: Measurements taken with the written lists active, by the place of the
+            fit in ``result.fits``; only these are called verified.
+
+    Returns:
+        The page first, then the plots. Each file is replaced atomically.
+    """
+    second = second or {}
+    with style.house_style():
+        sections = [
+            section_of(fit, place + 1, second.get(place))
+            for place, fit in enumerate(result.fits)
+        ]
+        overview = overview_plot(result.fits, second)
+        files = _svg_files(overview, sections)
+    page = _render(result, overview, sections, files)
+    plots = out / "plots"
+    plots.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, text in files.items():
+        path = plots / f"{name}.svg"
+        write_atomically(path, text.encode())
+        written.append(path)
+    # The page comes last: where it stands, its plots do too.
+    write_atomically(out / "report.html", page.encode())
+    return (out / "report.html", *written)
+
+
+def _svg_files(overview: Plot | None, sections: list[Section]) -> dict[str, str]:
+    """Return all plots as SVG texts by file name."""
+    plots = {} if overview is None else {overview.name: overview}
+    for section in sections:
+        plots |= {f"{section.name}-{plot.name}": plot for plot in section.plots}
+    return {name: style.to_svg(plot.figure, name) for name, plot in plots.items()}
+
+
+def _render(
+    result: JobResult,
+    overview: Plot | None,
+    sections: list[Section],
+    files: Mapping[str, str],
+) -> str:
+    # Everything that came from a user is escaped; only our own drawings are not.
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
+    source = (
+        resources.files("axcomp.ident.report").joinpath(_TEMPLATE).read_text("utf-8")
+    )
+    return environment.from_string(source).render(
+        job=result,
+        overview=overview,
+        sections=sections,
+        remarks=sorted(result.remarks, key=lambda r: _LEVELS.get(r.level, 3)),
+        summary_row=summary_row,
+        words=_WORDS,
+        svgs={
+            name: markupsafe.Markup(style.to_inline(text))
+            for name, text in files.items()
+        },
+        job_text=job_text(result.job),
+    )
