@@ -1,25 +1,44 @@
 # `make demo` and `make test` do all the set-up; they need Python >= 3.11, make and git.
 PYTHON ?= python3
 VENV ?= .venv
+WHEEL_VENV ?= .venv-wheel
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+WORKERS ?= 2
 
-.PHONY: demo test lint wheel-test bench clean
+.PHONY: demo test lint wheel-test bench docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/axcomp demo --out axcomp-demo
 
 test: $(INSTALLED)
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 
+# The wheel as a user gets it, in an environment of its own, from a folder that holds no
+# source: what only works inside the checkout fails here.
+wheel-test: $(INSTALLED)
+	rm -rf dist $(WHEEL_VENV)
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+	$(PYTHON) -m venv $(WHEEL_VENV)
+	$(WHEEL_VENV)/bin/python -m pip install --quiet --upgrade pip
+	$(WHEEL_VENV)/bin/python -m pip install --quiet --constraint constraints.txt --group dev dist/axcomp-*.whl
+	mkdir -p dist/empty
+	cd dist/empty && ../../$(WHEEL_VENV)/bin/pytest -n $(WORKERS) --dist loadfile \
+	  -c ../../pyproject.toml --rootdir ../.. ../../tests
+
+# Without the run-time type checks of the tests, which would be timed too.
 bench: $(INSTALLED)
-	$(BIN)/pytest benchmarks --benchmark-only -n 0
+	$(BIN)/pytest -o addopts="--import-mode=importlib" benchmarks --benchmark-only
+
+docs: $(INSTALLED)
+	$(BIN)/python -m axcomp.data.lists._document
+	$(BIN)/axcomp demo --out axcomp-demo --picture docs/demo.png
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -28,4 +47,4 @@ $(INSTALLED): pyproject.toml constraints.txt
 	touch $(INSTALLED)
 
 clean:
-	rm -rf $(VENV) axcomp-demo axcomp-out dist
+	rm -rf $(VENV) $(WHEEL_VENV) axcomp-demo axcomp-out dist

@@ -45,7 +45,7 @@ def corners(
         share = coordinate - cell
         flat = flat + cell * float(stride)
         sides.append((1.0 - share, share))
-    first = _whole(jnp.asarray(flat))
+    first = whole(jnp.asarray(flat))
     if table is not None:
         first = first + table.astype(jnp.int32) * math.prod(shape)
     weights = tuple(
@@ -54,7 +54,7 @@ def corners(
     return first, weights
 
 
-def _whole(number: Float[Array, " t"]) -> Int[Array, " t"]:
+def whole(number: Float[Array, " t"]) -> Int[Array, " t"]:
     """Return floats that are whole numbers, 0 to 2**31 − 1, as integers.
 
     2**52 + n has n in its last bits. XLA's own conversion takes a third of the whole

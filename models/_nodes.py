@@ -12,6 +12,8 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
+from ._kernels import whole
+
 _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """A position may miss the node it was computed for by a few roundings of this size."""
 
@@ -68,7 +70,7 @@ class AbstractNodes(eqx.Module):
         """
         place = self.coordinate(position)
         cell = jnp.minimum(jnp.floor(place), float(max(self.count - 2, 0)))
-        return cell.astype(jnp.int32), place - cell
+        return whole(cell), place - cell
 
 
 @final

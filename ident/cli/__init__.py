@@ -1,0 +1,3 @@
+"""The command line: parse, call the library, exit status."""
+
+from ._app import main as main

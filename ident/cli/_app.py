@@ -1,0 +1,74 @@
+"""Assembles the commands and turns errors into one line and an exit status.
+
+Only light modules are imported here: every command imports what it needs when it runs,
+so that ``axcomp --help`` and ``axcomp check`` start in a fraction of a second.
+"""
+
+import os
+import sys
+
+import typer
+
+from ... import __version__
+from ...data.errors import AxcompError, UsageError
+from . import _check, _demo, _diff, _fit, _iso230, _read, _show, _simulate
+
+app = typer.Typer(
+    name="axcomp",
+    help="Turns measurements of a machine tool into compensation lists that are proven to work.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command("demo")(_demo.demo)
+app.command("read")(_read.read)
+app.command("fit")(_fit.fit)
+app.command("iso230")(_iso230.iso230)
+app.command("check")(_check.check)
+app.command("show")(_show.show)
+app.command("diff")(_diff.diff)
+app.command("simulate")(_simulate.simulate)
+
+
+def _print_version(value: bool) -> bool:
+    if value:
+        typer.echo(__version__)
+        raise typer.Exit
+    return value  # what a callback returns is what the option gets
+
+
+@app.callback()
+def _options(
+    version: bool = typer.Option(
+        False,
+        "--version",
+        callback=_print_version,
+        is_eager=True,
+        help="Print the version.",
+    ),
+) -> None:
+    """Turn measurements of a machine tool into compensation lists that are proven to work."""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    0 done; 1 bad input, failed fit, failed gate, or something requested that the data
+    cannot determine; 2 bad usage; 130 interrupted.
+    """
+    try:
+        app(args=argv, prog_name="axcomp")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    except KeyboardInterrupt:
+        print("axcomp: interrupted", file=sys.stderr)
+        return 130
+    except AxcompError as error:
+        print(f"axcomp: {error}", file=sys.stderr)
+        return 2 if isinstance(error, UsageError) else 1
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        print(f"axcomp: {where}{reason}", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,119 @@
+"""The command ``demo``: a machine with known faults, from measurement to proof."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ._demo_run import DemoResult, Outcome
+
+_WHAT = {
+    "leadscrew": "X  screw pitch off, lost motion",
+    "cross": "Y  bent beam: Y wanders as X moves",
+    "plane": "Z  table not flat",
+}
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for everything it makes.")] = Path(
+        "axcomp-demo"
+    ),
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Also write the before-and-after picture, as PNG."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the figures on standard output.")
+    ] = False,
+) -> None:
+    """Make a virtual machine, measure it, compensate it, and measure it again.
+
+    Writes the measurement files, a job file to read and to rerun, the lists and a
+    report. A folder that holds anything else is left alone.
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    with console.status("starting") as status:
+        from ..job import use_compilation_cache
+        from ._demo_run import run_demo
+
+        use_compilation_cache()
+        result = run_demo(out, lambda line: status.update(line))
+        if picture is not None:
+            from ..report import write_picture
+
+            write_picture(result.job, picture, second=result.seconds)
+    _print(console, out, result)
+    if as_json:
+        typer.echo(json.dumps(_as_dict(result), indent=2))
+    if not result.job.passed:
+        raise typer.Exit(1)
+
+
+def _print(console: "Console", out: Path, result: "DemoResult") -> None:
+    from rich.table import Table
+
+    console.print(
+        "A portal mill that exists only in the computer was measured, compensated,\n"
+        "and measured again with the new lists loaded. Typical error (rms) in µm:\n",
+        markup=False,
+    )
+    table = Table(box=None, pad_edge=False)
+    table.add_column("known fault")
+    for heading in ("before", "predicted", "verified"):
+        table.add_column(f"  {heading}", justify="right")
+    for outcome in result.outcomes:
+        sizes = (f"{1000 * size:.1f}" for size in _sizes(outcome).values())
+        table.add_row(_WHAT[outcome.fit.compensation], *sizes)
+    console.print(table)
+    lists = ", ".join(outcome.fit.files[0].name for outcome in result.outcomes)
+    lines = [
+        "",
+        "predicted  computed, on readings that were kept out of the computation",
+        "verified   the second measurement, at other positions",
+        "",
+        f"Lists   {lists} in {out / 'result'}",
+        f"Report  {result.report}  (open it in a browser)",
+        f"Next    read {out / 'job.toml'}; copy it there, change it, then",
+        "        axcomp fit COPY.toml --out my-result",
+        f"Done in {result.wall_time:.0f} s.",
+    ]
+    for line in lines:
+        console.print(line, markup=False, soft_wrap=True)
+
+
+def _sizes(outcome: "Outcome") -> dict[str, float]:
+    """Return the rms errors in mm by stage."""
+    error = outcome.fit.error
+    return {
+        "before": error["before"].rms,
+        "predicted": error["predicted"].rms,
+        "verified": outcome.verified.rms,
+    }
+
+
+def _as_dict(result: "DemoResult") -> dict[str, Any]:
+    """Return the result for machines: rms in mm by stage, and where things lie."""
+    return {
+        "fits": [
+            {
+                "compensation": outcome.fit.compensation,
+                "axis": outcome.fit.axis,
+                "rms": _sizes(outcome),
+                "max": {
+                    "before": outcome.fit.error["before"].max,
+                    "predicted": outcome.fit.error["predicted"].max,
+                    "verified": outcome.verified.max,
+                },
+                "list": str(outcome.fit.files[0]),
+            }
+            for outcome in result.outcomes
+        ],
+        "report": str(result.report),
+        "wall_time": result.wall_time,
+    }

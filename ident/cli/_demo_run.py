@@ -1,0 +1,123 @@
+"""What `axcomp demo` does: measure, fit, load the lists, measure again, compare."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from ...data.lists import ListFile
+from ..job import ErrorFigures, FitResult, JobResult, run_job, write_atomically
+from ..machine import VirtualMachine, example_machine
+from ..report import SecondMeasurement, write_report
+from . import _demo_files as files
+
+_SEED = 20261120
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the demo tells of one compensation; lengths in mm.
+
+    Attributes:
+        fit: What the job found.
+        second: The measurement with the written list active.
+    """
+
+    fit: FitResult
+    second: SecondMeasurement
+
+    @property
+    def verified(self) -> ErrorFigures:
+        """Size of the error with the list active, as measured."""
+        return self.second.figures
+
+
+@dataclasses.dataclass(frozen=True)
+class DemoResult:
+    """Everything that the demo did.
+
+    Attributes:
+        outcomes: One per compensation.
+        job: Result of the job on the first measurement.
+        report: The page.
+        wall_time: Of the whole demo in seconds, without starting Python.
+    """
+
+    outcomes: tuple[Outcome, ...]
+    job: JobResult
+    report: Path
+    wall_time: float
+
+    @property
+    def seconds(self) -> dict[int, SecondMeasurement]:
+        """The second measurements by the place of the fit."""
+        return {place: one.second for place, one in enumerate(self.outcomes)}
+
+
+def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
+    """Run the whole demo into a folder.
+
+    Args:
+        out: Folder; empty, missing, or left by an earlier demo.
+        say: Called with a short line before each step.
+
+    Raises:
+        FolderError: If the folder holds what no demo made.
+    """
+    start = time.perf_counter()
+    files.claim_folder(out)
+    machine = example_machine()
+    say("measuring a machine with known faults")
+    _write_inputs(out, machine)
+    files.seal_folder(out)
+    job = run_job(out / "job.toml", out / "result", say)
+    say("loading the lists and measuring again")
+    loaded = machine.with_lists(
+        ListFile.read(out / "result" / fit.files[0]) for fit in job.fits
+    )
+    seconds = _measure_again(out, loaded, say)
+    say("drawing the report")
+    page, *_ = write_report(job, out / "result", second=dict(enumerate(seconds)))
+    files.seal_folder(out)
+    return DemoResult(
+        outcomes=tuple(map(Outcome, job.fits, seconds)),
+        job=job,
+        report=page,
+        wall_time=time.perf_counter() - start,
+    )
+
+
+def _write_inputs(out: Path, machine: VirtualMachine) -> None:
+    """Write everything that a user would bring: measurements, old list, job."""
+    files.write_measurements(out / "measurements", files.measure(machine, _SEED))
+    (out / "machine").mkdir(exist_ok=True)
+    write_atomically(out / "machine" / "achskw2.lis", files.old_list().dumps())
+    write_atomically(out / "job.toml", files.JOB.encode())
+    write_atomically(out / "README.txt", files.README.encode())
+
+
+def _measure_again(
+    out: Path, machine: VirtualMachine, say: Callable[[str], None]
+) -> list[SecondMeasurement]:
+    """Measure with the lists active; evaluate it as a user would, by a job of its own.
+
+    The instruments' zeros are taken off exactly as they were the first time.
+    """
+    folder = out / "second"
+    paths = files.write_measurements(folder, files.measure(machine, _SEED + 100))
+    write_atomically(folder / "job.toml", files.second_job().encode())
+    result = run_job(folder / "job.toml", folder / "result", say)
+    found = []
+    for fit, path in zip(result.fits, paths, strict=True):
+        view = fit.samples
+        found.append(
+            SecondMeasurement(
+                name=f"second/{path.name}",
+                positions=view.positions,
+                error=view.before,
+                direction=view.direction,
+                run=view.run,
+                wild=fit.fit.wild,
+            )
+        )
+    return found

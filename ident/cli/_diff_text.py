@@ -1,0 +1,68 @@
+"""What ``axcomp diff`` prints: for people and for machines."""
+
+import dataclasses
+import json
+
+from ...data.lists import Change, Comparison, CurveChange
+
+MOST_ENTRIES = 12
+"""Changed entries of one table that are named one by one."""
+
+
+def comparison_json(found: Comparison) -> str:
+    """Return the comparison for machines."""
+    shown = {
+        "changed": [dataclasses.asdict(change) for change in found.changed],
+        "action": found.action,
+        "reasons": list(found.reasons),
+        "curves": [dataclasses.asdict(curve) for curve in found.curves],
+    }
+    return json.dumps(shown, ensure_ascii=False, indent=2)
+
+
+def comparison_lines(found: Comparison) -> list[str]:
+    """Return the comparison as lines for people."""
+    lines: list[str] = []
+    groups: dict[str, list[Change]] = {}
+    for change in found.changed:
+        head, bracket, tail = change.name.partition("[")
+        key = f"{head}{bracket}{tail.rpartition(']')[2]}" if bracket else change.name
+        groups.setdefault(key, []).append(change)
+    for changes in groups.values():
+        shown = changes[:MOST_ENTRIES]
+        lines += [_entry_line(change) for change in shown]
+        if len(changes) > len(shown):
+            lines.append(f"  ... and {len(changes) - len(shown)} more of this table")
+    lines += [_curve_line(curve) for curve in found.curves]
+    actions = {
+        "none": "No entry changed: nothing to load.",
+        "reload": "A reload of the list is enough.",
+        "restart": "The controller must be restarted:",
+    }
+    lines.append(actions[found.action])
+    lines += [f"  {reason}" for reason in found.reasons]
+    return lines
+
+
+def _entry_line(change: Change) -> str:
+    if change.old is None:
+        return f"+ {change.name}: {change.new}"
+    if change.new is None:
+        return f"- {change.name}: {change.old}"
+    return f"~ {change.name}: {change.old} -> {change.new}"
+
+
+def _curve_line(curve: CurveChange) -> str:
+    branch = "" if curve.branch == "both" else f", {curve.branch} direction"
+    name = f"{curve.compensation}{branch}"
+    if curve.largest is None:
+        return f"{name}: the offset curves cannot be compared: {curve.note}"
+    note = f" ({curve.note})" if curve.note else ""
+    if curve.largest == 0:
+        return f"{name}: the controller adds the same as before{note}"
+    unit = "mm" if curve.unit == "µm" else "increments"
+    place = ", ".join(f"{position:g}" for position in curve.at)
+    return (
+        f"{name}: the offset changes by at most {curve.largest:+g} {curve.unit}, "
+        f"at {place} {unit}{note}"
+    )

@@ -1,0 +1,260 @@
+"""The command ``iso230``: accuracy and repeatability of positioning."""
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ...data.errors import UsageError
+
+if TYPE_CHECKING:
+    from ...data.measurements import Iso230, Table
+
+
+def iso230(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Runs of the test.")],
+    after: Annotated[
+        Path | None,
+        typer.Argument(metavar="[AFTER]", help="Runs after the compensation."),
+    ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(metavar="T", help="Largest A that passes, in mm, or as 20um."),
+    ] = None,
+    axis: Annotated[
+        str | None, typer.Option(help="Axis, where the file holds several.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result for machines.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the chart (SVG and PNG).")
+    ] = None,
+) -> None:
+    """Evaluate a positioning test by ISO 230-2: A, R, B, mean B, E and M.
+
+    With a second file: before and after. With a tolerance: a verdict on A of the last
+        file, and exit
+    status 1 where it fails.
+    """
+    from ...data.measurements import MeasurementError
+
+    files = {"before": file, "after": after} if after else {"": file}
+    limit = None if tolerance is None else _tolerance(tolerance)
+    tests: dict[str, Iso230] = {}
+    units: dict[str, str] = {}
+    names: dict[str, str] = {}
+    for name, path in files.items():
+        tests[name], units[name], names[name], remarks = _evaluate(path, axis)
+        tests[name] = dataclasses.replace(
+            tests[name], remarks=(*remarks, *tests[name].remarks)
+        )
+    unit, last = next(iter(units.values())), next(reversed(files))
+    if len(set(units.values())) > 1:
+        reason = f"found {units['after']}, expected {unit} as in {file}"
+        raise MeasurementError(str(after), reason)
+    verdict = None if limit is None else _verdict(tests[last], limit, files[last], unit)
+    charts: tuple[Path, ...] = ()
+    if out is not None:
+        from ..report._iso_chart import draw_iso_chart, write_chart
+
+        figure = draw_iso_chart(tests, axis=names[last], unit=unit, tolerance=limit)
+        charts = write_chart(figure, out, f"iso230_{_stem(file)}")
+    if as_json:
+        typer.echo(json.dumps(_as_dict(tests, unit, verdict, charts), indent=2))
+    else:
+        _print(files, tests, unit, names[last])
+    if verdict is not None:
+        typer.echo(verdict["sentence"], err=True)
+    for path in charts:
+        typer.echo(f"wrote {path}", err=True)
+    if verdict is not None and not verdict["passed"]:
+        raise typer.Exit(1)
+
+
+def _evaluate(
+    path: Path, axis: str | None
+) -> "tuple[Iso230, str, str, tuple[str, ...]]":
+    """Return figures, unit, axis name and remarks of one file."""
+    from ...data.measurements import (
+        derive_error,
+        explain_direction,
+        iso230 as evaluate,
+        measurement,
+        read_table,
+    )
+
+    table = read_table(path)
+    axis = axis or _only_axis(table)
+    data = measurement(table, axis=axis or "axis")
+    name = axis or "axis"
+    position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")
+    error = derive_error(data, name)
+    direction = explain_direction(data, name)
+    figures = evaluate(position, error, data.get("run"), direction.values)
+    remarks = [*data.remarks, *direction.remarks]
+    remarks += [
+        f"Skipped line {s.line}: {s.reason}."
+        for s in table.skipped
+        if s.reason != "comment"
+    ]
+    return figures, data.units[f"{name}.position"], axis or "", tuple(remarks)
+
+
+def _only_axis(table: "Table") -> str | None:
+    """Return the one axis with a position and an error or actual; None for bare roles.
+
+    Raises:
+        MeasurementError: If there are several, or none.
+    """
+    from ...data.measurements import MeasurementError, find_role
+
+    roles = [column.role for column in table.columns if column.role]
+    if "position" in roles:
+        return None
+    known = [role for text in roles if (role := find_role(text)) and role.axis]
+    axes = sorted(
+        {
+            role.axis or ""
+            for role in known
+            if role.kind in ("error", "actual") and f"{role.axis}.position" in roles
+        }
+    )
+    if len(axes) == 1:
+        return axes[0]
+    columns = ", ".join(column.name for column in table.columns[:12])
+    found = f"axes {', '.join(axes)}" if axes else f"columns {columns}"
+    expected = (
+        "--axis with one of them"
+        if axes
+        else "target, error (or actual), run, direction; or X.position, X.error …"
+    )
+    raise MeasurementError(str(table.path), f"found {found}, expected {expected}")
+
+
+def _tolerance(text: str) -> float:
+    """Return a tolerance in mm (or °) from a number with or without a unit."""
+    from ...data.measurements import find_unit
+
+    match = re.fullmatch(r"\s*([0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?)\s*(\D.*)?", text)
+    unit = find_unit(match[2]) if match and match[2] else find_unit("mm")
+    if match is None or unit is None or unit.dimension not in ("length", "angle"):
+        msg = f"--tolerance: found '{text}', expected mm such as 0.02, or 20um"
+        raise UsageError(msg)
+    import numpy as np
+
+    value = float(unit.to_library(np.array([float(match[1].replace(",", "."))]))[0])
+    if value <= 0.0:
+        msg = f"--tolerance: found '{text}', expected more than 0"
+        raise UsageError(msg)
+    return value
+
+
+def _verdict(test: "Iso230", limit: float, file: Path, unit: str) -> dict[str, Any]:
+    """Return the verdict: A against the tolerance, the figure named.
+
+    Raises:
+        MeasurementError: If the data give no accuracy to judge.
+    """
+    from ...data.measurements import MeasurementError, amount, with_arrows
+
+    name, value = test.judged()
+    if value is None:
+        reason = "found one run only, expected at least two: no accuracy A to judge"
+        raise MeasurementError(str(file), reason)
+    passed = value <= limit
+    shown = with_arrows(name)
+    sentence = (
+        f"{'PASS' if passed else 'FAIL'}: {shown} = {amount(value, unit)} "
+        f"{'≤' if passed else '>'} tolerance {amount(limit, unit)} ({file.name})"
+    )
+    return {
+        "passed": passed,
+        "figure": name,
+        "value": value,
+        "tolerance": limit,
+        "sentence": sentence,
+    }
+
+
+def _as_dict(
+    tests: "dict[str, Iso230]", unit: str, verdict: dict[str, Any] | None, charts: Any
+) -> dict[str, Any]:
+    first, *others = tests.values()
+    result: dict[str, Any] = _figures(first)
+    result["unit"] = unit
+    if others:
+        result["after"] = _figures(others[0])
+    if verdict is not None:
+        result["verdict"] = verdict
+    if charts:
+        result["charts"] = [str(path) for path in charts]
+    return result
+
+
+def _figures(test: "Iso230") -> dict[str, Any]:
+    return {
+        **test.figures(),
+        "positions": [dataclasses.asdict(item) for item in test.positions],
+        "run_offsets": {str(run): value for run, value in test.run_offsets.items()},
+        "remarks": list(test.remarks),
+    }
+
+
+_MEANING = {
+    "A": "accuracy, both directions",
+    "R": "repeatability, both directions",
+    "B": "largest reversal",
+    "B_mean": "mean reversal",
+    "E": "systematic deviation, both directions",
+    "M": "range of the mean deviation",
+    "R_up": "repeatability ↑",
+    "R_down": "repeatability ↓",
+    "A_up": "accuracy ↑",
+    "A_down": "accuracy ↓",
+    "E_up": "systematic deviation ↑",
+    "E_down": "systematic deviation ↓",
+}
+
+
+def _print(
+    files: dict[str, Path], tests: "dict[str, Iso230]", unit: str, axis: str
+) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table as Grid
+
+    from ...data.measurements import EDITION, describe_drift
+
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        console.width = 160  # a log or a pipe has no edge to wrap at
+    small = "0.001°" if unit == "deg" else "µm"
+    grid = Grid(
+        "figure", "meaning", title=f"{EDITION}{f', axis {axis}' if axis else ''}"
+    )
+    for name, path in files.items():
+        label = f"{name}: {path.name}" if name else path.name
+        grid.add_column(escape(f"{label} [{small}]"), justify="right")
+    for key, meaning in _MEANING.items():
+        values = [getattr(test, key) for test in tests.values()]
+        if any(value is not None for value in values):
+            cells = ["–" if value is None else f"{value * 1e3:.1f}" for value in values]
+            shown = (
+                key.replace("_up", "↑")
+                .replace("_down", "↓")
+                .replace("B_mean", "mean B")
+            )
+            grid.add_row(shown, meaning, *cells)
+    console.print(grid)
+    for name, test in tests.items():
+        drift = describe_drift(test, unit=unit)
+        for remark in (*test.remarks, *([drift] if drift else ())):
+            console.print(escape(f"{name}: {remark}" if name else remark))
+
+
+def _stem(path: Path) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)

@@ -1,0 +1,127 @@
+"""The command ``read``: what a measurement file holds."""
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from ...data.measurements import CellError, Column, Table
+
+
+def read(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Measurement file.")],
+    profile: Annotated[
+        str | None,
+        typer.Option(help="Profile of a Klipper file that holds several bed meshes."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result for machines.")
+    ] = False,
+) -> None:
+    """Say what a measurement file holds: format, columns, units, rows, skipped lines.
+
+    Ends with exit status 1 where a column of numbers holds a cell that is none.
+    """
+    from ...data.measurements import read_table
+
+    table = read_table(file, profile=profile)
+    problems = [
+        table.cell_error(column, column.bad, "a finite number")
+        for column in table.columns
+        if column.bad is not None
+    ]
+    if as_json:
+        typer.echo(json.dumps(_as_dict(table, problems), ensure_ascii=False, indent=2))
+    else:
+        _print(table)
+    for problem in problems:
+        typer.echo(f"axcomp: {problem}", err=True)
+    if problems:
+        raise typer.Exit(1)
+
+
+def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
+    return {
+        "file": str(table.path),
+        "format": table.format,
+        "columns": [
+            {"name": column.name, "role": column.role, "unit": column.unit}
+            for column in table.columns
+        ],
+        "rows": table.rows,
+        "first": [_cell(column, 0) for column in table.columns],
+        "last": [_cell(column, -1) for column in table.columns],
+        "skipped": [
+            {"line": item.line, "reason": item.reason} for item in table.skipped
+        ],
+        "remarks": list(table.remarks),
+        "problems": [
+            {
+                "line": problem.line,
+                "column": problem.column,
+                "found": problem.found,
+                "expected": problem.expected,
+            }
+            for problem in problems
+        ],
+    }
+
+
+def _cell(column: "Column", row: int) -> float | str | None:
+    if column.text is not None:
+        return column.text[row]
+    value = float(column.values[row])
+    return value if math.isfinite(value) else None
+
+
+def _print(table: "Table") -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table as Grid
+
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        console.width = 160  # a log or a pipe has no edge to wrap at
+    console.print(f"{escape(str(table.path))}: {table.format}, {table.rows} rows")
+    grid = Grid(
+        "column", "role", "unit", "first row", "last row", "smallest", "largest"
+    )
+    for column in table.columns:
+        ends = [_shown(_cell(column, row)) for row in (0, -1)]
+        finite = [v for v in (_extreme(column, "min"), _extreme(column, "max")) if v]
+        role = column.role or ""
+        if role and "." not in role and role not in ("time", "run"):
+            role = f"<axis>.{role}"
+        grid.add_row(
+            escape(column.name),
+            escape(role),
+            "text" if column.text is not None else column.unit or "",
+            *map(escape, ends),
+            *(finite or ["", ""]),
+        )
+    console.print(grid)
+    for remark in table.remarks:
+        console.print(escape(remark))
+    if not table.skipped:
+        console.print("Nothing was skipped.")
+    for item in table.skipped[:20]:
+        place = f"line {item.line}: " if item.line else ""
+        console.print(escape(f"skipped {place}{item.reason}"))
+    if len(table.skipped) > 20:
+        console.print(f"… and {len(table.skipped) - 20} more (all of them with --json)")
+
+
+def _shown(value: float | str | None) -> str:
+    if value is None:
+        return "no number"
+    return value if isinstance(value, str) else f"{value:.10g}"
+
+
+def _extreme(column: "Column", which: str) -> str:
+    import numpy as np
+
+    finite = column.values[np.isfinite(column.values)]
+    return f"{getattr(finite, which)():.10g}" if finite.size else ""

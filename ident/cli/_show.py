@@ -1,0 +1,36 @@
+"""The command ``show``."""
+
+import pathlib
+from typing import Annotated
+
+import typer
+
+
+def show(
+    file: Annotated[pathlib.Path, typer.Argument(metavar="FILE.lis")],
+    out: Annotated[
+        pathlib.Path | None,
+        typer.Option(metavar="DIR", help="Folder for plots of the tables."),
+    ] = None,
+) -> None:
+    """Show a list: its parameters with their meaning, its tables in mm and µm."""
+    import sys
+
+    from rich.console import Console
+
+    from ...data.lists import ListFile, offset_curves
+    from ._show_tables import list_views
+
+    shown = ListFile.read(file)
+    width = None if sys.stderr.isatty() else 120
+    console = Console(stderr=True, width=width, highlight=False, soft_wrap=False)
+    for view in list_views(shown):
+        console.print(view)
+    if out is not None:
+        from ._list_plots import draw_curves
+
+        paths = draw_curves(offset_curves(shown), out)
+        for path in paths:
+            typer.echo(f"wrote {path}", err=True)
+        if not paths:
+            typer.echo("no cross, plane or leadscrew table to draw", err=True)

@@ -1,0 +1,150 @@
+"""`axcomp demo`: from a machine with known faults to verified lists, in one command."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile
+from axcomp.ident.cli import main
+from axcomp.ident.cli._demo_files import FolderError, claim_folder, seal_folder
+from axcomp.ident.job import load_job
+from axcomp.ident.machine import LASER, PROBE, STRAIGHTEDGE, example_machine
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of one run of the demo, with what it printed in ``stdout.json``."""
+    root = tmp_path_factory.mktemp("demo")
+    out = root / "axcomp-demo"
+    with pytest.MonkeyPatch.context() as patch:
+        lines: list[str] = []
+        patch.setattr("typer.echo", lambda text, **_: lines.append(str(text)))
+        picture = str(root / "demo.png")
+        assert main(["demo", "--out", str(out), "--picture", picture, "--json"]) == 0
+    (root / "stdout.json").write_text("\n".join(lines))
+    return out
+
+
+def figures(demo: Path) -> dict[str, dict[str, dict[str, float]]]:
+    found = json.loads((demo.parent / "stdout.json").read_text())
+    return {one["compensation"]: one for one in found["fits"]}
+
+
+@pytest.mark.slow
+def test_second_measurement_confirms_every_prediction(demo: Path) -> None:
+    noise = {"leadscrew": LASER, "cross": STRAIGHTEDGE, "plane": PROBE}
+    for name, one in figures(demo).items():
+        rms = one["rms"]
+        # Nothing below the instrument's own scatter can be seen; its runs shift too.
+        floor = float(np.hypot(noise[name].noise, noise[name].run_offset))
+        assert rms["verified"] < 2 * floor
+        assert rms["verified"] < 0.2 * rms["before"]
+        # Other targets and three runs: within half of what was predicted.
+        assert rms["verified"] == pytest.approx(rms["predicted"], rel=0.5)
+
+
+@pytest.mark.slow
+def test_written_lists_leave_little_of_the_true_error(demo: Path) -> None:
+    bare = example_machine()
+    names = [demo / "result" / f"achskw{number}.lis" for number in (1, 2, 3)]
+    loaded = bare.with_lists(ListFile.read(name) for name in names)
+    rng = np.random.default_rng(8)
+    where = {"X": rng.uniform(0, 800, 2000), "Y": rng.uniform(0, 400, 2000)}
+    ways = rng.choice([-1, 1], 2000)
+    shown = ~((where["X"] > 600) & (where["Y"] > 250))  # the clamp hides the corner
+    for axis in "XYZ":
+        before = bare.true_error(axis, where, ways)[shown]
+        after = loaded.error(axis, where, ways)[shown]
+        if axis == "Y":  # offset and slope of the straightedge are arbitrary
+            design = np.stack([np.ones(shown.sum()), where["X"][shown]], axis=1)
+            before, after = (
+                value - design @ np.linalg.lstsq(design, value)[0]
+                for value in (before, after)
+            )
+        else:
+            before, after = before - before.mean(), after - after.mean()
+        # Noise averages out: what is left is far below a single reading's scatter.
+        assert np.sqrt(np.mean(after**2)) < 0.0006, axis
+        assert np.sqrt(np.mean(after**2)) < 0.1 * np.sqrt(np.mean(before**2)), axis
+
+
+@pytest.mark.slow
+def test_report_calls_the_lists_verified_and_stands_alone(demo: Path) -> None:
+    page = (demo / "result" / "report.html").read_text("utf-8")
+    assert page.count('<div class="verdict good">Verified:') == 3
+    assert "http" not in page
+    assert (demo / "result" / "plots" / "overview.svg").is_file()
+
+
+@pytest.mark.slow
+def test_old_list_keeps_everything_but_its_table(demo: Path) -> None:
+    old = (demo / "machine" / "achskw2.lis").read_bytes()
+    new = (demo / "result" / "achskw2.lis").read_bytes()
+    assert b"(do not lose this line)\r\n" in new
+    head = old[: old.index(b"kw.crosscomp.last_index")]
+    assert new.startswith(head)
+    assert new.endswith(b"Ende\r\n")
+    assert b"\r\n" in new
+    assert new.count(b"\n") == new.count(b"\r\n")
+
+
+@pytest.mark.slow
+def test_both_jobs_can_be_read_and_run_again(demo: Path, tmp_path: Path) -> None:
+    load_job(demo / "second" / "job.toml")
+    assert main(["fit", str(demo / "job.toml"), "--out", str(tmp_path)]) == 0
+    for number in (1, 2, 3):
+        name = f"achskw{number}.lis"
+        assert (tmp_path / name).read_bytes() == (demo / "result" / name).read_bytes()
+
+
+@pytest.mark.slow
+def test_picture_is_small_enough_for_a_readme(demo: Path) -> None:
+    picture = (demo.parent / "demo.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) < 200_000
+
+
+@pytest.mark.slow
+def test_folder_of_an_unchanged_demo_is_used_again(demo: Path) -> None:
+    claim_folder(demo)  # raises where it is not its own
+
+
+def test_folder_with_files_of_the_user_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "thesis.txt").write_text("years of work")
+    assert main(["demo", "--out", str(tmp_path)]) == 1
+    error = capsys.readouterr().err
+    assert "found files that no demo made, expected an empty folder" in error
+    assert "--out" in error
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_changed_or_added_file_of_a_demo_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "job.toml").write_text("a")
+    seal_folder(tmp_path)
+    claim_folder(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(FolderError, match=r"notes\.txt, which no demo made"):
+        claim_folder(tmp_path)
+    (tmp_path / "notes.txt").unlink()
+    (tmp_path / "job.toml").write_text("b")
+    with pytest.raises(FolderError, match=r"job\.toml changed since the demo made it"):
+        claim_folder(tmp_path)
+
+
+def test_results_may_be_made_again(tmp_path: Path) -> None:
+    (tmp_path / "result").mkdir()
+    (tmp_path / "result" / "report.html").write_text("a")
+    seal_folder(tmp_path)
+    (tmp_path / "result" / "report.html").write_text("b")
+    claim_folder(tmp_path)
+
+
+def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "demo"
+    path.write_text("x")
+    with pytest.raises(FolderError, match="a file of that name"):
+        claim_folder(path)

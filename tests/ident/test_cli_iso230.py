@@ -1,0 +1,209 @@
+"""The command ``axcomp iso230`` and its chart."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.measurements import iso230
+from axcomp.ident.cli import main
+from axcomp.ident.report._iso_chart import (
+    draw_iso_chart,
+    iso_chart_sentence,
+    write_chart,
+)
+
+TARGETS = [0.0, 25.0, 50.0, 75.0, 100.0]
+
+
+def laser(folder: Path, name: str = "before.csv", size: float = 1.0) -> Path:
+    """Write five runs both ways: slope 0.2 µm/mm, reversal 8 µm, scatter 1 µm."""
+    rng = np.random.default_rng(7)
+    lines = ["target,error,run,direction"]
+    for run in range(1, 6):
+        for direction in (1, -1):
+            for target in TARGETS[::direction]:
+                error = size * (2e-4 * target - 4e-3 * direction) + rng.normal(0, 1e-3)
+                lines.append(f"{target},{error:.6f},{run},{direction}")
+    path = folder / name
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def figures(name: str, size: float = 1.0):
+    target = np.tile([*TARGETS, *TARGETS], 5)
+    direction = np.tile(np.repeat([1, -1], 5), 5)
+    noise = np.random.default_rng(len(name)).normal(0, 1e-3, target.size)
+    error = size * (2e-4 * target - 4e-3 * direction) + noise
+    return iso230(target, error, np.repeat(np.arange(5), 10), direction)
+
+
+def test_iso230_prints_figures_in_mm(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["iso230", str(laser(tmp_path)), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    keys = ["A", "R", "B", "B_mean", "E", "M", "R_up", "R_down"]
+    keys += ["A_up", "A_down", "E_up", "E_down", "positions"]
+    assert list(found)[: len(keys)] == keys
+    # True values 8, −8 and 20 µm; five runs with 1 µm leave 1 to 2 µm on an extreme.
+    assert found["B"] == pytest.approx(0.008, abs=0.002)
+    assert found["B_mean"] == pytest.approx(-0.008, abs=0.001)
+    assert found["M"] == pytest.approx(0.020, abs=0.002)
+    assert len(found["positions"]) == 5
+
+
+def test_iso230_compares_before_and_after_and_judges_the_last(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [str(laser(tmp_path)), str(laser(tmp_path, "after.csv", 0.05))]
+    assert main(["iso230", *files, "--tolerance", "0.01", "--json"]) == 0
+    shown = capsys.readouterr()
+    found = json.loads(shown.out)
+    assert found["after"]["A"] < 0.01 < found["A"]
+    assert found["verdict"]["figure"] == "A"
+    assert found["verdict"]["value"] == found["after"]["A"]
+    assert "PASS: A = " in shown.err
+
+
+@pytest.mark.parametrize("tolerance", ["0.01", "10um", "10 µm", "0,01"])
+def test_iso230_fails_a_test_beyond_its_tolerance(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], tolerance: str
+) -> None:
+    assert main(["iso230", str(laser(tmp_path)), "--tolerance", tolerance]) == 1
+    shown = capsys.readouterr().err
+    assert "FAIL: A = " in shown
+    assert "> tolerance 10.0 µm (before.csv)" in shown
+
+
+@pytest.mark.parametrize("tolerance", ["tight", "0", "3 s"])
+def test_iso230_tolerance_that_is_no_length_is_bad_usage(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], tolerance: str
+) -> None:
+    assert main(["iso230", str(laser(tmp_path)), "--tolerance", tolerance]) == 2
+    assert "--tolerance: found" in capsys.readouterr().err
+
+
+def test_iso230_writes_the_chart_twice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [str(laser(tmp_path)), str(laser(tmp_path, "after.csv", 0.05))]
+    out = tmp_path / "charts"
+    assert main(["iso230", *files, "--out", str(out)]) == 0
+    assert sorted(path.name for path in out.iterdir()) == [
+        "iso230_before.png",
+        "iso230_before.svg",
+    ]
+    svg = (out / "iso230_before.svg").read_text(encoding="utf-8")
+    for word in (
+        "Position [mm]",
+        "[µm]",
+        "A before",
+        "E after",
+        "Thin lines are single runs",
+    ):
+        assert word in svg
+
+
+def test_iso230_out_that_is_a_file_ends_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = laser(tmp_path)
+    assert main(["iso230", str(path), "--out", str(path)]) == 1
+    assert "before.csv: File exists" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("x,y,z\n1,2,3\n4,5,6\n", "expected target, error (or actual)"),
+        (
+            "X.position,X.error,Y.position,Y.error\n1,2,3,4\n5,6,7,8\n",
+            "expected --axis",
+        ),
+        ("target,error,run\n5,0.1,1\n5,0.2,1\n", "direction of axis cannot be derived"),
+        ("target,error,run,direction\n0,0.1,1,1\n9,nan,1,1\n", ":3: column 'error'"),
+    ],
+)
+def test_iso230_refuses_what_is_no_test(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, match: str
+) -> None:
+    path = tmp_path / "m.csv"
+    path.write_text(text, encoding="utf-8")
+    assert main(["iso230", str(path)]) == 1
+    assert match in capsys.readouterr().err
+
+
+def test_single_run_cannot_be_judged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "m.csv"
+    path.write_text(
+        "target,error,run,direction\n0,0.1,1,1\n9,0.2,1,1\n", encoding="utf-8"
+    )
+    assert main(["iso230", str(path), "--tolerance", "1"]) == 1
+    assert "expected at least two: no accuracy A to judge" in capsys.readouterr().err
+
+
+def test_direction_is_derived_from_the_order_of_targets(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    full = laser(tmp_path)
+    lines = [line.rsplit(",", 1)[0] for line in full.read_text().splitlines()]
+    bare = tmp_path / "bare.csv"
+    bare.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    main(["iso230", str(full), "--json"])
+    stated = json.loads(capsys.readouterr().out)
+    main(["iso230", str(bare), "--json"])
+    derived = json.loads(capsys.readouterr().out)
+    assert derived["positions"] == stated["positions"]
+    assert any("first target of each run" in remark for remark in derived["remarks"])
+
+
+def test_chart_draws_every_run_mean_and_band() -> None:
+    test = figures("one")
+    figure = draw_iso_chart({"before": test}, axis="X", tolerance=0.02)
+    axes = figure.axes[0]
+    assert len(test.runs) == 10
+    curves = [line for line in axes.get_lines() if np.size(line.get_xdata()) == 5]
+    assert len(curves) == 12  # ten runs and two means
+    assert len(axes.collections) == 2  # bands
+    low, high = axes.get_ylim()
+    assert low < -4.0
+    assert high > 24.0  # the ends of slope and reversal in µm
+    labels = [text.get_text() for text in axes.texts]
+    assert any(label.startswith("A = ") for label in labels)
+    assert any(label.startswith("E = ") for label in labels)
+    assert "Axis X" in axes.get_title(loc="left")
+
+
+def test_chart_overlays_before_predicted_and_verified(tmp_path: Path) -> None:
+    tests = {
+        "before": figures("a"),
+        "predicted": figures("bb", 0.1),
+        "verified": figures("c", 0),
+    }
+    figure = draw_iso_chart(tests, caption=False)
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    shown = [text.get_text() for text in legend.get_texts()]
+    assert [label for label in shown if "↑" in label] == [
+        "before ↑",
+        "predicted ↑",
+        "verified ↑",
+    ]
+    svg, png = write_chart(figure, tmp_path, "chart")
+    first = svg.read_bytes()
+    write_chart(draw_iso_chart(tests, caption=False), tmp_path, "chart")
+    assert svg.read_bytes() == first  # equal input, equal bytes
+    assert png.stat().st_size > 10_000
+    assert "From 'before' to 'verified': A " in iso_chart_sentence(tests)
+
+
+def test_chart_of_one_direction_marks_what_exists() -> None:
+    target = np.tile(TARGETS, 3)
+    error = np.tile([0.0, 0.001, 0.002, 0.001, 0.0], 3) + np.repeat([0, 1e-4, 2e-4], 5)
+    figure = draw_iso_chart({"": iso230(target, error, np.repeat([1, 2, 3], 5), None)})
+    labels = [text.get_text() for text in figure.axes[0].texts]
+    assert [label.split(" ")[0] for label in labels] == ["A↑", "E↑"]

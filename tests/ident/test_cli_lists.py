@@ -1,0 +1,286 @@
+"""The commands that read lists: exit status, messages, JSON, plots."""
+
+import json
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+from axcomp.data.lists import new_list
+from axcomp.ident.cli import main
+
+PLANE: dict[str, str | int | float | bool] = {
+    "kopf.achs_nr": 3,
+    "kopf.log_achs_name": "Z",
+    "kw.crosscomp2.unit": 1,
+    "kw.crosscomp2.grid": "QUADRATIC",
+    "kw.crosscomp2.interval": 100_000,
+    "kw.crosscomp2.last_index_master1": 3,
+    "kw.crosscomp2.last_index_master2": 2,
+    "kw.crosscomp2.start_position_master1": -400_000,
+    "kw.crosscomp2.start_position_master2": -700_000,
+    "kw.crosscomp2.master1_ax_nr": 1,
+    "kw.crosscomp2.master2_ax_nr": 2,
+    "kw.crosscomp2.n_cycles": 10,
+    **{
+        f"kw.crosscomp2.table[{j}][{i}].correction": 10 * i - 7 * j
+        for j in range(3)
+        for i in range(4)
+    },
+}
+SCREW = """\
+kopf.achs_nr 2
+kw.ssfk.unit 1
+kw.ssfk.interval 0
+kw.ssfk.kw_nr_max 3
+kw.ssfk.bilateral 1
+kw.ssfk.table[0].setpoint -10000
+kw.ssfk.table[1].setpoint 0
+kw.ssfk.table[2].setpoint 15000
+kw.ssfk.table[0].pos 0
+kw.ssfk.table[1].pos -102
+kw.ssfk.table[2].pos 7
+kw.ssfk.table[0].neg 5
+kw.ssfk.table[1].neg 80
+kw.ssfk.table[2].neg 9
+"""
+
+
+@pytest.fixture
+def plane(tmp_path: pathlib.Path) -> pathlib.Path:
+    path = tmp_path / "achskw3.lis"
+    path.write_bytes(new_list(PLANE).dumps())
+    return path
+
+
+def changed(path: pathlib.Path, old: str, new: str) -> pathlib.Path:
+    """Write a copy of the list with one piece of text replaced."""
+    text = path.read_text(encoding="ascii")
+    assert text.count(old) == 1
+    copy = path.with_name("new.lis")
+    copy.write_text(text.replace(old, new), encoding="ascii")
+    return copy
+
+
+def test_check_of_a_sound_list_ends_well(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(plane)]) == 0
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines()[-1].startswith("1 list checked: ")
+    assert main(["check", "--strict", str(plane)]) == 0
+
+
+def test_check_names_file_line_column_and_expectation(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = "kw.crosscomp2.table[1][2].correction  13"
+    broken = changed(plane, old, old.replace(" 13", " 1e3"))
+    line = broken.read_text().splitlines().index(old.replace(" 13", " 1e3")) + 1
+    assert main(["check", str(broken)]) == 1
+    err = capsys.readouterr().err
+    column = old.index(" 13") + 2
+    assert f"{broken}:{line}:{column}: error: " in err
+    assert "1e3" in err
+    assert "expected" in err
+    assert "1 error" in err.splitlines()[-1]
+
+
+def test_warning_fails_only_a_strict_check(plane: pathlib.Path) -> None:
+    odd = changed(plane, "# Ende\n", "Ende\n")
+    assert main(["check", str(odd)]) == 0
+    assert main(["check", "--strict", str(odd)]) == 1
+
+
+def test_check_prints_its_findings_as_json(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", "--json", str(changed(plane, "# Ende\n", "Ende\n"))]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert list(found) == ["findings"]
+    finding = next(f for f in found["findings"] if f["level"] == "warning")
+    assert list(finding) == [
+        "file",
+        "line",
+        "column",
+        "level",
+        "id",
+        "number",
+        "message",
+        "found",
+        "expected",
+    ]
+    assert finding["found"] == "Ende"
+
+
+def test_check_judges_lists_as_a_set(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    axis = plane.with_name("achsmds3.lis")
+    axis.write_text("kopf.achs_nr 3\nlr_param.crosscomp2 0\n", encoding="ascii")
+    assert main(["check", str(plane), str(axis)]) in (0, 1)
+    err = capsys.readouterr().err
+    assert err.splitlines()[-1].startswith("2 lists checked: ")
+    assert "lr_param.crosscomp2" in err
+
+
+def test_build_that_is_none_is_one_line(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", "--build", "newest", str(plane)]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["check", "{}"], ["show", "{}"], ["diff", "{}", "{}"], ["check", "--json", "{}"]],
+)
+def test_file_that_cannot_be_read_is_one_line_and_status_1(
+    command: list[str], tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for path, reason in (
+        (tmp_path / "missing.lis", "No such file"),
+        (tmp_path, "Is a directory"),
+    ):
+        assert main([part.format(path) for part in command]) == 1
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert err.count("\n") == 1
+        assert str(path) in err
+        assert reason in err
+
+
+@pytest.mark.parametrize("raw", [b"", b"\x00\xff\xfe\n", b"\r\r\r", b"garbage"])
+def test_rubbish_is_checked_and_shown_without_a_traceback(
+    raw: bytes, tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "x.lis"
+    path.write_bytes(raw)
+    assert main(["check", str(path)]) in (0, 1)
+    assert main(["show", str(path)]) == 0
+    assert main(["diff", str(path), str(path)]) == 0
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_usage_error_has_status_2() -> None:
+    assert main(["check"]) == 2
+    assert main(["diff", "one.lis"]) == 2
+    assert main(["check", "--no-such-option", "x.lis"]) == 2
+
+
+def test_show_names_parameters_with_unit_and_meaning(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["show", str(plane)]) == 0
+    err = capsys.readouterr().err
+    assert "axis 3 (Z)" in err
+    row = next(x for x in err.splitlines() if x.startswith("kw.crosscomp2.interval"))
+    assert row.split()[1:4] == ["100000", "10", "mm"]
+    assert "P-COMP-00009" in err
+    assert "The controller adds the entry" in err
+    assert "It adds from -1.4 to 3 µm." in err
+
+
+def test_show_of_a_leadscrew_says_that_the_sign_turns(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "achskw2.lis"
+    path.write_text(SCREW, encoding="ascii")
+    assert main(["show", str(path), "--out", str(tmp_path / "plots")]) == 0
+    err = capsys.readouterr().err
+    assert "adds its negative" in err
+    assert "10.2" in err
+    drawn = sorted(path.name for path in (tmp_path / "plots").iterdir())
+    assert drawn == ["leadscrew.png", "leadscrew.svg"]
+
+
+def test_show_prints_friction_and_crosstalk_tables(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "achskw1.lis"
+    path.write_text(
+        "frict_comp.mode 3\nfrict_comp.table[0].in 316\nfrict_comp.table[0].out 3722\n"
+        "kw.crosstalk.mode 1\n"
+        "Kw.crosstalk.position[0].correction_decelerate_dir_pos 25 (0.1 um)\n",
+        encoding="ascii",
+    )
+    assert main(["show", str(path)]) == 0
+    err = capsys.readouterr().err
+    assert "Friction table, 1 entry." in err
+    assert "3722" in err
+    assert "Crosstalk table, 1 entry." in err
+
+
+def test_show_draws_a_plane(plane: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    assert main(["show", str(plane), "--out", str(tmp_path / "a" / "b")]) == 0
+    assert (tmp_path / "a" / "b" / "plane.png").read_bytes()[1:4] == b"PNG"
+
+
+def test_output_folder_that_cannot_be_made_is_one_line(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["diff", str(plane), str(plane), "--out", str(plane)]) in (0, 1)
+    capsys.readouterr()
+    assert main(["show", str(plane), "--out", str(plane)]) == 1
+    assert "File exists" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_diff_says_what_changed_and_that_a_reload_is_enough(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = changed(plane, "table[1][2].correction  13", "table[1][2].correction  -13")
+    assert main(["diff", str(plane), str(new)]) == 0
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines() == [
+        "~ kw.crosscomp2.table[1][2].correction: 13 -> -13",
+        "plane: the offset changes by at most -2.6 µm, at -20, -60 mm",
+        "A reload of the list is enough.",
+    ]
+
+
+def test_diff_as_json_has_the_agreed_shape(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = changed(plane, "# Ende\n", "kw.crosscomp2.max_points 20000\n")
+    assert main(["diff", "--json", str(plane), str(new)]) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert err == ""
+    name = "kw.crosscomp2.max_points"
+    assert found["changed"] == [{"name": name, "old": None, "new": 20000}]
+    assert found["action"] == "restart"
+
+
+def test_diff_of_equal_lists_needs_nothing(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["diff", str(plane), str(plane)]) == 0
+    assert capsys.readouterr().err == "No entry changed: nothing to load.\n"
+
+
+def test_diff_draws_old_new_and_change(
+    plane: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    new = changed(plane, "table[1][2].correction  13", "table[1][2].correction  -13")
+    assert main(["diff", str(plane), str(new), "--out", str(tmp_path / "d")]) == 0
+    drawn = sorted(path.name for path in (tmp_path / "d").iterdir())
+    assert drawn == ["diff_plane.png", "diff_plane.svg"]
+
+
+@pytest.mark.parametrize("command", [["check", "{}"], ["diff", "{}", "{}"]])
+def test_commands_for_lists_load_no_numerical_library(
+    command: list[str], plane: pathlib.Path
+) -> None:
+    # Start-up stays below 0.3 s only without them. Here they are loaded already.
+    code = (
+        "import sys; from axcomp.ident.cli import main; "
+        f"assert main({[part.format(plane) for part in command]!r}) == 0; "
+        "print(*{'jax', 'numpy', 'matplotlib', 'scipy'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == ""

@@ -1,0 +1,157 @@
+"""Job files: every mistake ends in one line with the place, before any work."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from axcomp.ident.job import JobError, OutputError, load_job
+
+GOOD = """
+title = "Portal mill 7"
+[machine]
+id = "mill-7"
+measured_at = 2026-11-20
+[controller]
+build = "V3.1.3108.4"
+cycle_time = 0.001
+[axes.X]
+number = 1
+limits = [-10.0, 410]
+[axes.Y]
+number = 2
+[axes.Z]
+number = 3
+name = "Z_ACHSE"
+[measurements.probe]
+file = "p.csv"
+active = []
+[measurements.probe.columns]
+"X.position" = { column = "x", unit = "mm" }
+"Y.position" = "y"
+"Z.error" = { column = "dz", unit = "um" }
+[[fits]]
+compensation = "cross"
+axis = "Z"
+master = "X"
+measurement = "probe"
+setpoints = [-10, 200, 410.0]
+[gate]
+max_slope = 5
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "p.csv").write_text("x,y,dz\n0,0,1\n")
+    return tmp_path
+
+
+def loaded(folder: Path, old: str = "", new: str = "") -> None:
+    assert old in GOOD
+    (folder / "job.toml").write_text(GOOD.replace(old, new))
+    load_job(folder / "job.toml")
+
+
+def test_good_job_loads(folder: Path) -> None:
+    loaded(folder)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ("max_slope", "max_slop", r"job.toml:31: gate.max_slop: unknown key"),
+        ("number = 3", "nummer = 3", r"job.toml:15: axes.Z.nummer: unknown key"),
+        ('unit = "um"', 'units = "um"', r":23: .*Z.error.units: unknown key"),
+        ("master =", "masters =", r"fits\[0\].masters: unknown key .*'master'"),
+        ("[controller]", "[controler]", r"controler: unknown key .*'controller'"),
+        ("number = 3", "number = 1", r"Z.number: found 1, which axis 'X' has"),
+        ("number = 3", 'number = "3"', r"axes.Z.number: found '3', expected integer"),
+        ("number = 3", "number = true", r"axes.Z.number: found true, expected integer"),
+        ("number = 3", "number = 0", r"axes.Z.number: found 0, expected greater than"),
+        ('"cross"', '"cros"', r"compensation: found 'cros', .*nearest: 'cross'"),
+        ('"cross"', '"backlash"', r"fits\[0\].master: unknown key"),
+        ('measurement = "probe"', 'measurement = "prob"', r":28: .*nearest: 'probe'"),
+        ('measurement = "probe"', "", "measurement: found nothing, expected"),
+        ('axis = "Z"', 'axis = "W"', r"fits\[0\].axis: found 'W', expected an axis"),
+        ('master = "X"', 'master = "Z"', "the compensated axis itself"),
+        ("-10, 200, 410.0", '-10, 200, "a"', r"setpoints\[2\]: found 'a', expected"),
+        ("-10, 200, 410.0", "-10, nan", r"setpoints\[1\]: found nan, expected a fin"),
+        ("410.0]\n[gate]", "410.0]\nstart = 1\n[gate]", "found beside setpoints"),
+        ("410.0]\n[gate]", "410.0\n[gate]", r"job.toml:\d+: not TOML: "),
+        ("p.csv", "q.csv", r":18: .*found 'q.csv': no such"),
+        ("p.csv", ".", "found '.': a folder, expected a file"),
+        ("V3.1.3108.4", "newest", r":7: controller.build: found 'newest', exp"),
+        ("cycle_time = 0.001", "cycle_time = 0", "cycle_time: found 0, expected gre"),
+        ("[-10.0, 410]", "[410, -10.0]", "limits: found .*expected the smaller"),
+        ("[-10.0, 410]", "[410.0]", "limits: found 1 values, expected 2"),
+        ("active = []", 'active = ["plan"]', r"active\[0\]: found 'plan', .*plane"),
+        ("active = []", 'remove = "lines"', "remove: found 'lines', .*'line'"),
+        ("active = []", "expansion = 11.5", "found no material_temperature"),
+        ("active = []", 'files = ["p.csv"]', "several files on one clock are n"),
+        ('"Z_ACHSE"', '"Z#"', "axes.Z.name: found 'Z#', expected"),
+        ('id = "mill-7"', 'conventions = "c.toml"', "'c.toml': no such file"),
+        ("max_slope = 5", "max_slope = -5", "max_slope: found -5, expected greater"),
+        ("[gate]", 'group = "g"\n[gate]', "identified jointly are not built"),
+        ("[gate]", "smoothness = -1\n[gate]", "found -1, expected 'auto' or .* 0"),
+        ("[gate]", 'loss = "huger"\n[gate]', "loss: found 'huger', .*nearest: 'huber'"),
+    ],
+)  # fmt: skip
+def test_mistake_is_named_with_its_line(
+    folder: Path, old: str, new: str, match: str
+) -> None:
+    with pytest.raises(JobError, match=match) as caught:
+        loaded(folder, old, new)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["backlash", "temperature", "friction", "crosstalk"])
+def test_compensation_that_is_not_built_is_refused_in_one_line(
+    folder: Path, kind: str
+) -> None:
+    keys = 'master = "X"\n' if kind == "crosstalk" else ""
+    old = 'compensation = "cross"\naxis = "Z"\nmaster = "X"\n'
+    text = GOOD.replace(old, f'compensation = "{kind}"\naxis = "Z"\n{keys}')
+    text = text.replace("setpoints = [-10, 200, 410.0]\n", "")
+    (folder / "job.toml").write_text(text)
+    with pytest.raises(JobError, match=f"{kind} is not built in this version"):
+        load_job(folder / "job.toml")
+
+
+def test_keys_of_compensations_to_come_are_known(folder: Path) -> None:
+    fit = (
+        'compensation = "friction"\naxis = "Z"\nmeasurement = "probe"\n'
+        'table_entries = 20\ninertia = "fit"\nmethod = "inverse"\nreversal = true\n'
+        "level = 0.5\nrated_current = 10.0\n"
+    )
+    text = GOOD.partition("[[fits]]")[0] + "[[fits]]\n" + fit
+    (folder / "job.toml").write_text(text)
+    with pytest.raises(JobError, match="not built in this version"):
+        load_job(folder / "job.toml")
+
+
+def test_byte_that_is_no_text_is_named_with_its_line(folder: Path) -> None:
+    (folder / "job.toml").write_bytes(b'title = "x"\n# gr\xfcn\n')
+    with pytest.raises(JobError, match=r"job.toml:2: found byte 0xfc, expected UTF-8"):
+        load_job(folder / "job.toml")
+
+
+def test_lines_are_found_behind_long_strings_and_arrays(folder: Path) -> None:
+    text = GOOD.replace(
+        'title = "Portal mill 7"', 'title = """a\n[axes.Q]\nnumber = 9\n"""'
+    )
+    text = text.replace("[-10, 200, 410.0]", "[\n -10, # start\n 200,\n 410.0,\n]")
+    text = text.replace("max_slope = 5", "max_slope = 5\nmax_stepp = 1")
+    (folder / "job.toml").write_text(text)
+    line = text.splitlines().index("max_stepp = 1") + 1
+    with pytest.raises(JobError, match=f"job.toml:{line}: gate.max_stepp: unknown"):
+        load_job(folder / "job.toml")
+
+
+@pytest.mark.parametrize(
+    "error", [JobError("job.toml", 3, "found"), OutputError("out", "is full")]
+)
+def test_errors_survive_pickling(error: Exception) -> None:
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert again.args == error.args

@@ -1,0 +1,183 @@
+"""The output folder: whole files or none, and no failed list that looks valid."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from axcomp.data.lists import ListFile
+from axcomp.ident.job import OutputError, run_job, write_atomically
+
+JOB = """
+[axes.X]
+number = 1
+[measurements.m]
+file = "m.csv"
+columns = { "X.position" = "x", "X.error" = { column = "e", unit = "um" } }
+[[fits]]
+compensation = "leadscrew"
+axis = "X"
+measurement = "m"
+smoothness = 1
+start = 0.0
+interval = 10.0
+points = 5
+"""
+
+
+def job(folder: Path, size: float = 1.0, gate: str = "") -> Path:
+    rows = "".join(f"{2 * k},{size * (k % 7)}\n" for k in range(21))
+    (folder / "m.csv").write_text("x,e\n" + rows)
+    (folder / "job.toml").write_text(JOB + gate)
+    return folder / "job.toml"
+
+
+GATE = "[gate]\nmax_correction = 0.001\n"
+
+
+def test_list_that_fails_the_gate_lies_in_rejected_only(tmp_path: Path) -> None:
+    result = run_job(job(tmp_path, gate=GATE), tmp_path / "out")
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert not result.passed
+    assert names == {"rejected", "result.json"}
+    rejected = {path.name for path in (tmp_path / "out" / "rejected").iterdir()}
+    assert rejected == {"achskw1.lis", "achsmds1.add.lis"}
+    failed = [check for check in result.fits[0].gate if not check.passed]
+    assert [check.name for check in failed] == ["max_correction"]
+    assert failed[0].where.startswith("at X = ")
+    assert "Do not load" in {step.action for step in result.load_sheet}
+    # The proof still says what the rejected list would do.
+    assert result.fits[0].error["from_file"].rms < result.fits[0].error["before"].rms
+
+
+def test_list_of_an_earlier_run_is_moved_beside_the_rejected_one(
+    tmp_path: Path,
+) -> None:
+    run_job(job(tmp_path), tmp_path / "out")
+    earlier = (tmp_path / "out" / "achskw1.lis").read_bytes()
+    result = run_job(job(tmp_path, size=2.0, gate=GATE), tmp_path / "out")
+    assert not (tmp_path / "out" / "achskw1.lis").exists()
+    assert not (tmp_path / "out" / "achsmds1.add.lis").exists()
+    kept = tmp_path / "out" / "rejected" / "achskw1.earlier.lis"
+    assert kept.read_bytes() == earlier
+    assert any("achskw1.lis of an earlier run was moved" in r.message
+               for r in result.remarks)  # fmt: skip
+
+
+def test_start_up_entries_of_an_earlier_run_go_with_its_list(tmp_path: Path) -> None:
+    run_job(job(tmp_path), tmp_path / "out")
+    run_job(job(tmp_path, gate=GATE), tmp_path / "out")
+    assert not (tmp_path / "out" / "hochlauf.add.lis").exists()
+
+
+def test_run_that_passes_takes_the_rejected_list_away(tmp_path: Path) -> None:
+    run_job(job(tmp_path, gate=GATE), tmp_path / "out")
+    run_job(job(tmp_path), tmp_path / "out")
+    assert (tmp_path / "out" / "achskw1.lis").exists()
+    assert not (tmp_path / "out" / "rejected" / "achskw1.lis").exists()
+
+
+def test_same_job_writes_the_same_lists_again(tmp_path: Path) -> None:
+    first = run_job(job(tmp_path), tmp_path / "out")
+    before = {p: p.read_bytes() for p in (tmp_path / "out").glob("*.lis")}
+    second = run_job(job(tmp_path), tmp_path / "out")
+    assert {p: p.read_bytes() for p in (tmp_path / "out").glob("*.lis")} == before
+    assert second.files == first.files
+
+
+def test_no_draft_is_left_behind(tmp_path: Path) -> None:
+    run_job(job(tmp_path), tmp_path / "out")
+    assert list((tmp_path / "out").glob("**/*.part")) == []
+
+
+def test_failed_write_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "achskw1.lis"
+    target.write_bytes(b"old")
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_atomically(target, b"new")
+    assert target.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX permissions")
+@pytest.mark.skipif(
+    hasattr(os, "geteuid") and os.geteuid() == 0, reason="root may write anywhere"
+)
+def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir(mode=0o555)
+    with pytest.raises(OutputError, match="cannot write into the output folder: Perm"):
+        run_job(job(tmp_path), tmp_path / "out")
+
+
+def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:
+    path = job(tmp_path)
+    with pytest.raises(OutputError, match="cannot write into the output folder: "):
+        run_job(path, path / "out")
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from axcomp.ident.job._output import write_atomically
+target = Path(sys.argv[1])
+contents = [letter * 200_000 + b"# Ende\\n" for letter in (b"a", b"b")]
+print("ready", flush=True)
+while True:
+    for content in contents:
+        write_atomically(target, content)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
+def test_kill_while_writing_leaves_a_whole_file(tmp_path: Path) -> None:
+    target = tmp_path / "achskw1.lis"
+    writer = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(target)], stdout=subprocess.PIPE
+    )
+    assert writer.stdout is not None
+    with writer, writer.stdout:
+        assert writer.stdout.readline() == b"ready\n"
+        deadline = time.monotonic() + 30.0
+        while not target.exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        time.sleep(0.05)  # somewhere in the middle of the next writes
+        writer.send_signal(signal.SIGKILL)
+    content = target.read_bytes()
+    assert len(content) == 200_007
+    assert len(set(content[:200_000])) == 1
+    # What is left of the draft has a name that nobody loads.
+    assert {path.name for path in tmp_path.iterdir()} <= {
+        "achskw1.lis", "achskw1.lis.part",
+    }  # fmt: skip
+
+
+def test_max_points_is_written_only_where_the_default_is_too_small(
+    tmp_path: Path,
+) -> None:
+    rows = "x,e\n" + "".join(
+        f"{k / 50},{k / 1000 + 0.01 * (k % 3)}\n" for k in range(1700)
+    )
+    (tmp_path / "m.csv").write_text(rows)
+    small, big = "interval = 10.0\npoints = 5", "interval = 0.02\npoints = 1500"
+    (tmp_path / "job.toml").write_text(JOB.replace(small, big))
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    written = ListFile.read(tmp_path / "out" / "achskw1.lis")
+    # kw_nr_max must stay below max_points.
+    assert written.integer("kw.ssfk.kw_nr_max") == 1500
+    assert written.integer("kw.ssfk.max_points") == 1501
+    assert "Restart the controller" in {step.action for step in result.load_sheet}
+    run_job(job(tmp_path), tmp_path / "out")
+    assert ListFile.read(tmp_path / "out" / "achskw1.lis").get(
+        "kw.ssfk.max_points"
+    ) is None  # fmt: skip

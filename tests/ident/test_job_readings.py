@@ -1,0 +1,231 @@
+"""From measurements to readings: runs, directions, zero and line, temperature, units."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.errors import AxcompError
+from axcomp.ident.job import JobError, JobResult, run_job
+from axcomp.ident.job._remove import without_zero
+from axcomp.ident.job._runs import cycles_of, place_in_run, runs_overlap
+
+NODES = np.arange(0.0, 401.0, 100.0)
+
+
+def test_runs_of_one_direction_are_paired_to_cycles() -> None:
+    run = np.array([1, 1, 2, 2, 3, 3, 4, 4])
+    direction = np.array([1, 1, -1, -1, 1, 1, -1, -1])
+    np.testing.assert_array_equal(cycles_of(run, direction), [1, 1, 1, 1, 2, 2, 2, 2])
+
+
+def test_runs_of_both_directions_stay_as_they_are() -> None:
+    run = np.array([5, 5, 9, 9])
+    np.testing.assert_array_equal(cycles_of(run, np.array([1, -1, 1, -1])), run)
+    np.testing.assert_array_equal(cycles_of(run, np.array([1, 1, 1, 1])), run)
+
+
+def test_place_runs_from_start_to_end_of_each_run() -> None:
+    run = np.array([1, 1, 1, 2, 2, 7])
+    order = np.array([10.0, 15.0, 20.0, 1.0, 2.0, 5.0])
+    np.testing.assert_allclose(place_in_run(run, order), [0, 0.5, 1, 0, 1, 0])
+
+
+@pytest.mark.parametrize(
+    ("second", "expected"),
+    [(0.0, True), (1000.0, False)],  # the same stretch again, or another one
+)
+def test_runs_repeat_each_other_only_over_the_same_places(
+    second: float, expected: bool
+) -> None:
+    nodes = np.arange(0.0, 1501.0, 100.0)
+    place = np.concatenate([NODES, NODES + second])[:, None]
+    run = np.repeat([1, 2], 5)
+    assert runs_overlap(place, run, (nodes,), None) is expected
+
+
+def test_directions_of_a_bilateral_table_are_different_places() -> None:
+    place = np.concatenate([NODES, NODES])[:, None]
+    run, direction = np.repeat([1, 2], 5), np.repeat([1, -1], 5)
+    assert runs_overlap(place, run, (NODES,), None)
+    assert not runs_overlap(place, run, (NODES,), direction)
+
+
+def test_runs_of_one_reading_have_no_offset_of_their_own() -> None:
+    assert not runs_overlap(np.zeros((6, 1)), np.arange(6), (NODES,), None)
+
+
+@pytest.mark.parametrize(("kind", "columns"), [("offset", 1), ("line", 3)])
+def test_zero_and_line_are_taken_off_whatever_a_wild_reading_says(
+    kind: str, columns: int
+) -> None:
+    rng = np.random.default_rng(29)
+    place = rng.uniform(0.0, 100.0, (300, 2))
+    tilt = np.array([0.3, 2e-3, -1e-3])[:columns]
+    design = np.column_stack([np.ones(300), place])[:, :columns]
+    noise = 1e-4 * rng.standard_normal(300)
+    wild = np.zeros(300)
+    wild[::50] = 1.0
+    left = without_zero(design @ tilt + noise + wild, place, kind)  # type: ignore[arg-type]
+    # 6 wild readings of 300 pull Huber's mean by about 0.03 of its scale of 0.1 µm.
+    np.testing.assert_allclose(left - wild, noise, atol=5e-5)
+
+
+JOB = """
+[axes.X]
+number = 1
+[measurements.a]
+file = "a.csv"
+columns = {{ "X.position" = "x", "X.error" = "e" {columns} }}
+{measurement}
+[[fits]]
+compensation = "leadscrew"
+axis = "X"
+{source}
+smoothness = 0
+loss = "gauss"
+start = 0.0
+interval = 100.0
+points = 5
+"""
+
+
+def run(
+    folder: Path,
+    *columns: np.ndarray,
+    header: str = "x,e",
+    more: str = "",
+    measurement: str = "",
+    source: str = 'measurement = "a"',
+) -> JobResult:
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    text = "\n".join([header, *(",".join(map(repr, row)) for row in rows)])
+    (folder / "a.csv").write_text(text + "\n")
+    job = JOB.format(columns=more, measurement=measurement, source=source)
+    (folder / "job.toml").write_text(job)
+    return run_job(folder / "job.toml", folder / "out")
+
+
+PLACE = np.arange(0.0, 401.0, 25.0)
+BOW = 1e-7 * (PLACE - 200.0) ** 2
+
+
+def test_length_is_reduced_to_twenty_degrees(tmp_path: Path) -> None:
+    warm = BOW + 11.5e-6 * 3.0 * PLACE  # steel, 23 °C
+    plain = run(tmp_path, PLACE, BOW)
+    keys = "expansion = 11.5\nmaterial_temperature = 23.0"
+    reduced = run(tmp_path, PLACE, warm, measurement=keys)
+    np.testing.assert_array_equal(
+        reduced.fits[0].table["pos"], plain.fits[0].table["pos"]
+    )
+    assert any("reduced to 20 °C" in r.message for r in reduced.fits[0].remarks)
+
+
+def test_temperature_of_the_material_may_be_a_column(tmp_path: Path) -> None:
+    temperature = np.linspace(20.0, 25.0, len(PLACE))
+    warm = BOW + 11.5e-6 * (temperature - 20.0) * PLACE
+    plain = run(tmp_path, PLACE, BOW)
+    reduced = run(
+        tmp_path, PLACE, warm, temperature, header="x,e,t",
+        more=', "temperature.bed" = "t"',
+        measurement='expansion = 11.5\nmaterial_temperature = "temperature.bed"',
+    )  # fmt: skip
+    np.testing.assert_array_equal(
+        reduced.fits[0].table["pos"], plain.fits[0].table["pos"]
+    )
+
+
+def test_line_of_the_instrument_is_removed(tmp_path: Path) -> None:
+    tilted = run(
+        tmp_path, PLACE, BOW + 0.3 + 2e-5 * PLACE, measurement='remove = "line"'
+    )
+    level = run(tmp_path, PLACE, BOW, measurement='remove = "line"')
+    # Rounding of each to 0.1 µm.
+    np.testing.assert_allclose(
+        tilted.fits[0].table["pos"], level.fits[0].table["pos"], atol=1.01e-4
+    )
+    assert np.ptp(tilted.fits[0].table["pos"]) > 2e-3  # the bow is still there
+
+
+def test_joined_measurements_keep_their_runs_apart(tmp_path: Path) -> None:
+    (tmp_path / "b.csv").write_text(
+        "x,e\n" + "\n".join(f"{x},{e + 0.02}" for x, e in zip(PLACE, BOW, strict=True))
+    )
+    second = """[measurements.b]
+file = "b.csv"
+columns = { "X.position" = "x", "X.error" = "e" }
+"""
+    rng = np.random.default_rng(31)
+    result = run(
+        tmp_path, PLACE, BOW + 1e-5 * rng.standard_normal(len(PLACE)),
+        measurement=second, source='measurements = ["a", "b"]',
+    )  # fmt: skip
+    found = result.fits[0]
+    assert len(found.fit.runs) == 2
+    # ± 10 µm about the mean of the two, which the table keeps.
+    assert found.fit.runs[1].offset == pytest.approx(0.01, abs=1e-4)
+    at = np.interp(NODES, PLACE, BOW) + 0.01
+    # Between nodes 100 mm apart the bow sags by at most 0.25 µm.
+    np.testing.assert_allclose(found.table["pos"], at, atol=5e-4)
+    assert found.held_out == "run"
+
+
+def test_angle_of_a_linear_axis_is_refused(tmp_path: Path) -> None:
+    text = JOB.format(columns="", measurement="", source='measurement = "a"')
+    both = '"X.position" = { column = "x", unit = "deg" }, "X.error" = { column = "e", '
+    text = text.replace('"X.position" = "x", "X.error" = "e"', both + 'unit = "deg" }')
+    rows = [f"{x},{e}" for x, e in zip(PLACE, BOW, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["x,e", *rows]))
+    (tmp_path / "job.toml").write_text(text)
+    with pytest.raises(AxcompError, match="found unit 'deg', expected mm"):
+        run_job(tmp_path / "job.toml", tmp_path / "out")
+
+
+def test_different_datums_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "b.csv").write_text("x,e\n0,0\n100,0\n")
+    second = """datum = { at = 0.0 }
+[measurements.b]
+file = "b.csv"
+datum = { at = 100.0 }
+columns = { "X.position" = "x", "X.error" = "e" }
+"""
+    with pytest.raises(JobError, match="found measurements with different datums"):
+        run(
+            tmp_path, PLACE, BOW, measurement=second,
+            source='measurements = ["a", "b"]',
+        )  # fmt: skip
+
+
+def test_datum_outside_the_table_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        JobError, match=r"datum.at: found 500, expected a position within"
+    ):
+        run(tmp_path, PLACE, BOW, measurement="datum = { at = 500.0 }")
+
+
+def test_unmeasured_nodes_are_marked_and_named(tmp_path: Path) -> None:
+    keep = PLACE < 250
+    place, error = np.tile(PLACE[keep], 2), np.tile(BOW[keep], 2)
+    result = run(tmp_path, place, error)
+    support = result.fits[0].support["pos"]
+    assert support[4] == 0
+    assert support[0] > 0
+    assert any("not measured" in r.message and r.level == "warning"
+               for r in result.fits[0].remarks)  # fmt: skip
+
+
+def test_readings_beyond_the_table_are_counted(tmp_path: Path) -> None:
+    place = np.concatenate([PLACE, [450.0, -20.0]])
+    result = run(tmp_path, place, np.zeros(len(place)) + 1e-3 * (place > 200))
+    assert any("2 readings lie outside" in r.message for r in result.fits[0].remarks)
+
+
+def test_list_that_would_not_help_is_named(tmp_path: Path) -> None:
+    rng = np.random.default_rng(37)
+    cycle = np.repeat([1, 2, 3], len(NODES))
+    place = np.tile(NODES, 3)
+    scatter = 1e-3 * rng.standard_normal(len(place))
+    result = run(tmp_path, place, scatter, cycle, header="x,e,r", more=', "run" = "r"')
+    # Five means of pure noise: they predict the third run worse than nothing does.
+    assert any("leaves no less error" in r.message for r in result.fits[0].remarks)
+    assert result.passed

@@ -1,0 +1,253 @@
+"""The report as a page: self-contained, escaped, true, with the load sheet last."""
+
+import dataclasses
+import html
+import re
+import tomllib
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.ident.job import FitResult, GateCheck, JobResult, Remark
+from axcomp.ident.report import (
+    SecondMeasurement,
+    SecondMeasurementError,
+    _style,
+    write_report,
+)
+from axcomp.ident.report._job_text import job_text
+
+Make = Callable[..., FitResult]
+MakeJob = Callable[..., JobResult]
+
+
+def page_of(result: JobResult, out: Path, **options: object) -> str:
+    page, *_ = write_report(result, out, **options)  # type: ignore[arg-type]
+    return page.read_text("utf-8")
+
+
+def words(page: str) -> str:
+    """The text of a page as a reader sees it, blanks collapsed, drawings left out."""
+    page = re.sub(r"<(style|svg).*?</\1>", " ", page, flags=re.DOTALL)
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).split())
+
+
+def second(fit: FitResult, size: float, name: str = "again.csv") -> SecondMeasurement:
+    rng = np.random.default_rng(11)
+    error = size * rng.normal(size=len(fit.samples.before))
+    view = fit.samples
+    return SecondMeasurement(name, view.positions, error, view.direction, view.run)
+
+
+@pytest.fixture
+def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the drawings out where only the words count: they take most of the time."""
+    monkeypatch.setattr(_style, "to_svg", lambda figure, name: "<svg ></svg>")
+
+
+def test_page_needs_no_other_file_and_no_network(
+    leadscrew: Make, plane: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    page = page_of(job(leadscrew(), plane()), tmp_path)
+    assert "http" not in page
+    assert "<script" not in page
+    assert "<link" not in page
+    assert "@import" not in page
+    for target in re.findall(r'(?:href|src)="([^"]*)"', page):
+        assert target.startswith(("#", "data:image/png;base64,")), target
+    for target in re.findall(r"url\(([^)]*)\)", page):
+        assert target.startswith("#"), target
+
+
+def test_every_plot_is_in_the_page_and_a_readable_file(
+    leadscrew: Make, cross: Make, plane: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    page, *plots = write_report(job(leadscrew(old=True), cross(), plane()), tmp_path)
+    assert page.read_text("utf-8").count("<svg ") == len(plots) > 12
+    for plot in plots:
+        assert plot.parent == tmp_path / "plots"
+        assert ET.parse(plot).getroot().tag.endswith("svg")
+
+
+def test_ids_of_the_drawings_do_not_collide_on_the_page(
+    leadscrew: Make, cross: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    page = page_of(job(leadscrew(), cross()), tmp_path)
+    svgs = re.findall(r"<svg .*?</svg>", page, flags=re.DOTALL)
+    # Names of groups such as figure_1 may repeat; what is *referred to* must not.
+    used = [set(re.findall(r'(?:href="|url\()#([^")]+)', svg)) for svg in svgs]
+    assert sum(map(len, used)) == len(set().union(*used))
+
+
+def test_same_result_gives_the_same_bytes(
+    leadscrew: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    first = write_report(job(leadscrew()), tmp_path / "a")
+    again = write_report(job(leadscrew()), tmp_path / "b")
+    assert [p.read_bytes() for p in first] == [p.read_bytes() for p in again]
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_report_ends_with_the_load_sheet(
+    cross: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    page = page_of(job(cross()), tmp_path)
+    heading = re.findall(r"<h2[^>]*>(.*?)</h2>", page)[-1]
+    assert heading.startswith("Load sheet")
+    assert words(page).endswith("Copy achskw3.lis to the folder of the axis lists.")
+
+
+def test_text_of_the_user_is_escaped_everywhere(
+    cross: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    bad = "<b onload='x'>$\\frac{1}$ & \"Ω\""
+    fit = dataclasses.replace(
+        cross(), axis="Y<i>$_2$", remarks=(Remark("error", bad),), masters=("X&$a^b$",)
+    )
+    result = job(
+        fit, title=bad, machine={"id": bad}, inputs={bad: "00"}, job={"title": bad}
+    )
+    page = page_of(result, tmp_path)
+    assert "<b onload" not in page
+    assert "Y<i>" not in page
+    assert bad in words(page)
+    drawn = re.search(r"<svg .*?</svg>", page, flags=re.DOTALL)
+    assert drawn is not None
+    # A dollar sign is a letter, not the start of a formula.
+    assert "X&amp;$a^b$" in drawn[0]
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_verdict_states_the_figures_and_that_nothing_is_verified(
+    leadscrew: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    fit = leadscrew()
+    before, after = fit.error["before"], fit.error["predicted"]
+    text = words(page_of(job(fit), tmp_path))
+    assert (
+        f"falls from {1000 * before.rms:.1f} µm rms"
+        f" (largest {1000 * before.max:.1f} µm) to {1000 * after.rms:.1f} µm rms"
+    ) in text
+    assert "not yet verified by a second measurement" in text
+    assert "ISO 230-2:2014" in text
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_failed_gate_is_loud_and_says_where(
+    leadscrew: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    check = GateCheck("max_slope", 31.0, 20.0, "µm/mm", False, "between X = 5 and 6 mm")
+    fit = dataclasses.replace(leadscrew(), gate=(check,))
+    text = words(page_of(job(fit), tmp_path))
+    assert "Do not load: the gate stopped this list. max slope 31 µm/mm" in text
+    assert "between X = 5 and 6 mm failed" in text
+    assert "FAILED stop" in text
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_list_that_would_not_help_is_not_called_good(
+    cross: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    fit = cross()
+    fit = dataclasses.replace(
+        fit, error={**fit.error, "predicted": fit.error["before"]}
+    )
+    assert "This list would not help" in words(page_of(job(fit), tmp_path))
+
+
+@pytest.mark.usefixtures("no_drawing")
+@pytest.mark.parametrize(
+    ("size", "sentence"),
+    [
+        (0.0018, "Verified: on readings that the fit did not see"),
+        (0.006, "Better, but less than predicted"),
+        (0.05, "Take the list out again: a second measurement"),
+    ],
+)
+def test_second_measurement_decides_the_verdict(
+    leadscrew: Make, job: MakeJob, tmp_path: Path, size: float, sentence: str
+) -> None:
+    # Before: 19 µm rms; predicted: 2 µm.
+    fit = leadscrew()
+    again = second(fit, size)
+    text = words(page_of(job(fit), tmp_path, second={0: again}))
+    assert sentence in text
+    assert f"{1000 * again.figures.rms:.1f}" in text
+    assert "Verified by a second measurement with the list active: again.csv" in text
+    assert "nothing here is verified" not in text
+
+
+def test_second_measurement_with_gaps_is_refused() -> None:
+    with pytest.raises(
+        SecondMeasurementError, match=r"again\.csv: found 2 readings, 1 of them numbers"
+    ):
+        SecondMeasurement("again.csv", np.zeros((2, 1)), np.array([0.0, np.nan]))
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_errors_come_before_warnings_before_infos(
+    cross: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    remarks = (Remark("info", "AAA"), Remark("error", "CCC"), Remark("warning", "BBB"))
+    fit = dataclasses.replace(cross(), remarks=remarks)
+    text = words(page_of(job(fit), tmp_path))
+    assert text.index("error CCC") < text.index("warning BBB") < text.index("info AAA")
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_wild_readings_are_counted_and_named_by_row(
+    plane: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    fit = plane()
+    wild = np.flatnonzero(fit.fit.wild)
+    worst = wild[np.argmax(np.abs(fit.samples.before[wild]))]
+    text = words(page_of(job(fit), tmp_path))
+    assert f"{wild.size} of 3 684" in text
+    assert f"Wild readings: the 12 largest of {wild.size}" in text
+    shown = f"{worst + 1:,}".replace(",", " ")
+    assert f"{shown} X = {fit.samples.positions[worst, 0]:.3f}".rstrip("0") in text
+
+
+def test_no_half_written_page_is_left_behind(
+    cross: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    (tmp_path / "report.html").mkdir()
+    with pytest.raises(OSError, match="directory"):
+        write_report(job(cross()), tmp_path)
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_job_without_fits_still_gives_a_page(job: MakeJob, tmp_path: Path) -> None:
+    result = job(remarks=(Remark("error", "probe.csv: no column 'dz'."),))
+    assert "error probe.csv: no column 'dz'." in words(page_of(result, tmp_path))
+
+
+def test_resolved_job_is_shown_as_toml() -> None:
+    job = {
+        "title": 'Mill "7" – µ',
+        "axes": {"X": {"number": 1, "limits": [0.0, 1.5]}, "Y 2": {"number": 2}},
+        "measurements": {"m": {"columns": {"X.error": {"column": "e", "unit": "um"}}}},
+        "controller": {"cycle_time": 0.001, "build": None},
+        "fits": [{"axis": "X", "bilateral": True}, {"axis": "Y 2", "smoothness": 0}],
+        "gate": {},
+    }
+    text = job_text(job)
+    found = tomllib.loads(text)
+    # What has no value is left out.
+    assert found.pop("controller") == {"cycle_time": 0.001}
+    assert found == {key: job[key] for key in ("title", "axes", "measurements", "fits")}
+    assert "[axes.X]\nnumber = 1\nlimits = [0.0, 1.5]" in text
+
+
+@pytest.mark.slow
+def test_million_readings_and_ten_thousand_nodes_make_a_small_page(
+    plane: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    fit = plane(columns=101, rows=101, readings=1_000_000)
+    files = write_report(job(fit), tmp_path)
+    # All plots are in the page once more; a mail server takes 5 MB.
+    assert sum(path.stat().st_size for path in files) < 5_000_000
+    assert "readings are drawn" in words(files[0].read_text("utf-8"))
