@@ -1,9 +1,14 @@
 """What a table fit refuses before any work."""
 
+import re
+from collections.abc import Mapping
+
 import numpy as np
 
 from ._errors import FitError
 from ._types import Samples, TableLayout
+
+_NAME = re.compile("order [24], axis [12]")
 
 
 def check_samples(
@@ -54,9 +59,22 @@ def check_samples(
     elif count < count_nodes and not allow_gaps:
         msg = f"{count} readings for {count_nodes} nodes, expected at least {count_nodes}."
         raise FitError(msg)
-    if isinstance(smoothness, str) and smoothness != "auto":
-        msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
-        raise FitError(msg)
-    if isinstance(smoothness, (int, float)) and not 0 <= smoothness < np.inf:
+    _check_smoothness(smoothness)
+
+
+def _check_smoothness(smoothness: object) -> None:
+    if isinstance(smoothness, Mapping):
+        for name, weight in smoothness.items():
+            if not _NAME.fullmatch(str(name)) or not 0 <= weight < np.inf:
+                msg = (
+                    f"smoothness: found {name!r} = {weight!r}, "
+                    "expected 'order 2, axis 1' and the like with weights >= 0."
+                )
+                raise FitError(msg)
+    elif isinstance(smoothness, str):
+        if smoothness != "auto":
+            msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
+            raise FitError(msg)
+    elif isinstance(smoothness, (int, float)) and not 0 <= smoothness < np.inf:
         msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
         raise FitError(msg)

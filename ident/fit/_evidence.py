@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 
-from ._logs import HIGH, LOW, active_weights, logs_of, smoothness_of, spread_logs
+from ._logs import HIGH, LEAST, LOW, active_weights, logs_of, smoothness_of, spread_logs
 from ._posterior import Posterior, Problem, solve
 from ._prior import Smoothness
 from ._spectrum import spectral_start
@@ -78,17 +78,19 @@ def _search_exact(
         # With and without fourth differences are two valleys: descend from the best of each.
         for lift, slope in ((LOW, 0.0), (np.log(10.0), 1.0), (0.0, 2.0)):
             scan = [
-                np.clip(np.where(second, base, lift + slope * base), LOW, HIGH)[active]
+                np.clip(np.where(second, base, lift + slope * base), LEAST, HIGH)[
+                    active
+                ]
                 for base in np.log((1e-2, 1.0, 1e2, 1e4, 1e6))
             ]
             starts.append(min(scan, key=cost))
     else:
         starts = [logs_of(start, density)[active]]
-    bounds = list(zip(np.full(4, LOW)[active], HIGH[active], strict=True))
+    bounds = list(zip(LEAST[active], HIGH[active], strict=True))
     converged = False
     for log in starts:
         # A weight at its lower bound has no slope there: lift it a little so that it can grow.
-        lifted = np.maximum(log, LOW + 1.0)
+        lifted = np.maximum(log, LEAST[active] + 1.0)
         # The evidence is smooth over a per cent of a weight, and exact to far better.
         found = minimize(
             cost, lifted, bounds=bounds, method="L-BFGS-B",
@@ -146,7 +148,7 @@ def _search_large(
     surrogate, log = found
     if start is not None:
         log = np.where(active, logs_of(start, density), log)
-    alive = active & (log > LOW + 1e-9)
+    alive = active & (log > LEAST + 1e-9)
     curvature = surrogate.information(log)[np.ix_(alive, alive)]
     best: Posterior | None = None
     best_log, best_slope = log, np.zeros(int(alive.sum()))
@@ -172,7 +174,7 @@ def _search_large(
         if -0.5 * float(best_slope @ step) < _NEGLIGIBLE:
             return Choice(best, True)
         log = best_log.copy()
-        log[alive] = np.clip(best_log[alive] + step, LOW + 2e-9, HIGH[alive])
+        log[alive] = np.clip(best_log[alive] + step, LEAST[alive] + 2e-9, HIGH[alive])
     return None if best is None else Choice(best, False)
 
 

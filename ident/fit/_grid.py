@@ -14,9 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from ._types import Samples, TableLayout
 
-BLOCK = 65_536
-"""Readings per call of compiled code."""
-MANY = 131_072
+MANY = 100_000
 """From this many readings on, compiled code pays for loading the compiler."""
 
 
@@ -108,10 +106,11 @@ class Grid:
             )
         else:
             branch = samples.branch
+            # Directions mean nothing to a table that has only one.
             s = (
-                np.zeros(len(l), np.int64)
-                if branch is None
-                else branch.astype(np.int64)
+                np.zeros(len(l), l.dtype)
+                if branch is None or self.layout.branches == 1
+                else branch.astype(l.dtype)
             )
             v = np.zeros(len(l))
         return Located(l, s, u, v)
@@ -140,19 +139,12 @@ class Grid:
         return np.ascontiguousarray(values[: self.slow])
 
 
-def equidistant(nodes: Float[np.ndarray, " n"]) -> bool:
-    """Tell whether nodes are evenly spaced to within rounding."""
-    gaps = np.diff(nodes)
-    return bool(np.ptp(gaps) <= 1e-6 * gaps.mean())
-
-
 def _locate(
     position: Float[np.ndarray, " t"], nodes: Float[np.ndarray, " n"], periodic: bool
 ) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, " t"]]:
     if len(nodes) == 1:
         return np.zeros(len(position), np.int64), np.zeros(len(position))
-    full = len(position) - len(position) % BLOCK if len(position) >= MANY else 0
-    if full:
+    if len(position) >= MANY:
         return _locate_many(position, nodes, periodic)
     if periodic:
         position = nodes[0] + np.mod(position - nodes[0], nodes[-1] - nodes[0])
@@ -168,12 +160,13 @@ def _locate_many(
 ) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, " t"]]:
     from . import _compiled
 
-    call = _compiled.locate_block(len(nodes), equidistant(nodes), periodic)
-    position = np.ascontiguousarray(position)
-    blocks = _compiled.over_blocks(
-        lambda part: call(part, nodes), len(position), (position,)
+    axis = _compiled.axis_nodes(nodes, periodic)
+    blocks = [
+        _compiled.locate(part, axis)
+        for (part,) in _compiled.blocks_of(np.ascontiguousarray(position))
+    ]
+    cell, fraction = (
+        np.concatenate([np.asarray(block[part]) for block in blocks])[: len(position)]
+        for part in (0, 1)
     )
-    rest = _locate(position[len(position) - len(position) % BLOCK :], nodes, periodic)
-    cell = np.concatenate([*(np.asarray(block[0]) for block in blocks), rest[0]])
-    fraction = np.concatenate([*(np.asarray(block[1]) for block in blocks), rest[1]])
-    return cell.astype(np.int64), fraction
+    return cell, fraction

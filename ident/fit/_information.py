@@ -1,18 +1,15 @@
 """Sums over readings that carry all that a table fit needs; they add up over pieces."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._grid import BLOCK, MANY, Grid, Located
+from ._grid import MANY, Grid, Located
 from ._prior import Smoothness, TablePrior
-
-# Products of the two weights (1 - u, u) as polynomials in u: rows 00, 01, 11.
-_PRODUCTS = np.array([[1.0, -2.0, 1.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]])
-# The weights themselves.
-_WEIGHTS = np.array([[1.0, -1.0], [0.0, 1.0]])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,63 +73,75 @@ class Normal:
         return (slow[0], fast[0]), (slow[1], fast[1])
 
 
-def normal_from_moments(grid: Grid, moments: Float[np.ndarray, "cl cs p q"]) -> Normal:
+def normal_from_moments(grid: Grid, moments: Float[np.ndarray, "p q cl cs"]) -> Normal:
     """Return the normal matrix from the moments Σ w uᵖ vᑫ of every cell.
 
     A table of branches has no place within the cell along the fast axis: ``q = 0`` only.
     """
-    slow, fast = grid.slow, grid.fast
-    if grid.planar:
-        pairs = np.einsum("ap,bq,lspq->lsab", _PRODUCTS, _PRODUCTS, moments)
-    else:
-        pairs = np.einsum("ap,lspq->lsaq", _PRODUCTS, moments)
-    diagonals = {(0, 0): np.zeros((slow, fast)), (1, 0): np.zeros((slow, fast))}
-    if grid.planar:
-        diagonals |= {key: np.zeros((slow, fast)) for key in ((0, 1), (1, 1), (1, -1))}
-    cells = pairs.shape[0]
-    low = np.arange(cells)
-    high = low + 1 if not grid.layout.periodic else (low + 1) % slow
-    high = np.minimum(high, slow - 1)
-    for a, index in ((0, low), (2, high)):
-        if not grid.planar:
-            np.add.at(diagonals[0, 0], index, pairs[:, :, a, 0])
-            continue
-        columns = pairs.shape[1]
-        left, right = slice(0, columns), slice(grid.fast - columns, None)
-        np.add.at(diagonals[0, 0][:, left], index, pairs[:, :, a, 0])
-        np.add.at(diagonals[0, 0][:, right], index, pairs[:, :, a, 2])
-        np.add.at(diagonals[0, 1][:, left], index, pairs[:, :, a, 1])
+    shape = (grid.slow, grid.fast)
+    slow = _products(moments)
     if not grid.planar:
-        np.add.at(diagonals[1, 0], low, pairs[:, :, 1, 0])
-    else:
-        np.add.at(diagonals[1, 0][:, left], low, pairs[:, :, 1, 0])
-        np.add.at(diagonals[1, 0][:, right], low, pairs[:, :, 1, 2])
-        np.add.at(diagonals[1, 1][:, left], low, pairs[:, :, 1, 1])
-        np.add.at(diagonals[1, -1][:, right], low, pairs[:, :, 1, 1])
+        own, beside = np.zeros(shape), np.zeros(shape)
+        _add_low(own, slow[0][0])
+        _add_high(own, slow[2][0], grid.layout.periodic)
+        _add_low(beside, slow[1][0])
+        if grid.slow == 1:
+            # A ring of one node: both ends of the cell are the same unknown.
+            own, beside = own + 2.0 * beside, np.zeros(shape)
+        return Normal(grid, {(0, 0): own, (1, 0): beside})
+    both = [_products(part) for part in slow]
+    diagonals = {
+        key: np.zeros(shape) for key in ((0, 0), (0, 1), (1, 0), (1, 1), (1, -1))
+    }
+    columns = moments.shape[3]
+    left, right = slice(0, columns), slice(grid.fast - columns, None)
+    for add, part in ((_add_low, both[0]), (_add_high, both[2])):
+        add(diagonals[0, 0][:, left], part[0])
+        add(diagonals[0, 0][:, right], part[2])
+        add(diagonals[0, 1][:, left], part[1])
+    _add_low(diagonals[1, 0][:, left], both[1][0])
+    _add_low(diagonals[1, 0][:, right], both[1][2])
+    _add_low(diagonals[1, 1][:, left], both[1][1])
+    _add_low(diagonals[1, -1][:, right], both[1][1])
     return Normal(grid, diagonals)
 
 
 def vector_from_moments(
-    grid: Grid, moments: Float[np.ndarray, "cl cs p q"]
-) -> np.ndarray:
+    grid: Grid, moments: Float[np.ndarray, "p q cl cs"]
+) -> Float[np.ndarray, "l s"]:
     """Return Σ w z x over the (slow, fast) grid from the moments Σ w z uᵖ vᑫ of every cell."""
     result = np.zeros((grid.slow, grid.fast))
-    if grid.planar:
-        corners = np.einsum("ap,bq,lspq->lsab", _WEIGHTS, _WEIGHTS, moments)
-    else:
-        corners = np.einsum("ap,lspq->lsaq", _WEIGHTS, moments)
-    low = np.arange(corners.shape[0])
-    high = (
-        (low + 1) % grid.slow
-        if grid.layout.periodic
-        else np.minimum(low + 1, grid.slow - 1)
-    )
-    columns = corners.shape[1]
-    for a, index in ((0, low), (1, high)):
-        np.add.at(result[:, :columns], index, corners[:, :, a, 0])
-        if grid.planar:
-            np.add.at(result[:, grid.fast - columns :], index, corners[:, :, a, 1])
+    low, high = moments[0] - moments[1], moments[1]
+    if not grid.planar:
+        _add_low(result, low[0])
+        _add_high(result, high[0], grid.layout.periodic)
+        return result
+    columns = moments.shape[3]
+    for add, part in ((_add_low, low), (_add_high, high)):
+        add(result[:, :columns], part[0] - part[1])
+        add(result[:, grid.fast - columns :], part[1])
     return result
+
+
+def _products(powers: Float[np.ndarray, "p ..."]) -> list[Float[np.ndarray, "..."]]:
+    """Return low·low, low·high, high·high of the weights (1 - u, u) from powers of u."""
+    zero, one, two = powers
+    return [zero - 2.0 * one + two, one - two, two]
+
+
+def _add_low(nodes: Float[np.ndarray, "l s"], cells: Float[np.ndarray, "c s"]) -> None:
+    """Add what belongs to the lower node of every cell along the slow axis."""
+    nodes[: len(cells)] += cells
+
+
+def _add_high(
+    nodes: Float[np.ndarray, "l s"], cells: Float[np.ndarray, "c s"], ring: bool = False
+) -> None:
+    """Add what belongs to the upper node of every cell along the slow axis."""
+    if ring:
+        nodes += np.roll(cells, 1, axis=0)
+    else:
+        nodes[len(nodes) - len(cells) :] += cells
 
 
 def cells_of(grid: Grid) -> tuple[int, int]:
@@ -143,32 +152,16 @@ def cells_of(grid: Grid) -> tuple[int, int]:
 
 def moment_sums(
     grid: Grid, located: Located, weight: Float[np.ndarray, " t"], degree: int
-) -> Float[np.ndarray, "cl cs p q"]:
+) -> Float[np.ndarray, "p q cl cs"]:
     """Return Σ weight·uᵖ·vᑫ per cell, p and q up to ``degree``."""
     shape = cells_of(grid)
-    count = len(weight)
-    powers = degree + 1 if grid.planar else 1
-    cell = located.l * shape[1] + located.s
-    full = count - count % BLOCK if count >= MANY else 0
-    rest = slice(full, None)
-    result = _moments(
-        cell[rest],
-        located.u[rest],
-        located.v[rest],
-        weight[rest],
-        shape,
-        degree,
-        powers,
-    )
-    if full:
-        from . import _compiled
-
-        block = _compiled.moment_block(shape[0] * shape[1], degree, grid.planar)
-        parts = (cell.astype(np.int32), located.u, located.v, weight)
-        blocks = _compiled.over_blocks(block, count, parts)
-        sums = np.sum([np.asarray(sums) for sums in blocks], axis=0)
-        result += sums.reshape(degree + 1, powers, *shape).transpose(2, 3, 0, 1)
-    return result
+    across = degree if grid.planar else 0
+    sums = _moments if len(weight) < MANY else _moments_of_many
+    result = sums(
+        located.l * shape[1] + located.s, located.u, located.v, weight,
+        shape[0] * shape[1], degree, across,
+    )  # fmt: skip
+    return result.reshape(degree + 1, across + 1, *shape)
 
 
 def _moments(
@@ -176,22 +169,39 @@ def _moments(
     u: Float[np.ndarray, " t"],
     v: Float[np.ndarray, " t"],
     weight: Float[np.ndarray, " t"],
-    shape: tuple[int, int],
+    cells: int,
     degree: int,
-    powers: int,
-) -> Float[np.ndarray, "cl cs p q"]:
-    count = shape[0] * shape[1]
-    result = np.empty((*shape, degree + 1, powers))
-    along = weight
-    for p in range(degree + 1):
-        term = along
-        for q in range(powers):
-            result[:, :, p, q] = np.bincount(cell, term, count).reshape(shape)
-            if q + 1 < powers:
-                term = term * v
-        if p < degree:
-            along = along * u
-    return result
+    across: int,
+) -> Float[np.ndarray, "p c"]:
+    result = []
+    for _ in range(degree + 1):
+        term = weight
+        for _ in range(across + 1):
+            result.append(np.bincount(cell, term, cells))
+            term = term * v
+        weight = weight * u
+    return np.stack(result)
+
+
+def _moments_of_many(
+    cell: Int[np.ndarray, " t"],
+    u: Float[np.ndarray, " t"],
+    v: Float[np.ndarray, " t"],
+    weight: Float[np.ndarray, " t"],
+    cells: int,
+    degree: int,
+    across: int,
+) -> Float[np.ndarray, "p c"]:
+    from . import _compiled
+
+    call = partial(_compiled.moments, cells=cells, degree=degree, across=across)
+    blocks = _compiled.blocks_of(cell.astype(np.int32), u, v, weight)
+    return add_up(call(*block) for block in blocks)
+
+
+def add_up(blocks: Iterable[Any]) -> Float[np.ndarray, "p c"]:
+    """Return the sum of arrays that are still being computed side by side."""
+    return np.asarray(sum(np.asarray(block) for block in list(blocks)))
 
 
 def evaluate(
@@ -200,17 +210,15 @@ def evaluate(
     """Return the table at every located reading, shape ``(t,)``."""
     above = grid.neighbour(located.l) if grid.slow > 1 else located.l
     parts = (located.l, above, located.s, located.u, located.v)
-    count = len(located.l)
-    full = count - count % BLOCK if count >= MANY else 0
-    rest = _evaluate(grid, values, *(part[full:] for part in parts))
-    if not full:
-        return rest
+    if len(located.l) < MANY:
+        return _evaluate(grid, values, *parts)
     from . import _compiled
 
+    call = partial(_compiled.table, fast=grid.fast, planar=grid.planar)
     flat = values.reshape(-1)
-    table = _compiled.evaluate_block(grid.fast, grid.planar)
-    blocks = _compiled.over_blocks(lambda *part: table(flat, *part), count, parts)
-    return np.concatenate([*(np.asarray(block) for block in blocks), rest])
+    blocks = [call(flat, *block) for block in _compiled.blocks_of(*parts)]
+    result = np.concatenate([np.asarray(block) for block in blocks])
+    return result[: len(located.l)]
 
 
 def _evaluate(

@@ -3,14 +3,21 @@
 Order of the four: second and fourth differences along the slow axis, then along the fast one.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ._grid import Grid
 from ._posterior import Problem
 from ._prior import Smoothness
 
 LOW = float(np.log(1e-4))
-"""Below this a term does nothing."""
+"""Below this fourth differences do nothing."""
+LEAST = np.log((1e-7, 1e-4, 1e-7, 1e-4))
+"""Lower ends: errors may bend a thousand times further from node to node than they scatter."""
+FILL = 1e-9
+"""Weight relative to the density that fills gaps where no smoothness was asked for."""
 HIGH = np.log((1e9, 1e11, 1e9, 1e11))
 """Above these the matrix loses the digits that the readings need."""
 
@@ -26,10 +33,20 @@ def smoothness_of(log: Float[np.ndarray, " 4"], density: float) -> Smoothness:
     return _smoothness(weights)
 
 
+def fixed_smoothness(
+    smoothness: float | Mapping[str, float], density: float, grid: Grid
+) -> Smoothness:
+    """Return the weights that the user asked for: one number, or those of an earlier fit."""
+    if isinstance(smoothness, Mapping):
+        return Smoothness.named(smoothness, grid.slow_column + 1)
+    weight = max(smoothness, FILL * density)
+    return Smoothness((weight, 0.0), (weight, 0.0) if grid.planar else (0.0, 0.0))
+
+
 def logs_of(smoothness: Smoothness, density: float) -> Float[np.ndarray, " 4"]:
     """Return the logarithms of weights, clipped to their range."""
     weights = np.array([*smoothness.slow, *smoothness.fast]) / density
-    return np.asarray(np.clip(np.log(np.maximum(weights, 1e-300)), LOW, HIGH))
+    return np.asarray(np.clip(np.log(np.maximum(weights, 1e-300)), LEAST, HIGH))
 
 
 def active_weights(problem: Problem) -> Bool[np.ndarray, " 4"]:

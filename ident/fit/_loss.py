@@ -18,7 +18,7 @@ from scipy.special import gammaln
 
 from ._errors import FitError
 
-_WILD = 7.0
+WILD = 7.0
 """Readings further off than this many scales carry no information on the table at all."""
 _HUBER = 1.345
 """Corner of the Huber loss: 95 % efficiency for Gaussian noise."""
@@ -98,7 +98,7 @@ class StudentLoss(AbstractLoss):
 
     def wild(self, ratio: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
         """See `AbstractLoss`."""
-        return np.asarray(np.abs(ratio) > _WILD)
+        return np.asarray(np.abs(ratio) > WILD)
 
 
 def choose_loss(
@@ -124,7 +124,7 @@ def choose_loss(
         return GaussLoss(robust)
     if name == "huber":
         return HuberLoss(robust)
-    inner = residual[np.abs(residual) <= _WILD * robust / inflation] * inflation
+    inner = residual[np.abs(residual) <= WILD * robust / inflation] * inflation
     # Too few readings cannot tell the tails: stay with heavy ones.
     freedoms = _FREEDOMS if len(inner) >= 200 else _FREEDOMS[:1]
     fits = [(_student_fit(inner, robust, freedom), freedom) for freedom in freedoms]

@@ -80,7 +80,9 @@ class Posterior:
     def evidence(self) -> float:
         """Minus twice the restricted log-likelihood, up to a constant; smaller is better."""
         prior = self.problem.prior.logdet(self.smoothness)
-        return self.problem.free * float(np.log(self.variance)) + self.logdet - prior
+        # Readings without any scatter are fitted exactly: no noise, and its log must not blow up.
+        noise = float(np.log(max(self.variance, 1e-300)))
+        return self.problem.free * noise + self.logdet - prior
 
     @cached_property
     def inverse(self) -> dict[tuple[int, int], Float[np.ndarray, "l s"]]:

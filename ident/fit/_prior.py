@@ -7,6 +7,7 @@ precision is a Kronecker sum and its determinant follows from those of the axes.
 """
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from functools import cached_property
 
@@ -20,9 +21,9 @@ Weights = tuple[float, float]
 """Weights ``(a, b)`` of the second and of the fourth differences, relative to 1/noise²."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class ChainPrior:
-    """Differences along one axis.
+    """Differences along one axis; made by `chain_prior`, which keeps what was derived.
 
     Attributes:
         nodes: Node positions, the repeated end of a ring included.
@@ -137,9 +138,19 @@ class ChainPrior:
             )
             return (second, fourth), float(np.log(self.size))
         first, own, second, own2 = self._curvature
-        inner = second.T @ sp.diags_array(own2) @ second
+        inner = sp.csr_array(second.T @ sp.diags_array(own2) @ second)
         bands = (own[:, None], _lower_band(inner))
-        return bands, band_logdet(_lower_band(first @ first.T))
+        return bands, band_logdet(_lower_band(sp.csr_array(first @ first.T)))
+
+
+def chain_prior(nodes: Float[np.ndarray, " n"], ring: bool = False) -> ChainPrior:
+    """Return the differences along one axis, the same object for the same nodes."""
+    return _chain_prior(np.asarray(nodes, np.float64).tobytes(), ring)
+
+
+@functools.lru_cache(maxsize=64)
+def _chain_prior(nodes: bytes, ring: bool) -> ChainPrior:
+    return ChainPrior(np.frombuffer(nodes, np.float64), ring)
 
 
 def _second_differences(

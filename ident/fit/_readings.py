@@ -17,6 +17,13 @@ from ._loss import AbstractLoss
 from ._posterior import Border, Problem
 from ._prior import TablePrior
 
+_RIDGE = 1e-9
+"""Weight, relative to the mean information on a run effect, that holds it at zero."""
+
+
+def _hold(matrix: Float[np.ndarray, "r r"]) -> float:
+    return _RIDGE * float(np.trace(matrix)) / len(matrix)
+
 
 @dataclasses.dataclass(frozen=True)
 class Readings:
@@ -56,6 +63,9 @@ class Readings:
         for column in range(count):
             coupling[:, :, column] = self._vector(weight * self.design[:, column])
         matrix = self.design.T @ (weight[:, None] * self.design)
+        if count:
+            # A run of which no reading is believed has no effect to be told.
+            matrix += _hold(matrix) * np.eye(count)
         return normal, coupling, matrix
 
     def _vector(self, weighted: Float[np.ndarray, " t"]) -> Float[np.ndarray, "l s"]:
@@ -75,9 +85,10 @@ class Readings:
         """Return the sums of pseudo-readings about the current estimate."""
         normal, coupling, matrix = sums
         weighted = self.weight * pseudo
-        border = (
-            Border(coupling, matrix, self.design.T @ weighted) if len(effects) else None
-        )
+        border = None
+        if len(effects):
+            hold = _hold(matrix) * effects
+            border = Border(coupling, matrix, self.design.T @ weighted - hold)
         return Problem(
             normal=normal,
             prior=prior,

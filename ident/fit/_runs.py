@@ -42,6 +42,15 @@ class RunDesign:
             return offset
         return np.hstack([offset, offset * self.order[:, None]])
 
+    def start(self, error: Float[np.ndarray, " t"]) -> Float[np.ndarray, " c"]:
+        """Return effects to begin with: the median of each run, so that a far one is not wild."""
+        median = [
+            np.median(error[self.index == run]) for run in range(len(self.labels))
+        ]
+        result = np.zeros(self.count)
+        result[: self.contrast.shape[1]] = self.contrast.T @ np.array(median)
+        return result
+
     def effects(
         self, values: Float[np.ndarray, " c"], covariance: Float[np.ndarray, "c c"]
     ) -> tuple[RunEffect, ...]:

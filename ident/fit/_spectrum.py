@@ -3,13 +3,13 @@
 import dataclasses
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 
-from ._logs import HIGH, LOW, spread_logs
+from ._logs import HIGH, LEAST, LOW, spread_logs
+from ._modes import Modes, modes_of
 from ._posterior import Posterior, Problem, solve
-from ._prior import ChainPrior, Smoothness
+from ._prior import Smoothness
 
 WORTH = 2.0
 """Gain in evidence below which the fourth differences are left out."""
@@ -47,14 +47,13 @@ class Spectrum:
     """A light fit of a plane in the eigenbasis of second differences: uniform readings assumed.
 
     Attributes:
-        slow: Second and fourth differences of the modes along the slow axis, and their own
-            size, for modes normalised against the mass of linear interpolation; ``fast`` likewise.
+        slow: Modes along the slow axis; ``fast`` along the fast one.
         power: Squared coefficients of the light fit.
         variance: Of one coefficient: noise² / information.
     """
 
-    slow: tuple[np.ndarray, np.ndarray, np.ndarray]
-    fast: tuple[np.ndarray, np.ndarray, np.ndarray]
+    slow: Modes
+    fast: Modes
     power: Float[np.ndarray, "l s"]
     variance: float
 
@@ -63,9 +62,9 @@ class Spectrum:
         """Build the surrogate from a light fit, in the modes of one order of differences."""
         problem = light.problem
         assert problem.prior.fast is not None
-        slow, slow_basis = _modes(problem.prior.slow, order)
-        fast, fast_basis = _modes(problem.prior.fast, order)
-        power = np.square(slow_basis.T @ light.values @ fast_basis)
+        slow = modes_of(problem.prior.slow, order)
+        fast = modes_of(problem.prior.fast, order)
+        power = np.square(slow.dual.T @ light.values @ fast.dual)
         spare = max(problem.count - problem.normal.grid.size, 0.1 * problem.count)
         return cls(
             slow, fast, power, light.residual_square / spare / problem.normal.density
@@ -75,13 +74,12 @@ class Spectrum:
         """Return the precision that each of the four terms gives every mode."""
         weights = np.exp(log)
         weights[1::2][log[1::2] <= LOW + 1e-9] = 0.0
-        slow2, slow4, slow1 = self.slow
-        fast2, fast4, fast1 = self.fast
+        slow, fast = self.slow, self.fast
         return (
-            weights[0] * np.outer(slow2, fast1),
-            weights[1] * np.outer(slow4, fast1),
-            weights[2] * np.outer(slow1, fast2),
-            weights[3] * np.outer(slow1, fast4),
+            weights[0] * np.outer(slow.second, fast.size),
+            weights[1] * np.outer(slow.fourth, fast.size),
+            weights[2] * np.outer(slow.size, fast.second),
+            weights[3] * np.outer(slow.size, fast.fourth),
         )
 
     def cost(
@@ -123,42 +121,13 @@ class Spectrum:
             )
             return value, slope[keep]
 
-        bounds = [*zip(np.full(4, LOW)[mask], HIGH[mask], strict=True), (-0.7, 2.0)]
+        bounds = [*zip(LEAST[mask], HIGH[mask], strict=True), (-0.7, 2.0)]
         results = [
             minimize(
-                cost, np.append(np.clip(log, LOW + 0.5, HIGH)[mask], 0.0), jac=True,
+                cost, np.append(np.clip(log, LEAST + 0.5, HIGH)[mask], 0.0), jac=True,
                 bounds=bounds, method="L-BFGS-B", options={"maxiter": 60},
             )
             for log in starts
         ]  # fmt: skip
         best = min(results, key=lambda found: float(found.fun))
         return float(best.fun), spread_logs(mask, best.x[:-1])
-
-
-def _modes(
-    chain: ChainPrior, order: int
-) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], Float[np.ndarray, "n n"]]:
-    """Return second differences, fourth differences and size of the modes; basis × mass."""
-    n = chain.size
-    diagonal = np.full(n, 2.0 / 3.0)
-    diagonal[[0, -1]] = 1.0 / 3.0
-    beside = np.full(n - 1, 1.0 / 6.0)
-    mass = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
-    # The density counts what stands on the diagonal.
-    mass /= mass.diagonal().mean()
-    second, fourth = (gram.toarray() for gram in chain.grams)
-    _, vectors = scipy.linalg.eigh(second if order == 2 else fourth, mass)
-    # Within what fourth differences leave alone, second differences tell the modes apart.
-    free = min(4, n)
-    inner = vectors[:, :free].T @ second @ vectors[:, :free]
-    vectors[:, :free] = vectors[:, :free] @ np.linalg.eigh(inner)[1]
-    bends = []
-    for gram in (second, fourth):
-        values = np.maximum(
-            np.einsum("ik,ij,jk->k", vectors, gram, vectors, optimize=True), 0.0
-        )
-        values[: chain.null] = 0.0
-        bends.append(values)
-    return (bends[0], bends[1], np.square(vectors).sum(axis=0)), np.asarray(
-        mass @ vectors
-    )

@@ -1,7 +1,7 @@
 """Nodes and runs that contradict the rest: named for the user, never dropped."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ._grid import Grid, Located
 from ._runs import RunDesign
@@ -15,16 +15,21 @@ _FAR = 6.0
 """A run whose offset lies this many typical offsets away is named."""
 
 
-def suspect_nodes(
-    grid: Grid, located: Located, share: Float[np.ndarray, " t"]
-) -> tuple[int, ...]:
-    """Return flat table indices of nodes whose nearest readings were mostly set aside."""
+def nearest(grid: Grid, located: Located) -> Int[np.ndarray, " t"]:
+    """Return the node next to each reading, as flat index over (slow, fast)."""
     upper = located.u >= 0.5
     slow = np.where(upper & (grid.slow > 1), grid.neighbour(located.l), located.l)
     fast = np.where(
         located.v >= 0.5, np.minimum(located.s + 1, grid.fast - 1), located.s
     )
-    node = slow * grid.fast + fast
+    return np.asarray(slow * grid.fast + fast)
+
+
+def suspect_nodes(
+    grid: Grid, located: Located, share: Float[np.ndarray, " t"]
+) -> tuple[int, ...]:
+    """Return flat table indices of nodes whose nearest readings were mostly set aside."""
+    node = nearest(grid, located)
     count = np.bincount(node, minlength=grid.size)
     kept = np.bincount(node, share, grid.size)
     # A share of 0.5 is the Student weight at two scales; a lone reading must be further off.

@@ -7,6 +7,7 @@ are wanted. Robust weights, evidence and standard deviations are the business of
 import dataclasses
 from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,22 +15,30 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from ... import models as models  # switches JAX to 64 bits
-from ._compiled import fused_block
+from ._compiled import axis_nodes, blocks_of, plane_moments
+from ._conjugate import conjugate_solve
 from ._errors import FitError
-from ._grid import BLOCK, MANY, Grid, Located, equidistant
+from ._estimate import table_prior
+from ._grid import MANY, Grid, Located
 from ._information import (
     Normal,
+    add_up,
     cells_of,
     evaluate,
     moment_sums,
     normal_from_moments,
     vector_from_moments,
 )
-from ._posterior import Posterior, Problem, solve
-from ._table import fixed_smoothness, table_prior
+from ._logs import fixed_smoothness
+from ._posterior import Problem, solve
 from ._threads import one_blas_thread
 from ._types import Samples, TableLayout
+
+_LARGE = 1e7
+"""Operations of a band factor from which conjugate gradients are tried first."""
+
+Given = Any
+"""A NumPy array, a JAX array, a tracer, or JAX's own wrapper of a NumPy array."""
 
 
 def fit_values(
@@ -62,7 +71,11 @@ def fit_values(
     Raises:
         FitError: If the readings do not determine the table.
     """
-    setup = _Setup(layout, smoothness, None if branch is None else branch.tobytes())
+    setup = _Setup(
+        layout,
+        smoothness,
+        None if branch is None else np.asarray(branch, np.int64).tobytes(),
+    )
     if weight is None:
         weight = np.ones(np.shape(error))
     return _fit(setup, _plain(positions), _plain(error), _plain(weight))
@@ -93,14 +106,14 @@ def _plain(value: ArrayLike) -> ArrayLike:
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _fit(setup: _Setup, positions: Array, error: Array, weight: Array) -> Array:
+def _fit(setup: _Setup, positions: Given, error: Given, weight: Given) -> Array:
     result, _ = _forward(setup, positions, error, weight)
     return result
 
 
 def _forward(
-    setup: _Setup, positions: Array, error: Array, weight: Array
-) -> tuple[Array, tuple[Array, ...]]:
+    setup: _Setup, positions: Given, error: Given, weight: Given
+) -> tuple[Array, tuple[Given, ...]]:
     shape = _shape(setup.layout.shape)
     arguments = (positions, error, weight)
     if any(isinstance(value, Tracer) for value in arguments):
@@ -112,7 +125,7 @@ def _forward(
 
 
 def _backward(
-    setup: _Setup, kept: tuple[Array, ...], slope: Array
+    setup: _Setup, kept: tuple[Given, ...], slope: Array
 ) -> tuple[Array, Array, Array]:
     shapes = tuple(_shape(value.shape) for value in kept[:3])
     result: tuple[Array, Array, Array] = jax.pure_callback(
@@ -129,24 +142,24 @@ _fit.defvjp(_forward, _backward)
 
 
 def _values_on_host(
-    setup: _Setup, positions: Array, error: Array, weight: Array
+    setup: _Setup, positions: Given, error: Given, weight: Given
 ) -> Float[np.ndarray, "..."]:
     samples = setup.samples(
         np.asarray(positions), np.asarray(error), np.asarray(weight)
     )
     grid = Grid(setup.layout)
     with one_blas_thread():
-        posterior = _solved(grid, setup.smoothness, *sums_of(grid, samples))
-        return grid.to_table(posterior.values)
+        values = _solved(grid, setup.smoothness, *sums_of(grid, samples))
+        return grid.to_table(values)
 
 
 def _slopes_on_host(
     setup: _Setup,
-    positions: Array,
-    error: Array,
-    weight: Array,
-    values: Array,
-    slope: Array,
+    positions: Given,
+    error: Given,
+    weight: Given,
+    values: Given,
+    slope: Given,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the slopes by the adjoint: one more solve with the same matrix.
 
@@ -162,10 +175,10 @@ def _slopes_on_host(
         normal, _ = sums_of(grid, samples)
         # The repeated end of a ring is the same unknown as its beginning.
         pull = np.asarray(slope, float)
-        right = grid.from_table(pull)
+        right = np.array(grid.from_table(pull))
         if setup.layout.periodic:
             right[0] += pull.T[-1] if setup.layout.branches == 2 else pull[-1]
-        adjoint = _solved(grid, setup.smoothness, normal, right).values
+        adjoint = _solved(grid, setup.smoothness, normal, right)
     place = grid.locate(samples)
     table = grid.from_table(np.asarray(values))
     along, here = evaluate(grid, place, adjoint), evaluate(grid, place, table)
@@ -204,8 +217,13 @@ def _solved(
     smoothness: float | Mapping[str, float],
     normal: Normal,
     vector: Float[np.ndarray, "l s"],
-) -> Posterior:
+) -> Float[np.ndarray, "l s"]:
     prior = table_prior(grid)
+    weights = fixed_smoothness(smoothness, normal.density, grid)
+    if grid.planar and grid.size * grid.fast**2 > _LARGE:
+        values = conjugate_solve(normal, prior, weights, vector)
+        if values is not None:
+            return values
     problem = Problem(
         normal=normal,
         prior=prior,
@@ -215,11 +233,11 @@ def _solved(
         values=np.zeros_like(vector),
         effects=np.zeros(0),
     )
-    posterior = solve(problem, fixed_smoothness(smoothness, normal.density, grid))
+    posterior = solve(problem, weights)
     if posterior is None:
         msg = "the readings do not determine the table: the normal matrix is singular."
         raise FitError(msg)
-    return posterior
+    return posterior.values
 
 
 def sums_of(grid: Grid, samples: Samples) -> tuple[Normal, Float[np.ndarray, "l s"]]:
@@ -235,30 +253,15 @@ def sums_of(grid: Grid, samples: Samples) -> tuple[Normal, Float[np.ndarray, "l 
                 grid, moment_sums(grid, place, weight * samples.error, 1)
             ),
         )
-    call = fused_block(
-        (grid.slow, equidistant(grid.slow_nodes)),
-        (grid.fast, equidistant(grid.fast_nodes)),
-        (grid.slow_column, 1 - grid.slow_column),
+    shape = cells_of(grid)
+    call = partial(
+        plane_moments,
+        slow=axis_nodes(grid.slow_nodes),
+        fast=axis_nodes(grid.fast_nodes),
+        columns=(grid.slow_column, 1 - grid.slow_column),
     )
-    full = count - count % BLOCK
-    blocks = []
-    for start in range(0, full, BLOCK):
-        piece = slice(start, start + BLOCK)
-        blocks.append(
-            call(
-                samples.positions[piece], samples.error[piece], weight[piece],
-                grid.slow_nodes, grid.fast_nodes,
-            )
-        )  # fmt: skip
-    cells = cells_of(grid)
-    sums = []
-    for part, powers in ((0, 3), (1, 2)):
-        total = sum(np.asarray(block[part]) for block in blocks)
-        sums.append(np.reshape(total, (powers, powers, *cells)).transpose(2, 3, 0, 1))
-    if full < count:
-        rest = samples.take(np.arange(count) >= full)
-        place = grid.locate(rest)
-        assert rest.weight is not None
-        sums[0] = sums[0] + moment_sums(grid, place, rest.weight, 2)
-        sums[1] = sums[1] + moment_sums(grid, place, rest.weight * rest.error, 1)
-    return normal_from_moments(grid, sums[0]), vector_from_moments(grid, sums[1])
+    arrays = (samples.positions, samples.error, weight)
+    sums = [call(*block) for block in blocks_of(*arrays)]
+    squares = add_up(each[0] for each in sums).reshape(3, 3, *shape)
+    products = add_up(each[1] for each in sums).reshape(2, 2, *shape)
+    return normal_from_moments(grid, squares), vector_from_moments(grid, products)

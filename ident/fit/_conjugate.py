@@ -1,0 +1,68 @@
+"""Node values of a large plane by conjugate gradients in place of a factor.
+
+Where readings cover the plane evenly, the matrix is nearly diagonal in the bending modes: a
+dozen steps give what the band Cholesky gives, in a fraction of its time. Uneven readings
+need more steps; past a few dozen the factor is the better way.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from ._information import Normal
+from ._modes import modes_of
+from ._prior import Smoothness, TablePrior
+
+_STEPS = 40
+_SETTLED = 1e-11
+"""Residual, relative to the right-hand side, at which the steps end."""
+
+
+def conjugate_solve(
+    normal: Normal,
+    prior: TablePrior,
+    smoothness: Smoothness,
+    right: Float[np.ndarray, "l s"],
+) -> Float[np.ndarray, "l s"] | None:
+    """Return the node values of a plane, or None where the steps do not settle.
+
+    Source: M. R. Hestenes, E. Stiefel, J. Res. Natl. Bur. Stand. 49(6), 1952; preconditioned
+    by the Kronecker sum of the penalties over evenly spread readings.
+    """
+    assert prior.fast is not None
+    order = 4 if smoothness.slow[1] or smoothness.fast[1] else 2
+    slow, fast = modes_of(prior.slow, order), modes_of(prior.fast, order)
+    bend_slow = smoothness.slow[0] * slow.second + smoothness.slow[1] * slow.fourth
+    bend_fast = smoothness.fast[0] * fast.second + smoothness.fast[1] * fast.fourth
+    stiffness = (
+        normal.density + np.outer(bend_slow, fast.size) + np.outer(slow.size, bend_fast)
+    )
+
+    pull_slow = prior.slow.matrix(smoothness.slow)
+    pull_fast = prior.fast.matrix(smoothness.fast)
+
+    def apply(values: Float[np.ndarray, "l s"]) -> Float[np.ndarray, "l s"]:
+        image = normal.apply(values)
+        image += pull_slow @ values
+        image += (pull_fast @ values.T).T
+        return image
+
+    def precondition(residual: Float[np.ndarray, "l s"]) -> Float[np.ndarray, "l s"]:
+        modal = slow.vectors.T @ residual @ fast.vectors
+        return np.asarray(slow.vectors @ (modal / stiffness) @ fast.vectors.T)
+
+    values = np.zeros_like(right)
+    residual = right.copy()
+    goal = _SETTLED * float(np.linalg.norm(right))
+    direction = moved = precondition(residual)
+    energy = float(np.vdot(residual, moved))
+    for _ in range(_STEPS):
+        if float(np.linalg.norm(residual)) <= goal:
+            return values
+        image = apply(direction)
+        step = energy / float(np.vdot(direction, image))
+        values += step * direction
+        residual -= step * image
+        moved = precondition(residual)
+        before, energy = energy, float(np.vdot(residual, moved))
+        direction = moved + (energy / before) * direction
+    return None

@@ -1,0 +1,240 @@
+"""Losses, smoothness given by hand, determinism, and what a fit says of itself."""
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+from axcomp.ident.fit import FitError, Samples, TableLayout, fit_table, predict
+from axcomp.ident.fit._grid import Grid
+from axcomp.ident.fit._prior import Smoothness
+
+NOISE = 0.002  # mm
+NODES = np.linspace(0.0, 300.0, 31)
+LINE = TableLayout((NODES,))
+PLANE = TableLayout((np.arange(9.0) * 10, np.arange(7.0) * 10))
+
+
+def readings(layout: TableLayout, count: int, seed: int = 0) -> Samples:
+    rng = np.random.default_rng(seed)
+    positions = rng.uniform(
+        0.0, [nodes[-1] for nodes in layout.nodes], (count, len(layout.nodes))
+    )
+    error = 0.02 * np.sin(positions.sum(axis=1) / 40) + rng.normal(0, NOISE, count)
+    return Samples(positions, error)
+
+
+def test_losses_agree_where_nothing_is_wild() -> None:
+    samples = readings(LINE, 3000)
+    plain = fit_table(LINE, samples, loss="gauss")
+    for loss in ("huber", "student"):
+        fit = fit_table(LINE, samples, loss=loss)
+        # Where the efficiency is 95 %, estimates differ by √(1/0.95 − 1) = 0.23 standard
+        # deviations; four times that for the furthest of 60 nodes.
+        distance = np.abs(fit.values - plain.values) / plain.standard_deviation
+        assert distance.max() < 0.92
+        assert fit.noise == pytest.approx(plain.noise, rel=0.02)
+        assert not fit.wild.any()
+        assert fit.suspect_nodes == ()
+    assert (plain.share == 1.0).all()
+
+
+def test_huber_bounds_what_a_wild_point_can_do() -> None:
+    samples = readings(LINE, 1000)
+    values = {}
+    for size in (0.0, 0.1, 1000.0):
+        error = samples.error.copy()
+        error[5] += size
+        spoilt = dataclasses.replace(samples, error=error)
+        values[size] = fit_table(LINE, spoilt, smoothness=1.0, loss="huber").values
+    # Pull at most 1.345 scales over about 33 readings per node.
+    assert np.abs(values[0.1] - values[0.0]).max() < 3 * NOISE / 33 * 1.345
+    # Its median of magnitudes does not feel how far: only the tolerance of the iterations.
+    np.testing.assert_allclose(values[1000.0], values[0.1], atol=1e-5)
+
+
+def test_noise_and_deviation_are_those_of_the_readings() -> None:
+    inside, noise = [], []
+    truth = 0.02 * np.sin(NODES / 40)
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        position = rng.uniform(0.0, 300.0, 600)
+        error = np.interp(position, NODES, truth) + rng.normal(0.0, NOISE, 600)
+        fit = fit_table(LINE, Samples(position[:, None], error), smoothness=0.0)
+        inside.append(np.abs(fit.values - truth) <= 2 * fit.standard_deviation)
+        noise.append(fit.noise)
+    # 248 nodes, 95 % of them with a margin of three binomial deviations.
+    assert 0.91 <= np.mean(inside) <= 0.99
+    # 4800 readings tell their scatter to 1 %.
+    assert np.mean(noise) == pytest.approx(NOISE, rel=0.03)
+
+
+def test_known_weights_count_as_repetitions() -> None:
+    samples = readings(LINE, 400)
+    weight = np.random.default_rng(1).integers(1, 4, 400)
+    weighted = dataclasses.replace(samples, weight=weight.astype(float))
+    times = np.repeat(np.arange(400), weight)
+    repeated = Samples(samples.positions[times], samples.error[times])
+    fits = [
+        fit_table(LINE, one, smoothness=2.0, loss="gauss")
+        for one in (weighted, repeated)
+    ]
+    # The same sums; the start is another median.
+    np.testing.assert_allclose(fits[0].values, fits[1].values, atol=1e-12)
+
+
+def test_uneven_noise_is_told_by_the_weights() -> None:
+    rng = np.random.default_rng(2)
+    position = np.sort(rng.uniform(0.0, 300.0, 3000))
+    scatter = np.where(position < 150.0, 0.001, 0.01)
+    truth = 0.02 * np.sin(NODES / 40)
+    error = np.interp(position, NODES, truth) + scatter * rng.normal(size=3000)
+    weight = (0.001 / scatter) ** 2
+    fit = fit_table(LINE, Samples(position[:, None], error, weight=weight))
+    # The scale is that of weight 1, told to 2 %.
+    assert fit.noise == pytest.approx(0.001, rel=0.06)
+    low, high = fit.standard_deviation[:14].mean(), fit.standard_deviation[17:].mean()
+    assert high > 3 * low
+    assert not fit.wild.any()
+
+
+@pytest.mark.parametrize(
+    ("layout", "loss"),
+    [(LINE, "gauss"), (LINE, "student"), (PLANE, "student")],
+    ids=["line, gauss", "line, student", "plane, student"],
+)
+def test_weights_of_a_fit_make_the_same_fit(layout: TableLayout, loss: str) -> None:
+    samples = readings(layout, 1000)
+    fit = fit_table(layout, samples, loss=loss)
+    again = fit_table(layout, samples, loss=loss, smoothness=dict(fit.smoothness))
+    assert again.smoothness == pytest.approx(fit.smoothness, rel=1e-12)
+    # The iterations of a robust loss end at a hundredth of a standard deviation.
+    spread = fit.standard_deviation.max()
+    tolerance = 1e-6 if loss == "gauss" else 0.03
+    np.testing.assert_allclose(again.values, fit.values, atol=tolerance * spread)
+    # Variance from the residuals here, from the likelihood there.
+    np.testing.assert_allclose(
+        again.standard_deviation, fit.standard_deviation, rtol=0.05
+    )
+
+
+@pytest.mark.parametrize(
+    "layout", [PLANE, TableLayout(PLANE.nodes[::-1])], ids=["longer 1", "longer 2"]
+)
+def test_names_of_weights_say_which_axis_is_meant(layout: TableLayout) -> None:
+    slow_axis = Grid(layout).slow_column + 1
+    assert len(layout.nodes[slow_axis - 1]) == 9
+    weights = Smoothness((1.0, 2.0), (3.0, 4.0))
+    names = weights.names(slow_axis)
+    assert names[f"order 2, axis {slow_axis}"] == 1.0
+    assert names[f"order 4, axis {3 - slow_axis}"] == 4.0
+    assert Smoothness.named(names, slow_axis) == weights
+    # Stiff along the first axis only: hardly any bend is left along it.
+    samples = readings(layout, 2000)
+    stiff = fit_table(
+        layout, samples, smoothness={"order 2, axis 1": 1e9, "order 2, axis 2": 1.0}
+    )
+    bend1 = np.abs(np.diff(stiff.values, 2, axis=1)).max()
+    bend2 = np.abs(np.diff(stiff.values, 2, axis=0)).max()
+    assert bend1 < 1e-5 * bend2
+
+
+def test_smoothness_zero_is_the_plain_mean_at_the_nodes() -> None:
+    rng = np.random.default_rng(3)
+    error = rng.normal(size=(5, 31))
+    samples = Samples(np.tile(NODES, 5)[:, None], error.ravel())
+    fit = fit_table(LINE, samples, smoothness=0.0, loss="gauss")
+    # What fills gaps weighs 1e-9 of the readings.
+    np.testing.assert_allclose(fit.values, error.mean(axis=0), atol=1e-7)
+    assert (fit.support == 5).all()
+
+
+def test_single_reading_per_node_has_its_noise_judged_by_its_neighbours() -> None:
+    rng = np.random.default_rng(4)
+    nodes = np.arange(200.0)
+    truth = 0.02 * np.sin(nodes / 15)
+    error = truth + rng.normal(0.0, NOISE, 200)
+    samples = Samples(nodes[:, None], error)
+    fit = fit_table(TableLayout((nodes,)), samples, smoothness=0.0, loss="gauss")
+    np.testing.assert_allclose(fit.values, error, atol=1e-8)
+    # 200 readings tell their scatter to 5 %.
+    assert fit.noise == pytest.approx(NOISE, rel=0.2)
+    assert "follows every reading" in fit.message
+
+
+@pytest.mark.parametrize(
+    ("layout", "loss"), [(LINE, "student"), (PLANE, "gauss")], ids=["line", "plane"]
+)
+def test_same_readings_give_the_same_fit_in_any_order(
+    layout: TableLayout, loss: str
+) -> None:
+    samples = readings(layout, 1000)
+    shuffle = np.random.default_rng(5).permutation(1000)
+    mixed = Samples(samples.positions[shuffle], samples.error[shuffle])
+    one, again, other = (
+        fit_table(layout, each, loss=loss) for each in (samples, samples, mixed)
+    )
+    for name in ("values", "standard_deviation", "share"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(one, name))
+    assert again.smoothness == one.smoothness
+    # Sums in another order: rounding, far below the tolerance of the search.
+    np.testing.assert_allclose(other.values, one.values, atol=1e-7)
+    np.testing.assert_allclose(other.residual, one.residual[shuffle], atol=1e-7)
+
+
+def test_scale_and_offset_of_the_readings_carry_over() -> None:
+    samples = readings(LINE, 1000)
+    fit = fit_table(LINE, samples)
+    larger = fit_table(LINE, Samples(samples.positions, 1000.0 * (samples.error + 5.0)))
+    # Sums about the current table: only what rounding of 5 leaves of 1e-3.
+    np.testing.assert_allclose(larger.values / 1000 - 5, fit.values, atol=1e-7)
+    np.testing.assert_allclose(
+        larger.standard_deviation / 1000, fit.standard_deviation, rtol=1e-3
+    )
+
+
+def test_residuals_and_support_belong_to_the_readings() -> None:
+    samples = readings(LINE, 500)
+    keep = (samples.positions[:, 0] < 100.0) | (samples.positions[:, 0] > 160.0)
+    samples = samples.take(keep)
+    fit = fit_table(LINE, samples)
+    mean, _ = predict(fit, samples.positions)
+    np.testing.assert_allclose(fit.residual, samples.error - mean, atol=1e-15)
+    np.testing.assert_array_equal(np.flatnonzero(fit.support == 0), np.arange(11, 16))
+    # What is bridged is known less than what is measured.
+    measured = fit.support > 0
+    assert fit.standard_deviation[~measured].min() > np.median(
+        fit.standard_deviation[measured]
+    )
+
+
+def test_direction_means_nothing_to_a_table_that_has_one() -> None:
+    samples = readings(LINE, 500)
+    branch = np.random.default_rng(6).integers(0, 2, 500)
+    both = fit_table(LINE, dataclasses.replace(samples, branch=branch))
+    np.testing.assert_array_equal(both.values, fit_table(LINE, samples).values)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_shortest_tables_are_fitted(count: int) -> None:
+    layout = TableLayout((np.linspace(0.0, 10.0, count),))
+    rng = np.random.default_rng(7)
+    position = rng.uniform(0.0, 10.0, 400)
+    truth = 0.01 * np.arange(count) if count > 1 else np.array([0.3])
+    error = np.interp(position, layout.nodes[0], truth) + rng.normal(0.0, NOISE, 400)
+    fit = fit_table(layout, Samples(position[:, None], error))
+    # A straight line costs no smoothness.
+    assert (np.abs(fit.values - truth) < 4 * fit.standard_deviation).all()
+    assert fit.noise == pytest.approx(NOISE, rel=0.15)
+
+
+def test_result_travels_through_process_pools() -> None:
+    fit = fit_table(LINE, readings(LINE, 200))
+    again = pickle.loads(pickle.dumps(fit))
+    np.testing.assert_array_equal(again.values, fit.values)
+    with pytest.raises(FitError, match="no readings") as caught:
+        fit_table(LINE, readings(LINE, 0))
+    error = pickle.loads(pickle.dumps(caught.value))
+    assert str(error) == str(caught.value)
+    assert error.args == caught.value.args

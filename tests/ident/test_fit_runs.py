@@ -1,0 +1,285 @@
+"""Repeated runs: their offsets and drifts, bad runs, bad nodes, runs left out."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from axcomp.ident.fit import (
+    FitError,
+    Samples,
+    TableLayout,
+    fit_table,
+    leave_out,
+    predict,
+    spatial_blocks,
+)
+
+NOISE = 0.002  # mm
+RUNS = 5
+NODES = np.linspace(0.0, 400.0, 21)
+TARGETS = np.linspace(0.0, 400.0, 41)
+LAYOUT = TableLayout((NODES,), branches=2)
+OFFSET = np.array([0.010, -0.004, 0.007, -0.009, 0.001])
+DRIFT = np.array([0.006, 0.002, -0.005, 0.004, -0.002])
+LOSSES = pytest.mark.parametrize("loss", ["gauss", "huber", "student"])
+
+
+def truth(position: np.ndarray, branch: np.ndarray | int) -> np.ndarray:
+    table = 0.01 * np.sin(NODES / 60) + 5e-5 * NODES
+    gap = -0.012 + 1e-5 * NODES
+    return np.asarray(
+        np.interp(position, NODES, table) + branch * np.interp(position, NODES, gap)
+    )
+
+
+TRUTH = np.stack([truth(NODES, 0), truth(NODES, 1)])
+
+
+def runs(
+    seed: int = 1, offset: np.ndarray = OFFSET, drift: np.ndarray = DRIFT
+) -> Samples:
+    """Five runs out and back over all targets."""
+    rng = np.random.default_rng(seed)
+    count = 2 * len(TARGETS)
+    position = np.tile(np.concatenate([TARGETS, TARGETS[::-1]]), RUNS)
+    branch = np.tile(np.repeat([0, 1], len(TARGETS)), RUNS)
+    run = np.repeat(np.arange(RUNS), count)
+    order = np.tile(np.linspace(0.0, 1.0, count), RUNS)
+    error = truth(position, branch) + offset[run] + drift[run] * (order - 0.5)
+    error = error + rng.normal(0.0, NOISE, len(error))
+    return Samples(position[:, None], error, branch, None, run, order)
+
+
+def changed(samples: Samples, keep: np.ndarray, by: float | np.ndarray) -> Samples:
+    error = samples.error.copy()
+    error[keep] += by
+    return dataclasses.replace(samples, error=error)
+
+
+@LOSSES
+def test_offsets_and_drifts_are_recovered_and_sum_to_zero(loss: str) -> None:
+    fit = fit_table(LAYOUT, runs(), loss=loss, run_effects="drift")
+    assert [effect.run for effect in fit.runs] == list(range(RUNS))
+    for name, true in (("offset", OFFSET), ("drift", DRIFT)):
+        found = np.array([getattr(effect, name) for effect in fit.runs])
+        spread = np.array([getattr(effect, name + "_sd") for effect in fit.runs])
+        # Effects are contrasts; rounding only.
+        assert abs(found.sum()) < 1e-14
+        # Ten numbers of one draw: 3.5 standard deviations hold 99.5 % of such draws.
+        assert (np.abs(found - (true - true.mean())) < 3.5 * spread).all()
+        # 82 readings tell a mean to noise/√82, a slope to √12 times that.
+        expected = NOISE / np.sqrt(82) * (1.0 if name == "offset" else np.sqrt(12))
+        np.testing.assert_allclose(spread, expected, rtol=0.25)
+
+
+@LOSSES
+def test_table_does_not_feel_the_offsets(loss: str) -> None:
+    fit = fit_table(LAYOUT, runs(), loss=loss, run_effects="offset")
+    without = runs(offset=0 * OFFSET + OFFSET.mean(), drift=DRIFT)
+    plain = fit_table(LAYOUT, without, loss=loss, run_effects="offset")
+    # Shifting a run by a constant shifts its effect alone; the start differs a little, and
+    # the iterations end at a hundredth of a standard deviation of 0.5 µm.
+    np.testing.assert_allclose(fit.values, plain.values, atol=2e-5)
+
+
+def test_table_keeps_the_mean_of_the_runs() -> None:
+    # Targets on all nodes, all runs complete: the table is the plain mean at the targets.
+    layout = TableLayout((TARGETS,), branches=2)
+    samples = runs()
+    order = np.argsort(TARGETS)
+    assert samples.branch is not None
+    for effects in ("none", "offset"):
+        fit = fit_table(
+            layout, samples, smoothness=0.0, loss="gauss", run_effects=effects
+        )
+        for branch in (0, 1):
+            own = samples.branch == branch
+            mean = [
+                samples.error[own & (samples.positions[:, 0] == x)] for x in TARGETS
+            ]
+            expected = np.mean(mean, axis=1)[order]
+            # The prior that fills gaps weighs 1e-9: what it draws stays below 0.1 nm.
+            np.testing.assert_allclose(fit.values[branch], expected, atol=1e-7)
+
+
+def test_drift_that_all_runs_share_stays_in_the_table() -> None:
+    samples = runs(offset=0 * OFFSET, drift=0 * DRIFT + 0.01)
+    fit = fit_table(LAYOUT, samples, loss="gauss", run_effects="drift")
+    assert max(abs(effect.drift) for effect in fit.runs) < 4 * fit.runs[0].drift_sd
+    plain = fit_table(LAYOUT, samples, loss="gauss")
+    # Ten effects of no size: a fraction of the standard deviation of 0.5 µm.
+    np.testing.assert_allclose(fit.values, plain.values, atol=2e-4)
+
+
+def test_ignored_offsets_are_told_as_noise_and_fitted_ones_are_not() -> None:
+    ignored = fit_table(LAYOUT, runs(), loss="gauss")
+    fitted = fit_table(LAYOUT, runs(), loss="gauss", run_effects="drift")
+    # 410 readings tell their scatter to 3.5 %.
+    assert fitted.noise == pytest.approx(NOISE, rel=0.1)
+    assert ignored.noise > 3 * NOISE
+    assert ignored.runs == ()
+
+
+def test_one_run_has_no_effect_of_its_own() -> None:
+    samples = runs()
+    assert samples.run is not None
+    fit = fit_table(LAYOUT, samples.take(samples.run == 2), run_effects="drift")
+    assert fit.runs == ()
+
+
+def test_good_runs_and_nodes_are_not_suspected() -> None:
+    for seed in range(3):
+        fit = fit_table(LAYOUT, runs(seed), run_effects="drift")
+        assert fit.suspect_runs == ()
+        assert fit.suspect_nodes == ()
+
+
+def test_loud_run_is_named() -> None:
+    samples = runs()
+    assert samples.run is not None
+    own = samples.run == 3
+    extra = np.random.default_rng(4).normal(0.0, 6 * NOISE, own.sum())
+    fit = fit_table(LAYOUT, changed(samples, own, extra), run_effects="offset")
+    assert fit.suspect_runs == (3,)
+
+
+def test_far_run_is_named() -> None:
+    samples = runs()
+    assert samples.run is not None
+    fit = fit_table(
+        LAYOUT, changed(samples, samples.run == 1, 0.5), run_effects="offset"
+    )
+    assert fit.suspect_runs == (1,)
+    # Its shape is as good as that of the others and is kept.
+    assert not fit.wild.any()
+
+
+def test_bad_node_is_named_and_bridged() -> None:
+    samples = runs(offset=0 * OFFSET, drift=0 * DRIFT)
+    assert samples.branch is not None
+    near = (samples.positions[:, 0] == NODES[8]) & (samples.branch == 1)
+    fit = fit_table(LAYOUT, changed(samples, near, 0.3))
+    # Flat index into (2, 21).
+    assert fit.suspect_nodes == (21 + 8,)
+    assert fit.wild[near].all()
+    # 42 nodes of one draw stay inside 4 standard deviations.
+    assert np.abs(fit.values - TRUTH)[1, 8] < 4.0 * fit.standard_deviation[1, 8]
+
+
+@pytest.mark.parametrize("effects", ["none", "offset", "drift"])
+def test_run_of_garbage_does_not_end_the_fit(effects: str) -> None:
+    samples = runs(offset=0 * OFFSET, drift=0 * DRIFT)
+    assert samples.run is not None
+    own = samples.run == 3
+    extra = np.random.default_rng(4).normal(0.0, 100.0, own.sum())
+    fit = fit_table(LAYOUT, changed(samples, own, extra), run_effects=effects)
+    np.testing.assert_array_equal(fit.wild, own)
+    # Four runs are left, and 42 nodes of one draw stay inside 4 standard deviations; the
+    # constant is as uncertain as the effect of the run of which nothing is believed.
+    error = fit.values - TRUTH
+    assert np.abs(error - error.mean()).max() < 4 * NOISE / np.sqrt(4)
+    assert abs(error.mean()) < 4 * NOISE / np.sqrt(4 * 82)
+    if effects != "none":
+        assert fit.suspect_runs == (3,)
+        assert fit.runs[3].offset == pytest.approx(0.0, abs=1e-6)
+
+
+def test_wild_reading_is_found_beside_run_effects() -> None:
+    samples = changed(runs(), np.arange(410) == 17, 1.0)
+    fit = fit_table(LAYOUT, samples, run_effects="drift")
+    np.testing.assert_array_equal(np.flatnonzero(fit.wild), [17])
+    assert fit.share[17] == 0.0
+    assert "1 wild readings were left out" in fit.message
+
+
+def test_left_out_run_is_not_in_its_fit() -> None:
+    samples = runs()
+    assert samples.run is not None
+    fit = fit_table(LAYOUT, samples, run_effects="drift")
+    folds = dict(leave_out(LAYOUT, samples, samples.run, fit, run_effects="drift"))
+    assert list(folds) == list(range(RUNS))
+    for run, fold in folds.items():
+        assert len(fold.residual) == 4 * 2 * len(TARGETS)
+        assert [effect.run for effect in fold.runs] == [r for r in folds if r != run]
+        assert fold.smoothness == pytest.approx(fit.smoothness)
+        assert fold.loss == fit.loss
+        # Whatever the left-out run says changes nothing.
+        spoilt = changed(samples, samples.run == run, 7.0)
+        again = dict(leave_out(LAYOUT, spoilt, samples.run, fit, run_effects="drift"))[
+            run
+        ]
+        np.testing.assert_array_equal(again.values, fold.values)
+
+
+def test_left_out_runs_scatter_as_predicted() -> None:
+    samples = runs(offset=0 * OFFSET, drift=0 * DRIFT)
+    assert samples.run is not None
+    fit = fit_table(LAYOUT, samples)
+    residual, spread = np.zeros(410), np.zeros(410)
+    for run, fold in leave_out(LAYOUT, samples, samples.run, fit):
+        own = samples.run == run
+        assert samples.branch is not None
+        mean, deviation = predict(fold, samples.positions[own], samples.branch[own])
+        residual[own] = samples.error[own] - mean
+        spread[own] = np.hypot(deviation, fold.noise)
+    # 410 residuals: 3.5 % each for what is seen and what the folds estimate.
+    ratio = np.sqrt(np.mean((residual / spread) ** 2))
+    assert ratio == pytest.approx(1.0, abs=0.1)
+
+
+def test_leaving_out_needs_two_groups() -> None:
+    samples = runs()
+    fit = fit_table(LAYOUT, samples)
+    with pytest.raises(FitError, match="at least two groups of readings, found one"):
+        next(leave_out(LAYOUT, samples, np.zeros(410, np.int64), fit))
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        TableLayout((np.arange(33.0), np.arange(21.0))),
+        TableLayout((np.arange(200.0),)),
+        TableLayout((np.arange(37.0),), branches=2, periodic=True),
+        TableLayout((np.arange(6.0), np.arange(4.0))),
+    ],
+    ids=["plane", "line", "ring", "small plane"],
+)
+def test_spatial_blocks_cover_everything_evenly(layout: TableLayout) -> None:
+    rng = np.random.default_rng(0)
+    last = [nodes[-1] for nodes in layout.nodes]
+    positions = rng.uniform(0.0, last, (20_000, len(last)))
+    branch = rng.integers(0, 2, 20_000) if layout.branches == 2 else None
+    samples = Samples(positions, np.zeros(20_000), branch)
+    group = spatial_blocks(layout, samples, count=5)
+    assert group.shape == (20_000,)
+    assert set(group) == set(range(5))
+    # Blocks differ by one cell along each axis, groups by one block of 15 or more.
+    share = np.bincount(group) / 20_000
+    assert share.min() > 0.5 / 5
+    assert share.max() < 2.0 / 5
+    # A cell is never divided.
+    cells = np.floor(positions) @ [1000.0, 1.0][: len(last)]
+    for cell in np.unique(cells)[::17]:
+        assert len(set(group[cells == cell])) == 1
+    np.testing.assert_array_equal(group, spatial_blocks(layout, samples, count=5))
+
+
+def test_left_out_blocks_are_bridged_within_their_stated_deviation() -> None:
+    rng = np.random.default_rng(3)
+    x, y = np.arange(13.0), np.arange(11.0)
+    positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    surface = 0.05 * np.sin(positions[:, 0] / 4) * np.cos(positions[:, 1] / 5)
+    layout = TableLayout((x, y))
+    samples = Samples(positions, surface + rng.normal(0.0, NOISE, len(surface)))
+    fit = fit_table(layout, samples)
+    group = spatial_blocks(layout, samples, count=4)
+    ratio = []
+    for block, fold in leave_out(layout, samples, group, fit):
+        own = group == block
+        mean, deviation = predict(fold, positions[own])
+        spread = np.hypot(deviation, fold.noise)
+        ratio.extend((samples.error[own] - mean) / spread)
+    # 143 readings, one per node: 95 % of them with a margin of three binomial deviations.
+    assert len(ratio) == 143
+    assert np.mean(np.abs(ratio) <= 2.0) >= 0.89
