@@ -27,6 +27,10 @@ from ._format import (
 )
 from ._listfile import ListFile as ListFile, Value as Value
 from ._parameter import Parameter as Parameter
-from ._registry import Registry as Registry, registry as registry
+from ._registry import (
+    BuildError as BuildError,
+    Registry as Registry,
+    registry as registry,
+)
 from ._remarks import RemarkCode as RemarkCode
 from ._write import new_list as new_list

@@ -47,6 +47,15 @@ def check(
 
 
 def _check_alone(view: ListView, increment: float | None) -> None:
+    if view.file.is_wide:
+        view.add(
+            "error",
+            "the file is UTF-16: no line of it can be read",
+            (1, 1),
+            found="UTF-16",
+            expected="ASCII, Latin-1 or UTF-8",
+        )
+        return
     check_remarks(view)
     if not view.columns:
         view.add(

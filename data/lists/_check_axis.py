@@ -23,7 +23,7 @@ def check_axis_list(view: ListView) -> None:
         for key in ("lr_param.temp_comp_offset_0", "lr_param.temp_comp_coefficient")
         if view.given(key)
     ]
-    if heated and not view.integer("lr_param.temp_comp"):
+    if heated and view.integer("lr_param.temp_comp") == 0:
         row = known["lr_param.temp_comp"]
         view.add(
             "warning",

@@ -18,7 +18,8 @@ def check_ascending(
     """Report a column whose first ``count`` values do not ascend strictly.
 
     A missing entry counts as 0, as it does in the kernel ([001] p. 43, defaults), which
-    nearly always breaks the order.
+    nearly always breaks the order; where it does not, it is reported all the same. A
+    value that cannot be read has a finding of its own and is passed over.
     """
     row = registry().by_key[key]
     rows = view.rows(key)
@@ -36,18 +37,25 @@ def check_ascending(
         )
         return
     values = column_values(rows, count)
+    at: Sequence[int] = range(count)
+    if None in rows.integers:
+        unread = {i for (i,), k in rows.last.items() if rows.integers[k] is None}
+        at = [i for i in at if i not in unread]
+        values = [values[i] for i in at]
     if all(map(operator.lt, values, values[1:])):
+        check_complete(view, key, count)
         return
-    at = next(i for i in range(1, count) if values[i - 1] >= values[i])
-    place = rows.last.get((at,), rows.last.get((at - 1,), 0))
+    k = next(k for k in range(1, len(values)) if values[k - 1] >= values[k])
+    place = rows.last.get((at[k],), rows.last.get((at[k - 1],), 0))
     view.add(
         "error",
-        f"{what} do not ascend: [{at - 1}] = {values[at - 1]}, [{at}] = {values[at]}"
+        f"{what} do not ascend: [{at[k - 1]}] = {values[k - 1]}, "
+        f"[{at[k]}] = {values[k]}"
         + (f" ({absent.describe()} is missing and counts as 0)" if len(absent) else ""),
         view.value_place(rows, place),
         parameter=row,
         number=row.number if number is None else number,
-        found=f"{values[at - 1]}, {values[at]}",
+        found=f"{values[k - 1]}, {values[k]}",
         expected="ascending values",
     )
 
@@ -106,7 +114,7 @@ def check_size(
     if rows is None or not rows.indices or max(rows.last)[0] < count:
         return
     row = registry().by_key[key]
-    limit = count + 1 if tolerated else count
+    limit = count + 1 if tolerated and count else count
     beyond = [at for at, (index,) in enumerate(rows.indices) if index >= limit]
     edge = [at for at, (index,) in enumerate(rows.indices) if count <= index < limit]
     size = f"{sizer.name} = {view.value(sizer.key)}"

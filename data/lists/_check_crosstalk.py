@@ -144,6 +144,8 @@ def _check_places(view: ListView, positions: list[str], count: int) -> None:
     first, second = columns
     if not complete or first is None or second is None or not count:
         return
+    if None in first.integers or None in second.integers:
+        return  # values that cannot be read have findings of their own
     pairs = list(
         zip(column_values(first, count), column_values(second, count), strict=True)
     )

@@ -120,8 +120,10 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
     for function in registry().functions:
         axis = in_force(partners, function.activation)
         if function.structure in view.in_use and _is_active(view, function):
-            if not axis.integer(function.activation):
+            if axis.integer(function.activation) == 0:
                 row = registry().by_key[function.activation]
+                if is_fragment(axis) and row.key not in axis.columns:
+                    continue  # The list that it adds to may well switch it on.
                 axis.add(
                     "warning",
                     f"{view.file.source} holds a {function.name}, but {row.key} does "
@@ -134,15 +136,18 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
     if "kw.ssfk" in view.in_use and view.integer("kw.ssfk.bilateral"):
         row = registry().by_key["lr_param.anwahl_losekomp"]
         axis = in_force(partners, row.key)
-        size = largest_backlash(in_force(partners, "getriebe[].lose"))
-        if axis.integer(row.key) and size:
+        gear = in_force(partners, "getriebe[].lose")
+        size = largest_backlash(gear)
+        stated = gear.rows("getriebe[].lose") is not None
+        if axis.integer(row.key) and (size or not stated):
             axis.add(
                 "warning",
                 f"backlash is compensated twice: by {row.key} and by the bilateral "
                 f"leadscrew table of {view.file.source}",
                 axis.place(row.key),
                 parameter=row,
-                found=f"{axis.text(row.key)}, lose = {size}",
+                found=f"{axis.text(row.key)}, "
+                + (f"lose = {size}" if stated else "lose not in the list"),
                 expected="0 beside a bilateral table",
             )
 

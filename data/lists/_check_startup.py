@@ -2,6 +2,8 @@
 
 from ._check_lists import AXIS_DIFFERS, ListSet, axis_number, base_name, is_fragment
 from ._check_view import ListView
+from ._entry import Rows
+from ._names import full_name
 from ._registry import registry
 
 
@@ -32,6 +34,8 @@ def check_startup(view: ListView, lists: ListSet) -> None:
             found=str(count) if count is not None else "no entry",
             expected=str(stated),
         )
+    if whole:
+        _check_pairs(view, names, numbers, count if count == stated else None)
     if numbers is not None:
         seen: set[int] = set()
         for at, number in enumerate(numbers.integers):
@@ -71,6 +75,33 @@ def check_startup(view: ListView, lists: ListSet) -> None:
                 expected=str(files[name]),
             )
     _check_external(view, lists)
+
+
+def _check_pairs(
+    view: ListView, names: Rows | None, numbers: Rows | None, count: int | None
+) -> None:
+    """Report a file without axis number or the reverse, and indices beyond the count."""
+    columns = [("achs_kw[]", names), ("achs_kw_log_ax_nr[]", numbers)]
+    for (key, rows), (other, partner) in (columns, columns[::-1]):
+        for (index,), at in ({} if rows is None else rows.last).items():
+            name = full_name(key, (index,))
+            if partner is None or (index,) not in partner.last:
+                lacking = full_name(other, (index,))
+                view.add(
+                    "warning",
+                    f"{name} stands without {lacking}",
+                    view.name_place(rows, at) if rows is not None else (1, 1),
+                    found=name,
+                    expected=lacking,
+                )
+            elif rows is not None and count is not None and index >= count:
+                view.add(
+                    "warning",
+                    f"{name} is beyond the {count} compensation lists of zahl_kw",
+                    view.name_place(rows, at),
+                    found=f"index {index}",
+                    expected=f"indices 0 to {count - 1}",
+                )
 
 
 def _check_external(view: ListView, lists: ListSet) -> None:

@@ -40,7 +40,7 @@ def _check_cross(view: ListView) -> None:
             "the cross table has a single point: one constant offset everywhere",
             view.place(sizer.key),
             parameter=sizer,
-            found="last_index = 0",
+            found=f"last_index = 0{'' if sizer.key in view.columns else ' (left out)'}",
             expected="two points or more",
         )
     check_ascending(view, setpoint, last + 1, "cross setpoints")
@@ -59,11 +59,14 @@ def _check_leadscrew(view: ListView) -> None:
         check_size(view, key, count, sizer, tolerated=True)
     if not count:
         return
-    bilateral = bool(view.integer("kw.ssfk.bilateral"))
+    sides, interval = (
+        view.integer(f"kw.ssfk.{name}") for name in ("bilateral", "interval")
+    )
+    bilateral = bool(sides)
     modulo = bool(view.integer("kw.ssfk.modulo"))
-    if view.integer("kw.ssfk.interval") == 0:
+    if interval == 0:
         check_ascending(view, setpoint, count, "leadscrew setpoints", 110590)
-    elif (rows := view.rows(setpoint)) is not None:
+    elif interval is not None and (rows := view.rows(setpoint)) is not None:
         _unused(view, rows, "interval is not 0: the points are equidistant")
     for key in (pos, neg) if bilateral else (pos,):
         check_complete(
@@ -71,7 +74,7 @@ def _check_leadscrew(view: ListView) -> None:
         )
         if modulo:
             _check_closed(view, key, count)
-    if not bilateral and (rows := view.rows(neg)) is not None:
+    if sides == 0 and (rows := view.rows(neg)) is not None:
         _unused(view, rows, "the table is unilateral (bilateral 0)")
     free = known["kw.ssfk.set_pos_without_comp"]
     if bilateral and not view.integer(free.key):
@@ -148,8 +151,10 @@ def _check_plane(view: ListView) -> None:
     rows = view.rows(row.key)
     ends = [view.integer(f"kw.crosscomp2.last_index_master{axis}") for axis in (1, 2)]
     _check_plane_order(view, rows)
-    is_square = view.value("kw.crosscomp2.grid") != "RECTANGULAR"
-    for name in ("interval1", "interval2") if is_square else ("interval",):
+    grid_word = view.value("kw.crosscomp2.grid")
+    is_square = grid_word != "RECTANGULAR"
+    idle = ("interval1", "interval2") if is_square else ("interval",)
+    for name in idle if grid_word is not None else ():
         spare = view.rows(f"kw.crosscomp2.{name}")
         if spare is not None:
             grid = "QUADRATIC" if is_square else "RECTANGULAR"
@@ -174,7 +179,7 @@ def _check_plane(view: ListView) -> None:
                 if swapped
                 else ""
             )
-            shown = shorten((list(rows.indices[at]) for at in beyond), len(beyond))
+            shown = shorten((_cell(*rows.indices[at]) for at in beyond), len(beyond))
             view.add(
                 "error",
                 f"{row.key} goes beyond the table's end: {shown}, but "
@@ -186,7 +191,7 @@ def _check_plane(view: ListView) -> None:
             )
     if inside < count:
         cells = (
-            [j, i]
+            _cell(j, i)
             for j in range(last2 + 1)
             for i in range(last1 + 1)
             if (j, i) not in present
@@ -201,6 +206,11 @@ def _check_plane(view: ListView) -> None:
             found=f"{inside} entries",
             expected=f"{count} entries",
         )
+
+
+def _cell(j: int, i: int) -> str:
+    """Return the indices of a plane entry as a list writes them."""
+    return f"[{j}][{i}]"
 
 
 def _check_plane_order(view: ListView, rows: Rows | None) -> None:

@@ -5,10 +5,16 @@ from ._entry import Rows
 from ._parameter import Parameter
 from ._registry import build_has, parse_build, registry
 from ._remarks import RemarkCode
-from ._values import INTEGER_LIMITS, parse_integer
+from ._values import BITS, INTEGER_LIMITS, parse_integer
 
 _QUOTES_SINCE = "V3.1.3081.0"
 """Build from which a text may stand in quotes (ISG manual, 1.3; semantics S-04)."""
+_READABLE = {
+    "BOOLEAN": "0 or 1",
+    "REAL64": "a number such as 12.5",
+    "BITS": f"{', '.join(BITS)} joined by |, or a number",
+}
+"""What can be read as a value, for the types that are not plain decimal integers."""
 
 
 def check_values(view: ListView) -> None:
@@ -211,7 +217,7 @@ def _unreadable(view: ListView, rows: Rows, row: Parameter, wrong: list[int]) ->
         lambda text: f"{row.key} cannot be read: {text!r}",
         parameter=row,
         number=row.number,
-        expected="0 or 1" if row.type == "BOOLEAN" else f"a decimal {row.type}",
+        expected=_READABLE.get(row.type, f"a decimal {row.type}"),
     )
 
 

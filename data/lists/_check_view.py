@@ -8,9 +8,16 @@ from ._entry import Rows
 from ._finding import Finding, Level
 from ._grammar import Line, read_line
 from ._listfile import ListFile
+from ._names import full_name
 from ._parameter import Parameter
 from ._registry import build_has, registry
-from ._values import parse_bits, parse_boolean, parse_integer, parse_real
+from ._values import (
+    INTEGER_LIMITS,
+    parse_bits,
+    parse_boolean,
+    parse_integer,
+    parse_real,
+)
 
 LIMIT = 10
 """Findings of one sort that are named one by one; the rest is counted."""
@@ -44,14 +51,17 @@ class ListView:
     def value(self, key: str) -> int | float | str | None:
         """Return the value of a scalar entry, with the default where it is missing.
 
-        None where it cannot be read, or where it is missing and has no default.
+        None where it cannot be read or is not allowed, which is a finding of its own
+        and must not be blamed on others; and where it has no default.
         """
         row = registry().by_key[key]
         text = self.text(key)
         if text is None or not build_has(row, self.build):
             return row.default
         found = read_value(row, text)
-        return row.default if found == 0 and row.zero_is_default else found
+        if found == 0 and row.zero_is_default:
+            return row.default
+        return found if _is_allowed(row, found) else None
 
     def integer(self, key: str) -> int | None:
         """Return the value of a scalar whole number, with its default; None if none."""
@@ -173,9 +183,10 @@ class ListView:
         """
         for row in wrong[:limit]:
             text = rows.texts[row]
+            name = full_name(rows.key, rows.indices[row])
             self.add(
                 level,
-                message(text),
+                message(text).replace(rows.key, name, 1),
                 self.value_place(rows, row),
                 parameter=parameter,
                 number=number,
@@ -208,6 +219,20 @@ def read_value(row: Parameter, text: str) -> int | float | str | None:
     if row.type == "STRING":
         return text.upper() if row.words else text
     return parse_integer(text)
+
+
+def _is_allowed(row: Parameter, value: int | float | str | None) -> bool:
+    """Return whether at least one statement of the manuals allows the value."""
+    if value is None or isinstance(value, str):
+        return not row.words or value in row.words
+    bottom, top = INTEGER_LIMITS.get(row.type, (value, value))
+    if not bottom <= value <= top:
+        return False
+    if row.values:
+        return value in row.values
+    ranges = [range_ for range_ in (row.range, row.wide_range) if range_ is not None]
+    allowed = not ranges or any(range_.holds(value, value) for range_ in ranges)
+    return allowed or value in row.also
 
 
 def shorten(numbers: Iterable[object], count: int) -> str:

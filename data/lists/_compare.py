@@ -1,7 +1,7 @@
 """Two lists compared: entry by entry, as offset curves, and what loading takes."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Literal, TypeAlias
 
 from ._curves import OffsetCurve, offset_curves
@@ -9,10 +9,16 @@ from ._entry import Rows
 from ._listfile import ListFile
 from ._names import full_name, meaning
 from ._registry import registry
-from ._values import parse_boolean, parse_integer
+from ._values import parse_bits, parse_boolean, parse_integer, parse_real
 
 Action: TypeAlias = Literal["none", "reload", "restart"]
 """What the controller needs: nothing, the lists loaded again, or a restart."""
+
+_PARSERS: dict[str, tuple[Callable[[str], float | None], ...]] = {
+    "REAL64": (parse_real,),
+    "BITS": (parse_bits,),
+}
+"""How the values of a type read, beside as whole numbers."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,8 +102,12 @@ def _same(key: str, old: str | None, new: str | None) -> bool:
         return old == new
     if meaning(key).boolean and (truth := parse_boolean(old)) is not None:
         return truth == parse_boolean(new)
-    number = parse_integer(old)
-    return number is not None and number == parse_integer(new)
+    row = registry().by_key.get(key)
+    for parse in (parse_integer, *_PARSERS.get("" if row is None else row.type, ())):
+        number = parse(old)
+        if number is not None and number == parse(new):
+            return True
+    return row is not None and bool(row.words) and old.upper() == new.upper()
 
 
 def _restart_reasons(

@@ -40,4 +40,10 @@ class Finding:
             notes.append(f"controller error {self.number}")
         tail = f" ({', '.join(notes)})" if notes else ""
         where = f"{self.file}:{self.line}:{self.column}"
-        return f"{where}: {self.level}: {self.message}{tail}"
+        text = f"{where}: {self.level}: {self.message}{tail}"
+        # A stray control character must not break the line, or move the cursor.
+        return text if text.isprintable() else "".join(map(_printable, text))
+
+
+def _printable(character: str) -> str:
+    return character if character.isprintable() else repr(character)[1:-1]

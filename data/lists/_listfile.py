@@ -76,20 +76,27 @@ class ListFile:
     @functools.cached_property
     def remarks(self) -> tuple[TextRemark, ...]:
         """What is odd about the text, in file order (code: see `RemarkCode`)."""
+        if self.encoding == "utf-8" and self.lines[0].startswith("\ufeff"):
+            code = str(RemarkCode.BYTE_ORDER_MARK)
+            return (TextRemark(1, 1, code, "U+FEFF"), *self._scan.remarks)
         if self.encoding != "latin-1":
             return self._scan.remarks
         odd = next(filter(None, map(_NOT_ASCII.search, self.lines)), None)
         remarks: list[TextRemark] = []
         if odd is not None:
             line = self.lines.index(odd.string) + 1
-            shown = "starts like UTF-16" if self._is_wide else repr(odd.group())[1:-1]
+            shown = "starts like UTF-16" if self.is_wide else repr(odd.group())[1:-1]
             code = str(RemarkCode.ENCODING)
             remarks.append(TextRemark(line, odd.start() + 1, code, shown))
         return (*remarks, *self._scan.remarks)
 
     @property
-    def _is_wide(self) -> bool:
-        return self.lines[0].startswith(("\xff\xfe", "\xfe\xff"))
+    def is_wide(self) -> bool:
+        """Whether the bytes look like UTF-16, of which nothing here makes sense."""
+        first = self.lines[0] if self.lines else ""
+        return first.startswith(("\xff\xfe", "\xfe\xff")) or (
+            3 * first.count("\0") > len(first)
+        )
 
     @functools.cached_property
     def entries(self) -> tuple[Entry, ...]:

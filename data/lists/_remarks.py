@@ -31,6 +31,7 @@ class RemarkCode(enum.StrEnum):
     ALIAS = "alias"
     LEGACY = "legacy"
     ENCODING = "encoding"
+    BYTE_ORDER_MARK = "byte-order-mark"
 
 
 class RemarkRule(NamedTuple):
@@ -110,6 +111,12 @@ REMARKS: dict[str, RemarkRule] = {
     ),
     RemarkCode.ENCODING: RemarkRule(
         "info", "text is not UTF-8 and is read as Latin-1", "ASCII or UTF-8", "S-09"
+    ),
+    RemarkCode.BYTE_ORDER_MARK: RemarkRule(
+        "warning",
+        "byte order mark, which the kernel may take for part of the first line",
+        "a file without it",
+        "S-09",
     ),
 }
 """Every code of `RemarkCode`, with what the checker says of it."""

@@ -9,6 +9,8 @@ _INTEGER = re.compile(r"-?[0-9]+", re.ASCII)
 _REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _LONGEST = 40
 """Digits that any type could hold, with room; longer ones would be slow to convert."""
+_LONGEST_REAL = 400
+"""Characters that a finite number may take; longer ones would be slow to convert."""
 
 INTEGER_LIMITS: dict[str, tuple[int, int]] = {
     "BOOLEAN": (0, 1),
@@ -54,7 +56,7 @@ def parse_boolean(text: str) -> bool | None:
 
 def parse_real(text: str) -> float | None:
     """Return the finite number that the text is, or None."""
-    if _REAL.fullmatch(text) is None:
+    if len(text) > _LONGEST_REAL or _REAL.fullmatch(text) is None:
         return None
     value = float(text)
     return value if abs(value) <= 1.7976931348623157e308 else None

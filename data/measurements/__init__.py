@@ -48,6 +48,7 @@ from ._measurement import (
 from ._read import read_table as read_table
 from ._roles import KINDS as KINDS, Role as Role, find_role as find_role, role as role
 from ._table import (
+    MESH_FORMATS as MESH_FORMATS,
     BadCell as BadCell,
     Column as Column,
     Skipped as Skipped,

@@ -207,6 +207,8 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
 
 
 def _number_column(name: Name, values: np.ndarray, bad: BadCell | None) -> Column:
+    if bad is not None:
+        values = np.where(np.isfinite(values), values, np.nan)
     return Column(
         name.name, None, name.unit, values, None, bad, name.header, name.doubtful
     )

@@ -15,6 +15,8 @@ _NUMBER = {
 _NO_NUMBER = re.compile(
     r"[+-]?(?:nan|inf|infinity)|n/?a|#n/a|null|none|-", re.IGNORECASE
 )
+_LONGEST = 400
+"""Characters of the longest number; converting a longer run of digits takes forever."""
 _BLANKS = re.compile(r"[ \t]+")
 _COMMENT = re.compile(r"\s*(?:#|%|//|!)")
 _CANDIDATES = (
@@ -49,6 +51,8 @@ class Dialect:
 
     def number(self, cell: str) -> float | None:
         """Return the number in a cell (NaN where it says so), or None for text."""
+        if len(cell) > _LONGEST:
+            return None
         if _NUMBER[self.decimal].fullmatch(cell):
             return float(cell.replace(",", "."))
         if cell == "" or _NO_NUMBER.fullmatch(cell):
@@ -57,7 +61,9 @@ class Dialect:
 
     def is_number(self, cell: str) -> bool:
         """Whether a cell holds a finite number."""
-        return _NUMBER[self.decimal].fullmatch(cell) is not None
+        return (
+            len(cell) <= _LONGEST and _NUMBER[self.decimal].fullmatch(cell) is not None
+        )
 
     def is_comment(self, line: str) -> bool:
         """Whether a line opens with ``#``, ``%``, ``!``, ``//`` or a free ``;``."""

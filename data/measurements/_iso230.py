@@ -215,9 +215,7 @@ def _gaps(
     if min(counts) != max(counts):
         remarks.append(f"The numbers of runs differ: {min(counts)} to {max(counts)}.")
     if len(positions) < 5:
-        remarks.append(
-            f"The standard asks for five targets; there are {len(positions)}."
-        )
+        remarks.append(f"The standard asks for five targets; found {len(positions)}.")
     return remarks
 
 

@@ -57,6 +57,10 @@ def describe_iso230(tests: Mapping[str, Iso230], *, unit: str = "mm") -> str:
     return " ".join([*parts, drift] if drift else parts)
 
 
+_FINEST = 5e-5
+"""0.05 µm: what is printed as 0.0 is nothing to speak of."""
+
+
 def describe_drift(test: Iso230, *, unit: str = "mm") -> str:
     """Return a sentence where whole runs lie apart beyond their scatter, else ``""``.
 
@@ -71,7 +75,11 @@ def describe_drift(test: Iso230, *, unit: str = "mm") -> str:
     apart = max(offsets) - min(offsets)
     left = _within_runs(test)
     readings = sum(run.error.size for run in test.runs) / len(offsets)
-    if apart < 0.25 * max(scatter) or apart < 4.0 * left / math.sqrt(readings):
+    if (
+        apart < _FINEST
+        or apart < 0.25 * max(scatter)
+        or apart < 4.0 * left / math.sqrt(readings)
+    ):
         return ""
     return (
         f"Whole runs lie up to {amount(apart, unit)} apart: drift between runs "

@@ -111,7 +111,11 @@ def _is_header(dialect: Dialect, rows: Sequence[Sequence[str]]) -> bool:
     text_above = number_above = False
     for at, cell in enumerate(top):
         column = [row[at] for row in below if at < len(row)]
-        if 2 * sum(map(dialect.is_number, column)) <= len(column):
+        # "nan" is meant as a number: a column with one is no column of words.
+        numbers = sum(
+            cell != "" and dialect.number(cell) is not None for cell in column
+        )
+        if 2 * numbers < len(column) or not numbers:
             continue
         # A word: "24 -1448819" above numbers is a row that does not fit, not a name.
         text_above |= dialect.number(cell) is None and any(map(str.isalpha, cell))

@@ -1,3 +1,18 @@
 """The command line: parse, call the library, exit status."""
 
-from ._app import main as main
+import sys
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    Everything is imported in here: even an interrupt while that goes on ends without a
+    traceback.
+    """
+    try:
+        from ._app import main as run
+
+        return run(argv)
+    except KeyboardInterrupt:
+        print("axcomp: interrupted", file=sys.stderr)
+        return 130

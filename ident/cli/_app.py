@@ -5,11 +5,14 @@ so that ``axcomp --help`` and ``axcomp check`` start in a fraction of a second.
 """
 
 import os
+import signal
 import sys
+import threading
 
 import typer
 
-from ... import __version__
+from axcomp import __version__
+
 from ...data.errors import AxcompError, UsageError
 from . import _check, _demo, _diff, _fit, _iso230, _read, _show, _simulate
 
@@ -56,9 +59,12 @@ def main(argv: list[str] | None = None) -> int:
     0 done; 1 bad input, failed fit, failed gate, or something requested that the data
     cannot determine; 2 bad usage; 130 interrupted.
     """
+    before, sys.unraisablehook = sys.unraisablehook, _again
     try:
         app(args=argv, prog_name="axcomp")
     except SystemExit as end:
+        if end.code == 130:  # typer has caught the interrupt, and says nothing
+            print("axcomp: interrupted", file=sys.stderr)
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except KeyboardInterrupt:
         print("axcomp: interrupted", file=sys.stderr)
@@ -71,4 +77,20 @@ def main(argv: list[str] | None = None) -> int:
         reason = os.strerror(error.errno) if error.errno else str(error)
         print(f"axcomp: {where}{reason}", file=sys.stderr)
         return 1
+    finally:
+        sys.unraisablehook = before
     return 0
+
+
+def _again(lost: "sys.UnraisableHookArgs") -> None:
+    """Interrupt once more where Python dropped an interrupt and went on.
+
+    One that falls into a callback of the garbage collector (JAX has one) cannot be
+    raised there: it would be printed with its traceback, and the job would go on.
+    """
+    if issubclass(lost.exc_type, KeyboardInterrupt):
+        later = threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGINT))
+        later.daemon = True
+        later.start()
+    else:
+        sys.__unraisablehook__(lost)

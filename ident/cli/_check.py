@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from ...data.errors import UsageError
+
 
 def check(
     files: Annotated[
@@ -31,10 +33,18 @@ def check(
     ] = False,
 ) -> None:
     """Check compensation, axis and start-up lists, each alone and as a set."""
-    from ...data.lists import ListFile, check as check_lists
+    from ...data.lists import BuildError, ListFile, check as check_lists
 
-    lists = [ListFile.read(path) for path in files]
-    findings = check_lists(lists, build=build, increment=increment)
+    if increment is not None and not 0 < increment < float("inf"):
+        msg = f"--increment: found {increment:g}, expected more than 0"
+        raise UsageError(msg)
+    # A glob and a name may both give a file: it is one list all the same.
+    lists = [ListFile.read(path) for path in dict.fromkeys(files)]
+    try:
+        findings = check_lists(lists, build=build, increment=increment)
+    except BuildError as error:
+        msg = f"--build: {error}"
+        raise UsageError(msg) from error
     if as_json:
         import dataclasses
         import json

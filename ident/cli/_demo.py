@@ -60,7 +60,8 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
 
     console.print(
         "A portal mill that exists only in the computer was measured, compensated,\n"
-        "and measured again with the new lists loaded. Typical error (rms) in µm:\n",
+        "and measured again with the new lists loaded. Typical error in µm\n"
+        "(rms without wild readings):\n",
         markup=False,
     )
     table = Table(box=None, pad_edge=False)
@@ -88,12 +89,12 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
 
 
 def _sizes(outcome: "Outcome") -> dict[str, float]:
-    """Return the rms errors in mm by stage."""
+    """Return the rms errors in mm by stage, wild readings left out."""
     error = outcome.fit.error
     return {
-        "before": error["before"].rms,
-        "predicted": error["predicted"].rms,
-        "verified": outcome.verified.rms,
+        "before": error["before"].sound.rms,
+        "predicted": error["predicted"].sound.rms,
+        "verified": outcome.verified.sound.rms,
     }
 
 
@@ -106,9 +107,9 @@ def _as_dict(result: "DemoResult") -> dict[str, Any]:
                 "axis": outcome.fit.axis,
                 "rms": _sizes(outcome),
                 "max": {
-                    "before": outcome.fit.error["before"].max,
-                    "predicted": outcome.fit.error["predicted"].max,
-                    "verified": outcome.verified.max,
+                    "before": outcome.fit.error["before"].sound.max,
+                    "predicted": outcome.fit.error["predicted"].sound.max,
+                    "verified": outcome.verified.sound.max,
                 },
                 "list": str(outcome.fit.files[0]),
             }

@@ -18,10 +18,11 @@ def diff(
     ] = False,
 ) -> None:
     """Say what changed between two lists, and whether a reload is enough."""
-    from ...data.lists import ListFile, compare, offset_curves
+    from ...data.lists import compare, offset_curves
     from ._diff_text import comparison_json, comparison_lines
+    from ._read_list import read_list
 
-    lists = ListFile.read(old), ListFile.read(new)
+    lists = read_list(old), read_list(new)
     found = compare(*lists)
     if as_json:
         typer.echo(comparison_json(found))

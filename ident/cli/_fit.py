@@ -91,9 +91,12 @@ def _print_fit(console: "Console", found: "FitResult") -> None:
     for words in stages.values():
         table.add_column(words, justify="right")
     rows: dict[str, list[float | None]] = {
-        "rms": [found.error[stage].rms for stage in stages],
-        "max": [found.error[stage].max for stage in stages],
+        "rms": [found.error[stage].sound.rms for stage in stages],
+        "max": [found.error[stage].sound.max for stage in stages],
     }
+    if any(found.error[stage].rms_without_wild is not None for stage in stages):
+        rows["rms, wild kept"] = [found.error[stage].rms for stage in stages]
+        rows["max, wild kept"] = [found.error[stage].max for stage in stages]
     for key in ("A", "R", "B", "E", "M"):
         figures = [(found.error[stage].iso230 or {}).get(key) for stage in stages]
         if any(value is not None for value in figures):

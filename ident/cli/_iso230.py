@@ -36,14 +36,14 @@ def iso230(
 ) -> None:
     """Evaluate a positioning test by ISO 230-2: A, R, B, mean B, E and M.
 
-    With a second file: before and after. With a tolerance: a verdict on A of the last
-        file, and exit
-    status 1 where it fails.
+    With a second file: before and after.
+
+    With a tolerance: a verdict on A of the last file; exit status 1 where it fails.
     """
     from ...data.measurements import MeasurementError
 
     files = {"before": file, "after": after} if after else {"": file}
-    limit = None if tolerance is None else _tolerance(tolerance)
+    limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
     tests: dict[str, Iso230] = {}
     units: dict[str, str] = {}
     names: dict[str, str] = {}
@@ -56,6 +56,14 @@ def iso230(
     if len(set(units.values())) > 1:
         reason = f"found {units['after']}, expected {unit} as in {file}"
         raise MeasurementError(str(after), reason)
+    if limit_unit not in (None, unit):
+        msg = f"--tolerance: found '{tolerance}', expected {unit} as in {files[last]}"
+        raise UsageError(msg)
+    if after is not None and len({_targets(test) for test in tests.values()}) > 1:
+        remark = "Its targets are not those of the first file: compare with care."
+        tests["after"] = dataclasses.replace(
+            tests["after"], remarks=(remark, *tests["after"].remarks)
+        )
     verdict = None if limit is None else _verdict(tests[last], limit, files[last], unit)
     charts: tuple[Path, ...] = ()
     if out is not None:
@@ -135,8 +143,13 @@ def _only_axis(table: "Table") -> str | None:
     raise MeasurementError(str(table.path), f"found {found}, expected {expected}")
 
 
-def _tolerance(text: str) -> float:
-    """Return a tolerance in mm (or °) from a number with or without a unit."""
+def _targets(test: "Iso230") -> tuple[float, ...]:
+    """Return the targets of a test, to the µm."""
+    return tuple(round(item.target, 3) for item in test.positions)
+
+
+def _tolerance(text: str) -> tuple[float, str | None]:
+    """Return a tolerance in mm or °, and which of both where the text says so."""
     from ...data.measurements import find_unit
 
     match = re.fullmatch(r"\s*([0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?)\s*(\D.*)?", text)
@@ -150,7 +163,8 @@ def _tolerance(text: str) -> float:
     if value <= 0.0:
         msg = f"--tolerance: found '{text}', expected more than 0"
         raise UsageError(msg)
-    return value
+    stated = {"length": "mm", "angle": "deg"}[unit.dimension]
+    return value, stated if match[2] else None
 
 
 def _verdict(test: "Iso230", limit: float, file: Path, unit: str) -> dict[str, Any]:

@@ -7,7 +7,9 @@ import typer
 
 
 def show(
-    file: Annotated[pathlib.Path, typer.Argument(metavar="FILE.lis")],
+    file: Annotated[
+        pathlib.Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")
+    ],
     out: Annotated[
         pathlib.Path | None,
         typer.Option(metavar="DIR", help="Folder for plots of the tables."),
@@ -18,10 +20,11 @@ def show(
 
     from rich.console import Console
 
-    from ...data.lists import ListFile, offset_curves
+    from ...data.lists import offset_curves
+    from ._read_list import read_list
     from ._show_tables import list_views
 
-    shown = ListFile.read(file)
+    shown = read_list(file)
     width = None if sys.stderr.isatty() else 120
     console = Console(stderr=True, width=width, highlight=False, soft_wrap=False)
     for view in list_views(shown):

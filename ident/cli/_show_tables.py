@@ -72,7 +72,7 @@ def _parameters(file: ListFile) -> Table:
     table.add_column("entry", no_wrap=True)
     table.add_column("value", justify="right", overflow="fold")
     table.add_column("", justify="right", no_wrap=True)
-    table.add_column("meaning", style="dim")
+    table.add_column("meaning", style="dim", overflow="fold")
     known = registry().by_key
     for key, rows in file.columns.items():
         if "[]" in key and not key.startswith(("getriebe", "achs_kw")):
@@ -115,12 +115,15 @@ def _curve_view(curves: Sequence[OffsetCurve]) -> Group:
     values = [value for curve in curves for row in curve.offsets for value in row]
     unit = "µm" if first.metric else "increments"
     masters = " and ".join("?" if m is None else str(m) for m in first.masters)
+    if masters:
+        masters = f"{'axis' if len(first.masters) == 1 else 'axes'} {masters}"
     nodes = " x ".join(str(len(axis)) for axis in first.nodes)
     sentences = [f"{first.compensation.capitalize()} table, {nodes} nodes"]
-    sentences[0] += f" over the position of axis {masters}." if masters else "."
+    sentences[0] += f" over the position of {masters}." if masters else "."
     sentences.append(_SIGNS[first.compensation])
     if values:
-        sentences.append(f"It adds from {min(values):g} to {max(values):g} {unit}.")
+        ends = f"{_plain(min(values))} to {_plain(max(values))}"
+        sentences.append(f"It adds from {ends} {unit}.")
     if not first.metric:
         sentences.append("The list counts in encoder increments.")
     missing = sum(curve.missing for curve in curves)
@@ -211,7 +214,11 @@ def _plain_table(file: ListFile, prefix: str, table: str) -> Group | None:
     for key in keys:
         row = known.get(key)
         unit = "" if row is None or row.unit[0] in ("", "----") else f"\n{row.unit[0]}"
-        grid.add_column(escape(f"{key.removeprefix(stem)}{unit}"), justify="right")
+        # The names are long and differ at their ends: they break where they may.
+        name = key.removeprefix(stem).replace("_dir_", "\ndir_").replace("n_", "n\n")
+        grid.add_column(
+            escape(f"{name}{unit}"), justify="right", vertical="bottom", overflow="fold"
+        )
     columns = [file.columns[key] for key in keys]
     places = sorted({at for rows in columns for at in rows.last})
     for k in _some(len(places), MOST_ROWS):

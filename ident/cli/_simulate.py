@@ -48,19 +48,20 @@ def simulate(
 ) -> None:
     """Compute what the controller would add, per row of a motion and compensation.
 
-    Without an axis list everything in a list is active, from the first row on. Columns:
-    time, then per axis each active compensation and their sum, A3.cross … A3.offset.
+    Without an axis list everything in a list is active, from the first row on.
+
+    Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset.
     """
     from ...data.lists import ListFile
     from ...models import Conventions
     from ..exchange import simulate as offsets_of
     from ..job import use_compilation_cache
 
-    if increment is not None and not increment > 0:
+    if increment is not None and not 0 < increment < float("inf"):
         message = f"found {increment:g}, expected more than 0"
         raise typer.BadParameter(message, param_hint="--increment")
     use_compilation_cache()
-    lists = [ListFile.read(file) for file in files]
+    lists = [ListFile.read(file) for file in dict.fromkeys(files)]
     path = _read_motion(motion)
     found = offsets_of(lists, path, Conventions(), increment)
     columns = _columns(path, found)

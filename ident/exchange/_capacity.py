@@ -67,3 +67,19 @@ def max_points_entry(
             expected="a table within the fixed size (max_points: V3.1.3079.06 on)",
         )
     return wanted
+
+
+_MOST = 4_000_000
+"""Values of a table that is read; no controller has the memory for as many."""
+
+
+def refuse_huge(count: int, where: str) -> None:
+    """Raise at a size that only a mistyped list states, before it fills the memory.
+
+    Raises:
+        ExchangeError: If a table has more than some million values.
+    """
+    if count > _MOST:
+        raise ExchangeError(
+            where=where, found=f"{count} values", expected=f"at most {_MOST}"
+        )

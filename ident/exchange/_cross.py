@@ -4,7 +4,7 @@ import numpy as np
 
 from ...data.lists import ListFile
 from ...models import Conventions, Cross, Setpoints
-from ._capacity import max_points_entry
+from ._capacity import max_points_entry, refuse_huge
 from ._errors import ExchangeError
 from ._identity import (
     Increments,
@@ -46,6 +46,7 @@ def cross_from_list(
         ExchangeError: If an entry is missing or the setpoints do not ascend.
     """
     count = required(listing, f"{PREFIX}.last_index") + 1
+    refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
     setpoints = column(listing, PREFIX, "setpoint")
     corrections = column(listing, PREFIX, "correction")
     by_master = unit_size(listing, PREFIX, cross_master(listing), increment)

@@ -41,18 +41,69 @@ def required(listing: ListFile, name: str) -> int:
     value = listing.integer(name)
     if value is None:
         entry = listing.get(name)
-        found = "no readable value" if entry is None else repr(entry.value)
+        found = "no entry" if entry is None else repr(entry.value)
+        line = "" if entry is None else f":{entry.line}"
         raise ExchangeError(
-            where=f"{listing.source}: {name}", found=found, expected="an integer"
+            where=f"{listing.source}{line}: {name}", found=found, expected="an integer"
         )
     return value
 
 
+def optional(listing: ListFile, name: str) -> int:
+    """Return an integer entry, 0 where the list leaves it out, as in the controller.
+
+    Raises:
+        ExchangeError: If it stands there and is unreadable.
+    """
+    return 0 if listing.get(name) is None else required(listing, name)
+
+
+def flag(listing: ListFile, name: str) -> bool:
+    """Return a BOOLEAN entry, false where the list leaves it out.
+
+    Raises:
+        ExchangeError: If it stands there and is none.
+    """
+    entry, value = listing.get(name), listing.boolean(name)
+    if entry is not None and value is None:
+        raise ExchangeError(
+            where=f"{listing.source}:{entry.line}: {name}",
+            found=repr(entry.value),
+            expected="0 or 1",
+        )
+    return bool(value)
+
+
+def values_of(
+    listing: ListFile, prefix: str, field: str
+) -> dict[int, int] | dict[tuple[int, int], int]:
+    """Return a column of a table in list units, by index.
+
+    Raises:
+        ExchangeError: If an entry is unreadable: as 0 it would make another table.
+    """
+    key = f"{prefix}.table[].{field}", f"{prefix}.table[][].{field}"
+    for rows in (listing.columns[name] for name in key if name in listing.columns):
+        if None in rows.integers:
+            at = rows.integers.index(None)
+            entry = listing.entry_at(rows.lines[at])
+            raise ExchangeError(
+                where=f"{listing.source}:{entry.line}: {entry.name}",
+                found=repr(entry.value),
+                expected="an integer",
+            )
+    return listing.table(prefix, field)
+
+
 def column(listing: ListFile, prefix: str, field: str) -> dict[int, int]:
-    """Return a column of a table with one index, in list units."""
+    """Return a column of a table with one index, in list units.
+
+    Raises:
+        ExchangeError: If an entry is unreadable.
+    """
     return {
         index: value
-        for index, value in listing.table(prefix, field).items()
+        for index, value in values_of(listing, prefix, field).items()
         if isinstance(index, int)
     }
 
@@ -71,7 +122,7 @@ def unit_size(
     Raises:
         ExchangeError: If the list counts in increments and their worth is not known.
     """
-    if listing.boolean(f"{prefix}.unit"):
+    if flag(listing, f"{prefix}.unit"):
         return 1.0 / LIST_UNITS
     size = increments.get(axis) if isinstance(increments, Mapping) else increments
     if size is None:

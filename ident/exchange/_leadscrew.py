@@ -4,13 +4,15 @@ import numpy as np
 
 from ...data.lists import ListFile
 from ...models import Conventions, EquidistantNodes, Leadscrew, Setpoints
-from ._capacity import max_points_entry
+from ._capacity import max_points_entry, refuse_huge
 from ._cross import refuse_unordered
 from ._errors import ExchangeError
 from ._identity import (
     Increments,
     axis_number,
     column,
+    flag,
+    optional,
     required,
     scaled,
     unit_size,
@@ -55,19 +57,20 @@ def leadscrew_from_list(
             found=str(count),
             expected="1 or more",
         )
+    refuse_huge(count, f"{listing.source}: {PREFIX}.kw_nr_max")
     # Missing values are 0 in the controller.
     columns = [column(listing, PREFIX, "pos")]
-    if listing.boolean(f"{PREFIX}.bilateral"):
+    if flag(listing, f"{PREFIX}.bilateral"):
         columns.append(column(listing, PREFIX, "neg"))
     values = [
         np.array([scaled(given.get(k, 0), size) for k in range(count)])
         for given in columns
     ]
     # An interval of 0, its default, asks for setpoints.
-    interval = listing.integer(f"{PREFIX}.interval") or 0
+    interval = optional(listing, f"{PREFIX}.interval")
     nodes: EquidistantNodes | Setpoints
     if interval > 0:
-        start = listing.integer(f"{PREFIX}.kw_startpos") or 0
+        start = optional(listing, f"{PREFIX}.kw_startpos")
         nodes = EquidistantNodes(
             as_array(scaled(start, size)), as_array(scaled(interval, size)), count
         )
@@ -77,7 +80,7 @@ def leadscrew_from_list(
         refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
         nodes = Setpoints(as_array(points))
     wraps = None
-    if listing.boolean(f"{PREFIX}.modulo"):
+    if flag(listing, f"{PREFIX}.modulo"):
         ends = np.asarray(nodes.positions)
         wraps = modulo or (float(ends[0]), float(ends[-1]))
     return Leadscrew(

@@ -4,9 +4,17 @@ import numpy as np
 
 from ...data.lists import ListFile
 from ...models import Conventions, EquidistantNodes, Plane
-from ._capacity import max_points_entry
+from ._capacity import max_points_entry, refuse_huge
 from ._errors import ExchangeError
-from ._identity import Increments, axis_number, required, scaled, unit_size
+from ._identity import (
+    Increments,
+    axis_number,
+    optional,
+    required,
+    scaled,
+    unit_size,
+    values_of,
+)
 from ._nodes import GridNodes, as_array, nodes_of_model
 from ._units import round_to_list
 
@@ -46,7 +54,14 @@ def plane_from_list(
     first, second = plane_masters(listing)
     axis = axis_number(listing)
     # The grid is QUADRATIC where nothing else is said (P-COMP-00031).
-    rectangular = (listing.text(f"{PREFIX}.grid") or "").upper() == "RECTANGULAR"
+    grid = (listing.text(f"{PREFIX}.grid") or "QUADRATIC").upper()
+    if grid not in ("QUADRATIC", "RECTANGULAR"):
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.grid",
+            found=repr(listing.text(f"{PREFIX}.grid")),
+            expected="QUADRATIC or RECTANGULAR",
+        )
+    rectangular = grid == "RECTANGULAR"
     nodes: list[EquidistantNodes] = []
     for k, master in ((1, first), (2, second)):
         size = unit_size(listing, PREFIX, master, increment)
@@ -60,7 +75,7 @@ def plane_from_list(
                 expected="an interval above 0 and an index of 0 or more",
             )
         # The start position is 0 where it is not given, as in the controller.
-        start = listing.integer(f"{PREFIX}.start_position_master{k}") or 0
+        start = optional(listing, f"{PREFIX}.start_position_master{k}")
         nodes.append(
             EquidistantNodes(
                 as_array(scaled(start, size)), as_array(scaled(step, size)), last + 1
@@ -68,8 +83,9 @@ def plane_from_list(
         )
     size = unit_size(listing, PREFIX, axis, increment)
     n1, n2 = nodes[0].count, nodes[1].count
+    refuse_huge(n1 * n2, f"{listing.source}: {PREFIX}.last_index_master1 and 2")
     table = np.zeros((n2, n1) if conventions.plane_index == "ji" else (n1, n2))
-    for index, value in listing.table(PREFIX, "correction").items():
+    for index, value in values_of(listing, PREFIX, "correction").items():
         if isinstance(index, tuple) and all(np.less(index, table.shape)):
             table[index] = scaled(value, size)
     return Plane(

@@ -11,14 +11,14 @@ from ...models import Conventions, Leadscrew
 from ._cross import cross_from_list, cross_master, has_cross
 from ._errors import ExchangeError
 from ._evaluate import offset_at
-from ._identity import Increments, axis_number
+from ._identity import Increments, axis_number, flag, optional
 from ._leadscrew import PREFIX as SCREW, has_leadscrew, leadscrew_from_list
 from ._plane import has_plane, plane_from_list, plane_masters
 
-_OTHERS = {
-    "friction": "frict_comp.table_entries",
-    "crosstalk": "kw.crosstalk.max_points",
-}
+_OTHERS = {"frict_comp": "friction", "crosstalk": "crosstalk"}
+"""Structures of the compensation list that this version does not evaluate."""
+_OF_AXIS = {"backlash": "anwahl_losekomp", "temperature": "temp_comp"}
+"""Compensations that the axis list alone sets up, with what switches them on."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,7 +138,7 @@ def _axis(
     increment: Increments,
 ) -> AxisOffsets:
     def active(entry: str) -> bool:
-        return machine is None or bool(machine.boolean(f"lr_param.{entry}"))
+        return machine is None or flag(machine, f"lr_param.{entry}")
 
     parts: dict[str, np.ndarray] = {}
     if has_cross(listing) and active("crosscomp"):
@@ -156,16 +156,25 @@ def _axis(
     if has_leadscrew(listing) and active("ssfk"):
         screw = leadscrew_from_list(listing, conventions, increment)
         place = motion.position(number, f"for the leadscrew table of A{number}")
-        alone = listing.boolean(f"{SCREW}.set_pos_without_comp")
+        alone = flag(listing, f"{SCREW}.set_pos_without_comp")
         into = (
             place if alone or conventions.leadscrew_input == "none" else place + others
         )
-        cycles = machine.integer("lr_param.n_backlash_cyc") if machine else None
+        cycles = optional(machine, "lr_param.n_backlash_cyc") if machine else 0
         parts["leadscrew"] = _screw(
-            screw, number, place, into, motion, conventions, cycles or 0
+            screw, number, place, into, motion, conventions, cycles
         )
     total = sum(parts.values(), np.zeros(_rows(motion)))
-    left_out = [name for name, entry in _OTHERS.items() if listing.get(entry)]
+    left_out = [
+        name
+        for stem, name in _OTHERS.items()
+        if active(stem) and any(f"{stem}." in key for key in listing.columns)
+    ]
+    left_out += [
+        name
+        for name, entry in _OF_AXIS.items()
+        if machine is not None and machine.text(f"lr_param.{entry}") not in (None, "0")
+    ]
     return AxisOffsets(number, parts, total, tuple(left_out))
 
 

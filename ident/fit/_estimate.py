@@ -10,11 +10,11 @@ from ._errors import FitError
 from ._evidence import choose_smoothness
 from ._grid import Grid
 from ._logs import fixed_smoothness
-from ._loss import WILD, AbstractLoss, choose_loss
+from ._loss import AbstractLoss, choose_loss
 from ._posterior import Posterior, Problem, solve
 from ._prior import Smoothness, TablePrior, chain_prior
 from ._readings import Readings, pseudo_readings
-from ._reconsider import local_start, lost_places, mixture_cost
+from ._reconsider import crowded_places, local_start, mixture_cost
 from ._suspects import nearest
 
 _LIGHT = 1e-6
@@ -88,7 +88,7 @@ def estimate(
     if state.active.all():
         return state
     node = nearest(grid, readings.located)
-    if not lost_places(node, ~state.active, grid.size).any():
+    if not crowded_places(node, ~state.active, grid.size).any():
         return state
     seen = state.posterior
     start = seen.values
@@ -104,7 +104,7 @@ def estimate(
     return min(
         (state, rival),
         key=lambda one: mixture_cost(
-            readings, one.posterior, node, WILD * one.loss.scale, not fixed
+            readings, one.posterior, node, one.loss.limit * one.loss.scale, not fixed
         ),
     )
 
@@ -160,7 +160,7 @@ def _robust(
             sums = readings.normal(active)
         if step == 0 and not near:
             # Far from the table every residual is large: believe all but the hopeless ones.
-            limit = np.inf if name == "gauss" else WILD * loss.scale
+            limit = np.inf if name == "gauss" else loss.limit * loss.scale
             pseudo = np.where(active, np.clip(scaled, -limit, limit) / root, 0.0)
         else:
             pseudo = pseudo_readings(loss, residual, ratio, active)

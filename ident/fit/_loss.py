@@ -22,6 +22,8 @@ WILD = 7.0
 """Readings further off than this many scales carry no information on the table at all."""
 _HUBER = 1.345
 """Corner of the Huber loss: 95 % efficiency for Gaussian noise."""
+_FEW = 8.0
+"""Spare readings at which twice the distance is asked of a wild one."""
 _FREEDOMS = (4.0, 6.0, 10.0, 20.0, 100.0)
 
 
@@ -30,6 +32,8 @@ class AbstractLoss(abc.ABC):
     """A loss with its scale, in the unit of the readings (weight 1)."""
 
     scale: float
+    limit: float = WILD
+    """Residual in scales from which on a reading is wild."""
 
     @abc.abstractmethod
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
@@ -98,7 +102,7 @@ class StudentLoss(AbstractLoss):
 
     def wild(self, ratio: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
         """See `AbstractLoss`."""
-        return np.asarray(np.abs(ratio) > WILD)
+        return np.asarray(np.abs(ratio) > self.limit)
 
 
 def choose_loss(
@@ -124,12 +128,14 @@ def choose_loss(
         return GaussLoss(robust)
     if name == "huber":
         return HuberLoss(robust)
-    inner = residual[np.abs(residual) <= WILD * robust / inflation] * inflation
+    # A scale from a handful of readings is uncertain itself.
+    limit = WILD * (1.0 + _FEW * inflation**2 / len(residual))
+    inner = residual[np.abs(residual) <= limit * robust / inflation] * inflation
     # Too few readings cannot tell the tails: stay with heavy ones.
     freedoms = _FREEDOMS if len(inner) >= 200 else _FREEDOMS[:1]
     fits = [(_student_fit(inner, robust, freedom), freedom) for freedom in freedoms]
     (_, scale), freedom = min(fits)
-    return StudentLoss(max(scale, floor), freedom)
+    return StudentLoss(max(scale, floor), limit, freedom)
 
 
 def _student_fit(

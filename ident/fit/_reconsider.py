@@ -25,6 +25,16 @@ def lost_places(
     return np.asarray((count > 1) & (lost > 0.5 * count))
 
 
+def crowded_places(
+    node: Int[np.ndarray, " t"], wild: Bool[np.ndarray, " t"], size: int
+) -> Bool[np.ndarray, " n"]:
+    """Return the nodes with more wild readings side by side than chance puts there."""
+    count = np.bincount(node, minlength=size)
+    lost = np.bincount(node, wild, size)
+    several = (lost >= 3) & (lost > 0.2 * count)
+    return np.asarray(several | lost_places(node, wild, size))
+
+
 def local_start(
     grid: Grid,
     node: Int[np.ndarray, " t"],

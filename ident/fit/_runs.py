@@ -1,10 +1,12 @@
 """Offset and drift of repeated runs, as nuisance beside the table.
 
 The effects of all runs sum to zero, so that the table keeps the mean of the runs; a drift
-that all runs share cannot be told from the table and stays in it.
+that all runs share cannot be told from the table and stays in it. A run that contradicts the
+others does not count in that mean.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
@@ -73,8 +75,15 @@ class RunDesign:
         )
 
 
-def run_design(samples: Samples, effects: str) -> RunDesign | None:
+def run_design(
+    samples: Samples, effects: str, apart: Sequence[int] = ()
+) -> RunDesign | None:
     """Return the design for ``"none"``, ``"offset"`` or ``"drift"``; None where there is none.
+
+    Args:
+        samples: Readings with their runs.
+        effects: Kind of effects.
+        apart: Runs that do not count in the mean of the runs, which the table keeps.
 
     Raises:
         FitError: If the kind is unknown, or runs or order are missing.
@@ -98,5 +107,6 @@ def run_design(samples: Samples, effects: str) -> RunDesign | None:
         if effects == "drift" and samples.order is not None
         else None
     )
-    contrast = scipy.linalg.null_space(np.ones((1, len(labels))))
+    counted = ~np.isin(labels, np.asarray(apart, np.int64))
+    contrast = scipy.linalg.null_space(counted[None].astype(float))
     return RunDesign(labels.astype(np.int64), index.reshape(-1), order, contrast)

@@ -1,6 +1,7 @@
 """The table estimator: readings in, node values with uncertainty and support out."""
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -18,6 +19,10 @@ from ._types import RunEffect, Samples, TableFit, TableLayout
 
 _HOPELESS = 1e3
 """Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
+_WILD_SHARE = 0.1
+"""Share of wild readings from which on not the readings are at fault but the table."""
+_GARBAGE = 0.5
+"""Share of wild readings from which on a run is at fault."""
 
 
 def fit_table(
@@ -53,28 +58,63 @@ def fit_table(
     """
     check_samples(layout, samples, smoothness, allow_gaps)
     grid = Grid(layout)
-    design = run_design(samples, run_effects)
     count = len(samples.error)
-    readings = Readings(
+    plain = Readings(
         grid=grid,
         located=grid.locate(samples),
         error=np.asarray(samples.error, float),
         weight=np.ones(count)
         if samples.weight is None
         else np.asarray(samples.weight, float),
-        design=np.zeros((count, 0)) if design is None else design.columns(),
+        design=np.zeros((count, 0)),
     )
-    prior = table_prior(grid)
-    if count - prior.null - readings.design.shape[1] < 1:
+
+    def attempt(loss: str, apart: Sequence[int] = ()) -> TableFit:
+        design = run_design(samples, run_effects, apart)
+        readings, start = plain, np.zeros(0)
+        if design is not None:
+            readings = dataclasses.replace(plain, design=design.columns())
+            start = design.start(plain.error)
+        prior = table_prior(grid)
+        _refuse_too_few(count, prior.null + len(start))
+        state = estimate(readings, prior, smoothness, loss, start)
+        return _result(readings, design, state, loss, smoothness, allow_gaps)
+
+    with one_blas_thread():
+        fit = attempt(loss)
+        apart = fit.suspect_runs
+        if apart:
+            # A run that contradicts the others must not pull their mean.
+            fit = dataclasses.replace(attempt(loss, apart), suspect_runs=apart)
+        if loss == "student" and _too_many_wild(fit, samples):
+            fit = attempt("huber", apart)
+            message = (
+                f"{fit.message} Readings that agree with each other contradict a table of "
+                "these nodes: none of them was left out."
+            )
+            fit = dataclasses.replace(fit, suspect_runs=apart, message=message)
+    return fit
+
+
+def _refuse_too_few(count: int, needed: int) -> None:
+    if count - needed < 1:
         msg = (
-            f"{count} readings leave nothing to judge the noise by; expected more than "
-            f"{prior.null + readings.design.shape[1]}."
+            f"{count} readings leave nothing to judge the noise by; "
+            f"expected more than {needed}."
         )
         raise FitError(msg)
-    with one_blas_thread():
-        start = np.zeros(0) if design is None else design.start(readings.error)
-        state = estimate(readings, prior, smoothness, loss, start)
-        return _result(readings, design, state, loss, smoothness)
+
+
+def _too_many_wild(fit: TableFit, samples: Samples) -> bool:
+    """Tell whether so many readings are wild that it must be the table that is wrong."""
+    wild = fit.wild
+    if samples.run is not None:
+        labels, index = np.unique(samples.run, return_inverse=True)
+        lost = np.bincount(index.reshape(-1), wild) / np.bincount(index.reshape(-1))
+        # A run of garbage is at fault itself.
+        garbage = (lost > _GARBAGE) | np.isin(labels, fit.suspect_runs)
+        wild = wild[~garbage[index.reshape(-1)]]
+    return bool(len(wild) and wild.mean() > _WILD_SHARE)
 
 
 def _result(
@@ -83,6 +123,7 @@ def _result(
     state: State,
     loss: str,
     smoothness: float | str | Mapping[str, float],
+    allow_gaps: bool,
 ) -> TableFit:
     posterior, grid = state.posterior, readings.grid
     residual = readings.residual(posterior.values, posterior.effects)
@@ -112,8 +153,8 @@ def _result(
         noise = float(np.sqrt(inner[state.active].sum() / max(free, 1e-9)))
     support = touched(grid, readings.located.take(state.active))
     deviation = np.sqrt(np.maximum(variance * posterior.inverse[0, 0], 0.0))
-    worst = float(deviation.max())
-    if worst > _HOPELESS * max(float(np.ptp(readings.error)), noise):
+    worst = float(deviation[support > 0].max(initial=0.0))
+    if not allow_gaps and worst > _HOPELESS * max(float(np.ptp(readings.error)), noise):
         # Rounding can leave a singular matrix just definite.
         msg = (
             "the readings do not determine the table: the least known node is uncertain "

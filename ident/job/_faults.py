@@ -1,5 +1,6 @@
 """What pydantic finds in a job file, in our words and with the line."""
 
+import datetime
 import difflib
 import re
 from collections.abc import Mapping
@@ -125,9 +126,7 @@ def first_fault(
     else:
         # A union reports every branch that it tried.
         wishes = [
-            item["msg"].removeprefix("Input should be ").replace("a valid ", "")
-            for item in found
-            if _clean(item["loc"], values) == where
+            _wish(item["msg"]) for item in found if _clean(item["loc"], values) == where
         ]
         reason = f"found {given}, expected {' or '.join(dict.fromkeys(wishes))}"
     return JobError(
@@ -161,10 +160,18 @@ def _is_type_name(part: str) -> bool:
     return bool(re.match(r"(str|int|float|bool|list|constrained|literal|Column)", part))
 
 
+def _wish(message: str) -> str:
+    """Return what pydantic expected, in the words of TOML."""
+    wish = message.removeprefix("Input should be ").replace("a valid ", "")
+    return "a table" if wish.startswith("dictionary or instance") else wish
+
+
 def _quoted(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
         return "a table"
+    if isinstance(value, datetime.date | datetime.time):
+        return str(value)
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}…"

@@ -75,7 +75,13 @@ def _values(branches: Mapping[str, np.ndarray]) -> Any:
 
 
 def _figures(error: ErrorFigures) -> dict[str, float]:
-    return {"rms": error.rms, "max": error.max, **(error.iso230 or {})}
+    return {
+        "rms": error.rms,
+        "max": error.max,
+        "rms_without_wild": error.sound.rms,
+        "max_without_wild": error.sound.max,
+        **(error.iso230 or {}),
+    }
 
 
 def plain(value: Any) -> Any:

@@ -3,10 +3,15 @@
 import dataclasses
 
 import numpy as np
+from jaxtyping import Float
 
+from ...data.measurements import MESH_FORMATS
 from ..exchange import (
+    LIST_UNITS,
     AbstractTable,
     CrossTable,
+    ExchangeError,
+    GridNodes,
     LeadscrewTable,
     ListNodes,
     Model,
@@ -17,7 +22,7 @@ from ..exchange import (
 )
 from ._fit_schema import CrossSpec, LeadscrewSpec, LineSpec, PlaneSpec, TableSpec
 from ._load import Job
-from ._source import masters_of
+from ._source import Tables, masters_of
 
 
 def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
@@ -32,14 +37,26 @@ def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
     return LeadscrewTable(number, masters, (), job.conventions, bilateral=fit.bilateral)
 
 
-def table_of(job: Job, index: int, fit: TableSpec, old: Model | None) -> AbstractTable:
-    """Return the table that a fit writes, at its nodes or those of the old one.
+def has_nodes(fit: TableSpec) -> bool:
+    """Return whether a fit says where its nodes lie; else those of the list stay."""
+    return fit.start is not None or (
+        isinstance(fit, LineSpec) and fit.setpoints is not None
+    )
+
+
+def table_of(
+    job: Job, tables: Tables, index: int, fit: TableSpec, old: Model | None
+) -> AbstractTable:
+    """Return the table that a fit writes.
+
+    Its nodes are those that the job gives, else those of the old table, else the points
+    of a mesh.
 
     Raises:
         JobError: If there are no nodes, or they do not go round a modulo axis.
         ExchangeError: If a list cannot hold them.
     """
-    nodes = _nodes(job, index, fit, old)
+    nodes = _nodes(job, tables, index, fit, old)
     periodic = False
     if not isinstance(fit, PlaneSpec):
         periodic = _full_turn(job, index, fit, nodes[0])
@@ -47,7 +64,7 @@ def table_of(job: Job, index: int, fit: TableSpec, old: Model | None) -> Abstrac
 
 
 def _nodes(
-    job: Job, index: int, fit: TableSpec, old: Model | None
+    job: Job, tables: Tables, index: int, fit: TableSpec, old: Model | None
 ) -> tuple[ListNodes, ...]:
     name = f"fits[{index}]"
     if isinstance(fit, PlaneSpec):
@@ -66,12 +83,35 @@ def _nodes(
         return (point_nodes(np.array(fit.setpoints, dtype=float), name),)
     elif fit.start is not None and fit.interval is not None and fit.points is not None:
         return (grid_nodes(fit.start, fit.interval, fit.points, name),)
+    if old is None and isinstance(fit, PlaneSpec):
+        spec = job.spec.measurements[fit.sources[0]]
+        read = tables.table(fit.sources[0])
+        if read.format in MESH_FORMATS and not spec.columns:
+            return tuple(_mesh_nodes(read.column(axis).values, name) for axis in "xy")
     if old is None:
         wanted = "start, interval and points"
         if isinstance(fit, LineSpec):
             wanted = f"setpoints, or {wanted}"
         raise job.error(("fits", index), f"no nodes, expected {wanted}")
     return nodes_in(old, name)
+
+
+def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:
+    """Return the grid lines of a mesh, to the nearest list unit.
+
+    Raises:
+        ExchangeError: If there are fewer than two.
+    """
+    lines = np.unique(places)
+    if len(lines) < 2:
+        raise ExchangeError(
+            where=name, found="one line of points", expected="a surface"
+        )
+    start = round(float(lines[0]) * LIST_UNITS) / LIST_UNITS
+    # A line without any reading leaves a gap: the smallest distance is that of the grid.
+    count = round(float(lines[-1] - lines[0]) / float(np.diff(lines).min())) + 1
+    interval = float(lines[-1] - lines[0]) / (count - 1)
+    return grid_nodes(start, round(interval * LIST_UNITS) / LIST_UNITS, count, name)
 
 
 def _full_turn(

@@ -60,13 +60,7 @@ def load_job(path: Path) -> Job:
         JobError: Naming file, line, what was found and what was expected.
         OSError: If the job file cannot be read.
     """
-    raw = path.read_bytes()
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        reason = f"found byte 0x{raw[error.start]:02x}, expected UTF-8 text"
-        raise JobError(str(path), line, reason) from None
+    text = _text(path)
     values = _parsed(path, text)
     lines = key_lines(text)
     try:
@@ -102,7 +96,7 @@ def load_conventions(path: Path) -> tuple[Conventions, frozenset[str]]:
     Raises:
         JobError: If it is no TOML, a name is unknown, or a value cannot be taken.
     """
-    text = path.read_text("utf-8")
+    text = _text(path)
     values = _parsed(path, text)
     try:
         found = Conventions.from_dict(values)
@@ -116,6 +110,16 @@ def sha256(path: Path) -> str:
     """Return the hash of a file, for the record."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _text(path: Path) -> str:
+    raw = path.read_bytes()
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        reason = f"found byte 0x{raw[error.start]:02x}, expected UTF-8 text"
+        raise JobError(str(path), line, reason) from None
 
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """The output folder: whole files or none, and no failed list that looks valid."""
 
 import contextlib
+import itertools
+import json
 import os
 import tempfile
 from collections.abc import Iterable
@@ -9,6 +11,8 @@ from pathlib import Path
 from ._errors import OutputError
 
 REJECTED = "rejected"
+KEPT = "kept"
+"""Where files go that lay in the folder and are not of an earlier run."""
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -24,9 +28,12 @@ def write_atomically(path: Path, content: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
         draft.replace(path)
-    except BaseException:
+    except BaseException as error:
         with contextlib.suppress(OSError):
             draft.unlink()
+        if isinstance(error, OSError) and error.errno is not None:
+            # Of the draft nobody knows anything.
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
     _sync_folder(path.parent)
 
@@ -39,6 +46,15 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+def _files_of(result: Path) -> frozenset[str]:
+    """Return the files that an earlier run says it wrote; none where it says nothing."""
+    try:
+        files = json.loads(result.read_bytes())["files"]
+        return frozenset(str(Path(file)) for file in files)
+    except (OSError, ValueError, KeyError, TypeError):
+        return frozenset()
 
 
 class OutFolder:
@@ -55,7 +71,9 @@ class OutFolder:
     def __init__(self, root: Path, sources: Iterable[Path]) -> None:
         self.root = root
         self.written: list[Path] = []
+        self.remarks: list[str] = []
         self._sources = [source.resolve() for source in sources]
+        self._made = not root.exists()
         try:
             root.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=root):
@@ -65,6 +83,17 @@ class OutFolder:
             raise OutputError(
                 path=str(root), reason=f"cannot write into the output folder: {reason}"
             ) from None
+        self._earlier = _files_of(root / "result.json")
+
+    def drop(self) -> None:
+        """Remove the folder where it was made for nothing."""
+        if self._made:
+            with contextlib.suppress(OSError):
+                self.root.rmdir()
+
+    def _is_strange(self, name: str) -> bool:
+        """Return whether a file lies in the folder that no earlier run wrote."""
+        return (self.root / name).is_file() and name not in self._earlier
 
     def refuse_sources(self, names: Iterable[str]) -> None:
         """Raise where a file to be written is one that the job reads.
@@ -100,11 +129,34 @@ class OutFolder:
         return relative
 
     def accept(self, name: str, content: bytes) -> Path:
-        """Write a list that passed; what an earlier run rejected goes."""
+        """Write a list that passed; what an earlier run rejected goes.
+
+        A list of the user's own that has this name is kept in ``kept/``.
+        """
+        if self._is_strange(name) and (self.root / name).read_bytes() != content:
+            self._keep(name)
         written = self.write(name, content)
         with contextlib.suppress(OSError):
             (self.root / REJECTED / name).unlink()
         return written
+
+    def _keep(self, name: str) -> None:
+        stem, _, tail = name.rpartition(".")
+        names = (f"{stem}.{k}.{tail}" if k else name for k in itertools.count())
+        kept = next(
+            Path(KEPT) / n for n in names if not (self.root / KEPT / n).exists()
+        )
+        target = self.root / name
+        try:
+            (self.root / KEPT).mkdir(exist_ok=True)
+            write_atomically(self.root / kept, target.read_bytes())
+        except OSError as error:
+            reason = f"cannot keep a copy of it in {KEPT}/: {error.strerror or error}"
+            raise OutputError(path=str(target), reason=reason) from None
+        self.remarks.append(
+            f"{name} lay in the output folder and was not written by the last run:"
+            f" it was kept as {kept}."
+        )
 
     def reject(self, name: str, content: bytes) -> tuple[Path, Path | None]:
         """Write a list that failed into ``rejected/``.
@@ -121,10 +173,17 @@ class OutFolder:
     def retire(self, name: str) -> Path | None:
         """Move a file of an earlier run into ``rejected/``, where nobody loads it from.
 
+        A file that no earlier run wrote is the user's and stays where it is.
+
         Returns:
             Its new name, or None where there was none.
         """
         target = self.root / name
+        if self._is_strange(name):
+            self.remarks.append(
+                f"{name} lies in the output folder and is not of this run."
+            )
+            return None
         if not target.exists() and not target.is_symlink():
             return None
         stem, _, tail = name.rpartition(".")

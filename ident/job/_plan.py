@@ -15,9 +15,13 @@ from ..exchange import (
     refuse_lost_nodes,
 )
 from ._fit_schema import CrossSpec, LeadscrewSpec, TableSpec
-from ._layout import empty_table, refuse_short_cross, table_of
+from ._layout import empty_table, has_nodes, refuse_short_cross, table_of
 from ._load import Job
 from ._result import Remark
+from ._source import Tables
+
+_TABLES = ("kw.", "frict_comp.")
+"""What only a compensation list holds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Plan:
         return None if self.old is None else self.table.at_nodes(self.old)
 
 
-def plan_fits(job: Job) -> tuple[Plan, ...]:
+def plan_fits(job: Job, tables: Tables) -> tuple[Plan, ...]:
     """Return what each fit of a job writes.
 
     Raises:
@@ -68,17 +72,47 @@ def plan_fits(job: Job) -> tuple[Plan, ...]:
     }
     for name, pair in lists.items():
         for key, listing in zip(("list", "machine_data"), pair, strict=True):
-            _refuse_other_axis(job, name, key, listing)
+            if listing is not None:
+                _refuse_other_kind(job, name, key, listing)
+                _refuse_other_axis(job, name, key, listing)
     plans = []
     for k, fit in enumerate(job.spec.fits):
         assert isinstance(fit, TableSpec)  # `find_fault` has seen to it
-        plans.append(_plan(job, k, fit, *lists[fit.axis]))
+        plans.append(_plan(job, tables, k, fit, *lists[fit.axis]))
     return tuple(plans)
 
 
-def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile | None) -> None:
-    if listing is None:
+def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None:
+    """Raise where a file is none of the lists that the key asks for.
+
+    An axis list edited as a compensation list, or a table of readings, would come back
+    looking like a valid one. An empty list, or one of comments, is one to be filled.
+    """
+    expected = {"list": "compensation", "machine_data": "axis"}[key]
+    kind = listing.kind
+    if kind == expected or not any(map(_says_something, listing.lines)):
         return
+    if expected == "axis" and listing.entries and kind != "startup":
+        # Its header alone counts as that of a compensation list, and most of its
+        # entries are none that the manuals name.
+        if not any(one.key.startswith(_TABLES) for one in listing.entries):
+            return
+    words = f"a{'n' if kind == 'axis' else ''} {kind} list"
+    if kind == "unknown":
+        words = "none of the entries of such a list"
+    raise job.error(
+        ("axes", name, key),
+        f"found {words} in {listing.source}, expected a"
+        f"{'n' if expected == 'axis' else ''} {expected} list",
+    )
+
+
+def _says_something(line: str) -> bool:
+    text = line.strip()
+    return bool(text) and not text.startswith(("#", ";", "(", "//", "/*"))
+
+
+def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None:
     number = job.spec.axes[name].number
     try:
         found = axis_number(listing)
@@ -94,6 +128,7 @@ def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile | None) 
 
 def _plan(
     job: Job,
+    tables: Tables,
     index: int,
     fit: TableSpec,
     existing: ListFile | None,
@@ -109,8 +144,8 @@ def _plan(
             " expected one state for all that are joined",
         )
     try:
-        old = _old_table(job, fit, existing)
-        table = table_of(job, index, fit, old)
+        old, unread = _old_table(job, fit, existing, True in active)
+        table = table_of(job, tables, index, fit, old)
         if True in active:
             if existing is None or old is None:
                 raise job.error(
@@ -152,7 +187,7 @@ def _plan(
         axis_list=axis_list,
         old=old,
         active=True in active,
-        remarks=tuple(_remarks(job, fit, existing, old, True in active)),
+        remarks=(*unread, *_remarks(job, fit, existing, old, True in active)),
     )
 
 
@@ -164,12 +199,25 @@ def _increments(job: Job) -> Mapping[int, float]:
     }
 
 
-def _old_table(job: Job, fit: TableSpec, existing: ListFile | None) -> Model | None:
-    """Return the table that the existing list holds, or None."""
-    if existing is None:
-        return None
+def _old_table(
+    job: Job, fit: TableSpec, existing: ListFile | None, active: bool
+) -> tuple[Model | None, list[Remark]]:
+    """Return the table that the existing list holds, or None, and what to say of it.
+
+    Raises:
+        ExchangeError: If it cannot be read and something rests on it: it was active, its
+            nodes are taken over, or the gate limits the change.
+    """
     probe = empty_table(job, fit)
-    return probe.read(existing, _increments(job)) if probe.is_in(existing) else None
+    if existing is None or not probe.is_in(existing):
+        return None, []
+    try:
+        return probe.read(existing, _increments(job)), []
+    except ExchangeError as error:
+        if active or not has_nodes(fit) or job.spec.gate.max_change is not None:
+            raise
+        words = f"The new table replaces one that cannot be compared with it: {error}"
+        return None, [Remark("warning", words)]
 
 
 def _remarks(

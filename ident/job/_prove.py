@@ -102,7 +102,7 @@ def prove(
             *plan.remarks,
             *readings.remarks,
             *fit_remarks(one, linear),
-            *_without_use(error),
+            *_without_use(error, one.held_out.by_run),
             *files.remarks,
         ),
         conventions=_conventions(job, spec.compensation),
@@ -113,16 +113,27 @@ def prove(
     )
 
 
-def _without_use(error: Mapping[str, ErrorFigures]) -> list[Remark]:
+def _without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark]:
     """Return a warning where the list would not have helped on data it has not seen."""
-    if error["predicted"].rms < error["before"].rms:
+    if error["predicted"].sound.rms < error["before"].sound.rms:
         return []
+    if by_run:
+        why = (
+            "what was measured is scatter or drift, which no table takes away. Measure"
+            " again before loading it."
+        )
+    else:
+        # A block that is left out takes all readings of its nodes with it: that shows
+        # what the surroundings tell of a place, not whether the place would repeat.
+        why = (
+            "its surroundings do not tell the error of a place. That is scatter, or an"
+            " error that changes from node to node: repeated runs would tell which."
+        )
     return [
         Remark(
             "warning",
             "On readings that the fit did not see, this list leaves no less error than"
-            " there is without it: what was measured is scatter or drift, which no"
-            " table takes away. Measure again before loading it.",
+            f" there is without it: {why}",
         )
     ]
 

@@ -186,7 +186,8 @@ def _datum(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:
     if len(place) != count:
         raise job.error(
             ("measurements", name, "datum", "at"),
-            f"found {len(place)} position, expected {count} for the"
+            f"found {len(place)} position{'s' * (len(place) > 1)}, expected {count} for"
+            " the"
             f" {fit.compensation} fit of {fit.axis}",
         )
     return place

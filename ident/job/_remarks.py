@@ -24,10 +24,13 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
     fit = one.fit
     empty = int(np.sum(fit.support == 0))
     if empty:
+        why = "were not measured"
+        if fit.wild.any():
+            why = "rest on no reading (not measured, or only wild ones)"
         found.append(
             Remark(
                 "warning",
-                f"{empty} of {fit.support.size} node values were not measured; they are"
+                f"{empty} of {fit.support.size} node values {why}; they are"
                 " filled by the prior and marked with support 0.",
             )
         )
@@ -43,8 +46,8 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
         found.append(
             Remark(
                 "warning" if wild > _MANY * len(fit.wild) else "info",
-                f"{wild} of {len(fit.wild)} readings are wild: the fit, rms and max"
-                " leave them out (ISO 230-2 figures keep every reading).",
+                f"{wild} of {len(fit.wild)} readings are wild: the fit leaves them out."
+                " rms and max are given with and without them.",
             )
         )
     if fit.suspect_nodes:
@@ -82,7 +85,9 @@ def _outside(one: Fitted) -> int:
     for k, nodes in enumerate(one.plan.table.nodes):
         ends = nodes.positions[[0, -1]]
         column = one.readings.positions[:, k]
-        outside |= (column < ends[0] - 1e-9) | (column > ends[1] + 1e-9)
+        # A node lies at a whole list unit, the reading meant for it perhaps beside it.
+        edge = 1e-3 * float(np.diff(nodes.positions).min())
+        outside |= (column < ends[0] - edge) | (column > ends[1] + edge)
     return int(outside.sum())
 
 

@@ -58,8 +58,12 @@ def run_job(
     say = progress or (lambda line: None)
     job = load_job(path)
     folder = OutFolder(out, [path, *job.inputs])
-    folder.refuse_sources(_names(job))
-    fitted = _fit_all(job, say)
+    try:
+        folder.refuse_sources(_names(job))
+        fitted = _fit_all(job, say)
+    except BaseException:
+        folder.drop()
+        raise
     gates, cycles = [], {}
     for one in fitted:
         spread = cycles_for(job, one)
@@ -120,8 +124,8 @@ def _names(job: Job) -> list[str]:
 
 def _fit_all(job: Job, say: Callable[[str], None]) -> list[Fitted]:
     """Fit one table after the other; a later one takes what earlier ones leave."""
-    plans = plan_fits(job)
     tables = Tables(job)
+    plans = plan_fits(job, tables)
     left: dict[tuple[str, str], Float[np.ndarray, " t"]] = {}
     fitted: list[Fitted] = []
     for plan in plans:
@@ -205,6 +209,7 @@ def _write(
         for name, earlier in retired
         if earlier is not None
     ]
+    moved += [Remark("warning", words) for words in folder.remarks]
     return written, moved
 
 

@@ -69,6 +69,7 @@ class MeasurementSpec(JobPart):
     """One measurement: its file, columns and what was done while measuring."""
 
     file: str | None = None
+    profile: str | None = None
     files: Annotated[list[str], Field(min_length=1)] | None = None
     axis: str | None = None
     active: list[Compensation] = Field(default_factory=list)

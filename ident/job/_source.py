@@ -8,6 +8,7 @@ from ...data.measurements import (
     ColumnSpec,
     DirectionUnknown,
     Measurement,
+    MeasurementError,
     Table,
     derive_error,
     explain_direction,
@@ -19,6 +20,12 @@ from ..exchange import AbstractTable
 from ._fit_schema import CrossSpec, LeadscrewSpec, PlaneSpec, TableSpec
 from ._load import Job
 from ._remove import without_zero
+
+PROFILE_FORMATS = ("Klipper bed mesh",)
+"""Formats of which one file may hold several surfaces, by name."""
+
+_ABSURD = 1e9
+"""mm or °: a thousand kilometres, or some million turns."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,11 +52,20 @@ class Tables:
 
         Raises:
             MeasurementError: If it holds nothing usable.
+            JobError: If the job names a profile and the file knows no such thing.
         """
         if name not in self._read:
             file = self.job.spec.measurements[name].file
             assert file is not None  # `find_fault` has seen to it
-            self._read[name] = read_table(self.job.file(file))
+            profile = self.job.spec.measurements[name].profile
+            table = read_table(self.job.file(file), profile=profile)
+            if profile is not None and table.format not in PROFILE_FORMATS:
+                raise self.job.error(
+                    ("measurements", name, "profile"),
+                    f"found {table.format} in {file}, expected one of"
+                    f" {', '.join(PROFILE_FORMATS)}: only these hold profiles",
+                )
+            self._read[name] = table
         return self._read[name]
 
 
@@ -91,6 +107,9 @@ def read_part(
     positions = np.stack(columns_of, axis=1).astype(float)
     error = np.asarray(derive_error(measured, fit.axis), dtype=float)
     for k, axis in enumerate(masters):
+        _refuse_absurd(measured, f"{axis}.position", positions[:, k])
+    _refuse_absurd(measured, f"{fit.axis}.error", error)
+    for k, axis in enumerate(masters):
         if (span := axes[axis].modulo) is not None:
             turn = span[1] - span[0]
             positions[:, k] = span[0] + np.mod(positions[:, k] - span[0], turn)
@@ -104,6 +123,24 @@ def read_part(
     run = measured.get("run")
     time = measured.get("time")
     return Part(positions, error, direction, run, time, tuple(remarks))
+
+
+def _refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None:
+    """Raise at a length or angle that no machine has: a marker for "no reading".
+
+    Its square may be beyond floating point, so that no robust loss could set it aside.
+
+    Raises:
+        MeasurementError: Naming its line.
+    """
+    wrong = np.flatnonzero(np.abs(values) > _ABSURD)
+    if wrong.size:
+        at = int(wrong[0])
+        reason = (
+            f"line {measured.lines[at]}: found {values[at]:g} mm or ° for {role},"
+            f" expected less than {_ABSURD:g}"
+        )
+        raise MeasurementError(str(measured.source), reason)
 
 
 def _at_reference(

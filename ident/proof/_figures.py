@@ -14,15 +14,30 @@ class ErrorFigures:
     """Size of an error in mm (or °).
 
     Attributes:
-        rms: Root of the mean square.
-        max: Largest magnitude.
+        rms: Root of the mean square, over all readings.
+        max: Largest magnitude, over all readings.
         iso230: A, R, B, B_mean, E, M … of ISO 230-2 where there are runs, else None;
             figures that the data do not give are left out.
+        rms_without_wild: The same without wild readings; None where none is wild.
+        max_without_wild: Likewise.
     """
 
     rms: float
     max: float
     iso230: Mapping[str, float] | None = None
+    rms_without_wild: float | None = None
+    max_without_wild: float | None = None
+
+    @property
+    def sound(self) -> "ErrorFigures":
+        """What the machine does: rms and largest error without wild readings.
+
+        A single reading of 1 mm among thousands of 10 µm would be all that rms and max
+        tell of; before and after a list are compared without it.
+        """
+        if self.rms_without_wild is None or self.max_without_wild is None:
+            return self
+        return ErrorFigures(self.rms_without_wild, self.max_without_wild, self.iso230)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,17 +65,18 @@ def error_figures(
     Args:
         error: One value per reading.
         runs: How the readings lie in a run table, or None where they do not.
-        wild: Readings that are the instrument's fault: rms and largest leave them out.
-            ISO 230-2 knows no such thing and keeps every reading.
+        wild: Readings that are the instrument's fault; figures without them are given
+            beside those of all readings. ISO 230-2 knows no such thing.
     """
     figures: dict[str, float] | None = None
     if runs is not None:
         found = iso230(runs.target, error, runs.run, runs.direction).figures()
         figures = {key: value for key, value in found.items() if value is not None}
-    if wild is not None and not wild.all():
-        error = error[~wild]
-    return ErrorFigures(
-        rms=float(np.sqrt(np.mean(np.square(error)))),
-        max=float(np.max(np.abs(error))),
-        iso230=figures,
-    )
+    rms, largest = _size(error)
+    if wild is None or not wild.any() or wild.all():
+        return ErrorFigures(rms, largest, figures)
+    return ErrorFigures(rms, largest, figures, *_size(error[~wild]))
+
+
+def _size(error: Float[np.ndarray, " t"]) -> tuple[float, float]:
+    return float(np.sqrt(np.mean(np.square(error)))), float(np.max(np.abs(error)))

@@ -1,8 +1,31 @@
-"""The report of a job: one HTML page that needs no network, and its plots as SVG."""
+"""The report of a job: one HTML page that needs no network, and its plots as SVG.
 
-from ._overview import write_picture as write_picture
-from ._second import (
-    SecondMeasurement as SecondMeasurement,
-    SecondMeasurementError as SecondMeasurementError,
-)
-from ._write import write_report as write_report
+The public names are imported when they are first asked for: the report of a job needs
+JAX, the ISO 230-2 chart of this package does not, and `axcomp iso230` draws just that.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ._overview import write_picture as write_picture
+    from ._second import (
+        SecondMeasurement as SecondMeasurement,
+        SecondMeasurementError as SecondMeasurementError,
+    )
+    from ._write import write_report as write_report
+
+_HOMES = {
+    "SecondMeasurement": "_second",
+    "SecondMeasurementError": "_second",
+    "write_picture": "_overview",
+    "write_report": "_write",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use."""
+    if name not in _HOMES:
+        msg = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)

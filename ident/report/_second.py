@@ -33,7 +33,7 @@ class SecondMeasurement:
         direction: ±1 per reading, or None.
         run: Run per reading, or None.
         wild: Readings that are the instrument's fault, or None: rms and largest error
-            leave them out, as for the first measurement.
+            are given without them as well, as for the first measurement.
     """
 
     name: str

@@ -27,6 +27,8 @@ _COLUMNS = (
 _ROWS = (
     ("rms", "root mean square"),
     ("max", "largest magnitude"),
+    ("rms, all", "with wild readings"),
+    ("max, all", "with wild readings"),
     ("A", "accuracy of positioning: everything, both directions"),
     ("R", "repeatability: scatter, which no table can remove"),
     ("B", "reversal value: largest difference of the directions"),
@@ -117,8 +119,11 @@ def figures_table(
     if second is not None:
         figures["verified"] = second.figures
     columns = [column for column in _COLUMNS if column[0] in figures]
+    wild = any(each.rms_without_wild is not None for each in figures.values())
     rows = []
     for name, meaning in _ROWS:
+        if name.endswith(", all") and not wild:
+            continue
         values = [_figure(figures[key], name) for key, _, _ in columns]
         if any(value is not None for value in values):
             shown = tuple(
@@ -136,7 +141,9 @@ def figures_table(
 
 def _figure(figures: ErrorFigures, name: str) -> float | None:
     if name in ("rms", "max"):
-        return float(getattr(figures, name))
+        return float(getattr(figures.sound, name))
+    if name in ("rms, all", "max, all"):
+        return float(getattr(figures, name.removesuffix(", all")))
     return None if figures.iso230 is None else figures.iso230.get(name)
 
 
@@ -192,8 +199,8 @@ def summary_row(section: Section) -> tuple[str, ...]:
     cells = dict(zip((c[0] for c in table.columns), rms[2], strict=True)) if rms else {}
     before, after = section.fit.error.get("before"), section.fit.error.get("predicted")
     gain = "–"
-    if before and after and before.rms > 0 and after.rms < before.rms:
-        gain = percent(1 - after.rms / before.rms)
+    if before and after and after.sound.rms < before.sound.rms:
+        gain = percent(1 - after.sound.rms / before.sound.rms)
     return (
         cells.get("before", "–"),
         cells.get("predicted", "–"),

@@ -36,7 +36,7 @@ def verdict_of(
     if loud:
         return Verdict("bad", f"Do not load yet: {loud[0].message}")
     before, after = fit.error.get("before"), fit.error.get("predicted")
-    if before and after and after.rms >= 0.98 * before.rms:
+    if before and after and after.sound.rms >= 0.98 * before.sound.rms:
         return Verdict("warn", f"This list would not help: {numbers}.")
     if second is None and fit.verified_by is None:
         return Verdict(
@@ -54,8 +54,9 @@ def verdict_of(
 def _verified(
     fit: FitResult, scale: Scale, second: SecondMeasurement, numbers: str
 ) -> Verdict:
-    seen = second.figures.rms
-    before, after = fit.error["before"].rms, fit.error["predicted"].rms
+    seen = second.figures.sound.rms
+    before = fit.error["before"].sound.rms
+    after = fit.error["predicted"].sound.rms
     found = (
         f"a second measurement with the list active ({second.name}) found "
         f"{number(seen * scale.factor)} {scale.error} rms"
@@ -74,9 +75,11 @@ def _fall(fit: FitResult, scale: Scale) -> str:
     unit = scale.error
     if before is None:
         return "nothing was predicted"
+    before = before.sound
     start = f"the error of {fit.axis} is {_size(before, scale)}"
     if after is None:
         return f"{start}; nothing was predicted"
+    after = after.sound
     end = f"{number(after.rms * scale.factor)} {unit} rms (largest "
     end += f"{number(after.max * scale.factor)} {unit})"
     if before.rms > 0 and after.rms < before.rms:

@@ -224,7 +224,7 @@ RULES: list[tuple[str, dict[str, int | str], dict[str, object], list[Brief]]] = 
         "a missing setpoint that 0 stands in for",
         CROSS,
         {"kw.crosscomp.table[1].setpoint": None},
-        [],
+        [("warning", "P-COMP-00006", None)],
     ),
     (
         "a missing setpoint that 0 does not stand in for",

@@ -254,6 +254,17 @@ def test_fragment_adds_to_the_list_that_it_is_meant_for() -> None:
     assert serious(files) == []
 
 
+def test_fragment_need_not_repeat_what_the_axis_list_switches_on() -> None:
+    both = {**cross(3), "kw.ssfk.kw_nr_max": 2, "kw.ssfk.interval": 10_000}
+    both |= {"kw.ssfk.unit": 1, "kw.ssfk.kw_startpos": 0}
+    both |= {"kw.ssfk.table[0].pos": 1, "kw.ssfk.table[1].pos": 2}
+    # Written for a new leadscrew table beside a cross table that is long in use.
+    files = {"achskw3.lis": both, "achsmds3.add.lis": axis(None, ssfk=1)}
+    assert serious(files) == []
+    files["achsmds3.lis"] = axis(3, ssfk=0)
+    assert serious(files) == [("achsmds3.lis", "warning", "P-AXIS-00047", None)]
+
+
 def test_external_compensation_needs_a_limit() -> None:
     switch = "configuration.position_controller.enable_external_compensation_ifc"
     files = {

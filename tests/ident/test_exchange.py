@@ -198,7 +198,7 @@ def test_entries_that_a_plane_leaves_out_are_zero() -> None:
     [
         ("interval 10", "interval 0", "found interval 0, last index 1, expected an in"),
         ("interval 10", "interval ten", "interval: found 'ten', expected an integer"),
-        ("kw.crosscomp2.master2_ax_nr 2\n", "", "master2_ax_nr: found no readable val"),
+        ("kw.crosscomp2.master2_ax_nr 2\n", "", "master2_ax_nr: found no entry"),
         ("master1 1\n", "master1 -1\n", "last index -1, expected"),
     ],
 )
