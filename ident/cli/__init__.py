@@ -1,6 +1,10 @@
 """The command line: parse, call the library, exit status."""
 
+import gc
 import sys
+
+_GARBAGE = (200_000, 20, 20)
+"""Objects between collections: a command is over before collecting has paid for itself."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -9,6 +13,7 @@ def main(argv: list[str] | None = None) -> int:
     Everything is imported in here: even an interrupt while that goes on ends without a
     traceback.
     """
+    gc.set_threshold(*_GARBAGE)
     try:
         from ._app import main as run
 

@@ -119,7 +119,7 @@ def moments(
 def plane_moments(
     positions: Float[Array, "t 2"],
     error: Float[Array, " t"],
-    weight: Float[Array, " t"],
+    weight: Float[Array, " t"] | None,
     *,
     slow: AbstractNodes,
     fast: AbstractNodes,
@@ -130,7 +130,7 @@ def plane_moments(
     Args:
         positions: Columns as measured.
         error: Readings.
-        weight: Their weights.
+        weight: Their weights; None for weight 1 all over.
         slow: Nodes along the slow axis.
         fast: Nodes along the fast axis.
         columns: Columns of the positions along the slow and along the fast axis.
@@ -139,15 +139,18 @@ def plane_moments(
     s, v = fast.locate(positions[:, columns[1]])
     cell = l * (fast.count - 1) + s
     # Else XLA finds the cell anew in each of the thirteen scatters.
-    places = jax.lax.optimization_barrier((cell, u, v, weight * error))  # type: ignore[no-untyped-call]
+    places = jax.lax.optimization_barrier((cell, u, v))  # type: ignore[no-untyped-call]
 
     def terms(
-        cell: Array, u: Array, v: Array, moved: Array, weight: Array
+        cell: Array, u: Array, v: Array, error: Array, *weights: Array
     ) -> tuple[Array, list[Array]]:
-        return cell, _powers(u, v, weight, 2, 2) + _powers(u, v, moved, 1, 1)
+        own = weights[0] if weights else jnp.ones_like(u)
+        moved = weights[0] * error if weights else error
+        return cell, _powers(u, v, own, 2, 2) + _powers(u, v, moved, 1, 1)
 
     cells = (slow.count - 1) * (fast.count - 1)
-    total = _scan(terms, (*places, weight), cells, 13)
+    arrays = (*places, error) if weight is None else (*places, error, weight)
+    total = _scan(terms, arrays, cells, 13)
     return jnp.stack(total[:9]), jnp.stack(total[9:])
 
 

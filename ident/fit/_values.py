@@ -15,7 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from ._compiled import axis_nodes, blocks_of, plane_moments
+from ._compiled import BLOCK, axis_nodes, blocks_of, plane_moments
 from ._conjugate import conjugate_solve
 from ._errors import FitError
 from ._estimate import table_prior
@@ -76,9 +76,8 @@ def fit_values(
         smoothness,
         None if branch is None else np.asarray(branch, np.int64).tobytes(),
     )
-    if weight is None:
-        weight = np.ones(np.shape(error))
-    return _fit(setup, _plain(positions), _plain(error), _plain(weight))
+    known = None if weight is None else _plain(weight)
+    return _fit(setup, _plain(positions), _plain(error), known)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -89,13 +88,12 @@ class _Setup:
     smoothness: float | Mapping[str, float]
     branches: bytes | None
 
-    def samples(
-        self, positions: np.ndarray, error: np.ndarray, weight: np.ndarray
-    ) -> Samples:
+    def samples(self, positions: Given, error: Given, weight: Given) -> Samples:
         branch = (
             None if self.branches is None else np.frombuffer(self.branches, np.int64)
         )
-        return Samples(positions, error, branch, weight)
+        known = None if weight is None else np.asarray(weight)
+        return Samples(np.asarray(positions), np.asarray(error), branch, known)
 
 
 def _plain(value: ArrayLike) -> ArrayLike:
@@ -126,9 +124,9 @@ def _forward(
 
 def _backward(
     setup: _Setup, kept: tuple[Given, ...], slope: Array
-) -> tuple[Array, Array, Array]:
-    shapes = tuple(_shape(value.shape) for value in kept[:3])
-    result: tuple[Array, Array, Array] = jax.pure_callback(
+) -> tuple[Array, Array, Array | None]:
+    shapes = tuple(None if value is None else _shape(value.shape) for value in kept[:3])
+    result: tuple[Array, Array, Array | None] = jax.pure_callback(
         partial(_slopes_on_host, setup), shapes, *kept, slope, vmap_method="sequential"
     )
     return result
@@ -144,9 +142,7 @@ _fit.defvjp(_forward, _backward)
 def _values_on_host(
     setup: _Setup, positions: Given, error: Given, weight: Given
 ) -> Float[np.ndarray, "..."]:
-    samples = setup.samples(
-        np.asarray(positions), np.asarray(error), np.asarray(weight)
-    )
+    samples = setup.samples(positions, error, weight)
     grid = Grid(setup.layout)
     with one_blas_thread():
         values = _solved(grid, setup.smoothness, *sums_of(grid, samples))
@@ -160,16 +156,14 @@ def _slopes_on_host(
     weight: Given,
     values: Given,
     slope: Given,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Return the slopes by the adjoint: one more solve with the same matrix.
 
     With λ = A⁻¹·slope, table λ(x) and residual r: dE/de = w·λ(x), dE/dw = λ(x)·r and
     dE/dx = w·(λ'(x)·r − λ(x)·θ'(x)).
     """
-    samples = setup.samples(
-        np.asarray(positions), np.asarray(error), np.asarray(weight)
-    )
-    known = np.asarray(weight)
+    samples = setup.samples(positions, error, weight)
+    known = np.ones(len(samples.error)) if weight is None else np.asarray(weight)
     grid = Grid(setup.layout)
     with one_blas_thread():
         normal, _ = sums_of(grid, samples)
@@ -188,7 +182,7 @@ def _slopes_on_host(
         steep_adjoint = _steepness(grid, samples.positions, place, adjoint, axis)
         steep_table = _steepness(grid, samples.positions, place, table, axis)
         result[:, axis] = known * (steep_adjoint * residual - along * steep_table)
-    return result, known * along, along * residual
+    return result, known * along, None if weight is None else along * residual
 
 
 def _steepness(
@@ -242,11 +236,10 @@ def _solved(
 
 def sums_of(grid: Grid, samples: Samples) -> tuple[Normal, Float[np.ndarray, "l s"]]:
     """Return normal matrix and right-hand side of the readings, in one pass where it pays."""
-    weight = samples.weight
-    assert weight is not None
     count = len(samples.error)
     if not grid.planar or count < MANY or min(grid.slow, grid.fast) < 2:
         place = grid.locate(samples)
+        weight = np.ones(count) if samples.weight is None else samples.weight
         return (
             normal_from_moments(grid, moment_sums(grid, place, weight, 2)),
             vector_from_moments(
@@ -260,8 +253,16 @@ def sums_of(grid: Grid, samples: Samples) -> tuple[Normal, Float[np.ndarray, "l 
         fast=axis_nodes(grid.fast_nodes),
         columns=(grid.slow_column, 1 - grid.slow_column),
     )
-    arrays = (samples.positions, samples.error, weight)
-    sums = [call(*block) for block in blocks_of(*arrays)]
+    arrays = (samples.positions, samples.error)
+    if samples.weight is not None:
+        sums = [call(*block) for block in blocks_of(*arrays, samples.weight)]
+    else:
+        # Equal weights need not be read; only what fills up the last block must not count.
+        full = count - count % BLOCK
+        blocks = blocks_of(*(array[:full] for array in arrays))
+        sums = [call(*block, None) for block in blocks]
+        rest = (*(array[full:] for array in arrays), np.ones(count - full))
+        sums += [call(*block) for block in blocks_of(*rest)]
     squares = add_up(each[0] for each in sums).reshape(3, 3, *shape)
     products = add_up(each[1] for each in sums).reshape(2, 2, *shape)
     return normal_from_moments(grid, squares), vector_from_moments(grid, products)
