@@ -1,8 +1,6 @@
 """Run the command line as ``python -m axcomp``."""
 
-import sys
-
-from axcomp.ident.cli import main
+from axcomp.ident.cli import run
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run()

@@ -1,7 +1,9 @@
 """The command line: parse, call the library, exit status."""
 
 import gc
+import os
 import sys
+from typing import NoReturn
 
 _GARBAGE = (200_000, 20, 20)
 """Objects between collections: a command is over before collecting has paid for itself."""
@@ -15,9 +17,25 @@ def main(argv: list[str] | None = None) -> int:
     """
     gc.set_threshold(*_GARBAGE)
     try:
-        from ._app import main as run
+        from ._app import main as command
 
-        return run(argv)
+        return command(argv)
     except KeyboardInterrupt:
         print("axcomp: interrupted", file=sys.stderr)
         return 130
+
+
+def run() -> NoReturn:
+    """Run the command line as a program: end the process with the exit status.
+
+    Ends at once: taking a million objects apart, only to hand the memory back, would take
+    longer than some commands.
+    """
+    status = main()
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            # The reader of a pipe has gone; there is nobody left to tell.
+            status = status or 1
+    os._exit(status)
