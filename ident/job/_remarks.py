@@ -9,6 +9,9 @@ from ._source import masters_of
 _MANY = 0.05
 """Share of wild readings from which on the instrument deserves a look."""
 
+_SPARSE = 1.5
+"""Readings per node up to which no place was measured twice to speak of."""
+
 _MOST = 6
 """Nodes that are named one by one."""
 
@@ -59,7 +62,12 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
         )
     if fit.suspect_runs:
         runs = ", ".join(str(run) for run in fit.suspect_runs)
-        found.append(Remark("warning", f"Contradicts the other runs: run {runs}."))
+        found.append(
+            Remark(
+                "warning",
+                f"Contradicts the other runs, and does not count in their mean: run {runs}.",
+            )
+        )
     if fit.runs:
         largest = 1e3 * max(abs(run.offset) for run in fit.runs)
         unit = "µm" if linear else "0.001°"
@@ -72,7 +80,17 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
                 " mean.",
             )
         )
-    if not fit.converged:
+    elif not one.run_effects or one.run_effects == "none":
+        if len(fit.residual) <= _SPARSE * fit.support.size:
+            found.append(
+                Remark(
+                    "info",
+                    "Nothing was measured twice: what changes from one measurement to the"
+                    " next is not in the standard deviations. A second measurement, given"
+                    " together with the first, brings it in.",
+                )
+            )
+    if not fit.converged or fit.loss != one.plan.fit.loss:
         found.append(Remark("warning", fit.message))
     return found
 
