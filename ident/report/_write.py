@@ -43,7 +43,9 @@ def write_report(
             section_of(fit, place + 1, second.get(place))
             for place, fit in enumerate(result.fits)
         ]
-        overview = overview_plot(result.fits, second)
+        # A single fit shows its before and after in its own section.
+        several = len(result.fits) > 1 or second
+        overview = overview_plot(result.fits, second) if several else None
         files = _svg_files(overview, sections)
     page = _render(result, overview, sections, files)
     plots = out / "plots"
