@@ -128,11 +128,6 @@ class Parameter(NamedTuple):
         return self.key.rpartition(".")[2]
 
     @property
-    def is_table(self) -> bool:
-        """Whether the parameter stands once per table entry."""
-        return "[]" in self.key
-
-    @property
     def is_integer(self) -> bool:
         """Whether the value is a whole number (BOOLEAN included)."""
         return self.type in INTEGER_LIMITS

@@ -113,15 +113,15 @@ def _refined(readings: Readings, prior: TablePrior, state: State, loss: str) -> 
     """Choose the smoothness and weigh the readings anew until neither moves the table."""
     density = state.posterior.problem.normal.density
     for _ in range(8):
-        choice = choose_smoothness(state.posterior.problem, None)
+        choice = choose_smoothness(state.posterior.problem)
         if choice is None:
             msg = "no smoothness gives a table: the readings are degenerate."
             raise FitError(msg)
         state = _robust(
-            readings, prior, choice.posterior.smoothness, loss,
-            choice.posterior.values, choice.posterior.effects, True, _SETTLED,
+            readings, prior, choice.smoothness, loss,
+            choice.values, choice.effects, True, _SETTLED,
         )  # fmt: skip
-        shift = float(np.std(state.posterior.values - choice.posterior.values))
+        shift = float(np.std(state.posterior.values - choice.values))
         spread = np.sqrt(state.posterior.variance / density)
         if loss == "gauss" or shift <= _SAME * spread:
             return state

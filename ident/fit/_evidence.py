@@ -5,13 +5,11 @@ logarithms. Small tables are searched with exact evaluations only. For a large p
 spectral surrogate gives start and curvature, and a few exact Newton steps finish.
 """
 
-import dataclasses
-
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 
-from ._logs import HIGH, LEAST, LOW, active_weights, logs_of, smoothness_of, spread_logs
+from ._logs import HIGH, LEAST, LOW, active_weights, smoothness_of, spread_logs
 from ._posterior import Posterior, Problem, solve
 from ._prior import Smoothness
 from ._spectrum import spectral_start
@@ -26,78 +24,60 @@ _SMALL = 5e6
 """Operations of one band Cholesky up to which exact evaluations are cheap."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Choice:
-    """The weights found and the posterior that belongs to them."""
-
-    posterior: Posterior
-    converged: bool
-
-
-def choose_smoothness(
-    problem: Problem, start: Smoothness | None = None
-) -> Choice | None:
+def choose_smoothness(problem: Problem) -> Posterior | None:
     """Return the weights with the best evidence; None where no weights give a fit.
 
     Args:
         problem: Sums about a current estimate.
-        start: Weights of an earlier search, to begin with.
     """
     grid = problem.normal.grid
     density = problem.normal.density
     active = active_weights(problem)
     if not active.any():
         posterior = solve(problem, Smoothness((0.0, 0.0)))
-        return None if posterior is None else Choice(posterior, True)
+        return posterior
     full = grid.size * (4.0 * grid.fast) ** 2
     if full <= _SMALL:
-        return _search_exact(problem, density, active, start)
-    return _search_large(problem, density, active, start)
+        return _search_exact(problem, density, active)
+    return _search_large(problem, density, active)
 
 
 def _search_exact(
     problem: Problem,
     density: float,
     active: Bool[np.ndarray, " 4"],
-    start: Smoothness | None,
-) -> Choice | None:
+) -> Posterior | None:
     """Scan a few scales, then descend from the best."""
-    best: list[Posterior] = []
+    best: Posterior | None = None
 
     def cost(reduced: Float[np.ndarray, " k"]) -> float:
+        nonlocal best
         posterior = solve(problem, smoothness_of(spread_logs(active, reduced), density))
         if posterior is None or not np.isfinite(posterior.evidence):
             return 1e30
-        if not best or posterior.evidence < best[-1].evidence:
-            best.append(posterior)
+        if best is None or posterior.evidence < best.evidence:
+            best = posterior
         return posterior.evidence
 
-    if start is None:
-        second = active & np.array([True, False, True, False])
-        starts = []
-        # With and without fourth differences are two valleys: descend from the best of each.
-        for lift, slope in ((LOW, 0.0), (np.log(10.0), 1.0), (0.0, 2.0)):
-            scan = [
-                np.clip(np.where(second, base, lift + slope * base), LEAST, HIGH)[
-                    active
-                ]
-                for base in np.log((1e-2, 1.0, 1e2, 1e4, 1e6))
-            ]
-            starts.append(min(scan, key=cost))
-    else:
-        starts = [logs_of(start, density)[active]]
+    second = active & np.array([True, False, True, False])
+    starts = []
+    # With and without fourth differences are two valleys: descend from the best of each.
+    for lift, slope in ((LOW, 0.0), (np.log(10.0), 1.0), (0.0, 2.0)):
+        scan = [
+            np.clip(np.where(second, base, lift + slope * base), LEAST, HIGH)[active]
+            for base in np.log((1e-2, 1.0, 1e2, 1e4, 1e6))
+        ]
+        starts.append(min(scan, key=cost))
     bounds = list(zip(LEAST[active], HIGH[active], strict=True))
-    converged = False
     for log in starts:
         # A weight at its lower bound has no slope there: lift it a little so that it can grow.
         lifted = np.maximum(log, LEAST[active] + 1.0)
         # The evidence is smooth over a per cent of a weight, and exact to far better.
-        found = minimize(
+        minimize(
             cost, lifted, bounds=bounds, method="L-BFGS-B",
             options={"maxiter": 30, "ftol": 1e-8, "gtol": 1e-2, "eps": _DIFFERENCE},
         )  # fmt: skip
-        converged = converged or bool(found.success)
-    return Choice(_without_idle(best[-1]), converged) if best else None
+    return None if best is None else _without_idle(best)
 
 
 def _without_idle(posterior: Posterior) -> Posterior:
@@ -139,15 +119,12 @@ def _search_large(
     problem: Problem,
     density: float,
     active: Bool[np.ndarray, " 4"],
-    start: Smoothness | None,
-) -> Choice | None:
+) -> Posterior | None:
     """Spectral start, then quasi-Newton steps with exact slopes."""
     found = spectral_start(problem, density, active)
     if found is None:
         return None
     surrogate, log = found
-    if start is not None:
-        log = np.where(active, logs_of(start, density), log)
     alive = active & (log > LEAST + 1e-9)
     curvature = surrogate.information(log)[np.ix_(alive, alive)]
     best: Posterior | None = None
@@ -172,10 +149,10 @@ def _search_large(
             step *= min(1.0, _RADIUS / max(float(np.abs(step).max()), 1e-12))
         # Expected gain well below one unit of log-likelihood: statistically the same weights.
         if -0.5 * float(best_slope @ step) < _NEGLIGIBLE:
-            return Choice(best, True)
+            return best
         log = best_log.copy()
         log[alive] = np.clip(best_log[alive] + step, LEAST[alive] + 2e-9, HIGH[alive])
-    return None if best is None else Choice(best, False)
+    return best
 
 
 def _updated(

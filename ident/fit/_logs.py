@@ -43,12 +43,6 @@ def fixed_smoothness(
     return Smoothness((weight, 0.0), (weight, 0.0) if grid.planar else (0.0, 0.0))
 
 
-def logs_of(smoothness: Smoothness, density: float) -> Float[np.ndarray, " 4"]:
-    """Return the logarithms of weights, clipped to their range."""
-    weights = np.array([*smoothness.slow, *smoothness.fast]) / density
-    return np.asarray(np.clip(np.log(np.maximum(weights, 1e-300)), LEAST, HIGH))
-
-
 def active_weights(problem: Problem) -> Bool[np.ndarray, " 4"]:
     """Tell which of the four weights have any difference to act on."""
     result = []

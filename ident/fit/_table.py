@@ -141,8 +141,8 @@ def _result(
         else:
             choice = choose_smoothness(posterior.problem)
             if choice is not None:
-                variance = choice.posterior.variance
-                free = choice.posterior.problem.count - choice.posterior.used
+                variance = choice.variance
+                free = choice.problem.count - choice.used
             message = (
                 "The table follows every reading; the noise was judged by the smoothness "
                 "that the readings suggest."
