@@ -7,6 +7,13 @@ from ...data.measurements import Iso230, widest_reversal, with_arrows
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# Drawn by hand: as a formula ("$…$") it would load matplotlib's whole formula parser.
+_DOUBLE_ARROW = [
+    *((0.0, 1.0), (0.35, 0.5), (0.08, 0.5), (0.08, -0.5), (0.35, -0.5)),
+    *((0.0, -1.0), (-0.35, -0.5), (-0.08, -0.5), (-0.08, 0.5), (-0.35, 0.5)),
+    (0.0, 1.0),
+]
+
 
 def draw_brackets(axes: "Axes", test: Iso230, colour: str, at: int, name: str) -> None:
     """Mark A and E as measured heights at the right of the plot."""
@@ -56,6 +63,7 @@ def draw_reversal(
     axes: "Axes", test: Iso230, colour: str, small: str, long: str
 ) -> None:
     """Mark the largest reversal between the two means."""
+    from matplotlib.path import Path
     from matplotlib.patheffects import withStroke
 
     widest = widest_reversal(test)
@@ -95,7 +103,7 @@ def draw_reversal(
         [],
         [],
         linestyle="none",
-        marker=r"$\updownarrow$",
+        marker=Path(_DOUBLE_ARROW, closed=True),
         markersize=9,
         color=colour,
         label=f"B = {ends[1] - ends[0]:.1f} {small} at {widest.target:g} {long}",
