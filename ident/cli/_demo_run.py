@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ...data.lists import ListFile
-from ..job import ErrorFigures, FitResult, JobResult, run_job, write_atomically
+from ..job import ErrorFigures, JobResult, TableResult, run_job, write_atomically
 from ..machine import VirtualMachine, example_machine
 from ..report import SecondMeasurement, write_report
 from . import _demo_files as files
@@ -23,7 +23,7 @@ class Outcome:
         second: The measurement with the written list active.
     """
 
-    fit: FitResult
+    fit: TableResult
     second: SecondMeasurement
 
     @property
@@ -73,18 +73,23 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     job = run_job(out / "job.toml", out / "result", say)
     say("loading the lists and measuring again")
     loaded = machine.with_lists(
-        ListFile.read(out / "result" / fit.files[0]) for fit in job.fits
+        ListFile.read(out / "result" / fit.files[0]) for fit in tables_of(job)
     )
     seconds = _measure_again(out, loaded, say)
     say("drawing the report")
     page, *_ = write_report(job, out / "result", second=dict(enumerate(seconds)))
     files.seal_folder(out)
     return DemoResult(
-        outcomes=tuple(map(Outcome, job.fits, seconds)),
+        outcomes=tuple(map(Outcome, tables_of(job), seconds)),
         job=job,
         report=page,
         wall_time=time.perf_counter() - start,
     )
+
+
+def tables_of(result: JobResult) -> list[TableResult]:
+    """Return the fits of a job that are tables, in order."""
+    return [fit for fit in result.fits if isinstance(fit, TableResult)]
 
 
 def _write_inputs(out: Path, machine: VirtualMachine) -> None:
@@ -108,7 +113,7 @@ def _measure_again(
     write_atomically(folder / "job.toml", files.second_job().encode())
     result = run_job(folder / "job.toml", folder / "result", say)
     found = []
-    for fit, path in zip(result.fits, paths, strict=True):
+    for fit, path in zip(tables_of(result), paths, strict=True):
         view = fit.samples
         found.append(
             SecondMeasurement(

@@ -9,7 +9,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..job import FitResult, JobResult
+    from ..job import AbstractResult, JobResult
 
 _LONG = 10.0
 """Seconds after which progress is printed as plain lines."""
@@ -77,11 +77,11 @@ def _print(
     console.print(f"{verdict} ({result.wall_time:.1f} s).", markup=False)
 
 
-def _print_fit(console: "Console", found: "FitResult") -> None:
+def _print_fit(console: "Console", found: "AbstractResult") -> None:
     from rich.table import Table
 
-    over = "" if found.masters == (found.axis,) else f" over {', '.join(found.masters)}"
-    unit = "µm" if found.unit == "mm" else "0.001°"
+    over = f" over {', '.join(found.over)}" if found.over else ""
+    unit, factor = found.shown
     table = Table(
         title=f"{found.compensation} of {found.axis}{over}, {unit}",
         title_justify="left",
@@ -102,7 +102,7 @@ def _print_fit(console: "Console", found: "FitResult") -> None:
         if any(value is not None for value in figures):
             rows[key] = figures
     for name, values in rows.items():
-        cells = ["–" if value is None else f"{1e3 * value:.1f}" for value in values]
+        cells = ["–" if value is None else f"{factor * value:.1f}" for value in values]
         table.add_row(name, *cells)
     console.print(table)
     failed = [check for check in found.gate if not check.passed]

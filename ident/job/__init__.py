@@ -11,11 +11,12 @@ from ._load import (
 )
 from ._output import write_atomically as write_atomically
 from ._result import (
+    AbstractResult as AbstractResult,
     ConventionState as ConventionState,
-    FitResult as FitResult,
     JobResult as JobResult,
     LoadStep as LoadStep,
     Remark as Remark,
     SampleView as SampleView,
+    TableResult as TableResult,
 )
 from ._run import run_job as run_job

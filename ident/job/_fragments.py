@@ -4,50 +4,45 @@ import dataclasses
 from collections.abc import Sequence
 
 from ...data.lists import ListFile, Value, new_list
-from ._fitting import Fitted
+from ._draft import AbstractDraft
 from ._load import Job
 from ._result import Remark
 
 
 def machine_list(
-    job: Job, axis: str, fitted: Sequence[Fitted], cycles: int | None
-) -> tuple[ListFile, str, list[Remark]]:
+    job: Job, axis: str, drafts: Sequence[AbstractDraft], cycles: int | None
+) -> tuple[ListFile | None, str, list[Remark]]:
     """Return the axis list, edited, or just the entries to add to it.
 
     Args:
         job: The job.
         axis: Its name in the job.
-        fitted: The fits of this axis.
-        cycles: Value of P-AXIS-00243, where a table has two directions.
+        drafts: The fits of this axis.
+        cycles: Value of P-AXIS-00243, where a fit asks for one.
 
     Returns:
-        The list, its file name, and what the user must know.
+        The list or None where nothing is to be set, its file name, and what the user
+        must know.
     """
     number = job.spec.axes[axis].number
-    values: dict[str, Value] = {one.plan.table.activation: 1 for one in fitted}
-    existing = fitted[0].plan.axis_list
+    values: dict[str, Value] = {}
     remarks: list[Remark] = []
-    if cycles is not None:
-        # A bilateral table contains the backlash; the parameter beside it would
-        # compensate it twice.
-        values |= {"lr_param.anwahl_losekomp": 0, "lr_param.n_backlash_cyc": cycles}
-        if existing is not None and existing.integer("lr_param.anwahl_losekomp"):
-            remarks.append(
-                Remark(
-                    "warning",
-                    f"{existing.source}: backlash compensation is switched off"
-                    " (anwahl_losekomp 0), since the bilateral leadscrew table"
-                    " contains the backlash.",
-                )
-            )
+    for one in drafts:
+        values |= one.machine_entries(job, cycles)
+        remarks += one.machine_remarks()
+    existing = drafts[0].lists.machine
     if existing is not None:
         name = f"achsmds{number}.lis"
+        if not values:
+            return None, name, remarks
         edited = existing.merge(values)
         if added := [entry for entry in values if existing.get(entry) is None]:
             words = f"Added to {existing.source}: {', '.join(added)}."
             remarks.append(Remark("info", words))
         return dataclasses.replace(edited, source=name), name, remarks
     name = f"achsmds{number}.add.lis"
+    if not values:
+        return None, name, remarks
     fragment = new_list(
         values,
         comment=(

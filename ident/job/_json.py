@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..proof import ErrorFigures
-from ._result import FitResult, JobResult
+from ._result import AbstractResult, JobResult
 
 
 def result_json(result: JobResult) -> str:
@@ -35,28 +35,13 @@ def as_tree(result: JobResult) -> dict[str, Any]:
     }
 
 
-def _fit(fit: FitResult) -> dict[str, Any]:
-    parameters: dict[str, Any] = {
-        "table": _values(fit.table),
-        "nodes": [list(nodes) for nodes in fit.nodes],
-    }
-    if fit.cycles is not None:
-        parameters["n_backlash_cyc"] = fit.cycles
+def _fit(fit: AbstractResult) -> dict[str, Any]:
     return {
         "compensation": fit.compensation,
         "axis": fit.axis,
         "axis_number": fit.axis_number,
-        "masters": list(fit.masters),
         "unit": fit.unit,
-        "parameters": parameters,
-        "standard_deviations": {"table": _values(fit.standard_deviation)},
-        "support": _values(fit.support),
-        "noise": fit.fit.noise,
-        "smoothness": dict(fit.fit.smoothness),
-        "loss": fit.fit.loss,
-        "runs": [vars(run) for run in fit.fit.runs],
-        "message": fit.fit.message,
-        "rounding": fit.rounding,
+        **fit.details(),
         "error": {name: _figures(error) for name, error in fit.error.items()},
         "held_out": fit.held_out,
         "passed": fit.passed,
@@ -67,11 +52,6 @@ def _fit(fit: FitResult) -> dict[str, Any]:
         "files": [str(file) for file in fit.files],
         "verified_by": fit.verified_by,
     }
-
-
-def _values(branches: Mapping[str, np.ndarray]) -> Any:
-    """Return a table as an array, or as ``{pos, neg}`` where it has named branches."""
-    return branches[""] if "" in branches else dict(branches)
 
 
 def _figures(error: ErrorFigures) -> dict[str, float]:

@@ -22,12 +22,12 @@ def judge_files(
     others = list(
         _existing(job, [axis for axis in job.spec.axes if axis not in fitted])
     )
-    ours = [listing for one in files for listing in (one.compensation, one.machine)]
+    ours = [listing for one in files for _, listing in one.lists]
     known = {_identity(item) for item in _check(job, theirs)}
     findings = _check(job, [*ours, *others])
     judged = []
     for one in files:
-        names = (one.compensation_name, one.machine_name)
+        names = [name for name, _ in one.lists]
         own = tuple(item for item in findings if item.file in names)
         remarks = (*one.remarks, *_remarks(own, known))
         judged.append(dataclasses.replace(one, findings=own, remarks=remarks))

@@ -3,11 +3,8 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from ...data.lists import Finding, ListFile, Value, new_list
-from ..exchange import ExchangeError
-from ._fitting import Fitted
+from ._draft import AbstractDraft
 from ._fragments import machine_list
 from ._load import Job
 from ._result import Remark
@@ -19,10 +16,11 @@ class AxisFiles:
 
     Attributes:
         axis: Name in the job.
-        compensation: The compensation list; `compensation_name` its file name.
-        compensation_name: See `compensation`.
-        machine: The axis list, or the entries to add to it; `machine_name` likewise.
-        machine_name: See `machine`.
+        compensation: The compensation list, or None where no fit needs one.
+        compensation_name: Its file name.
+        machine: The axis list, or the entries to add to it, or None likewise.
+        machine_name: Its file name.
+        extra: Further files by name, such as those for the PLC.
         is_new: There was no compensation list before.
         restart: Why the controller must be restarted, or None where a reload is enough.
         remarks: What the user must know.
@@ -30,50 +28,49 @@ class AxisFiles:
     """
 
     axis: str
-    compensation: ListFile
+    compensation: ListFile | None
     compensation_name: str
-    machine: ListFile
+    machine: ListFile | None
     machine_name: str
+    extra: Mapping[str, bytes]
     is_new: bool
     restart: str | None
     remarks: tuple[Remark, ...]
     findings: tuple[Finding, ...] = ()
 
+    @property
+    def lists(self) -> tuple[tuple[str, ListFile], ...]:
+        """What is there to write, by name, the compensation list first."""
+        pairs = (
+            (self.compensation_name, self.compensation),
+            (self.machine_name, self.machine),
+        )
+        return tuple((name, one) for name, one in pairs if one is not None)
+
 
 def axis_files(
-    job: Job, axis: str, fitted: Sequence[Fitted], cycles: int | None
+    job: Job, axis: str, drafts: Sequence[AbstractDraft], cycles: int | None
 ) -> AxisFiles:
-    """Return the lists of one axis with all its new tables.
+    """Return the lists of one axis with all that was fitted for it.
 
     Args:
         job: The job.
         axis: Its name in the job.
-        fitted: The fits of this axis.
-        cycles: Value of P-AXIS-00243, where a table has two directions.
+        drafts: The fits of this axis.
+        cycles: Value of P-AXIS-00243, where a fit asks for one.
 
     Raises:
         JobError: If a table does not fit into a list of the controller's build, or
             is not found again in it.
     """
-    spec = job.spec.axes[axis]
-    plan = fitted[0].plan
-    name = f"achskw{spec.number}.lis"
+    name = f"achskw{job.spec.axes[axis].number}.lis"
+    existing = drafts[0].lists.compensation
     entries: dict[str, Value] = {}
-    for one in fitted:
-        entries |= _entries_of(job, one)
-    remarks: list[Remark] = []
-    if plan.existing is None:
-        head: dict[str, Value] = {
-            "kopf.achs_nr": spec.number,
-            "kopf.log_achs_name": spec.name or axis,
-        }
-        listing = new_list(
-            head | entries,
-            comment=(
-                f"Compensation list of axis {spec.name or axis}, written by axcomp",
-                f"Job: {job.spec.title or job.path.name}",
-            ),
-        )
+    for one in drafts:
+        entries |= one.entries(job)
+    listing, remarks = None, list[Remark]()
+    if entries and existing is None:
+        listing = _new(job, axis, entries)
         remarks.append(
             Remark(
                 "info",
@@ -81,63 +78,56 @@ def axis_files(
                 " another one, it would lose that one's other compensations.",
             )
         )
-    else:
-        listing, more = _edited(plan.existing, spec.number, entries, fitted)
+    elif entries and existing is not None:
+        number = job.spec.axes[axis].number
+        listing, more = _edited(existing, number, entries, drafts)
         remarks += more
-    listing = dataclasses.replace(listing, source=name)
-    for one in fitted:
-        _refuse_misread(job, listing, one)
-    machine, machine_name, more = machine_list(job, axis, fitted, cycles)
+    if listing is not None:
+        listing = dataclasses.replace(listing, source=name)
+        for one in drafts:
+            one.refuse_misread(job, listing)
+    machine, machine_name, more = machine_list(job, axis, drafts, cycles)
     remarks += more
+    extra: dict[str, bytes] = {}
+    for one in drafts:
+        extra |= one.extra_files(job)
     return AxisFiles(
         axis=axis,
         compensation=listing,
         compensation_name=name,
         machine=machine,
         machine_name=machine_name,
-        is_new=plan.existing is None,
-        restart=_restart(plan.existing, listing, fitted),
+        extra=extra,
+        is_new=listing is not None and existing is None,
+        restart=_restart(existing, listing, drafts),
         remarks=tuple(remarks),
     )
 
 
-def _entries_of(job: Job, one: Fitted) -> dict[str, Value]:
-    """Return the entries of one table, with the options of its fit."""
-    plan = one.plan
-    spec, prefix = plan.fit, plan.table.prefix
-    try:
-        found: dict[str, Value] = dict(
-            plan.table.entries(
-                one.integers,
-                existing=plan.existing,
-                max_points=spec.max_points,
-                build=job.spec.controller.build,
-            )
-        )
-    except ExchangeError as error:
-        raise job.error(("fits", plan.index), str(error)) from None
-    options = {
-        "n_cycles": spec.n_cycles,
-        "manual_activation": spec.manual_activation,
+def _new(job: Job, axis: str, entries: Mapping[str, Value]) -> ListFile:
+    spec = job.spec.axes[axis]
+    name = spec.name or axis
+    head: dict[str, Value] = {
+        "kopf.achs_nr": spec.number,
+        "kopf.log_achs_name": name,
     }
-    sizes = {key: value for key, value in found.items() if "[" not in key}
-    table = {key: value for key, value in found.items() if "[" in key}
-    chosen = {
-        f"{prefix}.{key}": int(value)
-        for key, value in options.items()
-        if value is not None
-    }
-    return sizes | chosen | table
+    return new_list(
+        head | dict(entries),
+        comment=(
+            f"Compensation list of axis {name}, written by axcomp",
+            f"Job: {job.spec.title or job.path.name}",
+        ),
+    )
 
 
 def _edited(
     existing: ListFile,
     number: int,
     entries: Mapping[str, Value],
-    fitted: Sequence[Fitted],
+    drafts: Sequence[AbstractDraft],
 ) -> tuple[ListFile, list[Remark]]:
     """Return an existing list with new entries, and what was added to it."""
-    prefixes = tuple(f"{one.plan.table.prefix}.table[" for one in fitted)
+    prefixes = tuple(prefix for one in drafts for prefix in one.replaces)
     there = _names(existing)
     stale = [
         name for name in there if name.startswith(prefixes) and name not in entries
@@ -166,22 +156,6 @@ def _edited(
     return edited, remarks
 
 
-def _refuse_misread(job: Job, listing: ListFile, one: Fitted) -> None:
-    """Raise where the bytes to be written, read back, are not the table that was fitted.
-
-    Raises:
-        JobError: Naming the list; nothing has been written then.
-    """
-    table = one.plan.table
-    back = table.read(ListFile.parse(listing.dumps(), listing.source))
-    if not np.array_equal(table.to_integers(table.at_nodes(back)), one.integers):
-        raise job.error(
-            ("fits", one.plan.index),
-            f"found another table in {listing.source} when it was read back, expected"
-            " the one that was fitted",
-        )
-
-
 def _names(listing: ListFile) -> dict[str, None]:
     """Return the canonical names of all entries, in order of their keys."""
     found: dict[str, None] = {}
@@ -196,16 +170,14 @@ def _names(listing: ListFile) -> dict[str, None]:
 
 
 def _restart(
-    existing: ListFile | None, listing: ListFile, fitted: Sequence[Fitted]
+    existing: ListFile | None,
+    listing: ListFile | None,
+    drafts: Sequence[AbstractDraft],
 ) -> str | None:
     """Return why a restart is needed, or None where a reload is enough."""
+    if listing is None:
+        return None
     if existing is None:
         return "the list is new to the controller (hochlauf.lis names it)"
-    for one in fitted:
-        name = f"{one.plan.table.prefix}.max_points"
-        if existing.integer(name) != listing.integer(name):
-            number = {"cross": 110639, "plane": 110640}.get(
-                one.plan.table.compensation, 110638
-            )
-            return f"{name} changes (a reload would end in error {number})"
-    return None
+    reasons = (one.restart(existing, listing) for one in drafts)
+    return next((reason for reason in reasons if reason is not None), None)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ._fitting import Fitted
+from ._draft import AbstractDraft
 from ._lists import AxisFiles
 from ._load import Job
 from ._result import LoadStep
@@ -11,7 +11,7 @@ from ._result import LoadStep
 def load_sheet(
     job: Job,
     files: Sequence[AxisFiles],
-    fitted: Sequence[Fitted],
+    drafts: Sequence[AbstractDraft],
     rejected: Sequence[str],
 ) -> tuple[LoadStep, ...]:
     """Return the steps that bring the lists of a job onto the controller.
@@ -19,7 +19,7 @@ def load_sheet(
     Args:
         job: The job.
         files: Lists by axis.
-        fitted: All fits.
+        drafts: All fits.
         rejected: Axes whose lists failed the gate: they have no step.
     """
     steps: list[LoadStep] = []
@@ -30,52 +30,27 @@ def load_sheet(
                 f"The list of {axis} failed the gate and lies in rejected/.",
             )
         )
-    let_out = [one for one in files if one.axis not in rejected]
+    let_out = [one for one in files if one.axis not in rejected and one.lists]
     if not let_out:
         return tuple(steps)
     for one in let_out:
         steps += _files_of(job, one)
     for one in let_out:
-        steps += _switching(job, one, fitted)
-    steps += _watching(job, let_out, fitted)
+        steps += _switching(job, one, drafts)
+    steps += _watching(job, let_out, drafts)
     return tuple(steps)
 
 
 def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
-    axis = job.spec.axes[one.axis]
-    steps = []
-    if one.is_new:
+    steps: list[LoadStep] = []
+    if one.compensation is not None:
+        steps += _compensation_list(job, one)
+    if one.machine is not None:
+        steps.append(_axis_list(job, one))
+    for name in one.extra:
         steps.append(
             LoadStep(
-                f"Put {one.compensation_name} in place",
-                f"It is the whole compensation list of {one.axis} (axis {axis.number})."
-                " Only where this axis has no list yet: copied over another one, it"
-                " would lose that one's other compensations. Announce it by the"
-                " entries in hochlauf.add.lis, or as the System Manager does.",
-            )
-        )
-    else:
-        steps.append(
-            LoadStep(
-                f"Keep a copy of {axis.listing}",
-                "It is the way back.",
-            )
-        )
-        steps.append(
-            LoadStep(
-                f"Replace {axis.listing} by {one.compensation_name}",
-                "Only the entries of the new tables differ (axcomp diff shows them).",
-            )
-        )
-    if axis.machine_data is not None:
-        detail = f"Keep a copy of {axis.machine_data}, then replace it."
-        steps.append(LoadStep(f"Put {one.machine_name} in place", detail))
-    else:
-        steps.append(
-            LoadStep(
-                f"Enter the lines of {one.machine_name}",
-                f"By hand into the axis list of {one.axis}; the file holds these"
-                " entries only and must not be copied over it.",
+                f"Take {name} into the PLC project", "See the report for what it does."
             )
         )
     if one.restart is None:
@@ -89,17 +64,54 @@ def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
     return steps
 
 
-def _switching(job: Job, one: AxisFiles, fitted: Sequence[Fitted]) -> list[LoadStep]:
+def _compensation_list(job: Job, one: AxisFiles) -> list[LoadStep]:
+    axis = job.spec.axes[one.axis]
+    if one.is_new:
+        return [
+            LoadStep(
+                f"Put {one.compensation_name} in place",
+                f"It is the whole compensation list of {one.axis} (axis {axis.number})."
+                " Only where this axis has no list yet: copied over another one, it"
+                " would lose that one's other compensations. Announce it by the"
+                " entries in hochlauf.add.lis, or as the System Manager does.",
+            )
+        ]
+    return [
+        LoadStep(f"Keep a copy of {axis.listing}", "It is the way back."),
+        LoadStep(
+            f"Replace {axis.listing} by {one.compensation_name}",
+            "Only the entries of the new tables differ (axcomp diff shows them).",
+        ),
+    ]
+
+
+def _axis_list(job: Job, one: AxisFiles) -> LoadStep:
+    axis = job.spec.axes[one.axis]
+    if axis.machine_data is not None:
+        return LoadStep(
+            f"Put {one.machine_name} in place",
+            f"Keep a copy of {axis.machine_data}, then replace it.",
+        )
+    return LoadStep(
+        f"Enter the lines of {one.machine_name}",
+        f"By hand into the axis list of {one.axis}; the file holds these"
+        " entries only and must not be copied over it.",
+    )
+
+
+def _switching(
+    job: Job, one: AxisFiles, drafts: Sequence[AbstractDraft]
+) -> list[LoadStep]:
     """Return how the compensations of an axis are switched on, one by one."""
     name = job.spec.axes[one.axis].name or one.axis
     steps = []
-    for fit in fitted:
-        if fit.plan.fit.axis != one.axis:
+    for draft in drafts:
+        switch = draft.switch
+        if draft.axis != one.axis or switch is None:
             continue
-        word = fit.plan.table.keyword
-        needs = "its masters are" if word != "LEAD" else "it is"
-        detail = f"Works once {needs} referenced. {name}[COMP ON {word}] switches it on"
-        if fit.plan.fit.manual_activation:
+        word = switch.keyword
+        detail = f"{switch.needs}. {name}[COMP ON {word}] switches it on"
+        if draft.fit.manual_activation:
             detail += " and is needed in every NC program (manual_activation 1)"
         else:
             detail += " where it was switched off; after COMP OFF it does not return"
@@ -108,32 +120,37 @@ def _switching(job: Job, one: AxisFiles, fitted: Sequence[Fitted]) -> list[LoadS
             f". Check: $IF V.A.{word}_COMP_ACTIVE.{name} != TRUE … $ENDIF. Wait for"
             " standstill before switching."
         )
-        steps.append(
-            LoadStep(f"Switch on {fit.plan.table.compensation} of {one.axis}", detail)
-        )
+        steps.append(LoadStep(f"Switch on {draft.compensation} of {one.axis}", detail))
     return steps
 
 
 def _watching(
-    job: Job, files: Sequence[AxisFiles], fitted: Sequence[Fitted]
+    job: Job, files: Sequence[AxisFiles], drafts: Sequence[AbstractDraft]
 ) -> list[LoadStep]:
     names = {one.axis for one in files}
     words: dict[str, list[str]] = {}
-    for fit in fitted:
-        if fit.plan.fit.axis in names:
-            words.setdefault(fit.plan.fit.axis, []).append(fit.plan.table.keyword)
+    shown: list[str] = []
+    for draft in drafts:
+        switch = draft.switch
+        if draft.axis not in names or switch is None:
+            continue
+        if switch.demanded:
+            words.setdefault(draft.axis, []).append(switch.keyword)
+        name = job.spec.axes[draft.axis].name or draft.axis
+        shown.append(f"V.A.{switch.keyword}_COMP_CURR.{name}")
     demands = "; ".join(f"{axis}: {' | '.join(own)}" for axis, own in words.items())
-    readings = ", ".join(
-        f"V.A.{word}_COMP_CURR.{job.spec.axes[axis].name or axis}"
-        for axis, own in words.items()
-        for word in own
-    )
+    readings = ", ".join(shown)
+    steps = []
+    if demands:
+        steps.append(
+            LoadStep(
+                "Demand them in automatic mode",
+                "lr_param.prog_movement_requires_compensations (P-AXIS-00465) stops a"
+                f" program that moves without them: {demands}.",
+            )
+        )
     return [
-        LoadStep(
-            "Demand them in automatic mode",
-            "lr_param.prog_movement_requires_compensations (P-AXIS-00465) stops a"
-            f" program that moves without them: {demands}.",
-        ),
+        *steps,
         LoadStep(
             "See that it works",
             f"Read {readings} at a few positions and compare with axcomp simulate."

@@ -11,17 +11,14 @@ from ..exchange import (
     AbstractTable,
     ExchangeError,
     Model,
-    axis_number,
     refuse_lost_nodes,
 )
+from ._draft import AxisLists
 from ._fit_schema import CrossSpec, LeadscrewSpec, TableSpec
 from ._layout import empty_table, has_nodes, refuse_short_cross, table_of
 from ._load import Job
 from ._result import Remark
 from ._source import Tables
-
-_TABLES = ("kw.", "frict_comp.")
-"""What only a compensation list holds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,85 +52,15 @@ class Plan:
         return None if self.old is None else self.table.at_nodes(self.old)
 
 
-def plan_fits(job: Job, tables: Tables) -> tuple[Plan, ...]:
-    """Return what each fit of a job writes.
+def plan_fit(
+    job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
+) -> Plan:
+    """Return what a table fit writes.
 
     Raises:
         JobError: If nodes, masters or existing lists do not suit.
     """
-    lists = {
-        name: (
-            None if axis.listing is None else ListFile.read(job.file(axis.listing)),
-            None
-            if axis.machine_data is None
-            else ListFile.read(job.file(axis.machine_data)),
-        )
-        for name, axis in job.spec.axes.items()
-    }
-    for name, pair in lists.items():
-        for key, listing in zip(("list", "machine_data"), pair, strict=True):
-            if listing is not None:
-                _refuse_other_kind(job, name, key, listing)
-                _refuse_other_axis(job, name, key, listing)
-    plans = []
-    for k, fit in enumerate(job.spec.fits):
-        assert isinstance(fit, TableSpec)  # `find_fault` has seen to it
-        plans.append(_plan(job, tables, k, fit, *lists[fit.axis]))
-    return tuple(plans)
-
-
-def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None:
-    """Raise where a file is none of the lists that the key asks for.
-
-    An axis list edited as a compensation list, or a table of readings, would come back
-    looking like a valid one. An empty list, or one of comments, is one to be filled.
-    """
-    expected = {"list": "compensation", "machine_data": "axis"}[key]
-    kind = listing.kind
-    if kind == expected or not any(map(_says_something, listing.lines)):
-        return
-    if expected == "axis" and listing.entries and kind != "startup":
-        # Its header alone counts as that of a compensation list, and most of its
-        # entries are none that the manuals name.
-        if not any(one.key.startswith(_TABLES) for one in listing.entries):
-            return
-    words = f"a{'n' if kind == 'axis' else ''} {kind} list"
-    if kind == "unknown":
-        words = "none of the entries of such a list"
-    raise job.error(
-        ("axes", name, key),
-        f"found {words} in {listing.source}, expected a"
-        f"{'n' if expected == 'axis' else ''} {expected} list",
-    )
-
-
-def _says_something(line: str) -> bool:
-    text = line.strip()
-    return bool(text) and not text.startswith(("#", ";", "(", "//", "/*"))
-
-
-def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None:
-    number = job.spec.axes[name].number
-    try:
-        found = axis_number(listing)
-    except ExchangeError:
-        return  # The file does not say; the job does.
-    stated = listing.integer("kopf.achs_nr")
-    if stated is not None and found != number:
-        raise job.error(
-            ("axes", name, key),
-            f"found a list of axis {found} (kopf.achs_nr), expected axis {number}",
-        )
-
-
-def _plan(
-    job: Job,
-    tables: Tables,
-    index: int,
-    fit: TableSpec,
-    existing: ListFile | None,
-    axis_list: ListFile | None,
-) -> Plan:
+    existing, axis_list = lists.compensation, lists.machine
     where = ("fits", index)
     used = {name: set(job.spec.measurements[name].active) for name in fit.sources}
     active = {fit.compensation in names for names in used.values()}

@@ -17,9 +17,9 @@ from ._output import OutFolder
 from ._remarks import fit_remarks
 from ._result import (
     ConventionState,
-    FitResult,
     Remark,
     SampleView,
+    TableResult,
 )
 from ._source import masters_of
 
@@ -47,7 +47,7 @@ def prove(
     files: AxisFiles,
     written: tuple[Path, ...],
     cycles: int | None,
-) -> FitResult:
+) -> TableResult:
     """Return one fit with its proof: the file as it lies in the folder, read back.
 
     Args:
@@ -72,7 +72,7 @@ def prove(
         "predicted": error_figures(one.held_out.residual, runs, one.fit.wild),
         "from_file": error_figures(from_file, runs, one.fit.wild),
     }
-    return FitResult(
+    return TableResult(
         compensation=spec.compensation,
         axis=spec.axis,
         axis_number=table.axis,

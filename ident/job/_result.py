@@ -1,9 +1,10 @@
 """What a job found: the structure behind result.json, report and exit status."""
 
+import abc
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -44,7 +45,7 @@ class SampleView:
     """The readings of a fit with what became of them, one row per reading, mm or °.
 
     Attributes:
-        positions: Input positions, shape ``(t, d)``, columns as in `FitResult.masters`.
+        positions: Input positions, shape ``(t, d)``, columns as in `TableResult.masters`.
         direction: ±1 per reading, or None where the table does not ask for it.
         run: Run per reading, or None.
         order: Time of each reading in s, or its row number where no time was given.
@@ -69,17 +70,68 @@ class SampleView:
     share: Float[Array, " t"]
 
 
-@dataclasses.dataclass(frozen=True)
-class FitResult:
-    """One compensation of one axis: table, uncertainty, proof, gate, files.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AbstractResult(abc.ABC):
+    """One compensation of one axis: error before and after, gate, files.
 
     Attributes:
-        compensation: ``plane``, ``cross`` or ``leadscrew``.
+        compensation: As in the job: ``plane``, ``friction``, …
         axis: Name of the compensated axis in the job.
         axis_number: Its logical number.
+        unit: Of the error: ``mm``, ``deg``, or the unit of the current.
+        error: Keys ``before``, ``predicted``, ``from_file``.
+        gate: All checks; ``passed`` is true when every one passed.
+        remarks: What the user must know.
+        conventions: Rules used.
+        files: Files written for this fit, relative to the output folder; those of a
+            failed gate lie in ``rejected/``.
+        findings: What `axcomp check` says of the files, in its JSON shape.
+        held_out: What the prediction left out together: ``run``, ``block``, …
+        verified_by: Name of a second measurement that confirmed it, or None.
+    """
+
+    compensation: str
+    axis: str
+    axis_number: int
+    unit: str
+    error: Mapping[str, ErrorFigures]
+    gate: tuple[GateCheck, ...]
+    remarks: tuple[Remark, ...]
+    conventions: tuple[ConventionState, ...]
+    files: tuple[Path, ...]
+    findings: tuple[Mapping[str, Any], ...] = ()
+    held_out: str = "block"
+    verified_by: str | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check of the gate passed."""
+        return all(check.passed for check in self.gate)
+
+    @property
+    def over(self) -> tuple[str, ...]:
+        """Axes over whose positions it acts, where these are others than its own."""
+        return ()
+
+    @property
+    def shown(self) -> tuple[str, float]:
+        """Unit in which a person reads the error, and the factor that leads there."""
+        units = {"mm": ("µm", 1e3), "deg": ("0.001°", 1e3)}
+        return units.get(self.unit, (self.unit, 1.0))
+
+    @abc.abstractmethod
+    def details(self) -> dict[str, Any]:
+        """Return what result.json says of this kind: parameters, deviations, support."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TableResult(AbstractResult):
+    """A plane, cross or leadscrew table with its uncertainty.
+
+    Attributes:
         masters: Axes whose positions enter the table (leadscrew: the axis itself),
             master 1 first.
-        unit: ``mm`` or ``deg``.
         nodes: Node positions per master in ``unit``.
         table: Written table by branch name in ``unit`` and with the sign of the list
             entries: ``{"": …}`` for plane (shape ``[j, i]``) and cross,
@@ -90,24 +142,11 @@ class FitResult:
         support: Samples per node, like ``table``; 0 = not measured.
         fit: The estimate behind it (sign of the error).
         samples: The readings with before / predicted / from file.
-        error: Keys ``before``, ``predicted``, ``from_file``.
         rounding: Largest effect of rounding to list units, in ``unit``.
-        gate: All checks; ``passed`` is true when every one passed.
-        remarks: What the user must know.
-        conventions: Rules used.
-        files: Files written for this fit, relative to the output folder; those of a
-            failed gate lie in ``rejected/``.
         cycles: Value chosen for P-AXIS-00243, None where the table has one branch.
-        findings: What `axcomp check` says of the files, in its JSON shape.
-        held_out: ``run`` or ``block``: what the prediction left out together.
-        verified_by: Name of a second measurement that confirmed it, or None.
     """
 
-    compensation: str
-    axis: str
-    axis_number: int
     masters: tuple[str, ...]
-    unit: str
     nodes: tuple[Float[Array, " _n"], ...]
     table: Mapping[str, Float[Array, "..."]]
     old_table: Mapping[str, Float[Array, "..."]] | None
@@ -115,21 +154,39 @@ class FitResult:
     support: Mapping[str, Int[Array, "..."]]
     fit: TableFit
     samples: SampleView
-    error: Mapping[str, ErrorFigures]
     rounding: float
-    gate: tuple[GateCheck, ...]
-    remarks: tuple[Remark, ...]
-    conventions: tuple[ConventionState, ...]
-    files: tuple[Path, ...]
     cycles: int | None = None
-    findings: tuple[Mapping[str, Any], ...] = ()
-    held_out: str = "block"
-    verified_by: str | None = None
 
     @property
-    def passed(self) -> bool:
-        """Whether every check of the gate passed."""
-        return all(check.passed for check in self.gate)
+    def over(self) -> tuple[str, ...]:
+        """Axes over whose positions it acts, where these are others than its own."""
+        return () if self.masters == (self.axis,) else self.masters
+
+    def details(self) -> dict[str, Any]:
+        """Return parameters, deviations and support for result.json."""
+        parameters: dict[str, Any] = {
+            "table": _values(self.table),
+            "nodes": [list(nodes) for nodes in self.nodes],
+        }
+        if self.cycles is not None:
+            parameters["n_backlash_cyc"] = self.cycles
+        return {
+            "masters": list(self.masters),
+            "parameters": parameters,
+            "standard_deviations": {"table": _values(self.standard_deviation)},
+            "support": _values(self.support),
+            "noise": self.fit.noise,
+            "smoothness": dict(self.fit.smoothness),
+            "loss": self.fit.loss,
+            "runs": [vars(run) for run in self.fit.runs],
+            "message": self.fit.message,
+            "rounding": self.rounding,
+        }
+
+
+def _values(branches: Mapping[str, np.ndarray]) -> Any:
+    """Return a table as an array, or as ``{pos, neg}`` where it has named branches."""
+    return branches[""] if "" in branches else dict(branches)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,7 +215,7 @@ class JobResult:
 
     title: str
     machine: Mapping[str, Any]
-    fits: tuple[FitResult, ...]
+    fits: tuple[AbstractResult, ...]
     inputs: Mapping[str, str]
     versions: Mapping[str, str]
     load_sheet: tuple[LoadStep, ...]

@@ -8,27 +8,21 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float
-
-from ..exchange import AbstractTable
 from ..proof import GateCheck
-from ._fitting import Fitted, fit_plan
+from ._draft import AbstractDraft, Leftovers
 from ._fragments import startup_fragment
-from ._gating import cycles_for, limits_of, pass_gate
+from ._gating import limits_of
 from ._json import result_json
 from ._judge import judge_files
 from ._lists import AxisFiles, axis_files
 from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
 from ._output import OutFolder
-from ._plan import plan_fits
-from ._prove import offset_at_readings, prove
-from ._readings import read_fit
 from ._result import (
     JobResult,
     Remark,
 )
+from ._rooms import plan_all
 from ._source import Tables
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
@@ -60,36 +54,30 @@ def run_job(
     folder = OutFolder(out, [path, *job.inputs])
     try:
         folder.refuse_sources(_names(job))
-        fitted = _fit_all(job, say)
+        drafts = _fit_all(job, say)
     except BaseException:
         folder.drop()
         raise
-    gates, cycles = [], {}
-    for one in fitted:
-        spread = cycles_for(job, one)
-        gates.append(pass_gate(job, one, spread))
-        if spread is not None:
-            cycles[one.plan.fit.axis] = spread
+    cycles: dict[str, int] = {}
+    for one in drafts:
+        if (spread := one.cycles(job)) is not None:
+            cycles[one.axis] = max(spread, cycles.get(one.axis, 0))
+    gates = [one.gate(job, cycles.get(one.axis)) for one in drafts]
     say("writing lists")
-    axes = dict.fromkeys(one.plan.fit.axis for one in fitted)
     files = tuple(
         axis_files(
-            job,
-            axis,
-            [one for one in fitted if one.plan.fit.axis == axis],
-            cycles.get(axis),
+            job, axis, [one for one in drafts if one.axis == axis], cycles.get(axis)
         )
-        for axis in axes
+        for axis in dict.fromkeys(one.axis for one in drafts)
     )
     files, remarks = judge_files(job, files)
-    failed = _failed(fitted, gates, files)
+    failed = _failed(drafts, gates, files)
     written, moved = _write(job, folder, files, failed)
     results = []
-    for one, gate in zip(fitted, gates, strict=True):
-        axis = one.plan.fit.axis
-        own = next(each for each in files if each.axis == axis)
+    for one, gate in zip(drafts, gates, strict=True):
+        own = next(each for each in files if each.axis == one.axis)
         results.append(
-            prove(job, folder, one, gate, own, written[axis], cycles.get(axis))
+            one.prove(job, folder, gate, own, written[one.axis], cycles.get(one.axis))
         )
     result = JobResult(
         title=job.spec.title or path.stem,
@@ -99,7 +87,7 @@ def run_job(
             str(_relative(job, file)): sha256(file) for file in (path, *job.inputs)
         },
         versions=_versions(),
-        load_sheet=load_sheet(job, files, fitted, failed),
+        load_sheet=load_sheet(job, files, drafts, failed),
         remarks=(*remarks, *moved),
         files=(*folder.written, Path("result.json")),
         wall_time=time.perf_counter() - start,
@@ -122,40 +110,29 @@ def _names(job: Job) -> list[str]:
     return names
 
 
-def _fit_all(job: Job, say: Callable[[str], None]) -> list[Fitted]:
-    """Fit one table after the other; a later one takes what earlier ones leave."""
+def _fit_all(job: Job, say: Callable[[str], None]) -> list[AbstractDraft]:
+    """Fit one after the other; a later table takes what earlier ones leave."""
     tables = Tables(job)
-    plans = plan_fits(job, tables)
-    left: dict[tuple[str, str], Float[np.ndarray, " t"]] = {}
-    fitted: list[Fitted] = []
-    for plan in plans:
-        spec = plan.fit
-        assert isinstance(plan.table, AbstractTable)
+    left: Leftovers = {}
+    drafts: list[AbstractDraft] = []
+    for spec, fit in zip(job.spec.fits, plan_all(job, tables), strict=True):
         say(f"fitting {spec.compensation} of {spec.axis}")
-        extra = {
-            name: left[spec.axis, name]
-            for name in spec.sources
-            if (spec.axis, name) in left
-        }
-        readings = read_fit(tables, plan.index, spec, plan.table, extra)
-        one = fit_plan(job, plan, readings)
-        fitted.append(one)
-        added = offset_at_readings(one, plan.table.model(one.integers)) - one.active
-        for name, rows in readings.slices.items():
-            key = (spec.axis, name)
-            left[key] = left.get(key, np.zeros(rows.stop - rows.start)) + added[rows]
-    return fitted
+        one = fit(left)
+        drafts.append(one)
+        for key, added in one.left_by().items():
+            left[key] = left[key] + added if key in left else added
+    return drafts
 
 
 def _failed(
-    fitted: Sequence[Fitted],
+    drafts: Sequence[AbstractDraft],
     gates: Sequence[Sequence[GateCheck]],
     files: Sequence[AxisFiles],
 ) -> list[str]:
     """Return the axes whose lists must not be loaded."""
     failed = [
-        one.plan.fit.axis
-        for one, gate in zip(fitted, gates, strict=True)
+        one.axis
+        for one, gate in zip(drafts, gates, strict=True)
         if not all(check.passed for check in gate)
     ]
     failed += [
@@ -171,24 +148,21 @@ def _write(
     written: dict[str, tuple[Path, ...]] = {}
     retired: list[tuple[str, Path | None]] = []
     for one in files:
-        pairs = (
-            (one.compensation_name, one.compensation),
-            (one.machine_name, one.machine),
-        )
+        contents = {name: listing.dumps() for name, listing in one.lists}
         names: list[Path] = []
-        for name, listing in pairs:
+        for name, content in (contents | dict(one.extra)).items():
             if one.axis in failed:
-                rejected, earlier = folder.reject(name, listing.dumps())
+                rejected, earlier = folder.reject(name, content)
                 names.append(rejected)
                 retired.append((name, earlier))
             else:
-                names.append(folder.accept(name, listing.dumps()))
+                names.append(folder.accept(name, content))
         written[one.axis] = tuple(names)
         # The other kind of axis list would contradict this one.
         number = job.spec.axes[one.axis].number
-        for name in {f"achsmds{number}.lis", f"achsmds{number}.add.lis"}:
-            if name != one.machine_name:
-                retired.append((name, folder.retire(name)))
+        kinds = {f"achsmds{number}.lis", f"achsmds{number}.add.lis"}
+        for name in {one.compensation_name, *kinds} - set(contents):
+            retired.append((name, folder.retire(name)))
     fresh = [
         (one.axis, one.compensation_name)
         for one in files

@@ -5,12 +5,12 @@ import re
 
 import numpy as np
 
-from ..job import FitResult
+from ..job import TableResult
 
 _NAME = re.compile(r"order (\d+), axis (\d+)")
 
 
-def damped_wavelengths(fit: FitResult) -> dict[int, float | None]:
+def damped_wavelengths(fit: TableResult) -> dict[int, float | None]:
     r"""Return per master the wavelength that the prior damps to one half, in mm or °.
 
     Nodes at distance $h$ with $\rho$ readings each, smoothed with weights $w_m$ on the

@@ -5,13 +5,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...data.measurements import Iso230, describe_iso230, iso230
-from ..job import FitResult, SampleView
+from ..job import SampleView, TableResult
 from ._iso_chart import draw_iso_chart
 from ._plot import Plot
 from ._second import SecondMeasurement
 
 
-def iso_plot(fit: FitResult, second: SecondMeasurement | None) -> Plot | None:
+def iso_plot(fit: TableResult, second: SecondMeasurement | None) -> Plot | None:
     """Draw all runs before, predicted and verified; None without a run table."""
     figures = fit.error.get("before")
     if figures is None or not figures.iso230 or fit.samples.run is None:
@@ -50,7 +50,7 @@ def _evaluate(
     )
 
 
-def _rows(fit: FitResult) -> Bool[np.ndarray, " t"]:
+def _rows(fit: TableResult) -> Bool[np.ndarray, " t"]:
     """Return the readings behind the figures of the table: with wild ones or without.
 
     The chart and the table beside it must tell the same A.

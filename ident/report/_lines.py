@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
 
-from ..job import FitResult
+from ..job import TableResult
 from . import _style as style
 from ._plot import Plot
 from ._readings import Readings
@@ -48,7 +48,7 @@ class LineTable:
     branches: tuple[Branch, ...]
 
 
-def line_table(fit: FitResult, scale: Scale) -> LineTable:
+def line_table(fit: TableResult, scale: Scale) -> LineTable:
     """Return the error curve of a 1-D fit in display units."""
     layout = fit.fit.layout
     shape = (layout.branches, len(layout.nodes[0]))
@@ -62,7 +62,7 @@ def line_table(fit: FitResult, scale: Scale) -> LineTable:
     return LineTable(fit.masters[0], layout.nodes[0], branches)
 
 
-def curve_plot(fit: FitResult, readings: Readings, scale: Scale) -> Plot:
+def curve_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     """Draw the measured error, the nodes with ± 2 sd, and the unmeasured ones."""
     table = line_table(fit, scale)
     figure, (axes,) = style.new_figure(3.4)
@@ -78,7 +78,7 @@ def curve_plot(fit: FitResult, readings: Readings, scale: Scale) -> Plot:
     return Plot("error-curve", "Measured error and the fitted table", figure, caption)
 
 
-def change_plot(fit: FitResult, scale: Scale) -> Plot | None:
+def change_plot(fit: TableResult, scale: Scale) -> Plot | None:
     """Draw the old list entries against the new ones, where there was an old list."""
     if not fit.old_table or len(fit.masters) != 1:
         return None

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.ticker import MaxNLocator
 
-from ..job import FitResult
+from ..job import TableResult
 from . import _style as style
 from ._plane import (
     PlaneTable,
@@ -32,7 +32,7 @@ _SIDE_BY_SIDE = ("ab", "cc")
 """Old and new beside each other, their difference below."""
 
 
-def error_map(fit: FitResult, readings: Readings, scale: Scale) -> Plot:
+def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     """Draw the fitted error with the measured points; unmeasured nodes hatched."""
     table = plane_table(fit, scale)
     figure, (axes,) = style.new_figure(map_height(table) + 0.5)
@@ -63,7 +63,7 @@ def error_map(fit: FitResult, readings: Readings, scale: Scale) -> Plot:
     return Plot("error-map", "Measured error of the surface", figure, caption)
 
 
-def coverage_maps(fit: FitResult, scale: Scale) -> Plot:
+def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
     """Draw the standard deviation of every node, and how many readings touch it."""
     table = plane_table(fit, scale)
     height = map_height(table)
@@ -88,7 +88,7 @@ def coverage_maps(fit: FitResult, scale: Scale) -> Plot:
     return Plot("coverage", "How well each node is known", figure, caption)
 
 
-def change_maps(fit: FitResult, scale: Scale) -> Plot | None:
+def change_maps(fit: TableResult, scale: Scale) -> Plot | None:
     """Draw the old entries, the new ones and the difference, where there was a list."""
     if not fit.old_table or len(fit.masters) != 2:
         return None
@@ -170,7 +170,7 @@ def mean_by_cell(
     return mean.reshape(shape), number_of.reshape(shape), cell
 
 
-def remainder_map(fit: FitResult, readings: Readings, scale: Scale) -> Plot:
+def remainder_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     """Draw what the list leaves behind, as the mean around each node."""
     table = plane_table(fit, scale)
     cells = cell_means(table, readings)

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..job import FitResult, JobResult
+from ..job import AbstractResult, JobResult, TableResult
 from . import _style as style
 from ._maps import mean_by_cell
 from ._plane import PlaneTable, bar, heat, label, plane_table
@@ -45,10 +45,12 @@ class Cloud:
 
 
 def overview_plot(
-    fits: Sequence[FitResult], second: Mapping[int, SecondMeasurement]
+    fits: Sequence[AbstractResult], second: Mapping[int, SecondMeasurement]
 ) -> Plot | None:
-    """Draw every fit before and after: verified where it was, else predicted."""
-    shown = list(enumerate(fits))[:_MOST]
+    """Draw every table before and after: verified where it was, else predicted."""
+    shown = [
+        (place, fit) for place, fit in enumerate(fits) if isinstance(fit, TableResult)
+    ][:_MOST]
     if not shown:
         return None
     heights = [_height(fit) for _, fit in shown]
@@ -86,14 +88,14 @@ def write_picture(
             plot.figure.savefig(path, format="png", dpi=110)
 
 
-def _height(fit: FitResult) -> float:
+def _height(fit: TableResult) -> float:
     return 2.0 if len(fit.masters) == 1 else 2.3
 
 
 def _draw_fit(
     figure: Figure,
     panels: list[Axes],
-    fit: FitResult,
+    fit: TableResult,
     second: SecondMeasurement | None,
 ) -> str:
     """Draw one row and return its sentence."""
@@ -105,7 +107,7 @@ def _draw_fit(
         _draw_maps(figure, panels, fit, scale, (before, after))
     else:
         _draw_clouds(panels, fit, scale, (before, after))
-    over = "" if fit.compensation == "leadscrew" else f" over {', '.join(fit.masters)}"
+    over = f" over {', '.join(fit.over)}" if fit.over else ""
     name = f"{fit.axis}{over}"
     sizes = [cloud.rms for cloud in (before, after)]
     for panel, size, word in zip(panels, sizes, ("before", kind), strict=True):
@@ -140,7 +142,7 @@ def _after(
 
 
 def _draw_clouds(
-    panels: list[Axes], fit: FitResult, scale: Scale, both: tuple[Cloud, Cloud]
+    panels: list[Axes], fit: TableResult, scale: Scale, both: tuple[Cloud, Cloud]
 ) -> None:
     for panel, cloud in zip(panels, both, strict=True):
         for direction in (1, -1, 0):
@@ -169,7 +171,7 @@ def _draw_clouds(
 def _draw_maps(
     figure: Figure,
     panels: list[Axes],
-    fit: FitResult,
+    fit: TableResult,
     scale: Scale,
     both: tuple[Cloud, Cloud],
 ) -> None:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Outline
 
-from ..job import FitResult
+from ..job import TableResult
 from . import _style as style
 from ._scale import Scale, place
 
@@ -48,7 +48,7 @@ class PlaneTable:
         return f"{first} = {place(self.across[i])}, {second} = {place(self.up[j])}"
 
 
-def plane_table(fit: FitResult, scale: Scale) -> PlaneTable:
+def plane_table(fit: TableResult, scale: Scale) -> PlaneTable:
     """Return the fitted plane in display units."""
     own = fit.fit
     return PlaneTable(

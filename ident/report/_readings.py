@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..job import FitResult
+from ..job import TableResult
 from ._scale import Scale
 
 
@@ -79,7 +79,7 @@ class Bins:
         return int(np.nanargmax(np.where(known, size, -1.0)))
 
 
-def readings_of(fit: FitResult, scale: Scale) -> Readings:
+def readings_of(fit: TableResult, scale: Scale) -> Readings:
     """Return the readings of a fit in display units."""
     samples = fit.samples
     size = len(samples.before)

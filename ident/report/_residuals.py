@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
-from ..job import FitResult
+from ..job import TableResult
 from . import _style as style
 from ._plot import Plot
 from ._readings import Bins, Readings, bin_means, robust_limit
@@ -32,7 +32,7 @@ class View:
     whole: bool = False
 
 
-def views_of(fit: FitResult, readings: Readings, scale: Scale) -> list[View]:
+def views_of(fit: TableResult, readings: Readings, scale: Scale) -> list[View]:
     """Return what to look over: each master, then the time or the order."""
     unit = f" {scale.position}"
     views = [
@@ -47,7 +47,7 @@ def views_of(fit: FitResult, readings: Readings, scale: Scale) -> list[View]:
     return views
 
 
-def residual_plot(fit: FitResult, readings: Readings, scale: Scale) -> Plot | None:
+def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | None:
     """Draw the predicted remaining error over each master, the order, and the runs."""
     if not readings.sound.any():
         return None
@@ -133,7 +133,7 @@ def _draw_runs(axes: Axes, readings: Readings, runs: Float[np.ndarray, " r"]) ->
 
 
 def _say_bins(
-    fit: FitResult, views: list[View], found: list[Bins], scale: Scale
+    fit: TableResult, views: list[View], found: list[Bins], scale: Scale
 ) -> str:
     """Say which slice stands out most over each quantity, and whether by chance."""
     parts, beyond = [], []
@@ -169,7 +169,7 @@ def _say_bins(
 
 
 def _say_residuals(
-    fit: FitResult, readings: Readings, scale: Scale, limit: float, slices: str
+    fit: TableResult, readings: Readings, scale: Scale, limit: float, slices: str
 ) -> str:
     sound = readings.sound
     value = readings.predicted[sound]

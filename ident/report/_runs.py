@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from ..job import FitResult
+from ..job import TableResult
 from . import _style as style
 from ._plot import Plot
 from ._scale import Scale, number
 
 
-def runs_plot(fit: FitResult, scale: Scale) -> Plot | None:
+def runs_plot(fit: TableResult, scale: Scale) -> Plot | None:
     """Draw the fitted run effects with ± 2 sd; None where there are none."""
     effects = fit.fit.runs
     if not effects:
@@ -40,7 +40,7 @@ def runs_plot(fit: FitResult, scale: Scale) -> Plot | None:
     )
 
 
-def _say(fit: FitResult, scale: Scale, drifts: bool) -> str:
+def _say(fit: TableResult, scale: Scale, drifts: bool) -> str:
     effects = fit.fit.runs
     far = max(effects, key=lambda effect: abs(effect.offset))
     text = (

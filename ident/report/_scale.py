@@ -20,8 +20,9 @@ class Scale:
 
 
 def scale_of(unit: str) -> Scale:
-    """Return the display units for a table in ``mm`` or ``deg``."""
-    return Scale("mm", "µm") if unit == "mm" else Scale("°", "0.001°")
+    """Return the display units for an error in ``mm``, ``deg`` or a unit of current."""
+    known = {"mm": Scale("mm", "µm"), "deg": Scale("°", "0.001°")}
+    return known.get(unit, Scale("mm/s", unit, 1.0))
 
 
 def number(value: float, *, signed: bool = False) -> str:

@@ -2,18 +2,13 @@
 
 import dataclasses
 
-from ..job import ErrorFigures, FitResult, Remark
-from ._iso import iso_plot
-from ._lines import change_plot, curve_plot
-from ._maps import change_maps, coverage_maps, error_map, remainder_map
+from ..job import AbstractResult, ErrorFigures, Remark
+from ._bodies import body_of
 from ._plot import Plot
-from ._readings import Readings, readings_of
-from ._residuals import residual_plot
-from ._runs import runs_plot
 from ._scale import Scale, number, percent, scale_of
 from ._second import SecondMeasurement
-from ._spread import spread_plot
-from ._words import Verdict, WildRow, how_it_was_made, verdict_of, wild_rows
+from ._verdict import Verdict, verdict_of
+from ._words import WildRow
 
 _LEVELS = {"error": 0, "warning": 1, "info": 2}
 
@@ -81,30 +76,32 @@ class Section:
     facts: tuple[tuple[str, str], ...]
     wild: tuple[WildRow, ...]
     wild_count: int
-    fit: FitResult
+    wild_runs: bool
+    fit: AbstractResult
     scale: Scale
     second: SecondMeasurement | None
 
 
 def section_of(
-    fit: FitResult, place: int, second: SecondMeasurement | None = None
+    fit: AbstractResult, place: int, second: SecondMeasurement | None = None
 ) -> Section:
     """Return the section of one fit; ``place`` counts the fits of the job from 1."""
     scale = scale_of(fit.unit)
-    readings = readings_of(fit, scale)
+    body = body_of(fit, scale, second)
     remarks = sorted(fit.remarks, key=lambda remark: _LEVELS.get(remark.level, 3))
-    over = "" if fit.compensation == "leadscrew" else " over " + ", ".join(fit.masters)
+    over = " over " + ", ".join(fit.over) if fit.over else ""
     return Section(
         name=f"{place}-{fit.compensation}-{_plain(fit.axis)}",
         heading=f"{place}. {fit.compensation.capitalize()} of {fit.axis}{over}",
         verdict=verdict_of(fit, scale, second),
         remarks=tuple(remarks),
         figures=figures_table(fit, scale, second),
-        plots=tuple(_plots(fit, readings, scale, second)),
+        plots=tuple(body.plots),
         gate=tuple(_gate_rows(fit)),
-        facts=tuple(how_it_was_made(fit, readings, scale)),
-        wild=tuple(wild_rows(fit, readings, scale)),
-        wild_count=int(readings.wild.sum()),
+        facts=tuple(body.facts),
+        wild=tuple(body.wild),
+        wild_count=body.wild_count,
+        wild_runs=body.wild_runs,
         fit=fit,
         scale=scale,
         second=second,
@@ -112,7 +109,7 @@ def section_of(
 
 
 def figures_table(
-    fit: FitResult, scale: Scale, second: SecondMeasurement | None
+    fit: AbstractResult, scale: Scale, second: SecondMeasurement | None
 ) -> FiguresTable:
     """Return the table of error figures in display units."""
     figures: dict[str, ErrorFigures] = dict(fit.error)
@@ -147,35 +144,7 @@ def _figure(figures: ErrorFigures, name: str) -> float | None:
     return None if figures.iso230 is None else figures.iso230.get(name)
 
 
-def _plots(
-    fit: FitResult,
-    readings: Readings,
-    scale: Scale,
-    second: SecondMeasurement | None,
-) -> list[Plot]:
-    """Draw what the data can show, most telling first."""
-    if len(fit.masters) == 2:
-        drawn = [
-            error_map(fit, readings, scale),
-            coverage_maps(fit, scale),
-            change_maps(fit, scale),
-            remainder_map(fit, readings, scale),
-        ]
-    else:
-        drawn = [
-            curve_plot(fit, readings, scale),
-            change_plot(fit, scale),
-            iso_plot(fit, second),
-        ]
-    drawn += [
-        residual_plot(fit, readings, scale),
-        runs_plot(fit, scale),
-        spread_plot(readings, scale),
-    ]
-    return [plot for plot in drawn if plot is not None]
-
-
-def _gate_rows(fit: FitResult) -> list[GateRow]:
+def _gate_rows(fit: AbstractResult) -> list[GateRow]:
     return [
         GateRow(
             name=check.name,

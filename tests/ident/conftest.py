@@ -12,12 +12,12 @@ from axcomp.ident.fit import RunEffect, TableFit, TableLayout
 from axcomp.ident.job import (
     ConventionState,
     ErrorFigures,
-    FitResult,
     GateCheck,
     JobResult,
     LoadStep,
     Remark,
     SampleView,
+    TableResult,
 )
 
 NOISE = 0.002  # mm
@@ -56,7 +56,7 @@ def _fit(
     runs: tuple[RunEffect, ...],
     sign: float,
     old: bool,
-) -> FitResult:
+) -> TableResult:
     rng = np.random.default_rng(5)
     sd = np.where(support > 0, 0.0005 / np.sqrt(np.maximum(support, 1)), 0.004)
     values = truth + sd * rng.normal(size=truth.shape)
@@ -83,7 +83,7 @@ def _fit(
     shaped = values.reshape((len(names), -1)) if layout.branches == 2 else [values]
     entries = {name: sign * part for name, part in zip(names, shaped, strict=True)}
     iso = compensation == "leadscrew"
-    return FitResult(
+    return TableResult(
         compensation=compensation,
         axis=axis,
         axis_number=3,
@@ -139,7 +139,7 @@ def _view(
     )
 
 
-def make_leadscrew(count: int = 41, runs: int = 5, old: bool = False) -> FitResult:
+def make_leadscrew(count: int = 41, runs: int = 5, old: bool = False) -> TableResult:
     nodes = np.linspace(0.0, 800.0, count)
     up = 0.02 * np.sin(nodes / 130) + 5e-5 * nodes
     layout = TableLayout((nodes,), branches=2)
@@ -163,7 +163,7 @@ def make_leadscrew(count: int = 41, runs: int = 5, old: bool = False) -> FitResu
     )
 
 
-def make_cross(count: int = 33, old: bool = True) -> FitResult:
+def make_cross(count: int = 33, old: bool = True) -> TableResult:
     nodes = np.linspace(0.0, 800.0, count)
     truth = 0.03 * (nodes / 800) * (1 - nodes / 800)
     positions = np.tile(nodes, 4)
@@ -177,7 +177,7 @@ def make_cross(count: int = 33, old: bool = True) -> FitResult:
 
 def make_plane(
     columns: int = 33, rows: int = 17, readings: int = 4000, old: bool = False
-) -> FitResult:
+) -> TableResult:
     rng = np.random.default_rng(3)
     x, y = np.linspace(0, 800, columns), np.linspace(0, 400, rows)
 
@@ -200,7 +200,7 @@ def make_plane(
     return _fit("plane", "Z", ("X", "Y"), layout, truth, view, support, (), -1.0, old)
 
 
-def make_job(*fits: FitResult, **changes: object) -> JobResult:
+def make_job(*fits: TableResult, **changes: object) -> JobResult:
     job = JobResult(
         title="Portal mill 7",
         machine={"id": "mill-7", "measured_at": "2026-11-20"},
@@ -217,17 +217,17 @@ def make_job(*fits: FitResult, **changes: object) -> JobResult:
 
 
 @pytest.fixture
-def leadscrew() -> Callable[..., FitResult]:
+def leadscrew() -> Callable[..., TableResult]:
     return make_leadscrew
 
 
 @pytest.fixture
-def cross() -> Callable[..., FitResult]:
+def cross() -> Callable[..., TableResult]:
     return make_cross
 
 
 @pytest.fixture
-def plane() -> Callable[..., FitResult]:
+def plane() -> Callable[..., TableResult]:
     return make_plane
 
 

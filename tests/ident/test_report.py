@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from axcomp.ident.job import FitResult, GateCheck, JobResult, Remark
+from axcomp.ident.job import GateCheck, JobResult, Remark, TableResult
 from axcomp.ident.report import (
     SecondMeasurement,
     SecondMeasurementError,
@@ -20,7 +20,7 @@ from axcomp.ident.report import (
 )
 from axcomp.ident.report._job_text import job_text
 
-Make = Callable[..., FitResult]
+Make = Callable[..., TableResult]
 MakeJob = Callable[..., JobResult]
 
 
@@ -35,7 +35,7 @@ def words(page: str) -> str:
     return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).split())
 
 
-def second(fit: FitResult, size: float, name: str = "again.csv") -> SecondMeasurement:
+def second(fit: TableResult, size: float, name: str = "again.csv") -> SecondMeasurement:
     rng = np.random.default_rng(11)
     error = size * rng.normal(size=len(fit.samples.before))
     view = fit.samples

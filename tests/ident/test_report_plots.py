@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
-from axcomp.ident.job import FitResult
+from axcomp.ident.job import TableResult
 from axcomp.ident.report._damping import damped_wavelengths
 from axcomp.ident.report._lines import change_plot, curve_plot
 from axcomp.ident.report._maps import cell_means, coverage_maps, error_map
@@ -25,7 +25,7 @@ from axcomp.ident.report._section import section_of
 from axcomp.ident.report._spread import spread_of, spread_plot
 from axcomp.ident.report._style import house_style
 
-Make = Callable[..., FitResult]
+Make = Callable[..., TableResult]
 MM = scale_of("mm")
 
 
@@ -35,7 +35,7 @@ def style() -> Iterator[None]:
         yield
 
 
-def shifted(fit: FitResult, extra: np.ndarray) -> FitResult:
+def shifted(fit: TableResult, extra: np.ndarray) -> TableResult:
     samples = fit.samples
     return dataclasses.replace(
         fit, samples=dataclasses.replace(samples, predicted=samples.predicted + extra)

@@ -1,0 +1,154 @@
+"""One fit before it is written, of whatever compensation: what a job does with it."""
+
+import abc
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...data.lists import ListFile, Value
+from ..proof import GateCheck
+from ._fit_schema import FitSpec
+from ._load import Job
+from ._result import AbstractResult, Remark
+
+if TYPE_CHECKING:
+    from ._lists import AxisFiles
+    from ._output import OutFolder
+
+Leftovers = dict[tuple[str, str], np.ndarray]
+"""By axis and measurement: what earlier tables add to each of its readings, mm or °."""
+
+Planned = Callable[[Leftovers], "AbstractDraft"]
+"""A fit that was planned: its existing lists read, its keys understood."""
+
+
+@dataclasses.dataclass(frozen=True)
+class AxisLists:
+    """The lists that an axis has already.
+
+    Attributes:
+        compensation: Its compensation list, or None.
+        machine: Its axis list, or None.
+    """
+
+    compensation: ListFile | None
+    machine: ListFile | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Switch:
+    """How the controller switches a compensation on.
+
+    Attributes:
+        keyword: In ``COMP ON …`` and ``V.A.…_COMP_ACTIVE``.
+        needs: What must hold before it works: ``Works once its masters are referenced``.
+        demanded: Whether P-AXIS-00465 can demand it in automatic mode.
+    """
+
+    keyword: str
+    needs: str
+    demanded: bool = True
+
+
+@dataclasses.dataclass(frozen=True)
+class AbstractDraft(abc.ABC):
+    """A compensation of one axis, fitted and not yet written.
+
+    Attributes:
+        index: Of the fit in the job.
+        fit: Its specification.
+        lists: What the axis has already.
+    """
+
+    index: int
+    fit: FitSpec
+    lists: AxisLists
+
+    @property
+    def axis(self) -> str:
+        """Name of the compensated axis in the job."""
+        return self.fit.axis
+
+    @property
+    @abc.abstractmethod
+    def compensation(self) -> str:
+        """Name of the compensation, as in the job."""
+
+    @property
+    @abc.abstractmethod
+    def switch(self) -> Switch | None:
+        """How it is switched on, or None where nothing is written."""
+
+    @property
+    def replaces(self) -> tuple[str, ...]:
+        """Beginnings of the list entries that are removed where they are not new."""
+        return ()
+
+    @abc.abstractmethod
+    def entries(self, job: Job) -> dict[str, Value]:
+        """Return the entries of the compensation list; empty where it needs none.
+
+        Raises:
+            JobError: If it fits no list of the controller's build.
+        """
+
+    @abc.abstractmethod
+    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
+        """Return the entries of the axis list; ``cycles`` is P-AXIS-00243 of the axis."""
+
+    def machine_remarks(self) -> list[Remark]:
+        """Return what the user must know of changes to the axis list."""
+        return []
+
+    def extra_files(self, job: Job) -> Mapping[str, bytes]:
+        """Return further files by name, such as those for the PLC."""
+        return {}
+
+    def cycles(self, job: Job) -> int | None:
+        """Return the cycles that its jump at reversal wants, or None."""
+        return None
+
+    @abc.abstractmethod
+    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+        """Return every line of the gate."""
+
+    @abc.abstractmethod
+    def refuse_misread(self, job: Job, listing: ListFile) -> None:
+        """Raise where the list, read back, does not hold what was fitted.
+
+        Raises:
+            JobError: Naming the list.
+        """
+
+    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
+        """Return why a restart is needed, or None where a reload is enough."""
+        return None
+
+    def left_by(self) -> Leftovers:
+        """Return what the new table adds to the readings of its measurements."""
+        return {}
+
+    @abc.abstractmethod
+    def prove(
+        self,
+        job: Job,
+        folder: "OutFolder",
+        gate: tuple[GateCheck, ...],
+        files: "AxisFiles",
+        written: tuple[Path, ...],
+        cycles: int | None,
+    ) -> AbstractResult:
+        """Return the result, with the file as it lies in the folder, read back.
+
+        Args:
+            job: The job.
+            folder: Where the files lie.
+            gate: What the gate said.
+            files: The lists of the axis.
+            written: Names in the folder of what was written for the axis, the
+                compensation list first where there is one.
+            cycles: P-AXIS-00243 of the axis, where a fit of it asks for one.
+        """

@@ -1,0 +1,129 @@
+"""Plane, cross and leadscrew as a job handles every compensation."""
+
+import dataclasses
+from pathlib import Path
+from typing import final
+
+from ...data.lists import ListFile, Value
+from ..proof import GateCheck
+from ._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
+from ._fit_schema import TableSpec
+from ._fitting import Fitted, fit_plan
+from ._gating import cycles_for, pass_gate
+from ._lists import AxisFiles
+from ._load import Job
+from ._output import OutFolder
+from ._plan import plan_fit
+from ._prove import offset_at_readings, prove
+from ._readings import read_fit
+from ._result import Remark, TableResult
+from ._source import Tables
+from ._table_entries import refuse_misread, restart_of_table, table_entries
+
+
+def plan_table(
+    job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
+) -> Planned:
+    """Plan a table fit; what it returns fits it.
+
+    Raises:
+        JobError: If nodes, masters or existing lists do not suit.
+    """
+    plan = plan_fit(job, tables, index, fit, lists)
+
+    def draft(left: Leftovers) -> AbstractDraft:
+        extra = {
+            name: left[fit.axis, name]
+            for name in fit.sources
+            if (fit.axis, name) in left
+        }
+        readings = read_fit(tables, index, fit, plan.table, extra)
+        return TableDraft(index, fit, lists, fit_plan(job, plan, readings))
+
+    return draft
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class TableDraft(AbstractDraft):
+    """A fitted table.
+
+    Attributes:
+        one: The fit.
+    """
+
+    one: Fitted
+
+    @property
+    def compensation(self) -> str:
+        return self.one.plan.table.compensation
+
+    @property
+    def switch(self) -> Switch:
+        keyword = self.one.plan.table.keyword
+        whose = "it is" if keyword == "LEAD" else "its masters are"
+        return Switch(keyword, f"Works once {whose} referenced")
+
+    @property
+    def replaces(self) -> tuple[str, ...]:
+        return (f"{self.one.plan.table.prefix}.table[",)
+
+    def entries(self, job: Job) -> dict[str, Value]:
+        return table_entries(job, self.one)
+
+    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
+        values: dict[str, Value] = {self.one.plan.table.activation: 1}
+        if self._bilateral and cycles is not None:
+            # A bilateral table contains the backlash; the parameter beside it would
+            # compensate it twice.
+            values |= {"lr_param.anwahl_losekomp": 0, "lr_param.n_backlash_cyc": cycles}
+        return values
+
+    def machine_remarks(self) -> list[Remark]:
+        listing = self.lists.machine
+        if not self._bilateral or listing is None:
+            return []
+        if not listing.integer("lr_param.anwahl_losekomp"):
+            return []
+        return [
+            Remark(
+                "warning",
+                f"{listing.source}: backlash compensation is switched off"
+                " (anwahl_losekomp 0), since the bilateral leadscrew table contains"
+                " the backlash.",
+            )
+        ]
+
+    def cycles(self, job: Job) -> int | None:
+        return cycles_for(job, self.one)
+
+    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+        return pass_gate(job, self.one, cycles if self._bilateral else None)
+
+    def refuse_misread(self, job: Job, listing: ListFile) -> None:
+        refuse_misread(job, listing, self.one)
+
+    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
+        return restart_of_table(existing, listing, self.one)
+
+    def left_by(self) -> Leftovers:
+        one = self.one
+        added = offset_at_readings(one, one.plan.table.model(one.integers)) - one.active
+        return {
+            (self.axis, name): added[rows] for name, rows in one.readings.slices.items()
+        }
+
+    def prove(
+        self,
+        job: Job,
+        folder: OutFolder,
+        gate: tuple[GateCheck, ...],
+        files: AxisFiles,
+        written: tuple[Path, ...],
+        cycles: int | None,
+    ) -> TableResult:
+        return prove(job, folder, self.one, gate, files, written, cycles)
+
+    @property
+    def _bilateral(self) -> bool:
+        return self.one.plan.table.branches == 2
