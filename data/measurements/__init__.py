@@ -1,13 +1,14 @@
 """What was measured: readers, units, roles, directions, figures of ISO 230-2.
 
 `read_table` gives the columns of a file in the file's own units; `measurement` gives
-them a meaning and the library's units (mm, °, s, °C); `derive_error`,
+them a meaning and the library's units (mm, °, s, °C); `derive_error`, `derive_motion`,
 `derive_direction` and `reduce_length` make of them what a fit needs; `iso230` evaluates
 a positioning test.
 """
 
 from ._derive import (
     derive_error as derive_error,
+    derive_motion as derive_motion,
     reduce_length as reduce_length,
     wrap_degrees as wrap_degrees,
 )
@@ -39,16 +40,28 @@ from ._iso230_words import (
     widest_reversal as widest_reversal,
     with_arrows as with_arrows,
 )
+from ._log import (
+    ControllerLog as ControllerLog,
+    LoggedOffset as LoggedOffset,
+    read_log as read_log,
+)
+from ._log_names import log_name as log_name
 from ._measurement import (
-    ColumnSpec as ColumnSpec,
     Measurement as Measurement,
     RoleValues as RoleValues,
     measurement as measurement,
 )
 from ._read import read_table as read_table
-from ._roles import KINDS as KINDS, Role as Role, find_role as find_role, role as role
+from ._roles import (
+    KINDS as KINDS,
+    ColumnSpec as ColumnSpec,
+    Role as Role,
+    find_role as find_role,
+    role as role,
+)
 from ._table import (
     MESH_FORMATS as MESH_FORMATS,
+    SCOPE_FORMAT as SCOPE_FORMAT,
     BadCell as BadCell,
     Column as Column,
     Skipped as Skipped,

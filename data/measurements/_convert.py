@@ -40,6 +40,9 @@ def unit_of(
             what = f"{what} (metres, or 'measured'? state the unit)"
             raise UnitError(source, what, "_m", accepted, "mm")
         return stated
+    if stated is None and column.unit is not None:
+        # Scope names a unit that the library lacks: its default would be wrong.
+        return named_unit(column.unit, dimensions, source, what)  # raises
     if stated is not None and not column.doubtful_unit:
         return named_unit(stated.name, dimensions, source, what)  # raises
     default = LIBRARY_UNIT[dimensions[0]]

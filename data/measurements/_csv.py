@@ -21,6 +21,8 @@ from ._table import BadCell, Column, Skipped, Table
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
 _COMMENT_OR_SEMICOLON = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!|;).*$")
+_SMALL = 1 << 20
+"""Bytes up to which one thread reads a file."""
 _NULLS = [
     "",
     "nan",
@@ -87,7 +89,10 @@ def _read_fast(layout: Layout, text: str) -> _Read | None:
     try:
         read: Any = pv.read_csv(
             io.BytesIO(body),
-            read_options=pv.ReadOptions(column_names=keys),
+            # Threads cost more than a small file does.
+            read_options=pv.ReadOptions(
+                column_names=keys, use_threads=len(body) > _SMALL
+            ),
             parse_options=pv.ParseOptions(delimiter=dialect.separator),
             convert_options=pv.ConvertOptions(
                 column_types=dict(zip(keys, types, strict=True)),

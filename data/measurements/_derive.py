@@ -1,8 +1,9 @@
-"""The error of an axis from what was measured, and its reduction to 20 °C."""
+"""The error or the motion of an axis from what was measured, and lengths at 20 °C."""
 
 import numpy as np
 from jaxtyping import Float
 
+from ..signals import Motion, SignalError, filtered_motion, read_clock, smoothed_motion
 from ._errors import MeasurementError, MissingRole
 from ._measurement import Measurement
 
@@ -35,6 +36,40 @@ def derive_error(measurement: Measurement, axis: str) -> Float[np.ndarray, " t"]
             str(measurement.source), error_role, why, tuple(measurement.values)
         )
     return wrap_degrees(error) if unit == "deg" else error
+
+
+def derive_motion(
+    measurement: Measurement, axis: str, *, cutoff: float | None = None
+) -> Motion:
+    """Return velocity and acceleration of an axis in mm or °, per s and s².
+
+    From the encoder where it is recorded, else from the external reference, else from
+    the commanded position. Equal steps of time pass a zero-phase Butterworth filter,
+    unequal ones a smoothing spline; `Motion.bandwidth` states what is left.
+
+    Args:
+        measurement: With `time` and a position of the axis.
+        axis: Name of the axis.
+        cutoff: Of the filter in Hz, or the bandwidth of the spline; a tenth of the
+            sample rate, at most 100 Hz, where left out.
+
+    Raises:
+        MissingRole: If there is no time or no position.
+        MeasurementError: If the record is too short, or the cutoff does not fit it.
+    """
+    why = f"to derive the motion of {axis}"
+    time = measurement.require("time", why)
+    roles = [f"{axis}.{kind}" for kind in ("encoder", "actual", "position")]
+    role = next((role for role in roles if role in measurement.values), roles[-1])
+    position = measurement.require(role, why)
+    try:
+        clock = read_clock(time)
+        cutoff = min(0.1 / clock.sample_time, 100.0) if cutoff is None else cutoff
+        if clock.uniform:
+            return filtered_motion(time, position, cutoff=cutoff)
+        return smoothed_motion(time, position, bandwidth=cutoff)
+    except SignalError as error:
+        raise MeasurementError(str(measurement.source), f"{role}: {error}") from error
 
 
 def wrap_degrees(angle: Float[np.ndarray, "*t"]) -> Float[np.ndarray, "*t"]:

@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import functools
 import itertools
 import re
 from collections import Counter
@@ -51,13 +52,7 @@ class Dialect:
 
     def number(self, cell: str) -> float | None:
         """Return the number in a cell (NaN where it says so), or None for text."""
-        if len(cell) > _LONGEST:
-            return None
-        if _NUMBER[self.decimal].fullmatch(cell):
-            return float(cell.replace(",", "."))
-        if cell == "" or _NO_NUMBER.fullmatch(cell):
-            return float("nan")
-        return None
+        return None if len(cell) > _LONGEST else _number(cell, self.decimal)
 
     def is_number(self, cell: str) -> bool:
         """Whether a cell holds a finite number."""
@@ -72,6 +67,16 @@ class Dialect:
         return self.separator != ";" and line.lstrip().startswith(";")
 
 
+@functools.lru_cache(maxsize=4096)
+def _number(cell: str, decimal: str) -> float | None:
+    # A table is sniffed several times over, and its cells repeat.
+    if _NUMBER[decimal].fullmatch(cell):
+        return float(cell.replace(",", "."))
+    if cell == "" or _NO_NUMBER.fullmatch(cell):
+        return float("nan")
+    return None
+
+
 def sniff(lines: Sequence[str]) -> Dialect:
     """Return the dialect under which most lines split alike and most cells are numbers.
 
@@ -80,11 +85,20 @@ def sniff(lines: Sequence[str]) -> Dialect:
     """
     stated = re.fullmatch(r"sep=(.)\s*", lines[0]) if lines else None
     best, best_score = Dialect(",", "."), (False, -1.0, False, 0)
+    lines = lines[1:] if stated else lines
+    text = "\n".join(line.strip() for line in lines)
+    whole: dict[str, tuple[bool, float, bool, int]] = {}
     for separator, decimal in _CANDIDATES:
         if stated is not None and separator != stated.group(1):
             continue
         dialect = Dialect(separator, decimal)
-        score = _score(dialect, lines[1:] if stated else lines)
+        parts = separator in text or (separator == " " and "\t" in text)
+        # All separators that occur nowhere leave the same single column.
+        score = None if parts else whole.get(decimal)
+        if score is None:
+            score = _score(dialect, lines)
+            if not parts:
+                whole[decimal] = score
         if score > best_score:
             best, best_score = dialect, score
     return best

@@ -7,19 +7,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int
 
+from ._align import on_one_clock
 from ._convert import as_direction, as_run, library_unit, unit_of
 from ._errors import MeasurementError, MissingRole
-from ._roles import find_role, role as named_role
+from ._roles import ColumnSpec as ColumnSpec, find_role, role as named_role
 from ._table import MESH_FORMATS, Table
 from ._units import find_unit
-
-
-@dataclasses.dataclass(frozen=True)
-class ColumnSpec:
-    """Which column a role is in, and its unit where the file does not state it."""
-
-    column: str
-    unit: str | None = None
 
 
 class RoleValues:
@@ -123,7 +116,8 @@ def measurement(
     """Give columns a meaning and convert them to mm, °, s and °C.
 
     Args:
-        table: As read.
+        table: As read. Channels of several sample times are brought to the instants of
+            the slowest one that is used; remarks say how.
         columns: Column per role. Left out or empty: the roles that the file names
             itself.
         axis: Axis of a file that names roles without an axis (ISO 230-2 run table,
@@ -150,6 +144,7 @@ def measurement(
             f"found columns {names} without a role, expected a mapping role = column"
         )
         raise MeasurementError(source, reason)
+    table, mapping = on_one_clock(table, mapping)
     good: dict[str, np.ndarray] = {}
     bad: dict[str, MeasurementError] = {}
     units: dict[str, str] = {}

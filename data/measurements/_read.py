@@ -3,10 +3,12 @@
 from pathlib import Path
 
 from ._csv import read_csv
-from ._errors import MeasurementError
+from ._mat import is_mat, read_mat
 from ._mesh import is_bed_mesh, is_height_map, read_bed_mesh, read_height_map
 from ._parquet import read_parquet
 from ._run_table import is_run_table, read_run_table
+from ._scope import read_scope
+from ._scope_block import is_scope
 from ._table import Table
 from ._text import decode, load_bytes
 
@@ -14,8 +16,9 @@ from ._text import decode, load_bytes
 def read_table(path: Path, *, profile: str | None = None) -> Table:
     """Return what a measurement file holds, in the file's own units.
 
-    CSV, Parquet, ISO 230-2 run tables, Klipper bed meshes and RepRapFirmware height
-    maps are told apart by content, not by the ending of the name.
+    CSV, TwinCAT Scope text exports, MATLAB files, Parquet, ISO 230-2 run tables,
+    Klipper bed meshes and RepRapFirmware height maps are told apart by content, not by
+    the ending of the name; text and MATLAB files may be packed with gzip.
 
     Args:
         path: The file.
@@ -30,15 +33,17 @@ def read_table(path: Path, *, profile: str | None = None) -> Table:
         magic = file.read(4)
     if magic == b"PAR1":
         return read_parquet(path)
-    text = decode(load_bytes(path), path)
+    raw = load_bytes(path)
+    if is_mat(raw):
+        return read_mat(path, raw)
+    text = decode(raw, path)
     head = text[:200_000]
+    if is_scope(head):
+        return read_scope(path, text)
     if is_height_map(head):
         return read_height_map(path, text)
     if is_run_table(head):
         return read_run_table(path, text)
     if is_bed_mesh(text):
         return read_bed_mesh(path, text, profile)
-    if head.startswith("Name") and "Starttime of export" in head:
-        reason = "found a TwinCAT Scope text export, expected plain columns of numbers"
-        raise MeasurementError(str(path), reason)
     return read_csv(path, text)

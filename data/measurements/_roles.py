@@ -55,6 +55,14 @@ class Role:
         return KINDS.get(self.kind, ())
 
 
+@dataclasses.dataclass(frozen=True)
+class ColumnSpec:
+    """Which column a role is in, and its unit where the file does not state it."""
+
+    column: str
+    unit: str | None = None
+
+
 def find_role(text: str) -> Role | None:
     """Return the role that a text names, or None."""
     if text in ("time", "run"):

@@ -5,11 +5,12 @@ import difflib
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ._errors import CellError, ColumnError
+from ._errors import CellError, ColumnError, MeasurementError
 
 MESH_FORMATS = ("Klipper bed mesh", "RepRapFirmware height map")
+SCOPE_FORMAT = "TwinCAT Scope"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,13 +38,17 @@ class Column:
             has no header.
         role: What it means where the file says so (``X.position``; ``position`` alone
             where the file does not say of which axis), else None.
-        unit: Unit that the file states, in the library's spelling, or None.
+        unit: Unit that the file states, in the library's spelling, or None; as it
+            stands where the library does not know it (TwinCAT Scope).
         values: One number per row; NaN where the cell holds none. All NaN for text.
         text: The cells of a text column, else None.
         bad: First cell that is not a finite number, or None.
         header: Header text as it stands.
         doubtful_unit: The unit was read off a one-letter ending (``x_m``), which may
             mean something else.
+        present: Rows at which the channel has a sample, where the file holds channels
+            of several sample times; None: all.
+        sample_time: In s, where the file states it, or None.
     """
 
     name: str
@@ -54,6 +59,13 @@ class Column:
     bad: BadCell | None = None
     header: str = ""
     doubtful_unit: bool = False
+    present: Bool[np.ndarray, " t"] | None = None
+    sample_time: float | None = None
+
+    @property
+    def samples(self) -> int:
+        """Number of rows that hold a sample of this column."""
+        return self.values.size if self.present is None else int(self.present.sum())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,13 +75,15 @@ class Table:
     Attributes:
         path: The file.
         format: In words: ``CSV``, ``Parquet``, ``laser table``, ``ISO 230-2 run
-            table``, ``Klipper bed mesh``, ``RepRapFirmware height map``.
+            table``, ``Klipper bed mesh``, ``RepRapFirmware height map``, ``TwinCAT
+            Scope``, ``MATLAB``.
         columns: In file order.
         rows: Number of rows.
-        lines: Line of the file per row (row number for Parquet).
+        lines: Line of the file per row (row number for Parquet and MATLAB).
         skipped: Everything that is not in the rows.
         remarks: What the reader took for granted, one sentence each.
-        counts_rows: `lines` are row numbers (Parquet).
+        counts_rows: `lines` are row numbers (Parquet, MATLAB).
+        scalars: Single numbers that stand beside the columns, by name (MATLAB).
     """
 
     path: Path
@@ -80,6 +94,7 @@ class Table:
     skipped: tuple[Skipped, ...] = ()
     remarks: tuple[str, ...] = ()
     counts_rows: bool = False
+    scalars: tuple[tuple[str, float], ...] = ()
 
     def column(self, name: str) -> Column:
         """Return a column by name or header text; by number where there is no header.
@@ -120,7 +135,14 @@ class Table:
 
         Raises:
             CellError: Naming the first cell that is none.
+            MeasurementError: If the column has samples at some of the rows only.
         """
+        if column.present is not None and column.samples < self.rows:
+            reason = (
+                f"found {column.samples} samples of '{column.name}' at {self.rows} "
+                "instants, expected one each: `measurement` brings channels together"
+            )
+            raise MeasurementError(str(self.path), reason)
         if column.text is not None:
             first = BadCell(int(self.lines[0]), column.text[0])
             raise self.cell_error(column, first, "a number")

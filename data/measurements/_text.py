@@ -12,15 +12,15 @@ from ._errors import LineError, MeasurementError
 _FOREIGN = (
     (b"PK\x03\x04", "a spreadsheet or zip archive"),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet of the old binary kind"),
-    (b"MATLAB 5.0", "a MATLAB file"),
-    (b"\x89HDF", "an HDF5 or MATLAB 7.3 file"),
+    (b"\x89HDF", "an HDF5 file"),
     (b"TDSm", "a TDMS file"),
     (b"%PDF", "a PDF document"),
     (b"{", "a JSON document"),
     (b"<", "an XML or HTML document"),
 )
 _EXPECTED = (
-    "a text table (CSV), Parquet, an ISO 230-2 run table, a bed mesh or a height map"
+    "a text table (CSV), a TwinCAT Scope text export, MATLAB, Parquet, an ISO 230-2 run"
+    " table, a bed mesh or a height map"
 )
 # No text holds these; tab, line ends and form feed are allowed.
 _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0e-\x1f]")

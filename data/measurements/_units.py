@@ -96,6 +96,9 @@ def _all_units() -> Iterable[Unit]:
     yield Unit("V", "voltage")
     yield Unit("N", "force")
     yield Unit("Nm", "torque")
+    for name, dimension in (("A", "current"), ("V", "voltage")):
+        yield Unit(f"d{name}", dimension, 1, 10)
+        yield Unit(f"m{name}", dimension, 1, 1_000)
     yield Unit("%", "ratio")
 
 

@@ -23,6 +23,7 @@ def read(
 ) -> None:
     """Say what a measurement file holds: format, columns, units, rows, skipped lines.
 
+    Where channels have several sample times, first and last are those of each channel.
     Ends with exit status 1 where a column of numbers holds a cell that is none.
     """
     from ...data.measurements import read_table
@@ -47,10 +48,8 @@ def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
     return {
         "file": str(table.path),
         "format": table.format,
-        "columns": [
-            {"name": column.name, "role": column.role, "unit": column.unit}
-            for column in table.columns
-        ],
+        "columns": [_heading(column) for column in table.columns],
+        "scalars": [{"name": name, "value": value} for name, value in table.scalars],
         "rows": table.rows,
         "first": [_cell(column, 0) for column in table.columns],
         "last": [_cell(column, -1) for column in table.columns],
@@ -70,10 +69,19 @@ def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
     }
 
 
+def _heading(column: "Column") -> dict[str, Any]:
+    """Return what a column is; where the file has several clocks, also of which."""
+    named = {"name": column.name, "role": column.role, "unit": column.unit}
+    if column.sample_time is None:
+        return named
+    return {**named, "samples": column.samples, "sample_time": column.sample_time}
+
+
 def _cell(column: "Column", row: int) -> float | str | None:
     if column.text is not None:
         return column.text[row]
-    value = float(column.values[row])
+    values = column.values if column.present is None else column.values[column.present]
+    value = float(values[row])
     return value if math.isfinite(value) else None
 
 
@@ -86,9 +94,9 @@ def _print(table: "Table") -> None:
     if not console.is_terminal:
         console.width = 160  # a log or a pipe has no edge to wrap at
     console.print(f"{escape(str(table.path))}: {table.format}, {table.rows} rows")
-    grid = Grid(
-        "column", "role", "unit", "first row", "last row", "smallest", "largest"
-    )
+    clocked = any(column.sample_time is not None for column in table.columns)
+    titles = ["column", "role", "unit", "first row", "last row", "smallest", "largest"]
+    grid = Grid(*titles, *(["samples", "every"] if clocked else []))
     for column in table.columns:
         ends = [_shown(_cell(column, row)) for row in (0, -1)]
         finite = [v for v in (_extreme(column, "min"), _extreme(column, "max")) if v]
@@ -101,8 +109,11 @@ def _print(table: "Table") -> None:
             "text" if column.text is not None else column.unit or "",
             *map(escape, ends),
             *(finite or ["", ""]),
+            *([str(column.samples), _every(column)] if clocked else []),
         )
     console.print(grid)
+    for name, number in table.scalars:
+        console.print(escape(f"scalar {name} = {number:.10g}"))
     for remark in table.remarks:
         console.print(escape(remark))
     if not table.skipped:
@@ -112,6 +123,11 @@ def _print(table: "Table") -> None:
         console.print(escape(f"skipped {place}{item.reason}"))
     if len(table.skipped) > 20:
         console.print(f"… and {len(table.skipped) - 20} more (all of them with --json)")
+
+
+def _every(column: "Column") -> str:
+    """Return the sample time, in words."""
+    return "" if column.sample_time is None else f"{1e3 * column.sample_time:g} ms"
 
 
 def _shown(value: float | str | None) -> str:

@@ -186,11 +186,11 @@ def test_cell_that_is_no_number_is_named_when_its_column_is_used(
         (b"\x00\x01\x02\xff" * 50, r"file.csv:1: found binary data \(byte 0x00"),
         (b"x,y\n1,2\n3,\x07\n", r"file.csv:3: found binary data \(byte 0x07"),
         (b"PK\x03\x04rest", "found a spreadsheet"),
-        (b"MATLAB 5.0 MAT-file", "found a MATLAB file"),
+        (b"MATLAB 5.0 MAT-file", "found damaged MATLAB data"),
         (b'{"a": 1}', "found a JSON document"),
         (b"\x1f\x8b garbage", "found damaged gzip data"),
         (b"PAR1 garbage", "found damaged Parquet data"),
-        ("Name\tscope\nStarttime of export\t1\n", "found a TwinCAT Scope text export"),
+        ("Name\tscope\nStarttime of export\t1\n", "expected a line 'File'"),
     ],
 )
 def test_unusable_file_ends_in_one_line(

@@ -1,0 +1,105 @@
+"""What the columns of a controller log are called: CNC objects, variables, roles."""
+
+import dataclasses
+import re
+
+COMPENSATIONS = (
+    "backlash",
+    "temperature",
+    "cross",
+    "plane",
+    "leadscrew",
+    "crosstalk",
+    "friction",
+)
+"""Compensations of the kernel, as jobs and logs name them."""
+
+TOTAL = "offset"
+"""Name of the sum of all position offsets of an axis."""
+
+_OBJECTS = {
+    "bcactualbacklash": ("backlash", True),
+    "bcsumbacklash": ("backlash", False),
+    "tempcactualoffset": ("temperature", True),
+    "crosscactualoffset": ("cross", True),
+    "cc2correction": ("plane", True),
+    "lsecsumepsilon": ("leadscrew", True),
+    "crosstalkactualoffset": ("crosstalk", True),
+    "crosstalkendoffset": ("crosstalk", False),
+}
+"""CNC object, letters and digits only: compensation, and whether filters have acted."""
+
+_VARIABLES = {
+    "BACKLASH": "backlash",
+    "TEMP": "temperature",
+    "CROSS": "cross",
+    "PLANE": "plane",
+    "LEAD": "leadscrew",
+    "CROSSTALK": "crosstalk",
+    "FRICT": "friction",
+}
+_VARIABLE = re.compile(
+    r"(?:V\s*\.\s*A\s*\.\s*)?(?P<name>[A-Z]+)_COMP_CURR"
+    r"\s*(?:\.\s*(?P<axis>\w+)|\[\s*\d+\s*\])?",
+    re.IGNORECASE,
+)
+_OBJECT = re.compile(
+    r"(?:(?P<before>\w+)\s*(?:\.|::|\s|/)\s*)?"
+    r"(?P<object>(?:BC|TEMPC|CROSSC|CC2|LSEC|CROSSTALK)\s*::\s*[A-Za-z_0-9]+(?:[ _][a-z]+)?)"
+    r"\s*(?:\.\s*(?P<after>\w+)|\[\s*(?P<index>\d+)\s*\])?",
+    re.IGNORECASE,
+)
+_ROLE = re.compile(r"(?P<axis>[A-Za-z_][A-Za-z0-9_-]*)\.(?P<what>[a-z]+)")
+_NUMBERED = re.compile(r"(?:A|axis|achse)[ _-]?0*(?P<number>[0-9]+)", re.IGNORECASE)
+
+
+@dataclasses.dataclass(frozen=True)
+class LogName:
+    """What a column of a log holds.
+
+    Attributes:
+        axis: ``A3`` for a logical number, else the name of an axis; None where the
+            column does not say.
+        compensation: One of `COMPENSATIONS`, or `TOTAL`.
+        filtered: Filters over cycles have acted on it.
+        increments: In encoder increments where the header states no unit.
+    """
+
+    axis: str | None
+    compensation: str
+    filtered: bool = True
+    increments: bool = False
+
+
+def log_name(text: str) -> LogName | None:
+    """Return what a column name of a log means, or None where it is no offset.
+
+    Known are the roles of ``simulate`` (``A3.cross``, ``A3.offset``), variables such as
+    ``V.A.CROSS_COMP_CURR.Z`` (mm) and CNC objects such as ``CROSSC::actual_offset``
+    (increments) with the axis before it, behind it, or not at all.
+    """
+    text = text.strip()
+    match = _ROLE.fullmatch(text)
+    if match and match["what"] in (*COMPENSATIONS, TOTAL):
+        return LogName(plain_axis(match["axis"]), match["what"])
+    match = _VARIABLE.fullmatch(text)
+    if match and match["name"].upper() in _VARIABLES:
+        # A bare index counts the axes of the channel, which are no logical numbers.
+        axis = match["axis"]
+        return LogName(axis and plain_axis(axis), _VARIABLES[match["name"].upper()])
+    match = _OBJECT.fullmatch(text)
+    if match is None:
+        return None
+    known = _OBJECTS.get(re.sub(r"[^a-z0-9]", "", match["object"].lower()))
+    if known is None:
+        return None
+    axis = match["before"] or match["after"]
+    if match["index"] is not None:
+        axis = f"A{int(match['index'])}"
+    return LogName(axis and plain_axis(axis), *known, increments=True)
+
+
+def plain_axis(text: str) -> str:
+    """Return ``A3`` for ``A3``, ``Axis_3`` or ``ACHSE 3``; other names as they stand."""
+    match = _NUMBERED.fullmatch(text)
+    return f"A{int(match['number'])}" if match else text

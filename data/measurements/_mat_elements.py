@@ -1,0 +1,239 @@
+"""Variables of MATLAB files of versions 4 to 7.2, element by element.
+
+Written for damaged files: SciPy's reader (1.17) trusts the sizes in a file and can end
+the process on one that was altered. Here every size is checked against the bytes that
+are there. See "MAT-File Format", The MathWorks, for the layout.
+"""
+
+import dataclasses
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..errors import AxcompError
+
+_NUMBERS = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+}
+_TEXTS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16"}
+_MATRIX, _COMPRESSED = 14, 15
+_CLASSES = {1: "cells", 3: "an object", 5: "a sparse matrix", 16: "a function"}
+_STRUCT, _CHAR = 2, 4
+_NUMERIC = range(6, 16)
+_COMPLEX = 0x0800
+_DEPTH = 20
+_PRECISIONS = ("f8", "f4", "i4", "i2", "u2", "u1")
+
+
+class DamagedMat(AxcompError, ValueError):
+    """The bytes do not follow the format; the message says what and where."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """One variable: an array of numbers, or what it is instead."""
+
+    name: str
+    values: np.ndarray | None
+    other: str = ""
+
+
+def is_version_4(raw: bytes) -> bool:
+    """Whether there is a header of version 4: five whole numbers, then a name.
+
+    The type is MOPT in decimal: M 0 or 1 (byte order), O 0, P 0 to 5 (precision), T 0
+    to 2 (full, text, sparse).
+    """
+    return len(raw) >= 22 and any(_header_4(raw, 0, order) for order in "<>")
+
+
+def read_version_4(raw: bytes) -> Iterator[Variable]:
+    """Yield the variables of a file of version 4.
+
+    Raises:
+        DamagedMat: If a size does not fit.
+    """
+    order = "<" if _header_4(raw, 0, "<") else ">"
+    at = 0
+    while at < len(raw):
+        header = _header_4(raw, at, order)
+        if header is None:
+            msg = f"no header of a variable at byte {at}"
+            raise DamagedMat(msg)
+        name, kind, rows, columns, imaginary, at = header
+        precision = np.dtype(order + _PRECISIONS[kind // 10])
+        count = rows * columns
+        size = count * precision.itemsize * (2 if imaginary else 1)
+        if at + size > len(raw):
+            msg = f"'{name}' needs {size} bytes and {len(raw) - at} are left"
+            raise DamagedMat(msg)
+        cells = np.frombuffer(raw, precision, count, at)
+        at += size
+        if kind % 10:
+            yield Variable(name, None, "text" if kind % 10 == 1 else _CLASSES[5])
+        elif imaginary:
+            yield Variable(name, None, "complex numbers")
+        else:
+            yield Variable(name, cells.reshape((rows, columns), order="F"))
+
+
+def _header_4(
+    raw: bytes, at: int, order: str
+) -> tuple[str, int, int, int, int, int] | None:
+    """Return name, kind PT, rows, columns, imaginary flag and offset of the data."""
+    if at + 20 > len(raw):
+        return None
+    kind, rows, columns, imaginary, length = struct.unpack_from(f"{order}5i", raw, at)
+    digits = (kind // 1000, kind // 100 % 10, kind // 10 % 10, kind % 10)
+    plain = (
+        0 <= kind < 5000
+        and all(d <= most for d, most in zip(digits, (4, 0, 5, 2), strict=True))
+        and min(rows, columns) >= 0
+        and imaginary in (0, 1)
+        and 2 <= length <= 256
+    )
+    name = raw[at + 20 : at + 20 + max(length, 0)] if plain else b""
+    if len(name) < 2 or not name.endswith(b"\0"):
+        return None
+    text = name.rstrip(b"\0").decode("latin-1")
+    if not text.isprintable() or not text:
+        return None
+    return text, kind % 100, rows, columns, imaginary, at + 20 + length
+
+
+def read_version_5(raw: bytes) -> Iterator[Variable]:
+    """Yield the variables of a file of version 5 to 7.2, fields as ``name.field``.
+
+    Raises:
+        DamagedMat: If a size or a type does not fit.
+    """
+    mark = raw[126:128]
+    if mark not in (b"IM", b"MI"):
+        msg = "no mark of the byte order at byte 126"
+        raise DamagedMat(msg)
+    reader = _Reader(raw, 128, len(raw), "<" if mark == b"IM" else ">")
+    while reader.at < reader.end:
+        kind, body = reader.element()
+        if kind == _COMPRESSED:
+            try:
+                whole = zlib.decompress(body.raw[body.at : body.end])
+            except zlib.error as error:
+                msg = f"compressed data: {error}"
+                raise DamagedMat(msg) from error
+            kind, body = _Reader(whole, 0, len(whole), body.order).element()
+        if kind != _MATRIX:
+            msg = f"an element of type {kind} in place of a variable"
+            raise DamagedMat(msg)
+        yield from _matrix(body, None, 0)
+
+
+@dataclasses.dataclass
+class _Reader:
+    """A range of bytes, read element by element."""
+
+    raw: bytes
+    at: int
+    end: int
+    order: str
+
+    def element(self) -> tuple[int, "_Reader"]:
+        """Return type and content of the next element, and step over it."""
+        if self.at + 8 > self.end:
+            msg = f"the end of the data at byte {self.end}"
+            raise DamagedMat(msg)
+        kind, size = struct.unpack_from(f"{self.order}2I", self.raw, self.at)
+        if kind >> 16:  # small: size and type share a word, up to 4 bytes behind it
+            kind, size, start, step = kind & 0xFFFF, kind >> 16, self.at + 4, 8
+            if size > 4:
+                msg = f"a short element of {size} bytes at byte {self.at}"
+                raise DamagedMat(msg)
+        else:
+            start = self.at + 8
+            step = 8 + (size if kind == _COMPRESSED else -(-size // 8) * 8)
+        if start + size > self.end:
+            left = self.end - start
+            msg = f"an element of {size} bytes where {left} are left"
+            raise DamagedMat(msg)
+        self.at = min(self.at + step, self.end)
+        return kind, _Reader(self.raw, start, start + size, self.order)
+
+    def array(self) -> np.ndarray:
+        """Return the next element as numbers."""
+        kind, body = self.element()
+        if kind not in _NUMBERS:
+            msg = f"an element of type {kind} in place of numbers"
+            raise DamagedMat(msg)
+        form = np.dtype(self.order + _NUMBERS[kind])
+        count = (body.end - body.at) // form.itemsize
+        return np.frombuffer(self.raw, form, count, body.at)
+
+    def bytes(self) -> tuple[int, bytes]:
+        """Return type and bytes of the next element."""
+        kind, body = self.element()
+        return kind, self.raw[body.at : body.end]
+
+
+def _matrix(reader: _Reader, name: str | None, depth: int) -> Iterator[Variable]:
+    """Yield one variable, or the fields of one structure."""
+    if reader.at == reader.end:  # an empty array may be written as nothing
+        yield Variable(name or "", None, "empty")
+        return
+    flags, shape = reader.array(), reader.array()
+    if flags.size < 1 or not 2 <= shape.size <= 32 or min(shape.tolist()) < 0:
+        msg = "an array without a proper shape"
+        raise DamagedMat(msg)
+    own = reader.bytes()[1].decode("latin-1")
+    name = own if name is None else name
+    kind, sizes = int(flags[0]) & 0xFF, tuple(shape.tolist())
+    if not name.isprintable():
+        msg = "a name that cannot be printed"
+        raise DamagedMat(msg)
+    if name.startswith("__"):
+        return
+    if kind in _NUMERIC:
+        values = reader.array()
+        if int(flags[0]) & _COMPLEX:
+            yield Variable(name, None, "complex numbers")
+        elif values.size != math.prod(sizes):
+            msg = f"'{name}' holds {values.size} values for shape {sizes}"
+            raise DamagedMat(msg)
+        else:
+            yield Variable(name, values.reshape(sizes, order="F"))
+    elif kind == _CHAR:
+        coding, text = reader.bytes()
+        words = text.decode(_TEXTS.get(coding, "latin-1"), errors="replace")
+        yield Variable(name, None, f"text '{words[:40]}'")
+    elif kind == _STRUCT and math.prod(sizes) == 1 and depth < _DEPTH:
+        yield from _fields(reader, name, depth)
+    elif kind == _STRUCT:
+        yield Variable(name, None, "a list of structures")
+    else:
+        yield Variable(name, None, _CLASSES.get(kind, f"class {kind}"))
+
+
+def _fields(reader: _Reader, name: str, depth: int) -> Iterator[Variable]:
+    widths = reader.array()
+    width = int(widths[0]) if widths.size else 0
+    names = reader.bytes()[1]
+    if not 0 < width <= 256:
+        msg = f"names of fields of {width} bytes"
+        raise DamagedMat(msg)
+    for at in range(0, len(names), width):
+        field = names[at : at + width].split(b"\0")[0].decode("latin-1")
+        kind, body = reader.element()
+        if kind != _MATRIX:
+            msg = f"field '{field}' of type {kind}"
+            raise DamagedMat(msg)
+        yield from _matrix(body, f"{name}.{field}", depth + 1)

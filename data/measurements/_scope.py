@@ -1,0 +1,158 @@
+"""TwinCAT Scope text exports: channels of several sample times on one list of instants."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ._header import Name, roles_of
+from ._scope_body import read_body
+from ._scope_group import GroupSamples
+from ._scope_header import Channel, read_header
+from ._table import SCOPE_FORMAT, Column, Skipped, Table
+from ._units import find_unit
+
+_DECIMALS = 6
+"""Times are compared to the nanosecond; Scope writes them in ms."""
+
+
+def read_scope(path: Path, text: str) -> Table:
+    """Return the channels of a TwinCAT Scope text export.
+
+    The rows are all instants at which any channel has a sample, in ms since the start
+    of the export; `Column.present` tells where a channel has one. `measurement` brings
+    the channels that are used to one clock.
+
+    Raises:
+        MeasurementError: If the file is damaged; names the line.
+    """
+    header = read_header(path, text)
+    groups = read_body(path, header, text)
+    clocks, clock_of = _clocks(groups)
+    instants, places = _instants(clocks)
+    lines = np.zeros(instants.size, dtype=np.int64)
+    for samples, clock in zip(groups[::-1], clock_of[::-1], strict=True):
+        lines[places[clock]] = samples.lines
+    columns = [_time_column(instants, header.groups)]
+    remarks = []
+    for at, (samples, channels) in enumerate(zip(groups, header.groups, strict=True)):
+        place = places[clock_of[at]]
+        measured = _step(samples.time)
+        for k, channel in enumerate(channels):
+            columns.append(_column(channel, samples, k, place, instants.size, measured))
+        stated = channels[0].sample_time
+        if stated and measured and abs(stated - measured) > 0.01 * stated:
+            remarks.append(
+                f"'{channels[0].name}' states a sample time of {1e3 * stated:g} ms and"
+                f" its times advance by {1e3 * measured:g} ms; the times are taken."
+            )
+    roles, _ = roles_of([_name(column) for column in columns[1:]])
+    named = [
+        dataclasses.replace(column, role=role if role != "time" else None)
+        for column, role in zip(columns[1:], roles, strict=True)
+    ]
+    if header.rescaled:
+        remarks.append(
+            f"The header states a scale or an offset for {_some(header.rescaled)}, not"
+            " whether it was applied before the export; values are taken as they stand."
+        )
+    unknown = [c.name for c in named if c.unit and find_unit(c.unit) is None]
+    if unknown:
+        remarks.append(
+            f"The units of {_some(unknown)} are none that can be converted: state them"
+            " where these channels are used."
+        )
+    repeated = sum(samples.repeated for samples in groups)
+    skipped = (
+        (Skipped(0, f"{repeated} samples repeated to fill lines"),) if repeated else ()
+    )
+    return Table(
+        path=path,
+        format=SCOPE_FORMAT,
+        columns=(columns[0], *named),
+        rows=instants.size,
+        lines=lines,
+        skipped=skipped,
+        remarks=tuple(remarks),
+    )
+
+
+def _clocks(
+    groups: Sequence[GroupSamples],
+) -> tuple[list[Float[np.ndarray, " _"]], list[int]]:
+    """Return the different lists of times, and which of them each group has."""
+    clocks: list[np.ndarray] = []
+    clock_of = []
+    for samples in groups:
+        time = np.round(samples.time, _DECIMALS)
+        for at, known in enumerate(clocks):
+            if np.array_equal(known, time):
+                clock_of.append(at)
+                break
+        else:
+            clock_of.append(len(clocks))
+            clocks.append(time)
+    return clocks, clock_of
+
+
+def _instants(
+    clocks: Sequence[Float[np.ndarray, " _"]],
+) -> tuple[Float[np.ndarray, " t"], list[Int[np.ndarray, " _"]]]:
+    """Return all instants in order, and where the times of each clock lie in them."""
+    if len(clocks) == 1:
+        return clocks[0], [np.arange(clocks[0].size)]
+    instants = np.unique(np.concatenate(clocks))
+    return instants, [np.searchsorted(instants, clock) for clock in clocks]
+
+
+def _time_column(
+    instants: Float[np.ndarray, " t"], groups: Sequence[Sequence[Channel]]
+) -> Column:
+    taken = {channel.name.casefold() for group in groups for channel in group}
+    name = next(n for n in ("time", "scope time", "time of export") if n not in taken)
+    return Column(name, "time", "ms", instants, header=name)
+
+
+def _column(
+    channel: Channel,
+    samples: GroupSamples,
+    k: int,
+    place: Int[np.ndarray, " _"],
+    rows: int,
+    measured: float | None,
+) -> Column:
+    values = samples.values[k]
+    present: Bool[np.ndarray, " t"] | None = None
+    if place.size != rows:
+        present = np.zeros(rows, dtype=bool)
+        present[place] = True
+        spread = np.full(rows, np.nan)
+        spread[place] = values
+        values = spread
+    known = find_unit(channel.unit) if channel.unit else None
+    return Column(
+        name=channel.name,
+        role=None,
+        unit=known.name if known else channel.unit,
+        values=values,
+        bad=samples.bad[k],
+        header=channel.name,
+        present=present,
+        sample_time=channel.sample_time or measured,
+    )
+
+
+def _step(time: Float[np.ndarray, " t"]) -> float | None:
+    """Return the usual time step in s."""
+    return float(np.median(np.diff(time))) / 1000.0 if time.size > 1 else None
+
+
+def _name(column: Column) -> Name:
+    return Name(column.name, column.unit, False, column.name, column.header)
+
+
+def _some(names: Sequence[str]) -> str:
+    shown = ", ".join(f"'{name}'" for name in names[:4])
+    return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"

@@ -1,0 +1,52 @@
+"""Signals of a recording: motion from positions, delays, phases, faults of a current.
+
+Arrays in, typed results out; no files, and NumPy and SciPy only. A room of the
+measurement wing: `axcomp.data.measurements` reads what is worked on here. Positions are
+in mm or °, times in s, currents in any unit.
+
+* `read_clock`: sample time, jumps and continuous segments.
+* `filtered_motion`, `smoothed_motion`: velocity and acceleration with their noise.
+* `zero_phase`, `central_differences`, `decimate`: the same steps for all columns of a fit.
+* `estimate_delay`, `advanced`: channels that are late.
+* `find_phases`: rest, constant speed, reversals.
+* `find_polarity`, `find_saturation`, `examine`: what a recording of a current is worth.
+"""
+
+from ._clock import Clock as Clock, Jump as Jump, read_clock as read_clock
+from ._current import (
+    Polarity as Polarity,
+    Saturation as Saturation,
+    find_polarity as find_polarity,
+    find_saturation as find_saturation,
+)
+from ._delay import (
+    Delay as Delay,
+    Shifted as Shifted,
+    advanced as advanced,
+    estimate_delay as estimate_delay,
+)
+from ._errors import SignalError as SignalError
+from ._examine import (
+    Examination as Examination,
+    Finding as Finding,
+    Kind as Kind,
+    examine as examine,
+)
+from ._filter import (
+    bandwidth as bandwidth,
+    central_differences as central_differences,
+    decimate as decimate,
+    zero_phase as zero_phase,
+)
+from ._motion import (
+    Motion as Motion,
+    filtered_motion as filtered_motion,
+    smoothed_motion as smoothed_motion,
+)
+from ._noise import noise_of as noise_of, resolution as resolution
+from ._phases import (
+    Phases as Phases,
+    Plateau as Plateau,
+    Reversal as Reversal,
+    find_phases as find_phases,
+)

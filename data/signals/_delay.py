@@ -1,0 +1,212 @@
+"""Delay between two channels to a fraction of a sample, and its removal."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ._errors import SignalError, check_lengths
+from ._filter import SETTLING, zero_phase
+from ._noise import long_run_deviation
+
+_LEAST_CORRELATION = 0.5
+_SECOND_PEAK = 0.98
+"""Share of the best correlation at which another place is as good as it."""
+_STEPS = 30
+
+
+@dataclasses.dataclass(frozen=True)
+class Delay:
+    """How much later one channel shows what another shows.
+
+    Attributes:
+        seconds: Positive where the second channel is late.
+        standard_deviation: In s; noise of both channels, correlated or not.
+        gain: Units of the second channel per unit of the first.
+        correlation: Of the two, the delay taken out.
+        determined: Whether the record tells the delay; else it is not to be used.
+        statement: In words.
+    """
+
+    seconds: float
+    standard_deviation: float
+    gain: float
+    correlation: float
+    determined: bool
+    statement: str
+
+
+def estimate_delay(
+    reference: Float[np.ndarray, " t"],
+    delayed: Float[np.ndarray, " t"],
+    sample_time: float,
+    *,
+    longest: float,
+    cutoff: float | None = None,
+) -> Delay:
+    r"""Return the delay $\tau$ of $y(t) = a + b\,x(t - \tau)$ by least squares.
+
+    Both channels pass the same zero-phase low pass, without which interpolation would
+    smooth the noise of $x$ at half samples more than at whole ones and draw the delay
+    there. The standard deviation allows for noise that the filter has correlated.
+
+    Args:
+        reference: $x$, in any unit; at equal steps and without jumps of the clock.
+        delayed: $y$, in any unit.
+        sample_time: In s.
+        longest: Delay in s, of either sign, that is looked for.
+        cutoff: Of the low pass in Hz; a tenth of the sample rate where left out.
+
+    Raises:
+        SignalError: If there are too few samples for the filter and the delay.
+    """
+    cutoff = 0.1 / sample_time if cutoff is None else cutoff
+    most = int(np.ceil(longest / sample_time))
+    edge = most + max(2, round(SETTLING / cutoff / sample_time))
+    least = 2 * edge + 50
+    check_lengths("delay", reference.size, delayed.size, least=least)
+    x = zero_phase(reference, sample_time, cutoff=cutoff)
+    y = zero_phase(delayed, sample_time, cutoff=cutoff)
+    inner = slice(edge, x.size - edge)
+    if min(np.ptp(x[inner]), np.ptp(y[inner])) == 0.0:
+        return _nothing("one of the channels does not change")
+    start, second = _coarse(np.gradient(x), np.gradient(y), most, edge)
+    found = _refine(x, y, start, most, edge)
+    lag = max(3, round(3.0 / cutoff / sample_time))
+    samples, deviation, gain, correlation = _judge(x, y, found, edge, lag)
+    seconds, sigma = samples * sample_time, deviation * sample_time
+    reason = ""
+    if correlation < _LEAST_CORRELATION:
+        reason = f"the channels are alike to {100 * correlation:.0f} % only"
+    elif abs(samples) >= most:
+        reason = f"it is longer than the {1e3 * longest:g} ms that were looked for"
+    elif second > _SECOND_PEAK:
+        reason = "the motion repeats, so that another delay fits as well"
+    elif not sigma < 0.3 * longest:
+        reason = f"its standard deviation is {1e3 * sigma:.2g} ms"
+    words = f"delay {1e3 * seconds:.4f} ms ± {1e3 * sigma:.2g} ms"
+    if reason:
+        words = f"the delay cannot be told: {reason}"
+    return Delay(seconds, sigma, gain, correlation, not reason, words)
+
+
+@dataclasses.dataclass(frozen=True)
+class Shifted:
+    """A channel at other instants; `valid` is False where the record does not reach."""
+
+    values: Float[np.ndarray, " t"]
+    valid: Bool[np.ndarray, " t"]
+
+
+def advanced(
+    values: Float[np.ndarray, " t"], sample_time: float, delay: float
+) -> Shifted:
+    """Return a channel as it was `delay` s later: the delay of a late one taken out.
+
+    By a cubic spline through the samples; beyond the record the end values stand, which
+    are not valid.
+
+    Raises:
+        SignalError: If the delay is longer than the record.
+    """
+    from scipy.interpolate import CubicSpline
+
+    check_lengths("shift", values.size, least=4)
+    whole = sample_time * (values.size - 1)
+    if abs(delay) >= whole:
+        found = f"a delay of {delay:g} s in a record of {whole:g} s"
+        what = "shift"
+        raise SignalError(what, found, "a shorter one")
+    at = np.arange(values.size) + delay / sample_time
+    valid = (at >= 0.0) & (at <= values.size - 1)
+    inside = np.clip(at, 0.0, values.size - 1)
+    moved = np.asarray(CubicSpline(np.arange(values.size), values)(inside))
+    return Shifted(moved, valid)
+
+
+def _nothing(reason: str) -> Delay:
+    infinite = float("inf")
+    words = f"the delay cannot be told: {reason}"
+    return Delay(0.0, infinite, 0.0, 0.0, False, words)
+
+
+def _coarse(
+    x: Float[np.ndarray, " t"], y: Float[np.ndarray, " t"], most: int, edge: int
+) -> tuple[int, float]:
+    """Return the whole delay of best correlation, and how good another place is."""
+    from scipy.signal import correlate
+
+    y = y[edge : y.size - edge]
+    products = correlate(
+        x, y - y.mean(), mode="valid"
+    )  # sum of y over each window of x
+    size = y.size
+    ends = np.concatenate([[0.0], np.cumsum(x)])
+    squares = np.concatenate([[0.0], np.cumsum(x * x)])
+    mean = (ends[size:] - ends[:-size]) / size
+    power = (squares[size:] - squares[:-size]) - size * mean**2
+    # Window k of x is late by k - edge: y(t) meets x(t - τ) with τ = edge - k.
+    scores = np.abs(products) / np.sqrt(np.maximum(power, 1e-300))
+    delays = edge - np.arange(scores.size)
+    scores = np.where(np.abs(delays) <= most, scores, 0.0)
+    best = int(np.argmax(scores))
+    inner = (scores[1:-1] > scores[:-2]) & (scores[1:-1] >= scores[2:])
+    peaks = 1 + np.flatnonzero(inner)
+    others = scores[peaks[peaks != best]]
+    second = float(others.max() / scores[best]) if others.size else 0.0
+    return int(delays[best]), second
+
+
+def _refine(
+    x: Float[np.ndarray, " t"],
+    y: Float[np.ndarray, " t"],
+    start: int,
+    most: int,
+    edge: int,
+) -> float:
+    """Return the delay in samples by Gauss-Newton steps from a whole one."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(np.arange(x.size), x)
+    rows = np.arange(edge, x.size - edge)
+    delay = float(start)
+    for _ in range(_STEPS):
+        model, slope = spline(rows - delay), spline(rows - delay, 1)
+        columns = np.column_stack([np.ones(rows.size), model, slope])
+        scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        fit = np.linalg.lstsq(columns / scale, y[rows], rcond=None)[0] / scale
+        if fit[1] == 0.0:
+            break
+        # a + b x(t - τ - δ) = a + b x - b δ x'
+        step = float(np.clip(-fit[2] / fit[1], -0.5, 0.5))
+        delay = float(np.clip(delay + step, -most, most))
+        if abs(step) < 1e-9:
+            break
+    return delay
+
+
+def _judge(
+    x: Float[np.ndarray, " t"],
+    y: Float[np.ndarray, " t"],
+    delay: float,
+    edge: int,
+    lag: int,
+) -> tuple[float, float, float, float]:
+    """Return delay and its deviation in samples, gain, and correlation."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(np.arange(x.size), x)
+    rows = np.arange(edge, x.size - edge)
+    model, slope, target = spline(rows - delay), spline(rows - delay, 1), y[rows]
+    plain = np.column_stack([np.ones(rows.size), model - model.mean()])
+    fit = np.linalg.lstsq(plain, target, rcond=None)[0]
+    residual = target - plain @ fit
+    own = slope - plain @ np.linalg.lstsq(plain, slope, rcond=None)[0]
+    gradient = fit[1] * own
+    power = float(gradient @ gradient)
+    spread = float(np.linalg.norm(target - target.mean()))
+    if power == 0.0 or spread == 0.0:
+        return delay, float("inf"), float(fit[1]), 0.0
+    deviation = long_run_deviation(gradient * residual, lag) / power
+    share = 1.0 - (float(np.linalg.norm(residual)) / spread) ** 2
+    return delay, deviation, float(fit[1]), max(share, 0.0) ** 0.5

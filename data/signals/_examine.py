@@ -1,0 +1,203 @@
+"""What a recording of position and current can tell about friction, and what not."""
+
+import dataclasses
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ._clock import Clock, read_clock
+from ._current import Polarity, Saturation, find_polarity, find_saturation
+from ._errors import check_lengths
+from ._motion import Motion
+from ._phases import Phases, find_phases
+
+Kind = Literal[
+    "no motion",
+    "one direction",
+    "no slow samples",
+    "current keeps its sign",
+    "current opposes the motion",
+    "sign of the current unknown",
+    "saturated",
+    "clock jumps",
+]
+"""What can be wrong with a recording."""
+
+_SLOW = 0.02
+"""Share of the fastest speed below which a sample is slow, where no speed is given."""
+_FEW = 20
+"""Fewer samples than that count as none."""
+_DROP = ("breakaway", "stribeck_velocity", "stribeck_shape")
+_LAW = ("coulomb", "viscous", *_DROP)
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """One shortcoming of a recording.
+
+    Attributes:
+        kind: Which.
+        sentence: For the report, with figures.
+        undetermined: Parameters that cannot be told because of it.
+    """
+
+    kind: Kind
+    sentence: str
+    undetermined: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Examination:
+    """A recording, looked over before a friction fit.
+
+    Attributes:
+        clock: Of the times.
+        phases: Rest, directions, plateaus, reversals.
+        polarity: Sign of the current against the motion.
+        saturation: Of the current.
+        usable: Rows that tell of kinetic friction: settled, with a certain direction, the
+            current not held by a limit.
+        findings: Shortcomings, worst first.
+    """
+
+    clock: Clock
+    phases: Phases
+    polarity: Polarity
+    saturation: Saturation
+    usable: Bool[np.ndarray, " t"]
+    findings: tuple[Finding, ...]
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Parameters that the recording cannot tell, each once."""
+        names = (name for finding in self.findings for name in finding.undetermined)
+        return tuple(dict.fromkeys(names))
+
+
+def examine(
+    motion: Motion,
+    current: Float[np.ndarray, " t"],
+    *,
+    limit: float | None = None,
+    slow: float | None = None,
+    unit: str = "mm",
+) -> Examination:
+    """Return what a recording can and cannot tell about the friction of an axis.
+
+    Args:
+        motion: Derived from its positions.
+        current: In any unit.
+        limit: Amount at which the drive limits it, where it is known.
+        slow: Speed in mm/s or °/s below which the drop of the Stribeck law shows; 2 % of
+            the fastest where left out.
+        unit: Of the positions, for the sentences.
+
+    Raises:
+        SignalError: If the lengths differ.
+    """
+    check_lengths("recording", motion.time.size, current.size, least=8)
+    clock, phases = read_clock(motion.time), find_phases(motion)
+    saturation = find_saturation(current, limit=limit)
+    sure = np.where(motion.settled & ~saturation.rows, phases.direction, 0)
+    polarity = find_polarity(current, sure, motion.acceleration)
+    usable: Bool[np.ndarray, " t"] = sure != 0
+    findings = [
+        *_directions(sure),
+        *_slow_samples(motion, sure, slow, unit),
+        *_sign(current, sure, polarity),
+        *_limits(saturation, motion, sure),
+    ]
+    if clock.jumps:
+        findings.append(Finding("clock jumps", f"The clock has {clock.statement}."))
+    return Examination(clock, phases, polarity, saturation, usable, tuple(findings))
+
+
+def _directions(sure: Int[np.ndarray, " t"]) -> list[Finding]:
+    counts = {sign: int((sure == sign).sum()) for sign in (1, -1)}
+    if max(counts.values()) < _FEW:
+        sentence = (
+            "The axis does not move, or not faster than the noise of its positions."
+        )
+        return [Finding("no motion", sentence, ("inertia", "offset", *_LAW))]
+    for sign, word, lost in ((1, "positive", "negative"), (-1, "negative", "positive")):
+        if counts[-sign] < _FEW:
+            sentence = (
+                f"Only motion in {word} direction is recorded: the offset cannot be told"
+                f" from the Coulomb friction, and nothing of the {lost} direction."
+            )
+            missing = tuple(f"{name}_{lost}" for name in _LAW)
+            return [Finding("one direction", sentence, ("offset", *missing))]
+    return []
+
+
+def _slow_samples(
+    motion: Motion, sure: Int[np.ndarray, " t"], slow: float | None, unit: str
+) -> list[Finding]:
+    moving = np.abs(motion.velocity[sure != 0])
+    if moving.size < _FEW:
+        return []
+    fastest = float(np.quantile(moving, 0.99))
+    bound = _SLOW * fastest if slow is None else slow
+    count = int((moving <= bound).sum())
+    if count >= _FEW:
+        return []
+    slowest = float(np.quantile(moving, 0.01))
+    sentence = (
+        f"Hardly a sample lies below {bound:.3g} {unit}/s (the slowest hundredth begins at"
+        f" {slowest:.3g} {unit}/s): how friction rises towards rest is not measured."
+    )
+    return [Finding("no slow samples", sentence, _DROP)]
+
+
+def _sign(
+    current: Float[np.ndarray, " t"], sure: Int[np.ndarray, " t"], polarity: Polarity
+) -> list[Finding]:
+    findings = []
+    if not (sure != 0).any():
+        return []
+    low, high = np.quantile(current[sure != 0], [0.001, 0.999]).tolist()
+    both = bool((sure > 0).any() and (sure < 0).any())
+    if both and low * high > 0.0:
+        told = polarity.sign is not None and polarity.friction != 0.0
+        why = (
+            "a constant load is larger than the friction"
+            if told
+            else "its amount was recorded, or a constant load hides the friction"
+        )
+        sentence = (
+            f"The current keeps its sign ({low:.3g} to {high:.3g}) in both directions:"
+            f" {why}."
+        )
+        lost = () if told else ("offset", *_LAW)
+        findings.append(Finding("current keeps its sign", sentence, lost))
+    if polarity.sign is None:
+        sentence = f"{polarity.statement[0].upper()}{polarity.statement[1:]}."
+        findings.append(Finding("sign of the current unknown", sentence))
+    elif polarity.sign < 0:
+        sentence = (
+            "The current opposes the motion: it is recorded with the sign of a feedback"
+            " and has to be turned round."
+        )
+        findings.append(Finding("current opposes the motion", sentence))
+    return findings
+
+
+def _limits(
+    saturation: Saturation, motion: Motion, sure: Int[np.ndarray, " t"]
+) -> list[Finding]:
+    if not saturation.rows.any():
+        return []
+    lost: tuple[str, ...] = ()
+    push = np.abs(motion.acceleration)
+    if push.max() > 0.0:
+        strong = (
+            push > 0.5 * float(np.quantile(push[motion.settled], 0.99))
+            if (motion.settled.any())
+            else push > 0.0
+        )
+        if int((strong & (sure != 0)).sum()) < _FEW:
+            lost = ("inertia",)
+    sentence = f"{saturation.statement[0].upper()}{saturation.statement[1:]}"
+    sentence += ": these are left out."
+    return [Finding("saturated", sentence, lost)]

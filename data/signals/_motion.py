@@ -1,0 +1,183 @@
+"""Velocity and acceleration from positions, with the noise that they carry."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ._clock import read_clock
+from ._errors import SignalError, check_lengths
+from ._filter import SETTLING, bandwidth, central_differences, zero_phase
+from ._noise import noise_gain, noise_of
+
+_SETTLING = 2.0
+"""The same for a spline, whose ends are free: in periods of its bandwidth."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """A motion derived from recorded positions; mm or °, per s and s².
+
+    Attributes:
+        time: In s.
+        position: Smoothed.
+        velocity: Of the smoothed position.
+        acceleration: Of the smoothed position.
+        bandwidth: In Hz: slower changes are left, faster ones taken out (1/√2 is left
+            of one at this frequency).
+        position_noise: Standard deviation of the white noise on the recorded positions.
+        velocity_noise: What it becomes in the velocity.
+        acceleration_noise: What it becomes in the acceleration.
+        settled: False within reach of an end of the record or of a jump of the clock,
+            where the values rest on one side only.
+    """
+
+    time: Float[np.ndarray, " t"]
+    position: Float[np.ndarray, " t"]
+    velocity: Float[np.ndarray, " t"]
+    acceleration: Float[np.ndarray, " t"]
+    bandwidth: float
+    position_noise: float
+    velocity_noise: float
+    acceleration_noise: float
+    settled: Bool[np.ndarray, " t"]
+
+
+def filtered_motion(
+    time: Float[np.ndarray, " t"],
+    position: Float[np.ndarray, " t"],
+    *,
+    cutoff: float = 100.0,
+    order: int = 4,
+) -> Motion:
+    """Return the motion by a zero-phase Butterworth filter and central differences.
+
+    With the defaults this is the evaluation of the EMPS benchmark (Janot, Gautier and
+    Brunot, 2019) before its decimation; see `zero_phase`, `central_differences` and
+    `decimate`. Segments between jumps of the clock are taken each for itself; those too
+    short to filter have no settled sample and are left unfiltered.
+
+    Args:
+        time: In s, with equal steps but for jumps.
+        position: In mm or °.
+        cutoff: Of one pass of the filter in Hz.
+        order: Of one pass.
+
+    Raises:
+        SignalError: If the steps are not equal (`smoothed_motion` takes such), the
+            cutoff does not fit them, or there are too few samples.
+    """
+    check_lengths("motion", time.size, position.size, least=8)
+    clock = read_clock(time)
+    if not clock.uniform:
+        found = f"steps of {1e3 * clock.sample_time:g} ms ± {1e3 * clock.jitter:.2g} ms"
+        what = "filtered motion"
+        raise SignalError(what, found, "equal steps, or `smoothed_motion`")
+    step = clock.sample_time
+
+    def smooth(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        return zero_phase(values, step, cutoff=cutoff, order=order)
+
+    def rate(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        return central_differences(smooth(values), step)
+
+    def curvature(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        return central_differences(rate(values), step)
+
+    reach = max(2, round(SETTLING / cutoff / step))
+    least = max(3 * (order + 1) + 1, 2 * reach + 1)
+    rows = np.zeros((3, time.size))
+    settled = np.zeros(time.size, dtype=bool)
+    for segment in clock.segments:
+        part = position[segment]
+        if part.size < least:
+            rows[0, segment] = part
+            if part.size > 1:
+                rows[1, segment] = central_differences(part, step)
+            continue
+        rows[:, segment] = smooth(part), rate(part), curvature(part)
+        settled[segment.start + reach : segment.stop - reach] = True
+    noise, length = noise_of(position), 10 * max(reach, 20)
+    return Motion(
+        time=time,
+        position=rows[0],
+        velocity=rows[1],
+        acceleration=rows[2],
+        bandwidth=bandwidth(cutoff, order),
+        position_noise=noise,
+        velocity_noise=noise * noise_gain(rate, length),
+        acceleration_noise=noise * noise_gain(curvature, length),
+        settled=settled,
+    )
+
+
+def smoothed_motion(
+    time: Float[np.ndarray, " t"],
+    position: Float[np.ndarray, " t"],
+    *,
+    bandwidth: float,
+) -> Motion:
+    r"""Return the motion by a cubic smoothing spline of a stated bandwidth.
+
+    The spline that minimises $\sum (x_t - f(t))^2 + \lambda \int \ddot f^2$ leaves
+    $1/(1 + \lambda h \omega^4)$ of a vibration (Silverman, Annals of Statistics 12(3),
+    1984), so $\lambda = (\sqrt 2 - 1)/(h (2\pi b)^4)$ leaves $1/\sqrt 2$ at the
+    bandwidth $b$. Steps $h$ need not be equal.
+
+    Args:
+        time: In s, rising within segments.
+        position: In mm or °.
+        bandwidth: In Hz.
+
+    Raises:
+        SignalError: If there are too few samples or the bandwidth is not below a
+            quarter of the sample rate.
+    """
+    from scipy.interpolate import make_smoothing_spline
+
+    check_lengths("motion", time.size, position.size, least=8)
+    clock = read_clock(time)
+    step = clock.sample_time
+    if not 0.0 < bandwidth <= 0.25 / step:
+        found, limit = f"a bandwidth of {bandwidth:g} Hz", 0.25 / step
+        expected = (
+            f"more than 0 and at most {limit:g} Hz (a quarter of the sample rate)"
+        )
+        what = "smoothed motion"
+        raise SignalError(what, found, expected)
+    strength = (2.0**0.5 - 1.0) / (step * (2.0 * np.pi * bandwidth) ** 4)
+    reach = max(2, round(_SETTLING / bandwidth / step))
+    rows = np.zeros((3, time.size))
+    settled = np.zeros(time.size, dtype=bool)
+    for segment in clock.segments:
+        part, own = position[segment], time[segment]
+        if part.size < max(8, 2 * reach + 1):
+            rows[0, segment] = part
+            if part.size > 1:
+                rows[1, segment] = np.gradient(part, own)
+            continue
+        spline = make_smoothing_spline(own - own[0], part, lam=strength)
+        for order in range(3):
+            rows[order, segment] = spline(own - own[0], nu=order)
+        settled[segment.start + reach : segment.stop - reach] = True
+
+    def gain(order: int) -> float:
+        length = 10 * max(reach, 20)
+        grid = step * np.arange(2 * length + 1)
+        return noise_gain(
+            lambda x: make_smoothing_spline(grid, x, lam=strength)(grid, nu=order),
+            length,
+        )
+
+    noise = noise_of(position, time)
+    return Motion(
+        time=time,
+        position=rows[0],
+        velocity=rows[1],
+        acceleration=rows[2],
+        bandwidth=bandwidth,
+        position_noise=noise,
+        velocity_noise=noise * gain(1),
+        acceleration_noise=noise * gain(2),
+        settled=settled,
+    )

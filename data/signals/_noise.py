@@ -1,0 +1,93 @@
+"""How noisy a sampled signal is, whatever it does, and how that passes a filter."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from ._errors import check_lengths
+
+_THIRD = math.sqrt(20.0)
+"""Third differences of white noise are that many times as large (1, 3, 3, 1)."""
+_HALF = 1.4826
+"""Standard deviation per median of the absolute value, of normal noise."""
+
+
+def noise_of(
+    values: Float[np.ndarray, " t"], time: Float[np.ndarray, " t"] | None = None
+) -> float:
+    """Return the standard deviation of the white noise on a smooth signal.
+
+    From third differences (divided ones where the times are given, which need not be
+    equally far apart), which a motion of moderate jerk does not show, by their median,
+    which reversals do not show. Of a signal that hardly changes the resolution counts:
+    a step of the display stands for 1/√12 of it.
+    """
+    check_lengths("noise", values.size, least=8)
+    third = np.diff(values, 3) / _THIRD if time is None else _divided(values, time)
+    spread = _HALF * float(np.median(np.abs(third)))
+    return max(spread, resolution(values) / math.sqrt(12.0))
+
+
+def _divided(
+    values: Float[np.ndarray, " t"], time: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, " n"]:
+    """Return third divided differences, scaled so that they keep white noise as it is."""
+    scale = float(np.median(np.abs(np.diff(time)))) or 1.0
+    places = [time[k : time.size - 3 + k] / scale for k in range(4)]
+    total, power = np.zeros(time.size - 3), np.zeros(time.size - 3)
+    for k, own in enumerate(places):
+        product = np.ones(time.size - 3)
+        for other in range(4):
+            if other != k:
+                product *= own - places[other]
+        # The same time twice tells nothing; its quotient is left out below.
+        weight = 1.0 / np.where(product == 0.0, np.nan, product)
+        total += weight * values[k : time.size - 3 + k]
+        power += weight**2
+    third = total / np.sqrt(power)
+    finite: Float[np.ndarray, " n"] = third[np.isfinite(third)]
+    return finite
+
+
+def resolution(values: Float[np.ndarray, " t"]) -> float:
+    """Return the step of a quantised signal; the smallest difference of two values.
+
+    Of a signal with full precision this is as small as rounding.
+    """
+    levels = np.unique(values)
+    if levels.size < 2:
+        return 0.0
+    gaps = np.diff(levels)
+    # Equal numbers may differ in the last bits after a conversion of units.
+    real = gaps[gaps > 1e-9 * float(np.ptp(levels))]
+    return float(real.min()) if real.size else 0.0
+
+
+def noise_gain(
+    pipeline: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]],
+    length: int,
+) -> float:
+    """Return the standard deviation that white noise of 1 has behind a linear filter.
+
+    Args:
+        pipeline: Linear and the same for every sample.
+        length: Samples that its impulse response takes.
+    """
+    impulse = np.zeros(2 * length + 1)
+    impulse[length] = 1.0
+    return float(np.linalg.norm(pipeline(impulse)))
+
+
+def long_run_deviation(values: Float[np.ndarray, " t"], lag: int) -> float:
+    """Return the standard deviation of the sum of correlated values about 0.
+
+    Bartlett weights up to a lag (Newey and West, Econometrica 55(3), 1987).
+    """
+    lag = min(lag, values.size - 1)
+    spectrum = np.fft.rfft(values, 2 * values.size)
+    products = np.fft.irfft(np.abs(spectrum) ** 2)[: lag + 1]
+    weights = 2.0 * (1.0 - np.arange(lag + 1) / (lag + 1.0))
+    weights[0] = 1.0
+    return math.sqrt(max(float(weights @ products), 0.0))

@@ -1,0 +1,56 @@
+"""The motion of an axis from a measurement."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.measurements import (
+    Measurement,
+    MeasurementError,
+    MissingRole,
+    derive_motion,
+    measurement,
+    read_table,
+)
+
+
+def load(folder: Path, **columns: np.ndarray) -> Measurement:
+    path = folder / "motion.csv"
+    names = [name.replace("_", ".") for name in columns]
+    body = np.column_stack(list(columns.values()))
+    rows = [",".join(f"{value!r}" for value in row) for row in body.tolist()]
+    path.write_text("\n".join([",".join(names), *rows]) + "\n", encoding="utf-8")
+    return measurement(read_table(path))
+
+
+TIME = 1e-3 * np.arange(3000)
+
+
+def test_encoder_counts_before_the_commanded_position(tmp_path: Path) -> None:
+    found = load(tmp_path, time=TIME, X_position=9.0 * TIME, X_encoder=8.0 * TIME)
+    motion = derive_motion(found, "X")
+    # A ramp passes the filter; 1e-4 of the speed is left of the ends.
+    assert np.allclose(motion.velocity[motion.settled], 8.0, rtol=0, atol=1e-3)
+    assert motion.bandwidth == pytest.approx(89.6, abs=0.1)  # of two passes at 100 Hz
+
+
+def test_uneven_clock_takes_the_spline(tmp_path: Path) -> None:
+    time = np.cumsum(np.where(np.arange(2000) % 3 == 0, 0.012, 0.010))
+    motion = derive_motion(load(tmp_path, time=time, X_position=5.0 * time), "X")
+    assert motion.bandwidth == pytest.approx(10.0)  # a tenth of 100 Hz
+    assert np.allclose(motion.velocity, 5.0, rtol=0, atol=1e-6)
+
+
+def test_measurement_without_time_is_refused(tmp_path: Path) -> None:
+    found = load(tmp_path, X_position=TIME, Y_position=TIME)
+    with pytest.raises(MissingRole, match="'time' to derive the motion of X"):
+        derive_motion(found, "X")
+
+
+def test_short_record_is_refused_with_file_and_role(tmp_path: Path) -> None:
+    found = load(tmp_path, time=TIME[:5], X_position=TIME[:5])
+    with pytest.raises(
+        MeasurementError, match=r"motion\.csv: X\.position: .*5 samples"
+    ):
+        derive_motion(found, "X")

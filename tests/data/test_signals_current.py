@@ -1,0 +1,186 @@
+"""What a recorded current is worth: sign, saturation, and what cannot be told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from axcomp.data.signals import (
+    Examination,
+    Motion,
+    examine,
+    filtered_motion,
+    find_polarity,
+    find_saturation,
+)
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+STEP = 1e-3
+TIME = STEP * np.arange(8000)
+PARTS = ("breakaway", "stribeck_velocity", "stribeck_shape")
+
+
+def wave(shift: float = 0.0) -> np.ndarray:
+    """Return positions in mm: back and forth, up to 63 mm/s; all forth with a shift."""
+    return 20.0 * np.sin(np.pi * TIME) + shift * TIME
+
+
+def record(
+    position: np.ndarray,
+    *,
+    friction: float = 1.0,
+    inertia: float = 2e-3,
+    offset: float = 0.3,
+    noise: float = 0.1,
+) -> tuple[Motion, np.ndarray]:
+    """Return the motion and a current in A that drives it."""
+    rng = np.random.default_rng(21)
+    seen = position + rng.normal(0.0, 1e-4, position.size)
+    motion = filtered_motion(TIME, seen, cutoff=50.0)
+    v, a = np.gradient(position, STEP), np.gradient(np.gradient(position, STEP), STEP)
+    current = friction * np.sign(v) + 5e-3 * v + inertia * a + offset
+    return motion, current + rng.normal(0.0, noise, TIME.size)
+
+
+def kinds(found: Examination) -> list[str]:
+    return [finding.kind for finding in found.findings]
+
+
+def test_good_record_has_no_finding() -> None:
+    motion, current = record(wave())
+    found = examine(motion, current)
+    assert kinds(found) == []
+    assert found.undetermined == ()
+    assert found.polarity.sign == 1
+    assert found.usable.mean() > 0.95
+    assert np.all(found.phases.direction[found.usable] != 0)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("gravity", [0.0, 5.0])
+def test_sign_of_the_current_is_told_whatever_the_load(
+    sign: int, gravity: float
+) -> None:
+    motion, current = record(wave(), offset=gravity)
+    found = examine(motion, sign * current)
+    assert found.polarity.sign == sign
+    assert found.polarity.confidence > 0.999
+    assert ("current opposes the motion" in kinds(found)) == (sign < 0)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_inertia_tells_the_sign_where_one_direction_is_recorded(sign: int) -> None:
+    motion, current = record(wave(shift=100.0))
+    found = examine(motion, sign * current)
+    assert found.polarity.sign == sign
+    assert "inertia" in found.polarity.statement
+
+
+def test_sign_of_noise_cannot_be_told() -> None:
+    wrong = 0
+    motion, _ = record(wave())
+    direction = np.sign(motion.velocity).astype(np.int64)
+    for seed in range(100):
+        noise = np.random.default_rng(seed).normal(size=TIME.size)
+        noise = np.convolve(noise, np.ones(50) / 50, "same")
+        polarity = find_polarity(noise, direction, motion.acceleration)
+        wrong += polarity.sign is not None
+        assert "cannot be told" in polarity.statement or polarity.sign is not None
+    # Four standard deviations are 6e-5 for normal noise; correlated noise has fat tails.
+    assert wrong <= 2
+
+
+def test_friction_and_inertia_that_contradict_each_other_tell_nothing() -> None:
+    motion, current = record(wave(), friction=2.0, inertia=-2e-2)
+    polarity = examine(motion, current).polarity
+    assert polarity.sign is None
+    assert "contradict" in polarity.statement
+
+
+def test_only_one_direction_leaves_offset_and_the_other_direction_open() -> None:
+    motion, current = record(wave(shift=100.0))
+    found = examine(motion, current)
+    assert "one direction" in kinds(found)
+    assert {"offset", "coulomb_negative", "viscous_negative"} <= set(found.undetermined)
+    assert "coulomb_positive" not in found.undetermined
+    assert "Only motion in positive direction" in found.findings[0].sentence
+
+
+def test_no_slow_sample_leaves_the_drop_open() -> None:
+    motion, current = record(wave(shift=100.0))  # never slower than 37 mm/s
+    found = examine(motion, current)
+    assert "no slow samples" in kinds(found)
+    assert set(PARTS) <= set(found.undetermined)
+    stated = examine(motion, current, slow=50.0)
+    assert "no slow samples" not in kinds(stated)
+
+
+def test_axis_at_rest_tells_nothing() -> None:
+    motion, current = record(np.zeros_like(TIME))
+    found = examine(motion, current)
+    assert kinds(found)[0] == "no motion"
+    assert {"inertia", "offset", "coulomb", "viscous"} <= set(found.undetermined)
+
+
+def test_amount_of_a_current_is_recognised() -> None:
+    motion, current = record(wave(), offset=0.0, noise=0.02)
+    found = examine(motion, np.abs(current) + 0.2)
+    assert "current keeps its sign" in kinds(found)
+    assert {"coulomb", "viscous"} <= set(found.undetermined)
+
+
+def test_gravity_above_the_friction_takes_nothing_away() -> None:
+    motion, current = record(wave(), offset=10.0)
+    found = examine(motion, current)
+    assert kinds(found) == ["current keeps its sign"]
+    assert "constant load is larger" in found.findings[0].sentence
+    assert found.undetermined == ()
+
+
+@pytest.mark.parametrize("limit", [None, 1.2])
+def test_saturated_current_is_found_and_left_out(limit: float | None) -> None:
+    motion, current = record(wave())
+    held = np.clip(current, -1.2, 1.2)
+    found = examine(motion, held, limit=limit)
+    assert "saturated" in kinds(found)
+    assert found.saturation.upper == pytest.approx(1.2)
+    truth = np.abs(current) >= 1.2
+    # Held for fewer than five samples at a stretch it looks like a peak.
+    assert (found.saturation.rows & truth).sum() > 0.6 * truth.sum()
+    # Within a thousandth of the limit counts as at it.
+    assert not found.saturation.rows[np.abs(current) < 0.998 * 1.2].any()
+    assert not found.usable[found.saturation.rows].any()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_current_within_its_limits_is_not_called_saturated(noise: float) -> None:
+    _, current = record(wave(), noise=noise)
+    saturation = find_saturation(current)
+    assert not saturation.rows.any()
+    assert saturation.statement == "the current does not reach a limit"
+    # The crest of a slow wave on a coarse display stays, and is no limit.
+    assert not find_saturation(np.round(1000.0 * np.sin(TIME))).rows.any()
+    # Dry friction without noise stays at two levels, of which neither is a limit.
+    assert not find_saturation(np.sign(np.sin(TIME))).rows.any()
+
+
+def test_jumps_of_the_clock_are_told_and_their_rows_not_used() -> None:
+    time = np.concatenate([TIME[:4000], TIME[4000:] + 0.5])
+    position = 20.0 * np.sin(np.pi * time)
+    motion = filtered_motion(time, position, cutoff=50.0)
+    current = np.sign(motion.velocity) + 0.1 * np.sin(np.arange(time.size))
+    found = examine(motion, current)
+    assert kinds(found) == ["clock jumps"]
+    assert "1 gap" in found.findings[0].sentence
+    assert not found.usable[3990:4010].any()
+
+
+def test_emps_record_is_sound() -> None:
+    path = DATA / "emps" / "DATA_EMPS.mat"
+    if not path.exists():
+        pytest.skip("needs ../shared/data/emps/DATA_EMPS.mat")
+    data = {k: v.ravel() for k, v in loadmat(path).items() if k[0] != "_"}
+    found = examine(filtered_motion(data["t"], 1000.0 * data["qm"]), data["vir"])
+    assert kinds(found) == []
+    assert found.polarity.sign == 1

@@ -1,0 +1,110 @@
+"""The knots of a friction list: few, whole, and as good as any placement."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from axcomp.ident.fit import FitError
+from axcomp.ident.fit.friction import place_knots
+
+SPEED = np.geomspace(0.05, 300.0, 240)
+EVEN = np.ones_like(SPEED)
+
+
+def stribeck(velocity: np.ndarray) -> np.ndarray:
+    """A curve as of a ball screw, in A: falling at first, then rising slowly."""
+    return 2.0 + 1.5 * np.exp(-velocity / 2.0) + 0.005 * velocity
+
+
+def brute_force(inner: int, places: np.ndarray) -> float:
+    """Best rms of any ``inner`` knots of these places, ends pinned, heights free."""
+    best = np.inf
+    target = stribeck(SPEED)
+    for between in itertools.combinations(places, inner - 2):
+        at = np.array([SPEED[0], *between, SPEED[-1]])
+        hats = np.stack([np.interp(SPEED, at, hat) for hat in np.eye(inner)], axis=1)
+        heights = np.linalg.lstsq(hats, target, rcond=None)[0]
+        best = min(best, float(np.sqrt(np.mean((hats @ heights - target) ** 2))))
+    return best
+
+
+@pytest.mark.parametrize("inner", [3, 4, 5])
+def test_knots_are_as_good_as_any_placement_found_by_brute_force(inner: int) -> None:
+    places = np.geomspace(0.1, 150.0, {3: 300, 4: 60, 5: 28}[inner])
+    best = brute_force(inner, places)
+    # Two more entries make the level ends, at 1 µm/s and beyond the fastest speed.
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=inner + 2, unit=1e-4)
+    # 5 %: what is asked; the lattice of the brute force is a coarse one as well.
+    assert knots.rms <= 1.05 * best
+
+
+def test_velocities_ascend_from_one_step_to_beyond_the_fastest_speed() -> None:
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=20, unit=1e-3)
+    assert len(knots.velocity) <= 20
+    assert knots.velocity[0] == 1
+    assert np.all(np.diff(knots.velocity) > 0)
+    assert knots.velocity[-1] > 300_000
+
+
+def test_both_ends_are_level_since_nobody_measured_there() -> None:
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=12, unit=1e-3)
+    assert knots.out[0] == knots.out[1]
+    assert knots.out[-1] == knots.out[-2]
+
+
+def test_rounding_to_whole_currents_costs_no_more_than_rounding_does() -> None:
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=20, unit=0.01)
+    # A value off by up to half a unit, evenly, is off by unit/sqrt(12) rms.
+    assert knots.rms <= knots.unrounded_rms + 0.01 / np.sqrt(12)
+
+
+def test_speeds_that_nobody_drove_have_no_say() -> None:
+    odd = stribeck(SPEED)
+    fast = SPEED > 100.0
+    odd[fast] += 50.0
+    weight = np.where(fast, 0.0, 1.0)
+    knots = place_knots(SPEED, odd, weight, entries=8, unit=1e-3)
+    clean = place_knots(SPEED[~fast], odd[~fast], EVEN[~fast], entries=8, unit=1e-3)
+    slow = SPEED[~fast]
+    error = knots.current(slow) - stribeck(slow)
+    # The knots may also serve the way up to the last, unmeasured one: one knot fewer.
+    assert np.sqrt(np.mean(error**2)) <= 2.0 * clean.rms
+
+
+def test_more_entries_never_follow_the_curve_worse() -> None:
+    found = [
+        place_knots(SPEED, stribeck(SPEED), EVEN, entries=n, unit=1e-6).rms
+        for n in (4, 6, 9, 14, 20)
+    ]
+    assert found == sorted(found, reverse=True)
+
+
+def test_a_straight_line_is_written_by_its_ends() -> None:
+    speed = np.linspace(1.0, 100.0, 50)
+    knots = place_knots(speed, 0.01 * speed, np.ones(50), entries=4, unit=1e-2)
+    # 1 µm/s, the slowest, the fastest, and beyond: all on two lines.
+    assert list(knots.velocity) == [1, 1000, 100_000, 105_000]
+    assert list(knots.out) == [1, 1, 100, 100]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"entries": 2}, "found 2 entries, expected at least 3"),
+        ({"unit": 0.0}, "found 0 per list unit"),
+        ({"weight": 0 * EVEN}, "no speed that counts"),
+        ({"velocity": SPEED[::-1]}, "speeds that do not ascend"),
+        ({"current": np.full(240, np.nan)}, "found gaps in the friction curve"),
+    ],
+)
+def test_what_makes_no_table_is_refused(
+    change: dict[str, Any], message: str
+) -> None:
+    given: dict[str, Any] = {
+        "velocity": SPEED, "current": stribeck(SPEED), "weight": EVEN,
+        "entries": 20, "unit": 1e-3,
+    }  # fmt: skip
+    with pytest.raises(FitError, match=message):
+        place_knots(**(given | change))
