@@ -8,17 +8,75 @@ Inside: mm (rotary axes: degree) in, mm out. One room per compensation:
 
 * `Plane`, `Cross`, `Leadscrew`: the table compensations, over `Stencil` and the nodes
   `EquidistantNodes`, `Setpoints`, `ModuloNodes`.
+* `Backlash`, `TemperatureLine`: laws of direction and of temperature.
+* `PositionController`: all compensations of a machine's axes (`AxisCompensations`) over
+  `Motion`, with `SineSquaredFilter`, activation (`commanded`) and homing: `Offsets`.
 * `Conventions`: every rule of the controller that the manuals leave open, by name.
 """
 
 from . import _precision as _precision  # first: before any array
+from ._backlash import Backlash as Backlash, BacklashState as BacklashState
+from ._controller import (
+    ControllerState as ControllerState,
+    PositionController as PositionController,
+)
+from ._controller_axis import (
+    AxisCompensations as AxisCompensations,
+    Coupled as Coupled,
+)
+from ._controller_commands import (
+    CompCommand as CompCommand,
+    ProgramEnd as ProgramEnd,
+    commanded as commanded,
+)
 from ._conventions import (
     Convention as Convention,
     ConventionError as ConventionError,
     Conventions as Conventions,
 )
 from ._cross import Cross as Cross
+from ._crosstalk import (
+    AbstractCrosstalk as AbstractCrosstalk,
+    Crosstalk as Crosstalk,
+    LegacyCrosstalk as LegacyCrosstalk,
+)
+from ._direction import (
+    DirectionState as DirectionState,
+    directions as directions,
+    first_motion as first_motion,
+)
+from ._external import (
+    ExternalCompensation as ExternalCompensation,
+    OffsetPart as OffsetPart,
+    OffsetStack as OffsetStack,
+    StartPoint as StartPoint,
+)
+from ._external_limits import (
+    Answer as Answer,
+    ExternalLimits as ExternalLimits,
+    LimitState as LimitState,
+)
+from ._filter import (
+    Delay as Delay,
+    Past as Past,
+    SineSquaredFilter as SineSquaredFilter,
+)
+from ._friction import (
+    AbstractFriction as AbstractFriction,
+    FrictionTable as FrictionTable,
+    sample_friction as sample_friction,
+)
+from ._friction_compensation import (
+    FrictionCompensation as FrictionCompensation,
+    FrictionState as FrictionState,
+)
+from ._friction_stribeck import StribeckFriction as StribeckFriction
 from ._leadscrew import Leadscrew as Leadscrew
+from ._motion import (
+    COMPENSATIONS as COMPENSATIONS,
+    Motion as Motion,
+    Offsets as Offsets,
+)
 from ._nodes import (
     AbstractNodes as AbstractNodes,
     EquidistantNodes as EquidistantNodes,
@@ -28,3 +86,21 @@ from ._nodes import (
 from ._plane import Plane as Plane
 from ._primitive import interpolate as interpolate
 from ._stencil import Stencil as Stencil
+from ._surface import (
+    AbstractSurface as AbstractSurface,
+    BilinearGrid as BilinearGrid,
+    grid_through as grid_through,
+)
+from ._surface_compare import (
+    SurfaceDifference as SurfaceDifference,
+    surface_difference as surface_difference,
+    surface_through as surface_through,
+)
+from ._surface_delaunay import DelaunaySurface as DelaunaySurface
+from ._surface_thin_plate import ThinPlateSurface as ThinPlateSurface
+from ._temperature import (
+    AbstractParameter as AbstractParameter,
+    ConstantParameter as ConstantParameter,
+    TemperatureCurve as TemperatureCurve,
+    TemperatureLine as TemperatureLine,
+)

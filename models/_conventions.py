@@ -114,6 +114,154 @@ class Conventions:
             "S-45", "Direction of the reference flank where P-AXIS-00021 is 1."
         ),
     )
+    backlash_start: Literal["direction", "reference"] = dataclasses.field(
+        default="direction",
+        metadata=_about(
+            "S-45",
+            "Before the first motion the backlash takes the start direction, or the "
+            "direction of its reference flank.",
+        ),
+    )
+    temperature_sign: Sign = dataclasses.field(
+        default=1,
+        metadata=_about("S-43", "Offset per Δs of the temperature line."),
+    )
+    temperature_filter: Literal["switching", "values"] = dataclasses.field(
+        default="switching",
+        metadata=_about(
+            "S-06", "What temp_comp_n_cycles smooths: switching, or the offset itself."
+        ),
+    )
+    table_filter: Literal["switching", "values"] = dataclasses.field(
+        default="switching",
+        metadata=_about(
+            "S-06", "What n_cycles of cross and plane smooths: switching or the offset."
+        ),
+    )
+    filter_delay: Literal[0, 1] = dataclasses.field(
+        default=0,
+        metadata=_about(
+            "S-06", "Cycles between a change and the first share of its sin² filter."
+        ),
+    )
+    external_limit: Literal["offset", "change"] = dataclasses.field(
+        default="offset",
+        metadata=_about(
+            "S-54",
+            "What P-AXIS-00743 and 744 limit: the offset, or its change per cycle.",
+        ),
+    )
+    friction_sign: Sign = dataclasses.field(
+        default=1,
+        metadata=_about(
+            "S-47", "Current per entry of a friction table for positive motion."
+        ),
+    )
+    friction_below: Literal["hold", "line"] = dataclasses.field(
+        default="hold",
+        metadata=_about(
+            "S-27",
+            "Below the first friction entry: it is held, or a line from 0 at rest.",
+        ),
+    )
+    friction_above: Literal["hold", "line"] = dataclasses.field(
+        default="hold",
+        metadata=_about(
+            "S-27", "Above the last friction entry: it is held, or its segment goes on."
+        ),
+    )
+    friction_rest: Literal["zero", "hold"] = dataclasses.field(
+        default="zero",
+        metadata=_about(
+            "S-27",
+            "Current at standstill: none, or that of speed 0 in the last direction.",
+        ),
+    )
+    friction_build_up: Literal["first", "reversal", "start"] = dataclasses.field(
+        default="first",
+        metadata=_about(
+            "S-28",
+            "The current rises after reversals and on the first motion of all, "
+            "after reversals only, or after every start.",
+        ),
+    )
+    friction_decay: Literal["zero", "step"] = dataclasses.field(
+        default="zero",
+        metadata=_about(
+            "S-30",
+            "Weight in the last of the N cycles before a reversal: 0, or 1/(N + 1).",
+        ),
+    )
+    friction_overlap: Literal["product", "lesser"] = dataclasses.field(
+        default="product",
+        metadata=_about(
+            "S-30",
+            "Weights before and after reversals where both act: product, or the "
+            "lesser.",
+        ),
+    )
+    friction_delay: Literal["all", "reversal"] = dataclasses.field(
+        default="all",
+        metadata=_about(
+            "S-31", "delay_cycles delay all values, or hold them from each reversal on."
+        ),
+    )
+    crosstalk_sign: Sign = dataclasses.field(
+        default=1,
+        metadata=_about("S-42", "Offset per entry of a crosstalk list."),
+    )
+    crosstalk_accelerate: Literal["sign", "speed"] = dataclasses.field(
+        default="sign",
+        metadata=_about(
+            "S-34",
+            "Accelerating is where a is not negative, or where |v| does not shrink.",
+        ),
+    )
+    crosstalk_undirected: Literal["own", "accelerate"] = dataclasses.field(
+        default="own",
+        metadata=_about(
+            "S-35",
+            "Without velocity_dependent decelerations take their own entries "
+            "for positive direction, or those of accelerations.",
+        ),
+    )
+    crosstalk_velocity: Literal["master", "slave"] = dataclasses.field(
+        default="master",
+        metadata=_about(
+            "S-35", "Axis whose velocity gives the direction for crosstalk."
+        ),
+    )
+    crosstalk_rest: Sign = dataclasses.field(
+        default=1,
+        metadata=_about("S-35", "Direction for crosstalk where the velocity is 0."),
+    )
+    crosstalk_above: Literal["hold", "line"] = dataclasses.field(
+        default="hold",
+        metadata=_about(
+            "S-36", "Above the specified acceleration: offset held, or it grows on."
+        ),
+    )
+    crosstalk_outside: Literal["hold", "zero"] = dataclasses.field(
+        default="hold",
+        metadata=_about(
+            "S-37, S-38",
+            "Outside the crosstalk tests: nearest point held, or no offset.",
+        ),
+    )
+    crosstalk_surface: Literal["grid", "triangles", "thin_plate"] = dataclasses.field(
+        default="grid",
+        metadata=_about(
+            "S-38",
+            "Between the tests of mode 3: bilinear where they form a grid, else "
+            "triangles; always triangles; or a thin plate.",
+        ),
+    )
+    crosstalk_input: Literal["command", "actual"] = dataclasses.field(
+        default="command",
+        metadata=_about(
+            "S-61", "Acceleration and velocity that enter a crosstalk list."
+        ),
+    )
 
     def __post_init__(self) -> None:
         """Refuse values that a convention cannot take.

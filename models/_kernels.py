@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Num
 
 CHUNK = 1 << 16
 """Samples per pass of the scatter: index and weights of one pass stay in the cache."""
@@ -48,6 +48,8 @@ def corners(
     first = whole(jnp.asarray(flat))
     if table is not None:
         first = first + table.astype(jnp.int32) * math.prod(shape)
+    # Stored once: XLA would work it out again for each corner.
+    first = lax.optimization_barrier(first)
     weights = tuple(
         functools.reduce(jnp.multiply, pair) for pair in itertools.product(*sides)
     )
@@ -91,13 +93,14 @@ def gather(
     # One view of the table per corner and the same index for all: a quarter faster than
     # one table and four indices.
     parts = (
-        weight * _take(values[distance : distance + length], first)
+        weight * take(values[distance : distance + length], first)
         for distance, weight in zip(away, weights, strict=True)
     )
     return functools.reduce(jnp.add, parts)
 
 
-def _take(values: Float[Array, " m"], index: Int[Array, " t"]) -> Float[Array, " t"]:
+def take(values: Num[Array, " m"], index: Int[Array, " t"]) -> Num[Array, " t"]:
+    """Return the value at each index; the indices must be those of the array."""
     return values.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 

@@ -1,0 +1,310 @@
+"""The position controller: what all compensations of a machine add, cycle by cycle."""
+
+from collections.abc import Iterable, Iterator
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from ._controller_axis import AxisCompensations
+from ._controller_filters import Spread, spreads
+from ._controller_groups import Group, assembled, followed, group
+from ._conventions import Conventions
+from ._direction import DirectionState, directions
+from ._friction_compensation import FrictionState
+from ._motion import COMPENSATIONS, Motion, Offsets, actual, following, rows_of
+
+_CHUNK = 1 << 15
+"""Most cycles worked on at once: enough for all threads, few enough for the caches."""
+_OFFSETS = COMPENSATIONS[:-1]
+"""Those of the positions: all but friction."""
+
+
+@final
+class ControllerState(eqx.Module):
+    """What the controller carries from one piece of a log to the next."""
+
+    begun: Bool[Array, ""]
+    """Whether there was a cycle."""
+    direction: DirectionState
+    """Of all axes, one behind the other; 0 before the first motion of an axis."""
+    spread: tuple[Float[Array, "_ _"], ...]
+    """Directions of the last cycles, per number of cycles that a reversal takes."""
+    filtered: tuple[Float[Array, "_ _"], ...]
+    """Per group of like compensations what its filter acts on: activation or offset."""
+    friction: tuple[FrictionState, ...]
+    """Per group of like friction compensations."""
+
+
+@final
+class PositionController(eqx.Module):
+    """All compensations of one machine's axes.
+
+    The offsets of an axis are summed up, leadscrew last, as it may look up the position
+    with the other offsets (S-23, S-56). What needs the axis or its masters homed waits
+    for it. Switching is smoothed by sin² over `n_cycles`, a reversal of backlash and of
+    a leadscrew table with two sides over P-AXIS-00243 cycles; crosstalk values always
+    pass their filter (S-06). Before the first cycle everything has stood as it is then:
+    what acts from the first row on acts in full.
+
+    Differentiable with respect to all tables, parameters and positions; what depends on
+    a direction of motion or on activation has no derivative with respect to what
+    decides it.
+    """
+
+    axes: tuple[AxisCompensations, ...]
+    """Of each axis, in the order of the columns of `Motion`."""
+    conventions: Conventions = eqx.field(default=Conventions(), static=True)
+    """Rules that the manuals leave open; signs and edges are with the tables."""
+
+    def __check_init__(self) -> None:
+        for number, axis in enumerate(self.axes):
+            for name in ("cross", "plane", "crosstalk"):
+                coupled = getattr(axis, name)
+                for master in () if coupled is None else coupled.masters:
+                    if not 0 <= master < len(self.axes):
+                        msg = (
+                            f"Axis {number}, {name}: master {master} does not exist, "
+                            f"there are {len(self.axes)} axes, from 0."
+                        )
+                        raise ValueError(msg)
+
+    @property
+    def installed(self) -> tuple[str, ...]:
+        """Names of the compensations that any axis has."""
+        have = {name for axis in self.axes for name in axis.installed}
+        return tuple(name for name in COMPENSATIONS if name in have)
+
+    @property
+    def lookahead(self) -> int:
+        """Number of cycles that friction compensation looks ahead."""
+        laws = (axis.friction for axis in self.axes)
+        return max(
+            (law.reversal_lookahead for law in laws if law is not None), default=0
+        )
+
+    def start(self) -> ControllerState:
+        """Return the state before the first cycle."""
+        return self._start(settled=False)
+
+    @eqx.filter_jit
+    def run(
+        self, state: ControllerState, motion: Motion, ahead: Motion | None = None
+    ) -> tuple[Offsets, ControllerState]:
+        """Return what is added per cycle, and the state after.
+
+        Args:
+            state: Of `start`, or of the piece before.
+            motion: At least one cycle of all axes.
+            ahead: Motion that follows; its first `lookahead` cycles are used. None, or
+                less: the axes stand after it.
+
+        Raises:
+            ValueError: If the motion does not have as many axes as the machine, or
+                lacks actual positions that the conventions take.
+        """
+        self._check(motion)
+        velocities = self._with_ahead(motion, ahead)
+        count = motion.cycles
+        size = _chunk_size(count)
+        number = count // size
+        if number == 1 and size == count:
+            return self._chunk(state, motion, velocities[count:])
+        whole = number * size
+        pieces = jax.tree.map(
+            lambda rows: rows[:whole].reshape(number, size, *rows.shape[1:]), motion
+        )
+        after = size * np.arange(1, number + 1)[:, None] + np.arange(self.lookahead)
+
+        def body(
+            state: ControllerState, piece: tuple[Motion, Array]
+        ) -> tuple[ControllerState, Offsets]:
+            found, state = self._chunk(state, *piece)
+            return state, found
+
+        # Backwards the chunk is run again: what it needs fits the cache, not memory.
+        state, found = lax.scan(
+            jax.checkpoint(body, prevent_cse=False), state, (pieces, velocities[after])
+        )
+        offsets = jax.tree.map(lambda rows: rows.reshape(whole, *rows.shape[2:]), found)
+        if whole == count:
+            return offsets, state
+        rest = jax.tree.map(lambda rows: rows[whole:], motion)
+        last, state = self._chunk(state, rest, velocities[count:])
+        joined = jax.tree.map(lambda *rows: jnp.concatenate(rows), offsets, last)
+        return joined, state
+
+    def run_pieces(
+        self, pieces: Iterable[Motion], state: ControllerState | None = None
+    ) -> Iterator[Offsets]:
+        """Return what is added, piece by piece, with the look-ahead into the next ones.
+
+        Args:
+            pieces: Of one log in its order, of any lengths; read as they are needed.
+            state: Before the first piece; None: of `start`.
+        """
+        state = self.start() if state is None else state
+        waiting: list[Motion] = []
+        for piece in pieces:
+            waiting.append(piece)
+            while sum(p.cycles for p in waiting[1:]) >= max(self.lookahead, 1):
+                offsets, state = self.run(state, waiting[0], following(waiting))
+                waiting.pop(0)
+                yield offsets
+        while waiting:
+            offsets, state = self.run(state, waiting[0], following(waiting))
+            waiting.pop(0)
+            yield offsets
+
+    @eqx.filter_jit
+    def settled(self, motion: Motion) -> Offsets:
+        """Return what is added where each row stands for itself, long after the last.
+
+        Neither filters nor delays nor weights of reversals; directions are those of
+        `Motion.direction`, and the one to start from where it is 0 or missing.
+        """
+        self._check(motion)
+        direction = motion.direction
+        if direction is None:
+            direction = jnp.zeros_like(motion.position)
+        still = motion.velocity[:0]
+        state = self._start(settled=True)
+        return self._step(state, motion, direction.T, still, settled=True)[0]
+
+    # ------------------------------------------------------------------------- details
+
+    def _start(self, settled: bool) -> ControllerState:
+        return ControllerState(
+            begun=jnp.zeros((), dtype=bool),
+            direction=jax.vmap(lambda _: DirectionState.start(0))(
+                jnp.arange(len(self.axes))
+            ),
+            spread=tuple(spread.start() for spread in self._spreads(settled)),
+            filtered=tuple(
+                like.start()
+                for name in _OFFSETS
+                for like in self._groups(name, settled)
+            ),
+            friction=tuple(
+                like.start_friction() for like in self._groups("friction", settled)
+            ),
+        )
+
+    def _groups(self, name: str, settled: bool) -> tuple[Group, ...]:
+        return group(self.axes, name, self.conventions, settled)
+
+    def _spreads(self, settled: bool) -> tuple[Spread, ...]:
+        return spreads(self.axes, self.conventions, settled)
+
+    def _check(self, motion: Motion) -> None:
+        shape = (motion.cycles, len(self.axes))
+        for name in ("position", "velocity", "acceleration"):
+            found = getattr(motion, name).shape
+            if found != shape:
+                msg = f"{name} must have a column per axis, {shape}, got shape {found}."
+                raise ValueError(msg)
+        if motion.cycles == 0:
+            msg = "Motion must have at least one cycle, got none."
+            raise ValueError(msg)
+
+    def _with_ahead(self, motion: Motion, ahead: Motion | None) -> Float[Array, "n a"]:
+        """Return all velocities, those of the look-ahead included."""
+        needed = self.lookahead
+        known = motion.velocity[:0] if ahead is None else ahead.velocity[:needed]
+        known = jnp.pad(known, ((0, needed - known.shape[0]), (0, 0)))
+        return jnp.concatenate([motion.velocity, known])
+
+    def _chunk(
+        self,
+        state: ControllerState,
+        motion: Motion,
+        ahead: Float[Array, "h a"],
+    ) -> tuple[Offsets, ControllerState]:
+        direction, moved = self._directions(state.direction, motion)
+        found, after = self._step(state, motion, direction, ahead, settled=False)
+        return found, eqx.tree_at(lambda s: s.direction, after, moved)
+
+    def _step(
+        self,
+        state: ControllerState,
+        motion: Motion,
+        direction: Float[Array, "a t"],
+        ahead: Float[Array, "h a"],
+        settled: bool,
+    ) -> tuple[Offsets, ControllerState]:
+        """Return what is added and the state after, but for the directions in it."""
+        count = len(self.axes)
+        rows = rows_of(motion)
+        ways, spread = followed(
+            self._spreads(settled), direction, state.spread, state.begun
+        )
+        carried = iter(state.filtered)
+        after = []
+        tables: dict[str, Float[Array, "a t"]] = {}
+        total = jnp.zeros((count, motion.cycles))
+        for name in _OFFSETS:
+            groups = self._groups(name, settled)
+            parts = []
+            for like in groups:
+                members = np.array(like.members)
+                place = _picked(rows.position, members)
+                if like.sees_offsets:
+                    place = place + _picked(total, members)
+                way = jnp.stack([ways[like.way][member] for member in like.members])
+                value, past = like.switched(
+                    like.law(rows, way, place), next(carried), state.begun, motion
+                )
+                parts.append(value)
+                after.append(past)
+            if groups:
+                tables[name] = assembled(groups, parts, count)
+                total = total + tables[name]
+
+        groups, parts, frictions = self._groups("friction", settled), [], []
+        for like, before in zip(groups, state.friction, strict=True):
+            value, past_friction = like.friction(before, rows, ahead)
+            parts.append(like.acting(value, motion))
+            frictions.append(past_friction)
+        if groups:
+            tables["friction"] = assembled(groups, parts, count)
+        return Offsets(
+            offset=total.T,
+            **{
+                name: tables[name].T if name in tables else None
+                for name in COMPENSATIONS
+            },
+        ), ControllerState(
+            begun=jnp.ones((), dtype=bool),
+            direction=state.direction,
+            spread=spread,
+            filtered=tuple(after),
+            friction=tuple(frictions),
+        )
+
+    def _directions(
+        self, state: DirectionState, motion: Motion
+    ) -> tuple[Float[Array, "a t"], DirectionState]:
+        if motion.direction is not None:
+            return motion.direction.T, state
+        source = motion.position
+        if self.conventions.direction_source == "actual":
+            source = actual(motion)
+        found, _, after = jax.vmap(directions)(state, source.T)
+        return found, after
+
+
+def _picked(rows: Float[Array, "a t"], numbers: Int[np.ndarray, " k"]) -> Array:
+    """Return some of the rows: all of them without a copy."""
+    return rows if numbers.size == rows.shape[0] else rows[numbers]
+
+
+def _chunk_size(count: int) -> int:
+    """Return into chunks of which size a piece is cut: equal ones, if there are any."""
+    if count <= _CHUNK:
+        return count
+    equal = (size for size in range(_CHUNK, _CHUNK // 4, -1) if count % size == 0)
+    return next(equal, _CHUNK)

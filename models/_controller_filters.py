@@ -1,0 +1,113 @@
+"""Filters of the controller, for several axes at once."""
+
+from collections.abc import Sequence
+from typing import final
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+from ._controller_axis import AxisCompensations
+from ._conventions import Conventions
+from ._filter import smooth, step_response
+
+Filtered = Float[Array, "k t"]
+
+
+def filtered(
+    value: Filtered,
+    past: Float[Array, "k m"],
+    begun: Bool[Array, ""],
+    response: Float[np.ndarray, " r"],
+) -> tuple[Filtered, Float[Array, "k m"]]:
+    """Return the filtered rows and what the filter carries on.
+
+    Before the first cycle of all, values have stood as they are in it. In rows that do
+    not change the filter is left out: it would change nothing.
+    """
+    before = past.shape[1]
+    if before == 0:
+        return value, past
+    joined = jnp.concatenate([jnp.where(begun, past, value[:, :1]), value], axis=1)
+
+    def one(row: Array) -> Array:
+        found: Array = lax.cond(
+            jnp.all(row == row[0]),
+            lambda row: row[before:],
+            lambda row: smooth(row, response),
+            row,
+        )
+        return found
+
+    return lax.map(one, joined), joined[:, value.shape[1] :]
+
+
+@final
+class Spread:
+    """Axes whose reversals are spread over the same number of cycles.
+
+    Attributes:
+        members: Numbers of the axes.
+        names: Compensations that follow these directions.
+    """
+
+    def __init__(
+        self,
+        members: Sequence[int],
+        names: Sequence[str],
+        starts: Sequence[int],
+        response: Float[np.ndarray, " r"],
+    ) -> None:
+        self.members, self.names = tuple(members), tuple(names)
+        self._starts = np.array(starts, dtype=np.float64)[:, None]
+        self._response = response
+
+    def start(self) -> Float[Array, "k m"]:
+        """Return what is carried before the first cycle."""
+        return jnp.zeros((len(self.members), self._response.size - 1))
+
+    def run(
+        self,
+        direction: Float[Array, "a t"],
+        past: Float[Array, "k m"],
+        begun: Bool[Array, ""],
+    ) -> tuple[Filtered, Float[Array, "k m"]]:
+        """Return the spread directions, and what is carried after.
+
+        Args:
+            direction: Of all axes; 0 before the first motion.
+            past: What is carried.
+            begun: Whether there was a cycle before.
+        """
+        own = direction[np.array(self.members)]
+        own = jnp.where(own == 0.0, self._starts, own)
+        return filtered(own, past, begun, self._response)
+
+
+def spreads(
+    axes: Sequence[AxisCompensations], rules: Conventions, settled: bool
+) -> tuple[Spread, ...]:
+    """Return the axes that follow directions, in groups of equal numbers of cycles."""
+    found: dict[tuple[int, tuple[str, ...]], list[tuple[int, int]]] = {}
+    for number, axis in enumerate(axes):
+        start: int = rules.start_direction
+        back = start
+        if axis.backlash is not None and rules.backlash_start == "reference":
+            back = axis.backlash.reference
+        names = [n for n in ("backlash", "leadscrew") if getattr(axis, n) is not None]
+        # One filter serves both where both start from the same direction.
+        parts = [(tuple(names), start)] if start == back else []
+        parts = parts or [((n,), back if n == "backlash" else start) for n in names]
+        for part, begin in parts:
+            if part:
+                found.setdefault((axis.spread_cycles, part), []).append((number, begin))
+    return tuple(
+        Spread(
+            [number for number, _ in members],
+            names,
+            [begin for _, begin in members],
+            np.ones(1) if settled else step_response(cycles, rules.filter_delay),
+        )
+        for (cycles, names), members in found.items()
+    )

@@ -1,0 +1,293 @@
+"""One compensation of several axes at once: what it adds, with switching and filters.
+
+Axes whose tables have the same structure are worked on side by side: six axes then take
+the time to compile of one.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+from ._controller_axis import AxisCompensations, Coupled
+from ._controller_filters import Filtered, Spread, filtered
+from ._conventions import Conventions
+from ._filter import step_response
+from ._friction_compensation import FrictionCompensation, FrictionState
+from ._motion import COMPENSATIONS, Motion, Rows, actual
+
+
+@final
+class Group:
+    """Axes with the same kind of one compensation; lives only while it is traced.
+
+    Attributes:
+        name: Of the compensation.
+        members: Numbers of the axes.
+        axes: Their compensations.
+        response: Step response of the filter.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        members: Sequence[int],
+        axes: Sequence[AxisCompensations],
+        rules: Conventions,
+        settled: bool,
+    ) -> None:
+        self.name, self.members, self.axes = name, tuple(members), tuple(axes)
+        cycles = self.axes[0].switch_cycles[name]
+        self.response = (
+            np.ones(1) if settled else step_response(cycles, rules.filter_delay)
+        )
+        self.rules, self.settled = rules, settled
+
+    @property
+    def memory(self) -> int:
+        """How many cycles before the present one the filter needs."""
+        return self.response.size - 1
+
+    @property
+    def way(self) -> str:
+        """Compensation whose directions count: of the backlash, or of the leadscrew."""
+        return "backlash" if self.name == "backlash" else "leadscrew"
+
+    def start(self) -> Float[Array, "k m"]:
+        """Return what the filter carries before the first cycle."""
+        return jnp.zeros((len(self.members), self.memory))
+
+    def start_friction(self) -> FrictionState:
+        """Return what friction compensation carries before the first cycle."""
+        states = [_friction(axis).start() for axis in self.axes]
+        stacked: FrictionState = jax.tree.map(lambda *ls: jnp.stack(ls), *states)
+        return stacked
+
+    # -------------------------------------------------------------------- what is added
+
+    @property
+    def sees_offsets(self) -> bool:
+        """Whether the law looks up the position with the offsets before it (S-23)."""
+        alone = self.axes[0].leadscrew_alone or self.rules.leadscrew_input == "none"
+        return self.name == "leadscrew" and not alone
+
+    def law(
+        self,
+        rows: Rows,
+        way: Filtered,
+        place: Filtered,
+    ) -> Filtered:
+        """Return the offsets of the law per cycle, unswitched and unfiltered.
+
+        Args:
+            rows: Motion of all axes.
+            way: Directions of these axes, with reversals spread.
+            place: Positions of these axes that the law looks up.
+        """
+        laws = [_law(getattr(axis, self.name)) for axis in self.axes]
+        if self.name == "backlash":
+            return _found(_one_by_one(lambda law, d: law.offset(d), laws, way))
+        if self.name == "temperature":
+            sensors = rows.temperature.T
+            return _found(
+                _one_by_one(lambda law, x: law.offset(x, sensors), laws, place)
+            )
+        if self.name == "leadscrew":
+            back = 0.5 * (1.0 - way)
+            return _found(
+                _one_by_one(
+                    lambda law, x, b: law.blended_offset(x, b), laws, place, back
+                )
+            )
+        return self._coupled(rows, laws)
+
+    def _coupled(self, rows: Rows, laws: Sequence[Any]) -> Filtered:
+        """Return the offsets of a law that looks at other axes."""
+        masters = np.array([getattr(axis, self.name).masters for axis in self.axes])
+        place, speed, change = rows.position, rows.velocity, rows.acceleration
+        if self.name == "cross":
+            found = _one_by_one(lambda law, m: law.offset(place[m[0]]), laws, masters)
+        elif self.name == "plane":
+            seen = place
+            if self.rules.plane_input == "actual":
+                seen = actual(rows)
+            found = _one_by_one(lambda law, m: law.offset(seen[m].T), laws, masters)
+        else:
+            found = _one_by_one(
+                lambda law, m: law.offset(
+                    change[m[0]], speed[m[0]], place[m[1:]].T
+                ),
+                laws,
+                masters,
+            )
+        return _found(found)
+
+    def friction(
+        self, state: FrictionState, rows: Rows, ahead: Float[Array, "h a"]
+    ) -> tuple[Filtered, FrictionState]:
+        """Return the currents, and what friction compensation carries after."""
+        members = np.array(self.members)
+        laws = [_friction(axis) for axis in self.axes]
+        if self.settled:
+            current = _one_by_one(
+                lambda law, m: law.current(rows.velocity[m]), laws, members
+            )
+        else:
+            current, state = _one_by_one(
+                lambda law, m, s: law.run(
+                    s, rows.position[m], rows.velocity[m], ahead[:, m]
+                ),
+                laws,
+                members,
+                state,
+            )
+        return _found(current), state
+
+    # --------------------------------------------------------- switching and filtering
+
+    def acting(self, value: Filtered, motion: Motion) -> Filtered:
+        """Return the values where it is active, else 0."""
+        return _times(value, self._active(motion))
+
+    def switched(
+        self,
+        value: Filtered,
+        past: Float[Array, "k m"],
+        begun: Bool[Array, ""],
+        motion: Motion,
+    ) -> tuple[Filtered, Float[Array, "k m"]]:
+        """Return the offsets with their switching or filter, and what was filtered."""
+        active = self._active(motion)
+        if self._filters_values:
+            return filtered(_times(value, active), past, begun, self.response)
+        if isinstance(active, float | int):
+            return _times(value, active), jnp.full_like(past, active)
+        share, after = filtered(active, past, begun, self.response)
+        return _found(value * share), after
+
+    @property
+    def _filters_values(self) -> bool:
+        """Whether the filter acts on the offset instead of its switching."""
+        if self.name in ("cross", "plane"):
+            return self.rules.table_filter == "values"
+        if self.name == "temperature":
+            return self.rules.temperature_filter == "values"
+        return self.name == "crosstalk"
+
+    def _active(self, motion: Motion) -> Filtered | float:
+        """Return where it acts: 1 or 0 per cycle, as one number if it never changes."""
+        flags: list[Bool[Array, "k t"]] = []
+        if motion.active is not None:
+            number = COMPENSATIONS.index(self.name)
+            flags.append(motion.active[:, np.array(self.members), number].T)
+        elif self.name in self.axes[0].manual:
+            return 0.0
+        if motion.homed is not None:
+            homed = motion.homed.T
+            needed = [
+                axis.needs_homed(self.name, member)
+                for axis, member in zip(self.axes, self.members, strict=True)
+            ]
+            for masters in zip(*needed, strict=True):
+                flags.append(homed[np.array(masters)])
+        if not flags:
+            return 1.0
+        acts: Filtered = jnp.all(jnp.stack(flags), axis=0).astype(jnp.float64)
+        return acts
+
+
+def group(
+    axes: Sequence[AxisCompensations],
+    name: str,
+    rules: Conventions,
+    settled: bool = False,
+) -> tuple[Group, ...]:
+    """Return the axes that have a compensation, in groups of the same structure."""
+    found: dict[Any, list[int]] = {}
+    for number, axis in enumerate(axes):
+        whole = getattr(axis, name)
+        if whole is None:
+            continue
+        law = _law(whole)
+        key = (
+            jax.tree.structure(law),
+            tuple(np.shape(leaf) for leaf in jax.tree.leaves(law)),
+            len(whole.masters) if isinstance(whole, Coupled) else 0,
+            axis.switch_cycles[name],
+            name in axis.manual,
+            name == "leadscrew" and axis.leadscrew_alone,
+        )
+        found.setdefault(key, []).append(number)
+    return tuple(
+        Group(name, members, [axes[m] for m in members], rules, settled)
+        for members in found.values()
+    )
+
+
+def assembled(
+    groups: tuple[Group, ...], parts: list[Filtered], count: int
+) -> Float[Array, "a t"]:
+    """Return the rows of all axes, zeros for those in no group."""
+    if groups[0].members == tuple(range(count)):
+        return parts[0]
+    rows = [jnp.zeros_like(parts[0][0])] * count
+    for like, part in zip(groups, parts, strict=True):
+        for member, row in zip(like.members, part, strict=True):
+            rows[member] = row
+    return jnp.stack(rows)
+
+
+def followed(
+    parts: Sequence[Spread],
+    direction: Float[Array, "a t"],
+    carried: Sequence[Float[Array, "_ _"]],
+    begun: Bool[Array, ""],
+) -> tuple[dict[str, list[Float[Array, " t"]]], tuple[Float[Array, "_ _"], ...]]:
+    """Return the spread directions per compensation and axis, and what is carried."""
+    ways = {name: list(direction) for name in ("backlash", "leadscrew")}
+    after = []
+    for part, past in zip(parts, carried, strict=True):
+        rows, last = part.run(direction, past, begun)
+        after.append(last)
+        for name in part.names:
+            for member, row in zip(part.members, rows, strict=True):
+                ways[name][member] = row
+    return ways, tuple(after)
+
+
+def _one_by_one(
+    evaluate: Callable[..., Any], laws: Sequence[Any], *arguments: Any
+) -> Any:
+    """Return what each law makes of its row of the arguments, one below the other."""
+    if len(laws) == 1:
+        rows = [jax.tree.map(lambda leaf: leaf[0], argument) for argument in arguments]
+        return jax.tree.map(lambda leaf: leaf[None], evaluate(laws[0], *rows))
+    # A loop and not `vmap`: what one axis needs at a time fits the cache, and no table
+    # has to be told from those of the others, sample by sample.
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *laws)
+    return lax.map(lambda given: evaluate(*given), (stacked, *arguments))
+
+
+def _law(whole: Any) -> Any:
+    """Return the law of a compensation, without the axes that it looks at."""
+    return whole.law if isinstance(whole, Coupled) else whole
+
+
+def _found(found: Any) -> Filtered:
+    rows: Filtered = found
+    return rows
+
+
+def _times(value: Filtered, active: Filtered | float) -> Filtered:
+    if isinstance(active, float):
+        return value if active == 1.0 else jnp.zeros_like(value)
+    return value * active
+
+
+def _friction(axis: AxisCompensations) -> FrictionCompensation:
+    assert axis.friction is not None
+    return axis.friction

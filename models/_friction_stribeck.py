@@ -1,0 +1,94 @@
+"""The Stribeck curve: friction of an axis by a handful of parameters."""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._friction import AbstractFriction
+from ._nodes import float_array, is_known
+
+_LARGEST_POWER = 6.6
+"""Logarithm of the power from which on exp(−power) is 0 in double precision."""
+
+
+@final
+class StribeckFriction(AbstractFriction):
+    r"""Static friction curve with Stribeck effect and viscous part.
+
+    $i(v) = \mathrm{sign}(v)\,[c + (s - c)\,e^{-(|v|/v_s)^\delta} + b\,|v|]$ with a hard
+    sign: 0 at rest. See Armstrong-Hélouvry et al., Automatica 30(7), 1994.
+
+    Each parameter is one number for both directions, or two: for positive, then for
+    negative direction. Derivatives with respect to all parameters exist everywhere; at
+    rest they are 0, as is that with respect to the velocity.
+    """
+
+    coulomb: Float[Array, ""] | Float[Array, " 2"] = eqx.field(converter=float_array)
+    """Coulomb level $c$ in drive units."""
+    breakaway: Float[Array, ""] | Float[Array, " 2"] = eqx.field(converter=float_array)
+    """Break-away level $s$ in drive units, the limit of small speeds."""
+    stribeck_velocity: Float[Array, ""] | Float[Array, " 2"] = eqx.field(
+        converter=float_array
+    )
+    """Stribeck velocity $v_s$ in mm/s or °/s, positive."""
+    stribeck_shape: Float[Array, ""] | Float[Array, " 2"] = eqx.field(
+        converter=float_array
+    )
+    r"""Exponent $\delta$, positive: 1 (Tustin) and 2 (Gauss) are usual."""
+    viscous: Float[Array, ""] | Float[Array, " 2"] = eqx.field(converter=float_array)
+    """Viscous coefficient $b$ in drive units per mm/s or °/s."""
+
+    def __check_init__(self) -> None:
+        for name in ("stribeck_velocity", "stribeck_shape"):
+            value = getattr(self, name)
+            if is_known(value) and not np.all(np.asarray(value) > 0):
+                msg = f"{name} must be positive, got {value!s}."
+                raise ValueError(msg)
+
+    @property
+    def directional(self) -> bool:
+        """Whether any parameter has a value per direction."""
+        return any(
+            parameter.ndim > 0
+            for parameter in (
+                self.coulomb,
+                self.breakaway,
+                self.stribeck_velocity,
+                self.stribeck_shape,
+                self.viscous,
+            )
+        )
+
+    @eqx.filter_jit
+    def level(
+        self,
+        speed: Float[Array | np.ndarray, " t"],
+        direction: Float[Array | np.ndarray, " t"],
+    ) -> Float[Array, " t"]:
+        """Return the current at speeds ≥ 0 in drive units; at 0 the break-away."""
+        place = jnp.asarray(speed, dtype=jnp.float64)
+        negative = jnp.asarray(direction) < 0
+        coulomb = _choose(self.coulomb, negative)
+        moving = place > 0.0
+        # Neither the logarithm nor its derivative exists at rest: a stand-in goes
+        # through them there, and is thrown away after.
+        ratio = jnp.where(moving, place, 1.0) / _choose(
+            self.stribeck_velocity, negative
+        )
+        power = _choose(self.stribeck_shape, negative) * jnp.log(ratio)
+        decay = jnp.exp(-jnp.exp(jnp.minimum(power, _LARGEST_POWER)))
+        decay = jnp.where(moving, decay, 1.0)
+        excess = _choose(self.breakaway, negative) - coulomb
+        return coulomb + excess * decay + _choose(self.viscous, negative) * place
+
+
+def _choose(
+    parameter: Float[Array, ""] | Float[Array, " 2"], negative: Array
+) -> Float[Array, ""] | Float[Array, " t"]:
+    """Return the parameter for the direction of each sample."""
+    if parameter.ndim == 0:
+        return parameter
+    return jnp.where(negative, parameter[1], parameter[0])

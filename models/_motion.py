@@ -1,0 +1,151 @@
+"""What enters the position controller per cycle, and what it adds to it."""
+
+from typing import Any, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+from ._nodes import float_array
+
+COMPENSATIONS: tuple[str, ...] = (
+    "backlash",
+    "temperature",
+    "cross",
+    "plane",
+    "crosstalk",
+    "leadscrew",
+    "friction",
+)
+"""All compensations, in the order in which their offsets are summed up (S-56)."""
+
+
+def _optional_floats(value: Any) -> Array | None:
+    return None if value is None else float_array(value)
+
+
+def _optional_flags(value: Any) -> Array | None:
+    return None if value is None else jnp.asarray(value, dtype=bool)
+
+
+@final
+class Motion(eqx.Module):
+    """Commanded motion of all axes of a machine, and what else the controller knows.
+
+    One row per cycle. Linear axes in mm, rotary axes in °, per s and s².
+    """
+
+    position: Float[Array, "t a"] = eqx.field(converter=float_array)
+    """Command positions."""
+    velocity: Float[Array, "t a"] = eqx.field(converter=float_array)
+    """Command velocities: friction, and the side of crosstalk tables."""
+    acceleration: Float[Array, "t a"] = eqx.field(converter=float_array)
+    """Command accelerations: crosstalk."""
+    temperature: Float[Array, "t s"] | None = eqx.field(
+        default=None, converter=_optional_floats
+    )
+    """Temperatures of all sensors in °C; None: there is no sensor."""
+    homed: Bool[Array, "t a"] | None = eqx.field(
+        default=None, converter=_optional_flags
+    )
+    """Which axes are homed; None: all, and have been for long."""
+    active: Bool[Array, "t a c"] | None = eqx.field(
+        default=None, converter=_optional_flags
+    )
+    """Which of `COMPENSATIONS` are selected, e.g. by COMP ON and OFF (`commanded`).
+
+    None: those that need no command, and have been for long.
+    """
+    direction: Float[Array, "t a"] | None = eqx.field(
+        default=None, converter=_optional_floats
+    )
+    """Directions of motion ±1; None: those of the steps of the positions."""
+    actual: Float[Array, "t a"] | None = eqx.field(
+        default=None, converter=_optional_floats
+    )
+    """Actual positions, for the conventions that take them instead of commands."""
+
+    @property
+    def cycles(self) -> int:
+        """Number of cycles."""
+        return int(self.position.shape[0])
+
+
+@final
+class Offsets(eqx.Module):
+    """What the controller adds, per cycle and axis.
+
+    None: no axis has that compensation. An axis that lacks it has zeros.
+    """
+
+    offset: Float[Array, "t a"]
+    """Sum of all position offsets in mm or °."""
+    backlash: Float[Array, "t a"] | None
+    """In mm or °."""
+    temperature: Float[Array, "t a"] | None
+    """In mm."""
+    cross: Float[Array, "t a"] | None
+    """In mm or °."""
+    plane: Float[Array, "t a"] | None
+    """In mm or °."""
+    crosstalk: Float[Array, "t a"] | None
+    """In mm or °."""
+    leadscrew: Float[Array, "t a"] | None
+    """In mm or °."""
+    friction: Float[Array, "t a"] | None
+    """Current in drive units; no part of the sum."""
+
+
+@final
+class Rows(eqx.Module):
+    """The motion of all axes, axis by axis; lives only while it is traced."""
+
+    position: Float[Array, "a t"]
+    """Command positions."""
+    velocity: Float[Array, "a t"]
+    """Command velocities."""
+    acceleration: Float[Array, "a t"]
+    """Command accelerations."""
+    actual: Float[Array, "a t"] | None
+    """Actual positions, if any."""
+    temperature: Float[Array, "s t"]
+    """Temperatures of all sensors."""
+
+
+def rows_of(motion: Motion) -> Rows:
+    """Return the motion axis by axis: turned round once, not in each use."""
+    heat = motion.temperature
+    if heat is None:
+        heat = jnp.zeros((motion.cycles, 0))
+    rows = Rows(
+        position=motion.position.T,
+        velocity=motion.velocity.T,
+        acceleration=motion.acceleration.T,
+        actual=None if motion.actual is None else motion.actual.T,
+        temperature=heat.T,
+    )
+    stored: Rows = lax.optimization_barrier(rows)
+    return stored
+
+
+def actual(motion: Motion | Rows) -> Float[Array, "_ _"]:
+    """Return the actual positions of all axes, for conventions that take them.
+
+    Raises:
+        ValueError: If there are none.
+    """
+    if motion.actual is None:
+        msg = "The conventions take actual positions, but Motion.actual is None."
+        raise ValueError(msg)
+    return motion.actual
+
+
+def following(waiting: list[Motion]) -> Motion | None:
+    """Return the motion after the first of the pieces; None if there is none."""
+    if len(waiting) < 2:
+        return None
+    rows = [
+        (piece.position, piece.velocity, piece.acceleration) for piece in waiting[1:]
+    ]
+    return Motion(*(jnp.concatenate(part) for part in zip(*rows, strict=True)))
