@@ -1,15 +1,21 @@
 """The command ``simulate``: what the controller would add along a motion."""
 
 import json
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ._motion_file import read_motion
+
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..exchange import AxisOffsets, Motion
+    from ...data.lists import ListFile
+    from ...models import Conventions, TemperatureLine
+    from ..exchange import AxisOffsets, Motion, StoredConventions
 
 
 def simulate(
@@ -41,6 +47,36 @@ def simulate(
         float | None,
         typer.Option(help="mm (or °) per encoder increment, for lists with unit 0."),
     ] = None,
+    conventions: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="Rules of this machine's controller, as axcomp verify saves them;"
+            " left out: the defaults.",
+        ),
+    ] = None,
+    cycle_time: Annotated[
+        float | None,
+        typer.Option(
+            help="Of the controller in s: a motion with another time step is refused."
+        ),
+    ] = None,
+    modulo: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A4=0:360",
+            help="Range of an axis that turns, in °; may be given several times.",
+        ),
+    ] = None,
+    temperature: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A1=T.csv",
+            help="Temperature table of an axis as the PLC follows it (temperature_X.csv"
+            " of a job), for the column temperature.<sensor> of the motion;"
+            " A1=T.csv:frame where there are several sensors.",
+        ),
+    ] = None,
     as_json: Annotated[
         bool,
         typer.Option("--json", help="Print columns, rows and largest values as JSON."),
@@ -50,73 +86,90 @@ def simulate(
 
     Without an axis list everything in a list is active, from the first row on.
 
-    Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset.
+    Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
+    and A3.friction in drive units.
     """
     from ...data.lists import ListFile
-    from ...models import Conventions
-    from ..exchange import simulate as offsets_of
+    from ..exchange import StoredConventions, read_conventions, simulate as offsets_of
     from ..job import use_compilation_cache
 
-    if increment is not None and not 0 < increment < float("inf"):
-        message = f"found {increment:g}, expected more than 0"
-        raise typer.BadParameter(message, param_hint="--increment")
+    for name, number in (("--increment", increment), ("--cycle-time", cycle_time)):
+        if number is not None and not 0 < number < float("inf"):
+            message = f"found {number:g}, expected more than 0"
+            raise typer.BadParameter(message, param_hint=name)
+    ranges = dict(axis_range(text) for text in modulo or ())
     use_compilation_cache()
+    rules = (
+        StoredConventions() if conventions is None else read_conventions(conventions)
+    )
     lists = [ListFile.read(file) for file in dict.fromkeys(files)]
-    path = _read_motion(motion)
-    found = offsets_of(lists, path, Conventions(), increment)
+    path = read_motion(motion)
+    found = offsets_of(
+        lists,
+        path,
+        rules.conventions,
+        increment,
+        modulo=ranges,
+        lines=_lines(temperature or (), lists, path, rules.conventions),
+        cycle_time=cycle_time,
+    )
     columns = _columns(path, found)
-    for axis in found:
-        for name in axis.left_out:
-            typer.echo(
-                f"axcomp: A{axis.axis}: {name} stands in the list and is not computed"
-                " by this version",
-                err=True,
-            )
+    for remark in dict.fromkeys(text for axis in found for text in axis.remarks):
+        typer.echo(f"axcomp: {remark}", err=True)
     if out is not None:
         _write(out, columns)
     if as_json:
-        typer.echo(json.dumps(_summary(columns), indent=2))
+        typer.echo(json.dumps(_summary(columns, found, rules), indent=2))
     elif out is None:
         typer.echo(_csv(columns).decode("ascii"), nl=False)
     else:
-        rows = len(next(iter(columns.values())))
+        rows = len(next(iter(columns.values()))) if columns else 0
         typer.echo(f"{rows} rows, {', '.join(columns)} in {out}", err=True)
 
 
-def _read_motion(file: Path) -> "Motion":
-    """Return a motion file: columns that are called like roles, in mm, ° and s."""
-    import numpy as np
+_RANGE = re.compile(r"A?(\d{1,5})=([^:]+):([^:]+)")
+_TABLE = re.compile(r"A?(\d{1,5})=(.+?)(?::([A-Za-z_][\w-]*))?")
 
-    from ...data.measurements import MeasurementError, measurement, read_table
-    from ..exchange import Motion
 
-    table = read_table(file)
-    measured = measurement(table)
-    positions: dict[int, np.ndarray] = {}
-    directions: dict[int, np.ndarray] = {}
-    for axis in measured.axes:
-        number = axis.removeprefix("A")
-        if not number.isdigit():
-            reason = (
-                f"found axis {axis!r}, expected A1, A2, … after the logical numbers"
-            )
-            raise MeasurementError(str(file), reason)
-        if (place := measured.get(f"{axis}.position")) is not None:
-            positions[int(number)] = np.asarray(place, dtype=float)
-        if (direction := measured.get(f"{axis}.direction")) is not None:
-            directions[int(number)] = np.asarray(direction, dtype=np.int64)
-    if not positions:
-        reason = "found no position, expected a column such as A1.position"
-        raise MeasurementError(str(file), reason)
-    time = measured.get("time")
-    if time is not None and np.any(np.diff(time) <= 0):
-        at = int(np.argmax(np.diff(time) <= 0))
-        reason = (
-            f"line {measured.lines[at + 1]}: found time {time[at + 1]:g} after"
-            f" {time[at]:g}, expected ascending times"
+def axis_range(text: str) -> tuple[int, tuple[float, float]]:
+    match = _RANGE.fullmatch(text)
+    try:
+        if match is None:
+            raise ValueError
+        low, high = float(match[2]), float(match[3])
+        if not -float("inf") < low < high < float("inf"):
+            raise ValueError
+    except ValueError:
+        message = f"found {text!r}, expected an axis and its range as in A4=0:360"
+        raise typer.BadParameter(message, param_hint="--modulo") from None
+    return int(match[1]), (low, high)
+
+
+def _lines(
+    texts: Sequence[str],
+    lists: "Sequence[ListFile]",
+    motion: "Motion",
+    conventions: "Conventions",
+) -> "dict[int, TemperatureLine]":
+    """Return the temperature lines that a PLC would follow, by axis."""
+    from ..exchange import machine_lists, read_temperature_table
+
+    found = {}
+    machines = machine_lists(lists).machine if texts else {}
+    for text in texts:
+        match = _TABLE.fullmatch(text)
+        if match is None:
+            message = f"found {text!r}, expected an axis and its file as in A1=T.csv"
+            raise typer.BadParameter(message, param_hint="--temperature")
+        axis = int(match[1])
+        found[axis] = read_temperature_table(
+            Path(match[2]),
+            list(motion.temperatures),
+            match[3],
+            conventions,
+            machines.get(axis),
         )
-        raise MeasurementError(str(file), reason)
-    return Motion(positions, directions, time)
+    return found
 
 
 def _columns(
@@ -129,23 +182,37 @@ def _columns(
         columns["time"] = motion.time
     for axis in found:
         parts = {**axis.parts, "offset": axis.total}
+        if axis.current is not None:
+            parts["friction"] = axis.current
         for name, values in parts.items():
             # 1 pm: what stands behind it is the noise of floating point.
             columns[f"A{axis.axis}.{name}"] = np.round(values, 9)
     return columns
 
 
-def _summary(columns: "dict[str, np.ndarray]") -> dict[str, object]:
+def _summary(
+    columns: "dict[str, np.ndarray]",
+    found: "tuple[AxisOffsets, ...]",
+    rules: "StoredConventions",
+) -> dict[str, object]:
     import numpy as np
 
     return {
         "columns": list(columns),
-        "rows": len(next(iter(columns.values()))),
+        "rows": len(next(iter(columns.values()))) if columns else 0,
         "largest": {
-            name: float(np.max(np.abs(values)))
+            name: float(np.max(np.abs(values), initial=0.0))
             for name, values in columns.items()
             if name != "time"
         },
+        "conventions": {
+            rule.name: {
+                "value": rule.value,
+                "state": "verified" if rule.name in rules.verified else "assumed",
+            }
+            for rule in rules.conventions.listing()
+        },
+        "remarks": [text for axis in found for text in axis.remarks],
     }
 
 

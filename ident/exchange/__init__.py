@@ -1,18 +1,56 @@
 """List ↔ model, rounded to integers: the one place that converts list units.
 
-Three rooms, one per table: `plane_from_list`/`entries_of_plane` and so on. A fit works
-with an `AbstractTable`, which knows its nodes, its sign and how it is written.
+A room per compensation: `plane_from_list`/`entries_of_plane` and so on; what an axis
+list sets up by itself, and the start-up list, have theirs. A table fit works with an
+`AbstractTable`, which knows its nodes, its sign and how it is written.
+`controller_from_lists` makes a whole machine of its lists, `simulate` runs it.
 """
 
+from ._axis_list import (
+    ACTIVATION as ACTIVATION,
+    backlash_from_list as backlash_from_list,
+    entries_of_activation as entries_of_activation,
+    entries_of_backlash as entries_of_backlash,
+    entries_of_temperature as entries_of_temperature,
+    is_activated as is_activated,
+    reversal_cycles as reversal_cycles,
+    temperature_from_list as temperature_from_list,
+)
 from ._capacity import build_number as build_number
+from ._controller import controller_from_lists as controller_from_lists
+from ._conventions_file import (
+    StoredConventions as StoredConventions,
+    read_conventions as read_conventions,
+)
 from ._cross import (
+    cross_axes as cross_axes,
     cross_from_list as cross_from_list,
     cross_master as cross_master,
     entries_of_cross as entries_of_cross,
     has_cross as has_cross,
 )
+from ._crosstalk import (
+    crosstalk_from_list as crosstalk_from_list,
+    crosstalk_masters as crosstalk_masters,
+    entries_of_crosstalk as entries_of_crosstalk,
+    has_crosstalk as has_crosstalk,
+)
 from ._errors import ExchangeError as ExchangeError
 from ._evaluate import offset_at as offset_at
+from ._external import (
+    ExternalAxis as ExternalAxis,
+    entries_of_external_axis as entries_of_external_axis,
+    external_axis_from_list as external_axis_from_list,
+    external_from_lists as external_from_lists,
+    external_limits as external_limits,
+    from_interface as from_interface,
+    to_interface as to_interface,
+)
+from ._friction import (
+    entries_of_friction as entries_of_friction,
+    friction_from_list as friction_from_list,
+    has_friction as has_friction,
+)
 from ._identity import (
     Increments as Increments,
     axis_number as axis_number,
@@ -22,6 +60,14 @@ from ._leadscrew import (
     has_leadscrew as has_leadscrew,
     leadscrew_from_list as leadscrew_from_list,
 )
+from ._machine_lists import (
+    InUse as InUse,
+    MachineLists as MachineLists,
+    axes_in_use as axes_in_use,
+    machine_lists as machine_lists,
+)
+from ._modulo import Ranges as Ranges
+from ._motion import Motion as Motion, direction_of_motion as direction_of_motion
 from ._nodes import (
     GridNodes as GridNodes,
     ListNodes as ListNodes,
@@ -35,11 +81,28 @@ from ._plane import (
     plane_from_list as plane_from_list,
     plane_masters as plane_masters,
 )
-from ._simulate import (
-    AxisOffsets as AxisOffsets,
-    Motion as Motion,
-    direction_of_motion as direction_of_motion,
-    simulate as simulate,
+from ._probe import (
+    Probe as Probe,
+    ProbeAxis as ProbeAxis,
+    Probed as Probed,
+    make_probe as make_probe,
+)
+from ._probe_inputs import (
+    names_in as names_in,
+    probed_in as probed_in,
+    travel_in as travel_in,
+)
+from ._probe_steps import (
+    Outcome as Outcome,
+    ProbeStep as ProbeStep,
+    probe_steps as probe_steps,
+)
+from ._probe_text import probe_program as probe_program, probe_text as probe_text
+from ._simulate import AxisOffsets as AxisOffsets, simulate as simulate
+from ._startup import (
+    Startup as Startup,
+    entries_of_startup as entries_of_startup,
+    startup_from_list as startup_from_list,
 )
 from ._table import (
     AbstractTable as AbstractTable,
@@ -53,4 +116,6 @@ from ._tables import (
     PlaneTable as PlaneTable,
     refuse_lost_nodes as refuse_lost_nodes,
 )
+from ._temperature_table import read_temperature_table as read_temperature_table
+from ._toml import TomlError as TomlError, read_toml as read_toml
 from ._units import LIST_UNITS as LIST_UNITS

@@ -14,6 +14,7 @@ from ._identity import (
     scaled,
     unit_size,
 )
+from ._modulo import Ranges, refuse_jump, wrapped
 from ._nodes import as_array, nodes_of_model
 from ._units import round_to_list
 
@@ -32,8 +33,22 @@ def cross_master(listing: ListFile) -> int:
     return required(listing, f"{PREFIX}.master_ax_nr")
 
 
+def cross_axes(listing: ListFile, conventions: Conventions) -> tuple[int, int]:
+    """Return the axis that a cross table acts on, and its master.
+
+    The list is that of the first one, and names the second; or, by the older manuals,
+    the other way round (S-10).
+    """
+    own, named = axis_number(listing), cross_master(listing)
+    return (own, named) if conventions.cross_list == "slave" else (named, own)
+
+
 def cross_from_list(
-    listing: ListFile, conventions: Conventions, increment: Increments = None
+    listing: ListFile,
+    conventions: Conventions,
+    increment: Increments = None,
+    *,
+    modulo: Ranges | None = None,
 ) -> Cross:
     """Return the cross table that a list describes, in mm or °.
 
@@ -41,6 +56,7 @@ def cross_from_list(
         listing: List of the slave axis.
         conventions: Sign and edge rules.
         increment: Worth of an encoder increment for lists with ``unit 0``.
+        modulo: Range by axis; the position of a master with one is wrapped into it.
 
     Raises:
         ExchangeError: If an entry is missing or the setpoints do not ascend.
@@ -49,14 +65,15 @@ def cross_from_list(
     refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
     setpoints = column(listing, PREFIX, "setpoint")
     corrections = column(listing, PREFIX, "correction")
-    by_master = unit_size(listing, PREFIX, cross_master(listing), increment)
-    by_slave = unit_size(listing, PREFIX, axis_number(listing), increment)
+    slave, master = cross_axes(listing, conventions)
+    by_master = unit_size(listing, PREFIX, master, increment)
+    by_slave = unit_size(listing, PREFIX, slave, increment)
     # A missing setpoint or correction is 0 in the controller (S-57).
     points = np.array([scaled(setpoints.get(k, 0), by_master) for k in range(count)])
     values = np.array([scaled(corrections.get(k, 0), by_slave) for k in range(count)])
     refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
     return Cross(
-        nodes=Setpoints(as_array(points)),
+        nodes=wrapped(Setpoints(as_array(points)), (modulo or {}).get(master)),
         values=as_array(values),
         sign=float(conventions.cross_sign),
         held=conventions.cross_edge == "hold",
@@ -95,7 +112,8 @@ def entries_of_cross(
         build: Of the controller, or None for the newest.
 
     Raises:
-        ExchangeError: If something does not fit into a list.
+        ExchangeError: If something does not fit into a list, or jumps where a modulo
+            master begins again.
     """
     points = nodes_of_model(cross.nodes, PREFIX).integers
     entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
@@ -112,6 +130,7 @@ def entries_of_cross(
     entries[f"{PREFIX}.last_index"] = len(points) - 1
     entries[f"{PREFIX}.master_ax_nr"] = master
     table = round_to_list(np.asarray(cross.values), f"{PREFIX}.table[].correction")
+    refuse_jump(cross.nodes, table, f"{PREFIX}.table[].correction")
     for k, (point, value) in enumerate(zip(points, table.tolist(), strict=True)):
         entries[f"{PREFIX}.table[{k}].setpoint"] = point
         entries[f"{PREFIX}.table[{k}].correction"] = value

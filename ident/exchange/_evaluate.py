@@ -6,9 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...models import Cross, Leadscrew, Plane
-
-_SMALLEST = 256
-"""Batches are padded to powers of two from here on: few shapes to compile."""
+from ._stencils import FEW, entries_of, offsets_at, padded
 
 
 @eqx.filter_jit
@@ -28,12 +26,6 @@ def _leadscrew(
     return model.offset(positions, direction)
 
 
-def _padded(values: np.ndarray) -> np.ndarray:
-    size = max(_SMALLEST, 1 << max(len(values) - 1, 0).bit_length())
-    room = [(0, size - len(values))] + [(0, 0)] * (values.ndim - 1)
-    return np.pad(values, room)
-
-
 def offset_at(
     model: Plane | Cross | Leadscrew,
     positions: Float[np.ndarray, "t d"],
@@ -47,15 +39,18 @@ def offset_at(
         direction: ±1 per row for a leadscrew; positive where it is left out.
     """
     rows = len(positions)
+    if rows <= FEW:
+        entries = entries_of(model)[None]
+        return np.asarray(offsets_at(model, entries, positions, direction)[0])
     if isinstance(model, Plane):
-        found = _plane(model, jnp.asarray(_padded(positions)))
+        found = _plane(model, jnp.asarray(padded(positions)))
     elif isinstance(model, Cross):
-        found = _cross(model, jnp.asarray(_padded(positions[:, 0])))
+        found = _cross(model, jnp.asarray(padded(positions[:, 0])))
     else:
         if direction is None:
             direction = np.ones(rows, dtype=np.int64)
         # Padding has direction 0 otherwise, which is none.
-        sense = np.where(_padded(direction) < 0, -1, 1)
-        place = jnp.asarray(_padded(positions[:, 0]))
+        sense = np.where(padded(direction) < 0, -1, 1)
+        place = jnp.asarray(padded(positions[:, 0]))
         found = _leadscrew(model, place, jnp.asarray(sense))
     return np.asarray(found)[:rows]

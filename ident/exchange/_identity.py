@@ -10,6 +10,10 @@ from ._units import LIST_UNITS
 Increments = float | Mapping[int, float] | None
 """mm (or °) per encoder increment: one for all axes, by axis number, or not known."""
 
+_TABLES = ("table[]", "table[][]", "position[]")
+_REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,2})?")
+_LONGEST = 60
+"""Characters of a number that somebody meant."""
 _DIGITS = re.compile(r"([0-9]{1,5})\D*$")
 
 
@@ -74,6 +78,24 @@ def flag(listing: ListFile, name: str) -> bool:
     return bool(value)
 
 
+def real(listing: ListFile, name: str) -> float:
+    """Return a REAL64 entry, 0 where the list leaves it out.
+
+    Raises:
+        ExchangeError: If it stands there and is no finite number.
+    """
+    entry = listing.get(name)
+    if entry is None:
+        return 0.0
+    if len(entry.value) > _LONGEST or _REAL.fullmatch(entry.value) is None:
+        raise ExchangeError(
+            where=f"{listing.source}:{entry.line}: {name}",
+            found=repr(entry.value[:_LONGEST]),
+            expected="a number",
+        )
+    return float(entry.value)
+
+
 def values_of(
     listing: ListFile, prefix: str, field: str
 ) -> dict[int, int] | dict[tuple[int, int], int]:
@@ -82,8 +104,8 @@ def values_of(
     Raises:
         ExchangeError: If an entry is unreadable: as 0 it would make another table.
     """
-    key = f"{prefix}.table[].{field}", f"{prefix}.table[][].{field}"
-    for rows in (listing.columns[name] for name in key if name in listing.columns):
+    keys = [f"{prefix}.{table}.{field}".lower() for table in _TABLES]
+    for rows in (listing.columns[name] for name in keys if name in listing.columns):
         if None in rows.integers:
             at = rows.integers.index(None)
             entry = listing.entry_at(rows.lines[at])

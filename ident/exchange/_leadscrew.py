@@ -17,7 +17,7 @@ from ._identity import (
     scaled,
     unit_size,
 )
-from ._nodes import GridNodes, as_array, nodes_of_model
+from ._nodes import GridNodes, as_array, equidistant, nodes_of_model
 from ._units import SGN16, round_to_list
 
 PREFIX = "kw.ssfk"
@@ -71,9 +71,7 @@ def leadscrew_from_list(
     nodes: EquidistantNodes | Setpoints
     if interval > 0:
         start = optional(listing, f"{PREFIX}.kw_startpos")
-        nodes = EquidistantNodes(
-            as_array(scaled(start, size)), as_array(scaled(interval, size)), count
-        )
+        nodes = equidistant(scaled(start, size), scaled(interval, size), count)
     else:
         given = column(listing, PREFIX, "setpoint")
         points = np.array([scaled(given.get(k, 0), size) for k in range(count)])

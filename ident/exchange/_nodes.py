@@ -1,19 +1,21 @@
 """Node positions as a list holds them: integers, on a grid or one by one."""
 
 import dataclasses
+import functools
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...models import AbstractNodes, EquidistantNodes, Setpoints
+from ...models import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints
 from ._errors import ExchangeError
 from ._units import LIST_UNITS, exact_in_list
 
 
 def as_array(values: Float[np.ndarray, "..."] | float) -> Float[Array, "..."]:
     """Return numbers as the 64-bit array that a model holds."""
-    return jnp.asarray(values, dtype=jnp.float64)
+    found: Array = jax.device_put(np.asarray(values, dtype=np.float64))
+    return found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,10 +38,8 @@ class GridNodes:
 
     def model(self) -> EquidistantNodes:
         """Return the nodes of a model."""
-        return EquidistantNodes(
-            as_array(self.start / LIST_UNITS),
-            as_array(self.interval / LIST_UNITS),
-            self.count,
+        return equidistant(
+            self.start / LIST_UNITS, self.interval / LIST_UNITS, self.count
         )
 
 
@@ -56,10 +56,21 @@ class PointNodes:
 
     def model(self) -> Setpoints:
         """Return the nodes of a model."""
-        return Setpoints(as_array(self.positions))
+        return _point_model(self)
 
 
 ListNodes = GridNodes | PointNodes
+
+
+@functools.lru_cache(maxsize=256)
+def equidistant(start: float, interval: float, count: int) -> EquidistantNodes:
+    """Return the nodes of a model; those of a kind of machine are the same ones."""
+    return EquidistantNodes(as_array(start), as_array(interval), count)
+
+
+@functools.lru_cache(maxsize=256)
+def _point_model(nodes: PointNodes) -> Setpoints:
+    return Setpoints(as_array(nodes.positions))
 
 
 def grid_nodes(start: float, interval: float, count: int, name: str) -> GridNodes:
@@ -114,6 +125,8 @@ def nodes_of_model(nodes: AbstractNodes, name: str) -> ListNodes:
     Raises:
         ExchangeError: If a position is no multiple of a list unit.
     """
+    if isinstance(nodes, ModuloNodes):
+        nodes = nodes.nodes
     if isinstance(nodes, EquidistantNodes):
         return grid_nodes(float(nodes.start), float(nodes.interval), nodes.count, name)
     return point_nodes(np.asarray(nodes.positions, dtype=float), name)

@@ -15,6 +15,7 @@ from ._identity import (
     unit_size,
     values_of,
 )
+from ._modulo import Ranges, refuse_jump, wrapped
 from ._nodes import GridNodes, as_array, nodes_of_model
 from ._units import round_to_list
 
@@ -37,7 +38,11 @@ def plane_masters(listing: ListFile) -> tuple[int, int]:
 
 
 def plane_from_list(
-    listing: ListFile, conventions: Conventions, increment: Increments = None
+    listing: ListFile,
+    conventions: Conventions,
+    increment: Increments = None,
+    *,
+    modulo: Ranges | None = None,
 ) -> Plane:
     """Return the plane that a list describes, in mm or °.
 
@@ -47,6 +52,7 @@ def plane_from_list(
         listing: List of the slave axis.
         conventions: Sign and edge rules.
         increment: Worth of an encoder increment for lists with ``unit 0``.
+        modulo: Range by axis; the positions of masters with one are wrapped into it.
 
     Raises:
         ExchangeError: If an entry is missing or makes no table.
@@ -89,8 +95,8 @@ def plane_from_list(
         if isinstance(index, tuple) and all(np.less(index, table.shape)):
             table[index] = scaled(value, size)
     return Plane(
-        nodes1=nodes[0],
-        nodes2=nodes[1],
+        nodes1=wrapped(nodes[0], (modulo or {}).get(first)),
+        nodes2=wrapped(nodes[1], (modulo or {}).get(second)),
         values=as_array(table if conventions.plane_index == "ji" else table.T),
         sign=float(conventions.plane_sign),
     )
@@ -116,7 +122,8 @@ def entries_of_plane(
         build: Of the controller, or None for the newest.
 
     Raises:
-        ExchangeError: If something does not fit into a list.
+        ExchangeError: If something does not fit into a list, or jumps where a modulo
+            master begins again.
     """
     grids: list[GridNodes] = []
     for k, nodes in ((1, plane.nodes1), (2, plane.nodes2)):
@@ -156,6 +163,8 @@ def entries_of_plane(
         f"{PREFIX}.master2_ax_nr": masters[1],
     }
     table = round_to_list(np.asarray(plane.values), f"{PREFIX}.table[][].correction")
+    refuse_jump(plane.nodes1, table.T, f"{PREFIX}.table[][].correction along master 1")
+    refuse_jump(plane.nodes2, table, f"{PREFIX}.table[][].correction along master 2")
     if conventions.plane_index == "ij":
         table = table.T
     for j, row in enumerate(table.tolist()):

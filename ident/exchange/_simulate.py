@@ -1,70 +1,57 @@
-"""What the lists of a machine add along a motion: all tables, and their sum."""
+"""What the lists of a machine add along a motion: each compensation, and the sum."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...data.lists import ListFile
-from ...models import Conventions, Leadscrew
-from ._cross import cross_from_list, cross_master, has_cross
+from ...models import (
+    Conventions,
+    Motion as ControllerMotion,
+    Offsets,
+    PositionController,
+    TemperatureLine,
+)
+from ._controller import Reading, controller_of
+from ._controller_motion import controller_motion, missing_for, needed_positions
 from ._errors import ExchangeError
-from ._evaluate import offset_at
-from ._identity import Increments, axis_number, flag, optional
-from ._leadscrew import PREFIX as SCREW, has_leadscrew, leadscrew_from_list
-from ._plane import has_plane, plane_from_list, plane_masters
+from ._identity import Increments
+from ._machine_lists import InUse, axes_in_use, machine_lists
+from ._modulo import Ranges
+from ._motion import Motion
 
-_OTHERS = {"frict_comp": "friction", "crosstalk": "crosstalk"}
-"""Structures of the compensation list that this version does not evaluate."""
-_OF_AXIS = {"backlash": "anwahl_losekomp", "temperature": "temp_comp"}
-"""Compensations that the axis list alone sets up, with what switches them on."""
+ORDER = ("cross", "plane", "leadscrew", "temperature", "backlash", "crosstalk")
+"""Position offsets, in the order of their columns."""
 
-
-@dataclasses.dataclass(frozen=True)
-class Motion:
-    """Commanded motion of a machine, one row per cycle or independent position.
-
-    Attributes:
-        positions: By logical axis number, in mm or °.
-        directions: ±1 by axis, where the user gives them.
-        time: In s; None where the rows are independent positions.
-    """
-
-    positions: Mapping[int, Float[np.ndarray, " t"]]
-    directions: Mapping[int, Int[np.ndarray, " t"]]
-    time: Float[np.ndarray, " t"] | None
-
-    def position(self, axis: int, why: str) -> Float[np.ndarray, " t"]:
-        """Return the commanded position of an axis.
-
-        Raises:
-            ExchangeError: If the motion does not have it.
-        """
-        if axis not in self.positions:
-            known = ", ".join(f"A{number}.position" for number in self.positions)
-            raise ExchangeError(
-                where="motion", found=known or "no position",
-                expected=f"A{axis}.position {why}",
-            )  # fmt: skip
-        return self.positions[axis]
+_NAMES = {"leadscrew": "the leadscrew table", "cross": "the cross table"}
+_SMALLEST = 256
+"""Motions are padded to powers of two from here on: few shapes to compile."""
 
 
 @dataclasses.dataclass(frozen=True)
 class AxisOffsets:
-    """What an axis's lists add, in mm or ° per row.
+    """What an axis's lists add, per row.
 
     Attributes:
         axis: Logical number.
-        parts: By compensation, those that are active.
+        parts: Position offsets by compensation in mm or °, those that are active.
         total: Their sum.
-        left_out: Compensations in the list that are not evaluated by this version.
+        left_out: Compensations that are active and could not be computed.
+        current: Current of the friction compensation in drive units; None: it has none.
+        remarks: What the user should know: why something was left out, or that it waits
+            for a command.
     """
 
     axis: int
     parts: Mapping[str, Float[np.ndarray, " t"]]
     total: Float[np.ndarray, " t"]
     left_out: tuple[str, ...]
+    current: Float[np.ndarray, " t"] | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def simulate(
@@ -72,168 +59,131 @@ def simulate(
     motion: Motion,
     conventions: Conventions,
     increment: Increments = None,
+    *,
+    modulo: Ranges | None = None,
+    lines: Mapping[int, TemperatureLine] | None = None,
+    cycle_time: float | None = None,
 ) -> tuple[AxisOffsets, ...]:
     """Return what the controller adds to each axis along a motion.
 
     Without an axis list everything in a list is active; with one, what its activation
-    bits say. The leadscrew table comes last: its input contains the other offsets
-    unless ``set_pos_without_comp`` is 1 (S-23, S-56). A reversal is spread over
-    ``n_backlash_cyc`` rows where time runs and an axis list says so (S-63).
+    bits say, what waits for COMP ON included. Without time the rows stand for
+    themselves: neither filters nor delays.
 
     Args:
         lists: Compensation and axis lists in any order.
-        motion: Commanded positions.
+        motion: Commanded motion.
         conventions: Rules of the controller.
         increment: Worth of an encoder increment for lists with ``unit 0``.
+        modulo: Range in ° by axis, for the axes that turn.
+        lines: Temperature lines as a PLC makes them, by axis.
+        cycle_time: Of the controller in s, to hold the time step of the motion against.
 
     Raises:
         ExchangeError: If a list makes no table, an axis has two lists, or the motion
-            lacks an axis.
+            lacks an axis or has bad values.
     """
-    tables = _by_axis(lists, "compensation")
-    machines = _by_axis(lists, "axis")
-    if not tables:
+    motion.check(cycle_time)
+    ranges = modulo or {}
+    machine = machine_lists(lists)
+    used = machine.in_use(conventions, lines or ())
+    own = {one.axis for one in used if one.name in ("temperature", "backlash")}
+    if not machine.compensation and not own:
         names = ", ".join(one.source for one in lists)
         raise ExchangeError(
             where=names or "lists",
             found="no compensation list",
             expected="at least one (kopf.*, kw.*)",
         )
+    why = {one: missing_for(one, motion, conventions, ranges) for one in used}
+    computed = [one for one in used if why[one] is None]
+    for one in computed:
+        for axis in needed_positions(one, motion):
+            name = _NAMES.get(one.name, f"the {one.name}")
+            motion.position(axis, f"for {name} of A{one.axis}")
+    numbers = axes_in_use(used, machine)
+    reading = Reading(conventions, increment, ranges, lines or {}, commanded=True)
+    controller = controller_of(computed, machine, numbers, reading)
+    found = _run(controller, motion, numbers, reading)
+    shown = sorted({one.axis for one in used} | set(machine.compensation))
     return tuple(
-        _axis(number, tables[number], machines.get(number), motion, conventions,
-              increment)
-        for number in sorted(tables)
+        _axis(axis, numbers.index(axis), found, {o: w for o, w in why.items()
+                                                 if o.axis == axis}, motion)
+        for axis in shown
     )  # fmt: skip
 
 
-def _by_axis(lists: Sequence[ListFile], kind: str) -> dict[int, ListFile]:
-    found: dict[int, ListFile] = {}
-    for listing in lists:
-        if listing.kind != kind:
-            if listing.kind == "unknown":
-                raise ExchangeError(
-                    where=listing.source,
-                    found="none of the entries of a compensation or axis list",
-                    expected="kopf.*, kw.*, frict_comp.* or lr_param.*",
-                )
-            continue
-        number = axis_number(listing)
-        if number in found:
-            raise ExchangeError(
-                where=listing.source,
-                found=f"a second {kind} list of axis {number} beside"
-                f" {found[number].source}",
-                expected="one per axis",
-            )
-        found[number] = listing
-    return found
+def _run(
+    controller: PositionController,
+    motion: Motion,
+    numbers: Sequence[int],
+    reading: Reading,
+) -> dict[str, np.ndarray]:
+    """Return each compensation of all axes, shape ``(t, a)``."""
+    rows = motion.rows
+    if rows == 0:
+        return {name: np.zeros((0, len(numbers))) for name in controller.installed}
+    whole = _padded(
+        controller_motion(motion, numbers, reading.conventions, reading.modulo)
+    )
+    offsets: Offsets
+    if motion.time is None:
+        offsets = controller.settled(whole)
+    else:
+        offsets, _ = controller.run(controller.start(), whole)
+    return {
+        name: np.asarray(getattr(offsets, name))[:rows] for name in controller.installed
+    }
+
+
+def _padded(motion: ControllerMotion) -> ControllerMotion:
+    """Return the motion with its last row repeated: the axes stand, as they would."""
+    size = max(_SMALLEST, 1 << max(motion.cycles - 1, 0).bit_length())
+    more = ((0, size - motion.cycles), (0, 0))
+    longer: ControllerMotion = jax.tree.map(
+        lambda rows: jnp.pad(rows, more, mode="edge"), motion
+    )
+    still = (jnp.pad(motion.velocity, more), jnp.pad(motion.acceleration, more))
+    return ControllerMotion(
+        longer.position, *still, longer.temperature,
+        direction=longer.direction, actual=longer.actual,
+    )  # fmt: skip
 
 
 def _axis(
-    number: int,
-    listing: ListFile,
-    machine: ListFile | None,
+    axis: int,
+    column: int,
+    found: Mapping[str, np.ndarray],
+    why: Mapping[InUse, str | None],
     motion: Motion,
-    conventions: Conventions,
-    increment: Increments,
 ) -> AxisOffsets:
-    def active(entry: str) -> bool:
-        return machine is None or flag(machine, f"lr_param.{entry}")
-
-    parts: dict[str, np.ndarray] = {}
-    if has_cross(listing) and active("crosscomp"):
-        cross = cross_from_list(listing, conventions, increment)
-        place = motion.position(
-            cross_master(listing), f"for the cross table of A{number}"
-        )
-        parts["cross"] = offset_at(cross, place[:, None])
-    if has_plane(listing) and active("crosscomp2"):
-        plane = plane_from_list(listing, conventions, increment)
-        why = f"for the plane of A{number}"
-        places = [motion.position(axis, why) for axis in plane_masters(listing)]
-        parts["plane"] = offset_at(plane, np.stack(places, axis=1))
-    others = sum(parts.values(), np.zeros(_rows(motion)))
-    if has_leadscrew(listing) and active("ssfk"):
-        screw = leadscrew_from_list(listing, conventions, increment)
-        place = motion.position(number, f"for the leadscrew table of A{number}")
-        alone = flag(listing, f"{SCREW}.set_pos_without_comp")
-        into = (
-            place if alone or conventions.leadscrew_input == "none" else place + others
-        )
-        cycles = optional(machine, "lr_param.n_backlash_cyc") if machine else 0
-        parts["leadscrew"] = _screw(
-            screw, number, place, into, motion, conventions, cycles
-        )
-    total = sum(parts.values(), np.zeros(_rows(motion)))
-    left_out = [
-        name
-        for stem, name in _OTHERS.items()
-        if active(stem) and any(f"{stem}." in key for key in listing.columns)
+    here = {one.name for one, reason in why.items() if reason is None}
+    parts = {
+        name: np.ascontiguousarray(found[name][:, column])
+        for name in ORDER
+        if name in here
+    }
+    remarks = [
+        f"A{axis}: {one.name} stands in the list and is not computed: {reason}"
+        for one, reason in why.items()
+        if reason is not None
     ]
-    left_out += [
-        name
-        for name, entry in _OF_AXIS.items()
-        if machine is not None and machine.text(f"lr_param.{entry}") not in (None, "0")
+    remarks += [
+        f"A{axis}: {one.name} waits for COMP ON in the NC program"
+        " (manual_activation 1); it is computed as switched on"
+        for one, reason in why.items()
+        if one.manual and reason is None
     ]
-    return AxisOffsets(number, parts, total, tuple(left_out))
-
-
-def _rows(motion: Motion) -> int:
-    return len(next(iter(motion.positions.values()), np.zeros(0)))
-
-
-def _screw(
-    screw: Leadscrew,
-    number: int,
-    commanded: Float[np.ndarray, " t"],
-    into: Float[np.ndarray, " t"],
-    motion: Motion,
-    conventions: Conventions,
-    cycles: int,
-) -> Float[np.ndarray, " t"]:
-    place = into[:, None]
-    if screw.neg is None:
-        return offset_at(screw, place)
-    start = conventions.start_direction
-    if number in motion.directions:
-        direction = motion.directions[number]
-    elif motion.time is None:
-        direction = np.full(len(into), start)
-    else:
-        direction = direction_of_motion(commanded, start)
-    forward = offset_at(screw, place, np.ones(len(into), dtype=np.int64))
-    back = offset_at(screw, place, -np.ones(len(into), dtype=np.int64))
-    share = (direction < 0).astype(float)
-    if motion.time is not None and cycles > 1:
-        share = spread(share, cycles, 0.0 if start > 0 else 1.0)
-    return np.asarray((1.0 - share) * forward + share * back)
-
-
-def direction_of_motion(
-    position: Float[np.ndarray, " t"], start: int = 1
-) -> Int[np.ndarray, " t"]:
-    """Return the direction of motion per cycle: that of the last step that was one.
-
-    Args:
-        position: Commanded, in mm or °.
-        start: Direction before the first motion (S-21).
-    """
-    step = np.sign(np.diff(position, prepend=position[:1])).astype(np.int64)
-    last = np.maximum.accumulate(np.where(step != 0, np.arange(len(step)), -1))
-    return np.where(last < 0, start, step[np.maximum(last, 0)])
-
-
-def spread(
-    share: Float[np.ndarray, " t"], cycles: int, start: float
-) -> Float[np.ndarray, " t"]:
-    """Return a step signal with each step spread over cycles by sin² (S-06, S-63).
-
-    Args:
-        share: 0 or 1 per cycle.
-        cycles: Number of cycles; the first one of a step already shows its first part.
-        start: Value before the first cycle.
-    """
-    done = np.sin(0.5 * np.pi * np.arange(cycles + 1) / cycles) ** 2
-    steps = np.diff(share, prepend=start)
-    shown = np.convolve(steps, np.diff(done))[: len(share)]
-    return np.asarray(start + np.cumsum(shown))
+    if here and not motion.is_even:
+        remarks.append(
+            f"A{axis}: the time steps of {motion.source} differ: filters and delays"
+            " take each row as one cycle"
+        )
+    return AxisOffsets(
+        axis=axis,
+        parts=parts,
+        total=sum(parts.values(), np.zeros(motion.rows)),
+        left_out=tuple(one.name for one, reason in why.items() if reason is not None),
+        current=found["friction"][:, column] if "friction" in here else None,
+        remarks=tuple(remarks),
+    )

@@ -14,6 +14,7 @@ from ..fit import TableLayout
 from ._evaluate import offset_at
 from ._identity import Increments
 from ._nodes import ListNodes, nodes_of_model
+from ._stencils import offsets_at
 from ._units import SGN32, from_list_units, round_to_list
 
 Model = Plane | Cross | Leadscrew
@@ -87,6 +88,14 @@ class AbstractTable(abc.ABC):
         return 1
 
     @property
+    def modulo(self) -> tuple[float, float] | None:
+        """Range of the axis that the table goes round, or None."""
+        if not self.periodic:
+            return None
+        ends = self.nodes[0].positions
+        return float(ends[0]), float(ends[-1])
+
+    @property
     def layout(self) -> TableLayout:
         """Nodes in mm or °, for the fit."""
         return TableLayout(
@@ -125,6 +134,23 @@ class AbstractTable(abc.ABC):
         """
         direction = None if branch is None else 1 - 2 * branch
         return offset_at(model, positions, direction)
+
+    def offsets(
+        self,
+        integers: Int[np.ndarray, "k ..."],
+        positions: Float[np.ndarray, "t d"],
+        branch: Int[np.ndarray, " t"] | None,
+    ) -> Float[np.ndarray, "k t"]:
+        """Return what the controller adds at each reading under each of several lists.
+
+        Args:
+            integers: Entries of each list.
+            positions: As for `offset`.
+            branch: As for `offset`.
+        """
+        direction = None if branch is None else 1 - 2 * branch
+        entries = from_list_units(integers).reshape(len(integers), -1)
+        return offsets_at(self.model(integers[0]), entries, positions, direction)
 
     def at_nodes(self, model: Model) -> Float[np.ndarray, "..."]:
         """Return the offset of a model at the nodes, shaped like `layout`."""

@@ -11,6 +11,7 @@ from ...models import Cross, Leadscrew, Plane
 from . import _cross, _leadscrew, _plane
 from ._errors import ExchangeError
 from ._identity import Increments
+from ._modulo import wrapped
 from ._nodes import PointNodes, as_array
 from ._table import AbstractTable, Model
 from ._units import SGN16, from_list_units
@@ -87,7 +88,7 @@ class CrossTable(AbstractTable):
         # The list knows single setpoints only.
         points = PointNodes(self.nodes[0].integers)
         return Cross(
-            nodes=points.model(),
+            nodes=wrapped(points.model(), self.modulo),
             values=as_array(from_list_units(integers)),
             sign=float(self.conventions.cross_sign),
             held=self.conventions.cross_edge == "hold",
@@ -115,7 +116,10 @@ class CrossTable(AbstractTable):
         return _cross.has_cross(listing)
 
     def read(self, listing: ListFile, increments: Increments = None) -> Model:
-        return _cross.cross_from_list(listing, self.conventions, increments)
+        ranges = None if self.modulo is None else {self.masters[0]: self.modulo}
+        return _cross.cross_from_list(
+            listing, self.conventions, increments, modulo=ranges
+        )
 
     def masters_in(self, listing: ListFile) -> tuple[int, ...]:
         return (_cross.cross_master(listing),)
@@ -147,20 +151,12 @@ class LeadscrewTable(AbstractTable):
     def branches(self) -> int:
         return 2 if self.bilateral else 1
 
-    @property
-    def modulo(self) -> tuple[float, float] | None:
-        """Range of the axis that the table wraps around, or None."""
-        if not self.periodic:
-            return None
-        ends = self.nodes[0].positions
-        return float(ends[0]), float(ends[-1])
-
     def model(self, integers: Int[np.ndarray, "..."]) -> Model:
-        values = as_array(from_list_units(integers))
+        values = from_list_units(integers)
         return Leadscrew(
             nodes=self.nodes[0].model(),
-            pos=values[0] if self.bilateral else values,
-            neg=values[1] if self.bilateral else None,
+            pos=as_array(values[0] if self.bilateral else values),
+            neg=as_array(values[1]) if self.bilateral else None,
             modulo=self.modulo,
             sign=float(self.conventions.leadscrew_sign),
         )

@@ -10,6 +10,7 @@ LIST_UNITS = 10_000
 
 SGN16 = (-(2**15), 2**15 - 2)
 SGN32 = (-(2**31), 2**31 - 2)
+SGN64 = (-(2**63), 2**63 - 2)
 """Smallest and largest integer of each type; the manuals exclude the upper end."""
 
 _EXACT = 1e-5

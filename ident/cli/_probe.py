@@ -1,0 +1,183 @@
+"""The command ``probe``: lists that settle what the manuals leave open."""
+
+import dataclasses
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ...data.errors import UsageError
+
+if TYPE_CHECKING:
+    from ...data.lists import ListFile
+    from ...models import Conventions
+    from ..exchange import Probe, ProbeAxis, Probed
+
+
+def probe(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE …",
+            help="A job file, or the lists that are loaded now: the same compensations"
+            " are probed, over the same axes.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the probe lists, the text and the program.")
+    ] = Path("axcomp-probe"),
+    travel: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A1=0:500",
+            help="Positions in mm or ° between which an axis may move, where neither"
+            " job nor lists say it; may be given several times.",
+        ),
+    ] = None,
+    increment: Annotated[
+        float | None,
+        typer.Option(help="mm (or °) per encoder increment, for lists with unit 0."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print steps and outcomes as JSON.")
+    ] = False,
+) -> None:
+    """Make lists with one plateau of 10 µm per compensation, and say what to read.
+
+    One short log, or one reading of a dial gauge per axis, then settles sign, unit,
+    order and owner of every table of this controller.
+    """
+    from ..exchange import make_probe, probe_program, probe_text
+    from ..job import write_atomically
+
+    if increment is not None and not 0 < increment < float("inf"):
+        message = f"found {increment:g}, expected more than 0"
+        raise typer.BadParameter(message, param_hint="--increment")
+    own = dict(_travel(text) for text in travel or ())
+    given = _inputs(files, own, increment)
+    found = make_probe(given.axes, given.tables, given.conventions, given.existing)
+    contents = {
+        listing.source: listing.dumps()
+        for group in (found.lists, found.additions)
+        for listing in group.values()
+    }
+    contents["probe.txt"] = probe_text(found).encode()
+    contents["probe.nc"] = probe_program(found).encode()
+    out.mkdir(parents=True, exist_ok=True)
+    taken = {file.resolve() for file in (*files, *given.files)}
+    for name in contents:
+        if (out / name).resolve() in taken:
+            message = (
+                f"{out / name} is what the probe is made from and is never written"
+                " onto, expected another folder (--out)"
+            )
+            raise UsageError(message)
+    for name, content in contents.items():
+        write_atomically(out / name, content)
+    if as_json:
+        typer.echo(json.dumps(_json(found, list(contents)), indent=2))
+    else:
+        typer.echo(probe_text(found), nl=False)
+    typer.echo(f"{', '.join(contents)} in {out}", err=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Given:
+    """What the files of the command line say."""
+
+    axes: "Mapping[int, ProbeAxis]"
+    tables: "Sequence[Probed]"
+    existing: "Mapping[int, ListFile]"
+    conventions: "Conventions"
+    files: Sequence[Path]
+
+
+def _inputs(
+    files: Sequence[Path],
+    travel: Mapping[int, tuple[float, float]],
+    increment: float | None,
+) -> _Given:
+    """Return what is to be probed, from a job file or from lists."""
+    from ...data.lists import ListFile
+    from ...models import Conventions
+    from ..exchange import ProbeAxis, machine_lists, names_in, probed_in, travel_in
+
+    if len(files) == 1 and files[0].suffix.lower() == ".toml":
+        return _of_job(files[0], travel)
+    conventions = Conventions()
+    lists = [ListFile.read(file) for file in dict.fromkeys(files)]
+    names = names_in(lists)
+    known = {**travel_in(lists, conventions, increment), **travel}
+    axes = {
+        number: ProbeAxis(number, names.get(number, f"A{number}"), between)
+        for number, between in known.items()
+    }
+    tables = probed_in(lists, conventions)
+    return _Given(axes, tables, machine_lists(lists).compensation, conventions, ())
+
+
+def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
+    """Return what a job fits, or what its lists hold where it fits nothing."""
+    from ...data.lists import ListFile
+    from ..exchange import ProbeAxis, Probed, machine_lists, probed_in
+    from ..job import load_job
+
+    job = load_job(file)
+    spec = job.spec
+    axes, paths = {}, []
+    for name, axis in spec.axes.items():
+        between = travel.get(axis.number) or axis.modulo or axis.limits
+        paths += [p for p in (axis.listing, axis.machine_data) if p is not None]
+        if between is not None:
+            axes[axis.number] = ProbeAxis(
+                axis.number,
+                axis.name or name,
+                (float(between[0]), float(between[1])),
+                rotary=axis.kind != "linear",
+                modulo=axis.modulo is not None and axis.number not in travel,
+            )
+    lists = [ListFile.read(job.file(path)) for path in dict.fromkeys(paths)]
+    found = {(one.axis, one.name): one for one in probed_in(lists, job.conventions)}
+    for fit in spec.fits:
+        number = spec.axes[fit.axis].number
+        named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
+        masters = tuple(spec.axes[master].number for master in named)
+        if fit.compensation != "friction":
+            found[number, fit.compensation] = Probed(number, fit.compensation, masters)
+    return _Given(
+        axes,
+        [found[key] for key in sorted(found)],
+        machine_lists(lists).compensation,
+        job.conventions,
+        [job.file(path) for path in paths],
+    )
+
+
+def _json(probe: "Probe", files: Sequence[str]) -> dict[str, object]:
+    from ..exchange import probe_steps
+
+    steps = [
+        {**dataclasses.asdict(step), "sentence": step.sentence}
+        for step in probe_steps(probe)
+    ]
+    return {"files": list(files), "steps": steps}
+
+
+_TRAVEL = re.compile(r"A?(\d{1,5})=([^:]+):([^:]+)")
+
+
+def _travel(text: str) -> tuple[int, tuple[float, float]]:
+    match = _TRAVEL.fullmatch(text)
+    try:
+        if match is None:
+            raise ValueError
+        low, high = float(match[2]), float(match[3])
+        if not -1e5 <= low < high <= 1e5:
+            raise ValueError
+    except ValueError:
+        message = f"found {text!r}, expected an axis and its travel as in A1=0:500"
+        raise typer.BadParameter(message, param_hint="--travel") from None
+    return int(match[1]), (low, high)

@@ -1,0 +1,139 @@
+"""The conventions of one machine as a file: written by `verify`, read by every job.
+
+TOML. What stands in ``[verified]``, or before any table, has been settled by a log or a
+second measurement of that machine; what stands in ``[assumed]`` holds until then.
+"""
+
+import dataclasses
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...models import ConventionError, Conventions
+from ._toml import TomlError, read_toml
+
+_TABLES = ("verified", "assumed")
+_IDENTITY = ("machine", "saved_at")
+
+
+@dataclasses.dataclass(frozen=True)
+class StoredConventions:
+    """The rules of one machine's controller, and which of them are settled.
+
+    Attributes:
+        conventions: All rules, defaults included.
+        verified: Names of those that a log or a second measurement has settled.
+        machine: Id of the machine (``[machine] id`` of its jobs), or None.
+        saved_at: Day of the last save as ``2026-11-21``, or None.
+    """
+
+    conventions: Conventions = dataclasses.field(default_factory=Conventions)
+    verified: frozenset[str] = frozenset()
+    machine: str | None = None
+    saved_at: str | None = None
+
+    def with_verified(
+        self,
+        values: Mapping[str, int | str],
+        *,
+        machine: str | None = None,
+        saved_at: str | None = None,
+    ) -> "StoredConventions":
+        """Return the rules with these settled; what was settled before stays so.
+
+        A rule that is settled anew takes the new value: the controller may have been
+        updated.
+
+        Raises:
+            ConventionError: If a name is unknown or a value cannot be taken.
+        """
+        taken = Conventions.from_dict({**self.conventions.to_dict(), **values})
+        return StoredConventions(
+            taken,
+            self.verified | set(values),
+            machine or self.machine,
+            saved_at or self.saved_at,
+        )
+
+    def contradicted(self, values: Mapping[str, int | str]) -> tuple[str, ...]:
+        """Return the settled rules that these values would turn."""
+        old = self.conventions.to_dict()
+        return tuple(n for n in values if n in self.verified and old[n] != values[n])
+
+    def dumps(self) -> bytes:
+        """Return the file: settled rules, then those assumed against the defaults."""
+        lines = ["# How the controller of this machine applies its lists."]
+        if self.machine is not None:
+            lines.append(f"machine = {_toml(self.machine)}")
+        if self.saved_at is not None:
+            lines.append(f"saved_at = {self.saved_at}")
+        groups: dict[str, list[str]] = {name: [] for name in _TABLES}
+        for rule in self.conventions.listing():
+            group = "verified" if rule.name in self.verified else "assumed"
+            if group == "verified" or rule.value != rule.default:
+                meaning = f"# {rule.meaning} ({rule.rule})"
+                groups[group] += [meaning, f"{rule.name} = {_toml(rule.value)}"]
+        for name, entries in groups.items():
+            if entries:
+                lines += ["", f"[{name}]", *entries]
+        return ("\n".join(lines) + "\n").encode()
+
+
+def read_conventions(path: Path, machine: str | None = None) -> StoredConventions:
+    """Return the conventions that a file states.
+
+    Args:
+        path: The file.
+        machine: Id of the machine that is asked for; None: any.
+
+    Raises:
+        TomlError: If it is no TOML, a name is unknown, a value cannot be
+            taken, or it belongs to another machine.
+        OSError: If it cannot be read.
+    """
+    text, values = read_toml(path)
+    identity = {name: values.pop(name) for name in _IDENTITY if name in values}
+    settled = {k: v for k, v in values.items() if k not in _TABLES}
+    assumed: dict[str, Any] = {}
+    for name in _TABLES:
+        table = values.get(name, {})
+        if not isinstance(table, dict):
+            reason = f"{name}: found {table!r}, expected a table [{name}]"
+            raise TomlError(str(path), _line(text, name), reason)
+        (settled if name == "verified" else assumed).update(table)
+    try:
+        found = Conventions.from_dict({**assumed, **settled})
+    except ConventionError as error:
+        line = _line(text, error.name)
+        raise TomlError(str(path), line, str(error)) from None
+    own = identity.get("machine")
+    if own is not None and not isinstance(own, str):
+        reason = f"machine: found {own!r}, expected the id of a machine in quotes"
+        raise TomlError(str(path), _line(text, "machine"), reason)
+    if machine is not None and own not in (None, machine):
+        reason = f"found the conventions of machine {own!r}, expected {machine!r}"
+        raise TomlError(str(path), _line(text, "machine"), reason)
+    saved = identity.get("saved_at")
+    return StoredConventions(
+        found, frozenset(settled), own, None if saved is None else str(saved)
+    )
+
+
+def _line(text: str, name: str) -> int | None:
+    """Return the line that sets a name or opens its table."""
+    start = re.compile(
+        rf"""\s*(?:["']?{re.escape(name)}["']?\s*=|\[{re.escape(name)}\])"""
+    )
+    for number, line in enumerate(text.splitlines(), start=1):
+        if start.match(line):
+            return number
+    return None
+
+
+def _toml(value: int | str) -> str:
+    if isinstance(value, int):
+        return str(value)
+    # A basic string: what JSON escapes, TOML does, too.
+    return json.dumps(value, ensure_ascii=False)

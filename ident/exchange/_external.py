@@ -1,0 +1,207 @@
+"""External compensation: limits in axis lists, tables as offsets, units of its interface."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...data.lists import ListFile
+from ...models import (
+    Conventions,
+    ExternalCompensation,
+    ExternalLimits,
+    Leadscrew,
+    OffsetPart,
+    OffsetStack,
+)
+from ._cross import cross_from_list
+from ._errors import ExchangeError
+from ._identity import Increments, flag, optional
+from ._leadscrew import leadscrew_from_list
+from ._machine_lists import PREFIXES, InUse, axes_in_use, machine_lists
+from ._modulo import Ranges
+from ._nodes import as_array
+from ._plane import plane_from_list
+from ._units import LIST_UNITS, round_to_list
+
+INTERFACE_UNITS = 10**8
+"""Units of the interface per mm or °: its integers count 1e-8 of them."""
+
+_EXTERNAL = "lr_param.ext_comp"
+_UNS32 = (0, 2**32 - 1)
+_ORDER = ("cross", "plane", "leadscrew")
+_LARGEST = 2.0**62
+
+
+def to_interface(values: Float[np.ndarray, "..."], name: str) -> Int[np.ndarray, "..."]:
+    """Return positions or offsets in mm or ° as integers of the interface.
+
+    Raises:
+        ExchangeError: If a value is not finite or too large for 64 bits.
+    """
+    scaled = np.rint(np.asarray(values, dtype=float) * INTERFACE_UNITS)
+    bad = ~(np.abs(scaled) < _LARGEST)
+    if bad.any():
+        raise ExchangeError(
+            where=name,
+            found=f"{np.asarray(values)[bad].flat[0]:g}",
+            expected="a position that 64 bits of 1e-8 mm or ° hold",
+        )
+    return np.asarray(scaled, dtype=np.int64)
+
+
+def from_interface(values: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Return integers of the interface in mm or °."""
+    return np.asarray(values, dtype=np.int64) / INTERFACE_UNITS
+
+
+def external_from_lists(
+    lists: Sequence[ListFile],
+    conventions: Conventions,
+    increment: Increments = None,
+    *,
+    axes: Sequence[int] | None = None,
+    modulo: Ranges | None = None,
+) -> ExternalCompensation:
+    """Return the tables of a machine as one external compensation.
+
+    Cross, plane and leadscrew tables that are active; all else needs more than
+    positions and is left out.
+
+    Args:
+        lists: Compensation and axis lists in any order.
+        conventions: Rules of the controller.
+        increment: Worth of an encoder increment for lists with ``unit 0``.
+        axes: Logical numbers, one per column of the positions; all that the lists name,
+            ascending, where it is left out.
+        modulo: Range in ° by axis, for the axes that turn.
+
+    Raises:
+        ExchangeError: If a list makes no table, names an axis that is not among
+            `axes`, or has a table for each direction of motion.
+    """
+    machine = machine_lists(lists)
+    used = [one for one in machine.in_use(conventions) if one.name in _ORDER]
+    numbers = tuple(axes) if axes is not None else axes_in_use(used, machine)
+    columns = {number: k for k, number in enumerate(numbers)}
+    parts = [
+        _part(one, columns, conventions, increment, modulo or {})
+        for one in sorted(used, key=lambda one: _ORDER.index(one.name))
+    ]
+    return ExternalCompensation(OffsetStack(tuple(parts), axes=len(numbers)))
+
+
+def _part(
+    one: InUse,
+    columns: Mapping[int, int],
+    conventions: Conventions,
+    increment: Increments,
+    ranges: Ranges,
+) -> OffsetPart:
+    for axis in (one.axis, *one.masters):
+        if axis not in columns:
+            raise ExchangeError(
+                where=f"{one.listing.source}: {one.name}",
+                found=f"axis {axis}, which the machine lacks",
+                expected=f"one of its axes, {', '.join(map(str, columns))}",
+            )
+    masters = tuple(columns[master] for master in one.masters)
+    listing, column = one.listing, columns[one.axis]
+    if one.name == "cross":
+        cross = cross_from_list(listing, conventions, increment, modulo=ranges)
+        return OffsetPart(cross, column, masters)
+    if one.name == "plane":
+        plane = plane_from_list(listing, conventions, increment, modulo=ranges)
+        return OffsetPart(plane, column, masters)
+    screw: Leadscrew = leadscrew_from_list(
+        listing, conventions, increment, modulo=ranges.get(one.axis)
+    )
+    if screw.bilateral:
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIXES['leadscrew']}.bilateral",
+            found="1, a table for each direction of motion",
+            expected="0: an external compensation knows positions only",
+        )
+    alone = flag(listing, f"{PREFIXES['leadscrew']}.set_pos_without_comp")
+    sees = not alone and conventions.leadscrew_input == "all"
+    return OffsetPart(screw, column, masters, compensated=sees)
+
+
+@dataclasses.dataclass(frozen=True)
+class ExternalAxis:
+    """Limits of one axis for an external compensation, in mm and mm/s² (or °).
+
+    Attributes:
+        warning: P-AXIS-00743.
+        error: P-AXIS-00744.
+        acceleration: P-AXIS-00745; None: that of the axis (P-AXIS-00008) holds, which
+            these lists do not show.
+    """
+
+    warning: float
+    error: float
+    acceleration: float | None
+
+
+def external_axis_from_list(machine: ListFile) -> ExternalAxis:
+    """Return the limits that an axis list sets for an external compensation.
+
+    Raises:
+        ExchangeError: If an entry is unreadable.
+    """
+    stated = machine.get(f"{_EXTERNAL}.max_a") is not None
+    return ExternalAxis(
+        warning=optional(machine, f"{_EXTERNAL}.warn_limit") / LIST_UNITS,
+        error=optional(machine, f"{_EXTERNAL}.err_limit") / LIST_UNITS,
+        acceleration=float(optional(machine, f"{_EXTERNAL}.max_a")) if stated else None,
+    )
+
+
+def external_limits(
+    axes: Iterable[ExternalAxis],
+    conventions: Conventions,
+    default_acceleration: float = 0.0,
+) -> ExternalLimits:
+    """Return the limits of all axes, in the order of their columns.
+
+    Args:
+        axes: Of each axis.
+        conventions: What the limits limit (S-54).
+        default_acceleration: Of an axis whose list does not state its own, in mm/s².
+    """
+    rows = [
+        (one.warning, one.error, default_acceleration if a is None else a)
+        for one in axes
+        for a in (one.acceleration,)
+    ]
+    table = np.array(rows, dtype=float).reshape(-1, 3)
+    return ExternalLimits(
+        warning=as_array(table[:, 0]),
+        error=as_array(table[:, 1]),
+        acceleration=as_array(table[:, 2]),
+        of_change=conventions.external_limit == "change",
+    )
+
+
+def entries_of_external_axis(limits: ExternalAxis) -> dict[str, int | str]:
+    """Return the entries of an axis list for an external compensation.
+
+    Raises:
+        ExchangeError: If the error limit is 0, which the controller refuses (70585), or
+            a number does not fit.
+    """
+    if not limits.error > 0:
+        raise ExchangeError(
+            where=f"{_EXTERNAL}.err_limit",
+            found=f"{limits.error:g}",
+            expected="a limit above 0 (70585)",
+        )
+    entries: dict[str, int | str] = {}
+    for name, value in (("warn_limit", limits.warning), ("err_limit", limits.error)):
+        where = f"{_EXTERNAL}.{name}"
+        entries[where] = int(round_to_list(np.asarray(value), where, _UNS32))
+    if limits.acceleration is not None:
+        # Rounded down: never more than was asked for.
+        entries[f"{_EXTERNAL}.max_a"] = int(np.floor(limits.acceleration))
+    return entries

@@ -1,0 +1,229 @@
+"""Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...data.lists import ListFile
+from ...models import Conventions, FrictionCompensation, FrictionTable, Setpoints
+from ._capacity import max_points_entry, refuse_huge
+from ._errors import ExchangeError
+from ._identity import column, optional, required
+from ._nodes import as_array
+from ._units import LIST_UNITS, SGN32, round_to_list
+
+PREFIX = "frict_comp"
+VELOCITY_UNITS = 1000
+"""µm/s per mm/s, or 0.001°/s per °/s."""
+DEFAULT_COUNT = 19
+"""Entries without ``max_points``: one manual asks for fewer than its 20 (S-33)."""
+BY_SPEED = 3
+"""The only mode that does anything: additive current by commanded velocity."""
+
+_PER_MILLE = 1000
+_FASTEST_ENTRY = 2**31 - 2
+_MOST = {"position_delay": 10, "reversal_lookahead": 4, "delay_cycles": 248}
+
+
+def has_friction(listing: ListFile) -> bool:
+    """Whether the list holds a friction table that is not switched off by its mode."""
+    return (
+        bool(listing.table(PREFIX, "out")) and optional(listing, f"{PREFIX}.mode") != 0
+    )
+
+
+def friction_from_list(
+    listing: ListFile, conventions: Conventions
+) -> FrictionCompensation:
+    """Return the friction compensation that a list describes.
+
+    Args:
+        listing: List of the axis.
+        conventions: What happens between, below and above the entries, at rest and at
+            reversals.
+
+    Raises:
+        ExchangeError: If an entry is missing, or the velocities do not ascend from 0.
+    """
+    mode = required(listing, f"{PREFIX}.mode")
+    if mode != BY_SPEED:
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.mode", found=str(mode), expected="3"
+        )
+    count = required(listing, f"{PREFIX}.table_entries")
+    refuse_huge(count, f"{listing.source}: {PREFIX}.table_entries")
+    # A missing entry is 0 in the controller.
+    speeds = column(listing, PREFIX, "in")
+    currents = column(listing, PREFIX, "out")
+    knots = np.array([speeds.get(k, 0) for k in range(count)], dtype=np.int64)
+    if count < 1 or (knots < 0).any() or (np.diff(knots) <= 0).any():
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.table[].in",
+            found=", ".join(map(str, knots[:8].tolist())) or "no entry",
+            expected="ascending velocities, none below 0 (110591)",
+        )
+    scale = listing.integer(f"{PREFIX}.scaling_factor")
+    if scale is None:
+        stated = listing.get(f"{PREFIX}.scaling_factor") is not None
+        scale = required(listing, f"{PREFIX}.scaling_factor") if stated else _PER_MILLE
+    table = FrictionTable(
+        nodes=Setpoints(as_array(knots / VELOCITY_UNITS)),
+        values=as_array(np.array([currents.get(k, 0) for k in range(count)], float)),
+        scaling=as_array(scale / _PER_MILLE),
+        held_below=conventions.friction_below == "hold",
+        held_above=conventions.friction_above == "hold",
+    )
+    delay, ahead, late = (_not_negative(listing, name) for name in _MOST)
+    return FrictionCompensation(
+        law=table,
+        reversal_lookahead=ahead,
+        position_delay=as_array(delay / LIST_UNITS),
+        delay_cycles=late,
+        sign=float(conventions.friction_sign),
+        first_builds_up=conventions.friction_build_up != "reversal",
+        restart_builds_up=conventions.friction_build_up == "start",
+        decays_to_zero=conventions.friction_decay == "zero",
+        weights_multiply=conventions.friction_overlap == "product",
+        delays_all=conventions.friction_delay == "all",
+        held_at_rest=conventions.friction_rest == "hold",
+    )
+
+
+def _not_negative(listing: ListFile, name: str) -> int:
+    value = optional(listing, f"{PREFIX}.{name}")
+    if value < 0:
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.{name}",
+            found=str(value),
+            expected="0 or more",
+        )
+    return value
+
+
+def entries_of_friction(
+    friction: FrictionCompensation,
+    *,
+    fastest: float = 0.0,
+    existing: ListFile | None = None,
+    max_points: int | None = None,
+    build: str | None = None,
+) -> dict[str, int | str]:
+    """Return the list entries of a friction compensation, rounded to list units.
+
+    Written so that open points cannot matter: the table begins at 1 µm/s and ends with
+    a flat segment, entries for which are added where they are missing; what they say is
+    what is held there anyway. ``scaling_factor`` is 1000, the knob of the commissioning
+    engineer; the scaling of the model goes into the entries.
+
+    Args:
+        friction: Its law must be a table whose ends are held.
+        fastest: Velocity in mm/s or °/s that the table must reach.
+        existing: List that will be edited.
+        max_points: Wanted size of the memory, or None to write it only where needed.
+        build: Of the controller, or None for the newest.
+
+    Raises:
+        ExchangeError: If something does not fit into a list.
+    """
+    table = friction.law
+    if not isinstance(table, FrictionTable):
+        raise ExchangeError(
+            where=PREFIX,
+            found=f"a {type(table).__name__}",
+            expected="a friction table (sample_friction makes one of a law)",
+        )
+    if not (table.held_below and table.held_above):
+        raise ExchangeError(
+            where=PREFIX,
+            found="a table that is not held at its ends",
+            expected="one that is held: only the list can say what happens there",
+        )
+    speeds, currents = _with_ends(table, fastest)
+    entries: dict[str, int | str] = {}
+    size = max_points_entry(
+        len(speeds) + 1,
+        name=f"{PREFIX}.max_points",
+        fits_default=len(speeds) <= DEFAULT_COUNT,
+        wanted=max_points,
+        existing=None if existing is None else existing.integer(f"{PREFIX}.max_points"),
+        build=build,
+    )
+    if size is not None:
+        entries[f"{PREFIX}.max_points"] = size
+    delay = round_to_list(
+        np.asarray(friction.position_delay), f"{PREFIX}.position_delay", (0, 10)
+    )
+    numbers = {
+        "position_delay": int(delay),
+        "reversal_lookahead": friction.reversal_lookahead,
+        "delay_cycles": friction.delay_cycles,
+    }
+    for name, number in numbers.items():
+        if number > _MOST[name]:
+            raise ExchangeError(
+                where=f"{PREFIX}.{name}",
+                found=str(number),
+                expected=f"0 to {_MOST[name]}",
+            )
+    entries |= {
+        f"{PREFIX}.mode": BY_SPEED,
+        f"{PREFIX}.table_entries": len(speeds),
+        **{f"{PREFIX}.{name}": number for name, number in numbers.items()},
+        f"{PREFIX}.scaling_factor": _PER_MILLE,
+    }
+    for k, (speed, current) in enumerate(
+        zip(speeds.tolist(), currents.tolist(), strict=True)
+    ):
+        entries[f"{PREFIX}.table[{k}].in"] = speed
+        entries[f"{PREFIX}.table[{k}].out"] = current
+    return entries
+
+
+def _with_ends(
+    table: FrictionTable, fastest: float
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Return velocities and currents in list units, from 1 µm/s to a flat end."""
+    knots = np.asarray(table.nodes.points)
+    speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))
+    if (np.diff(speeds) <= 0).any():
+        at = int(np.argmax(np.diff(speeds) <= 0))
+        raise ExchangeError(
+            where=f"{PREFIX}.table[].in",
+            found=f"{knots[at]:.6g} and {knots[at + 1]:.6g} mm/s",
+            expected="velocities that differ by 0.001 mm/s or more (110591)",
+        )
+    level = np.asarray(table.scaling) * np.asarray(table.values)
+    currents = _round(level, f"{PREFIX}.table[].out", (SGN32[0] + 1, SGN32[1]))
+    if speeds[0] != 1:
+        # At rest there is no current: an entry for 0 stands for the slowest motion.
+        slow = np.interp(1.0, knots * VELOCITY_UNITS, level)
+        start = _round(np.array([slow]), f"{PREFIX}.table[].out", SGN32)
+        keep = speeds > 1
+        speeds = np.concatenate([[1], speeds[keep]])
+        currents = np.concatenate([start, currents[keep]])
+    end = max(int(np.ceil(round(fastest * VELOCITY_UNITS, 6))), int(speeds[-1]) + 1)
+    flat = len(speeds) > 1 and currents[-1] == currents[-2] and end == speeds[-1] + 1
+    if not flat:
+        if end > _FASTEST_ENTRY:
+            raise ExchangeError(
+                where=f"{PREFIX}.table[].in",
+                found=f"{end / VELOCITY_UNITS:.6g} mm/s",
+                expected=f"at most {_FASTEST_ENTRY / VELOCITY_UNITS:.10g}",
+            )
+        speeds = np.append(speeds, end)
+        currents = np.append(currents, currents[-1])
+    return speeds, currents
+
+
+def _round(
+    values: Float[np.ndarray, " n"], name: str, bounds: tuple[int, int]
+) -> Int[np.ndarray, " n"]:
+    """Round what is in units of its own (µm/s, current) to integers that fit."""
+    rounded = np.rint(values)
+    bad = ~((rounded >= bounds[0]) & (rounded <= bounds[1]))
+    if bad.any():
+        raise ExchangeError(
+            where=name,
+            found=f"{values[bad][0]:.6g}",
+            expected=f"a number from {bounds[0]} to {bounds[1]}",
+        )
+    return np.asarray(rounded, dtype=np.int64)

@@ -1,0 +1,185 @@
+"""Commanded motion of a machine by axis number, and what follows from it."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._errors import ExchangeError
+
+_EVEN = 0.01
+"""Share by which time steps may differ and still be cycles of one length."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """Commanded motion of a machine, one row per cycle or independent position.
+
+    Attributes:
+        positions: By logical axis number, in mm or °.
+        directions: ±1 by axis, where the user gives them.
+        time: In s; None where the rows are independent positions.
+        velocities: By axis in mm/s or °/s; derived where they are missing.
+        accelerations: By axis in mm/s² or °/s²; derived where they are missing.
+        temperatures: By sensor, in °C.
+        actuals: Actual positions by axis, for conventions that take them.
+        source: Where it comes from, for messages.
+    """
+
+    positions: Mapping[int, Float[np.ndarray, " t"]]
+    directions: Mapping[int, Int[np.ndarray, " t"]]
+    time: Float[np.ndarray, " t"] | None
+    velocities: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    accelerations: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    temperatures: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    actuals: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    source: str = "motion"
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        columns = (*self.positions.values(), *self.velocities.values())
+        return len(next(iter((*columns, *self.accelerations.values())), np.zeros(0)))
+
+    def position(self, axis: int, why: str) -> Float[np.ndarray, " t"]:
+        """Return the commanded position of an axis.
+
+        Raises:
+            ExchangeError: If the motion does not have it.
+        """
+        if axis not in self.positions:
+            known = ", ".join(f"A{number}.position" for number in self.positions)
+            raise ExchangeError(
+                where=self.source, found=known or "no position",
+                expected=f"A{axis}.position {why}",
+            )  # fmt: skip
+        return self.positions[axis]
+
+    def check(self, cycle_time: float | None = None) -> None:
+        """Refuse what no controller commands.
+
+        Args:
+            cycle_time: Of the controller in s, where it is known.
+
+        Raises:
+            ExchangeError: If a value is not finite, times do not ascend or columns
+                differ in length, or the time step is not the cycle time.
+        """
+        groups = {
+            "position": self.positions, "velocity": self.velocities,
+            "acceleration": self.accelerations, "actual": self.actuals,
+        }  # fmt: skip
+        columns = {
+            f"A{n}.{k}": v for k, group in groups.items() for n, v in group.items()
+        }
+        columns |= {f"temperature.{name}": v for name, v in self.temperatures.items()}
+        if self.time is not None:
+            columns["time"] = self.time
+        for name, values in columns.items():
+            if len(values) != self.rows:
+                raise ExchangeError(
+                    where=f"{self.source}: {name}",
+                    found=f"{len(values)} rows",
+                    expected=f"{self.rows}, as in the other columns",
+                )
+            if not np.isfinite(values).all():
+                at = int(np.argmin(np.isfinite(values)))
+                raise ExchangeError(
+                    where=f"{self.source}: {name}",
+                    found=f"{values[at]} in row {at + 1}",
+                    expected="a finite number",
+                )
+        if self.time is not None:
+            self._check_time(self.time, cycle_time)
+
+    def _check_time(
+        self, time: Float[np.ndarray, " t"], cycle_time: float | None
+    ) -> None:
+        steps = np.diff(time)
+        if (steps <= 0).any():
+            at = int(np.argmax(steps <= 0))
+            raise ExchangeError(
+                where=f"{self.source}: time",
+                found=f"{time[at + 1]:g} s after {time[at]:g} s in row {at + 2}",
+                expected="ascending times",
+            )
+        if cycle_time is None or not steps.size:
+            return
+        step = float(np.median(steps))
+        if abs(step - cycle_time) > _EVEN * cycle_time:
+            raise ExchangeError(
+                where=f"{self.source}: time",
+                found=f"a time step of {1e3 * step:g} ms",
+                expected=f"the cycle time of the controller, {1e3 * cycle_time:g} ms",
+            )
+
+    @property
+    def is_even(self) -> bool:
+        """Whether the rows are cycles of one length, none left out."""
+        if self.time is None or len(self.time) < 2:
+            return True
+        steps = np.diff(self.time)
+        step = np.median(steps)
+        return bool(np.max(np.abs(steps - step)) <= _EVEN * step)
+
+    def velocity(self, axis: int, span: float | None) -> Float[np.ndarray, " t"] | None:
+        """Return the velocity in mm/s or °/s: given, else the backward difference.
+
+        None where neither can be had. Before the first row the axis stood there.
+
+        Args:
+            axis: Logical number.
+            span: Length of the modulo range of the axis, or None.
+        """
+        if axis in self.velocities:
+            return self.velocities[axis]
+        if self.time is None or axis not in self.positions:
+            return None
+        return self._rate(unwrapped(self.positions[axis], span))
+
+    def acceleration(
+        self, axis: int, span: float | None
+    ) -> Float[np.ndarray, " t"] | None:
+        """Return the acceleration in mm/s² or °/s², likewise."""
+        if axis in self.accelerations:
+            return self.accelerations[axis]
+        velocity = self.velocity(axis, span)
+        return None if self.time is None or velocity is None else self._rate(velocity)
+
+    def _rate(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        assert self.time is not None
+        steps = np.diff(self.time)
+        if self.is_even and steps.size:
+            # Times are rounded in files: one step for all is nearer to the truth.
+            steps = np.full_like(steps, (self.time[-1] - self.time[0]) / steps.size)
+        return np.concatenate([np.zeros(min(1, values.size)), np.diff(values) / steps])
+
+
+def unwrapped(
+    position: Float[np.ndarray, " t"], span: float | None
+) -> Float[np.ndarray, " t"]:
+    """Return the position of an axis that turns as one that goes on."""
+    return position if span is None else np.unwrap(position, period=span)
+
+
+def direction_of_motion(
+    position: Float[np.ndarray, " t"], start: int = 1
+) -> Int[np.ndarray, " t"]:
+    """Return the direction of motion per cycle: that of the last step that was one.
+
+    Args:
+        position: Commanded, in mm or °.
+        start: Direction before the first motion (S-21).
+    """
+    step = np.sign(np.diff(position, prepend=position[:1])).astype(np.int64)
+    last = np.maximum.accumulate(np.where(step != 0, np.arange(len(step)), -1))
+    return np.where(last < 0, start, step[np.maximum(last, 0)])

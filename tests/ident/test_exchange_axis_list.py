@@ -1,0 +1,227 @@
+"""What axis and start-up lists say: printed examples by hand, both ways."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile, check, new_list
+from axcomp.ident.exchange import (
+    ExchangeError,
+    ExternalAxis,
+    Startup,
+    backlash_from_list,
+    entries_of_activation,
+    entries_of_backlash,
+    entries_of_external_axis,
+    entries_of_startup,
+    entries_of_temperature,
+    external_axis_from_list,
+    external_limits,
+    is_activated,
+    startup_from_list,
+    temperature_from_list,
+)
+from axcomp.models import (
+    Backlash,
+    ConstantParameter,
+    Conventions,
+    TemperatureCurve,
+    TemperatureLine,
+)
+
+RULES = Conventions()
+ROUNDING = 1e-15  # sums of numbers below 1 mm
+
+
+def parse(text: str) -> ListFile:
+    return ListFile.parse(text.encode(), "achsmds1.lis")
+
+
+def written(entries: dict[str, int | str] | dict[str, int | float | str]) -> ListFile:
+    """A list of these entries, written, checked and read back."""
+    listing = new_list({"kopf.achs_nr": 1} | entries)
+    assert list(check([listing])) == []
+    return ListFile.parse(listing.dumps(), "back.lis")
+
+
+# ---------------------------------------------------------------------------- backlash
+
+# [001] p.13, as printed: 1000 is 0.1 mm, reference flank in positive direction.
+BACKLASH = """getriebe[0].lose 1000 #0,1 um backlash
+lr_param.anwahl_losekomp 1 #Positive direction
+lr_param. n_backlash_cyc 10 #Number of filter cycles
+"""
+
+
+def test_printed_backlash_is_taken_off_on_the_way_back() -> None:
+    found = backlash_from_list(parse(BACKLASH), RULES)
+    assert found is not None
+    np.testing.assert_array_equal(found.offset(np.array([1.0, -1.0])), [0.0, -0.1])
+    assert found.cycles == 10
+    other = backlash_from_list(parse(BACKLASH.replace("komp 1", "komp 2")), RULES)
+    assert other is not None
+    np.testing.assert_array_equal(other.offset(np.array([1.0, -1.0])), [0.1, 0.0])
+
+
+def test_reference_flank_is_a_convention() -> None:
+    rules = Conventions(backlash_reference=-1)
+    found = backlash_from_list(parse(BACKLASH), rules)
+    assert found is not None
+    assert found.reference == -1
+    assert entries_of_backlash(found, rules)["lr_param.anwahl_losekomp"] == 1
+
+
+def test_backlash_that_is_off_is_none() -> None:
+    assert backlash_from_list(parse("getriebe[0].lose 7\n"), RULES) is None
+
+
+@pytest.mark.parametrize("reference", [1, -1])
+def test_backlash_comes_back_from_its_entries(reference: int) -> None:
+    assert reference in (1, -1)
+    model = Backlash(jnp.array(-0.0123), 1 if reference == 1 else -1, 7)
+    back = backlash_from_list(written(entries_of_backlash(model, RULES)), RULES)
+    assert back is not None
+    assert (float(back.width), back.reference, back.cycles) == (-0.0123, reference, 7)
+
+
+def test_backlash_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(ExchangeError, match=r"lose: found 4 mm or °, expected .* 3.27"):
+        entries_of_backlash(Backlash(jnp.array(4.0)), RULES)
+    with pytest.raises(ExchangeError, match=r"cyc: found 20, expected at most 19"):
+        entries_of_backlash(Backlash(jnp.array(0.1), 1, 20), RULES)
+    with pytest.raises(ExchangeError, match=r"losekomp: found 3, expected 0, 1 or 2"):
+        backlash_from_list(parse("lr_param.anwahl_losekomp 3\n"), RULES)
+
+
+# ------------------------------------------------------------------------- temperature
+
+# [001] p.24, as printed but for the units in brackets.
+TEMPERATURE = """lr_param.temp_comp 1
+lr_param.temp_comp_position_0 100
+lr_param.temp_comp_offset_0 40
+lr_param.temp_comp_coefficient 4000
+lr_param.temp_comp_n_cycles 20
+"""
+
+
+def test_printed_temperature_line_by_hand() -> None:
+    found = temperature_from_list(parse(TEMPERATURE), RULES)
+    assert found is not None
+    place = jnp.array([0.01, 0.0, 100.0, -200.0])
+    # 4 µm at 0.01 mm and 4 µm more per mm: at 100 mm 0.004 + 0.004 · 99.99.
+    expected = [0.004, 0.00396, 0.40396, -0.79604]
+    none = jnp.zeros((4, 0))
+    np.testing.assert_allclose(
+        found.offset(place, none), expected, rtol=0, atol=ROUNDING
+    )
+    assert found.cycles == 20
+    turned = temperature_from_list(parse(TEMPERATURE), Conventions(temperature_sign=-1))
+    assert turned is not None
+    np.testing.assert_allclose(
+        turned.offset(place, none), -np.array(expected), rtol=0, atol=ROUNDING
+    )
+
+
+def line(coefficient: float, cycles: int = 5) -> TemperatureLine:
+    numbers = (ConstantParameter(jnp.array(x)) for x in (250.0, -0.0123, coefficient))
+    return TemperatureLine(*numbers, cycles=cycles)
+
+
+def test_temperature_line_comes_back_from_its_entries() -> None:
+    entries = entries_of_temperature(line(11.5e-6))
+    back = temperature_from_list(written(entries), RULES)
+    assert back is not None
+    place = jnp.linspace(-500.0, 500.0, 11)
+    none = jnp.zeros((11, 0))
+    np.testing.assert_allclose(
+        back.offset(place, none),
+        line(11.5e-6).offset(place, none),
+        rtol=0,
+        atol=ROUNDING,
+    )
+    assert entries["lr_param.temp_comp_coefficient"] == 11.5
+
+
+def test_temperature_line_that_does_not_fit_is_refused() -> None:
+    curve = TemperatureCurve.of([20.0, 30.0], [0.0, 1e-5])
+    zero = ConstantParameter(jnp.array(0.0))
+    with pytest.raises(
+        ExchangeError, match=r"coefficient: found a curve over the temp"
+    ):
+        entries_of_temperature(TemperatureLine(zero, zero, curve))
+    with pytest.raises(ExchangeError, match=r"coefficient: found 20000 µm/m"):
+        entries_of_temperature(line(0.02))
+    with pytest.raises(ExchangeError, match=r"n_cycles: found 20, expected at most 19"):
+        entries_of_temperature(line(1e-6, cycles=20))
+
+
+@pytest.mark.parametrize("value", ["x", "1,5", "1e999", "nan"])
+def test_coefficient_that_is_no_number_is_refused(value: str) -> None:
+    text = TEMPERATURE.replace("coefficient 4000", f"coefficient {value}")
+    with pytest.raises(ExchangeError, match=r"achsmds1.lis:4: .*expected a number"):
+        temperature_from_list(parse(text), RULES)
+
+
+# ------------------------------------------------------------- activation and start-up
+
+
+def test_activation_comes_back_from_its_entries() -> None:
+    listing = written(entries_of_activation(["cross", "leadscrew", "friction"]))
+    names = ("cross", "plane", "leadscrew", "friction", "crosstalk", "backlash")
+    on = [name for name in names if is_activated(listing, name)]
+    assert on == ["cross", "leadscrew", "friction"]
+    with pytest.raises(
+        ExchangeError, match="found backlash without its reference flank"
+    ):
+        entries_of_activation(["backlash"])
+
+
+def test_printed_start_up_list_and_back() -> None:
+    # [001] p.26, as printed.
+    text = (
+        "zahl_kw 3\nachs_kw_log_ax_nr[0] 1\nachs_kw[0] ..\\listen\\achskw1.lis\n"
+        "achs_kw_log_ax_nr[1] 2\nachs_kw[1] ..\\listen\\achskw2.lis\n"
+        "achs_kw_log_ax_nr[2] 6\nachs_kw[2] ..\\listen\\achskw6.lis\n"
+    )
+    found = startup_from_list(parse(text))
+    assert found.files == {k: rf"..\listen\achskw{k}.lis" for k in (1, 2, 6)}
+    assert not found.external
+    wide = Startup(found.files, external=True)
+    listing = new_list(entries_of_startup(wide))
+    assert startup_from_list(ListFile.parse(listing.dumps(), "h.lis")) == wide
+    with pytest.raises(ExchangeError, match=r"nr\[1\]: found axis 1 again, beside"):
+        startup_from_list(parse(text.replace("nr[1] 2", "nr[1] 1")))
+    with pytest.raises(ExchangeError, match=r"achs_kw_log_ax_nr\[2\]: found no entry"):
+        startup_from_list(parse(text.replace("achs_kw_log_ax_nr[2] 6\n", "")))
+
+
+# ------------------------------------------------------------- external compensation
+
+
+def test_external_limits_come_back_from_their_entries() -> None:
+    limits = ExternalAxis(warning=0.2, error=0.5, acceleration=1500.9)
+    entries = entries_of_external_axis(limits)
+    assert entries == {
+        "lr_param.ext_comp.warn_limit": 2000,
+        "lr_param.ext_comp.err_limit": 5000,
+        "lr_param.ext_comp.max_a": 1500,
+    }
+    back = external_axis_from_list(written(entries))
+    assert back == ExternalAxis(0.2, 0.5, 1500.0)
+    with pytest.raises(ExchangeError, match=r"err_limit: found 0, expected .*70585"):
+        entries_of_external_axis(ExternalAxis(0.0, 0.0, None))
+
+
+def test_limits_of_all_axes_take_the_acceleration_of_the_axis_where_none_is_stated() -> (
+    None
+):
+    stated = external_axis_from_list(
+        parse("lr_param.ext_comp.err_limit 5000\nlr_param.ext_comp.max_a 300\n")
+    )
+    silent = external_axis_from_list(parse("lr_param.ext_comp.err_limit 70\n"))
+    found = external_limits([stated, silent], RULES, default_acceleration=900.0)
+    np.testing.assert_array_equal(found.error, [0.5, 0.007])
+    np.testing.assert_array_equal(found.acceleration, [300.0, 900.0])
+    assert not found.of_change
+    change = Conventions(external_limit="change")
+    assert external_limits([stated], change).of_change
