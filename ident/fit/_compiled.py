@@ -154,6 +154,37 @@ def plane_moments(
     return jnp.stack(total[:9]), jnp.stack(total[9:])
 
 
+@partial(jax.jit, static_argnames=("columns",))
+def plane_classes(
+    positions: Float[Array, "t 2"],
+    counted: Float[Array, " t"],
+    *,
+    slow: AbstractNodes,
+    fast: AbstractNodes,
+    columns: tuple[int, int],
+) -> Float[Array, "c 3 3"]:
+    """Return how many readings of each cell lie at its ends (0 and 2) or between (1).
+
+    Args:
+        positions: Columns as measured.
+        counted: 1 for a reading, 0 for what fills up the last block.
+        slow: As for `plane_moments`.
+        fast: As for `plane_moments`.
+        columns: As for `plane_moments`.
+    """
+    l, u = slow.locate(positions[:, columns[0]])
+    s, v = fast.locate(positions[:, columns[1]])
+
+    def place(share: Array) -> Array:
+        return (share > 0).astype(jnp.int32) + (share >= 1).astype(jnp.int32)
+
+    cell = l * (fast.count - 1) + s
+    code = (cell * 9).astype(jnp.int32) + 3 * place(u) + place(v)
+    cells = (slow.count - 1) * (fast.count - 1)
+    (total,) = _scan(lambda code, one: (code, [one]), (code, counted), 9 * cells, 1)
+    return total.reshape(cells, 3, 3)
+
+
 @partial(jax.jit, static_argnames=("fast", "planar"))
 def table(
     values: Float[Array, " n"],

@@ -21,13 +21,15 @@ _LIGHT = 1e-6
 """Weight relative to the density that leaves a start at local medians where it is."""
 _ROUNDS = 10
 """Rounds of medians; readings between nodes belong to two of them, so one does not do."""
-_PASSES = 40
+THIN = 20_000
+"""Readings, and up to twice as many, that judge the scale of the noise."""
+PASSES = 40
 """Robust passes at most."""
 _EXACT = 1e-5
 """Smallest scatter relative to the spread of the readings."""
-_SETTLED, _ROUGHLY = 0.01, 0.1
+SETTLED, ROUGHLY = 0.01, 0.1
 """Last move of any node, in typical standard deviations, at which the robust passes end."""
-_SAME = 0.05
+SAME = 0.05
 """Change of the table, in typical standard deviations, that asks for no new smoothness."""
 
 
@@ -67,7 +69,8 @@ def estimate(
         effects: Run effects to begin with.
     """
     grid = readings.grid
-    centre = float(np.median(readings.error - readings.design @ effects))
+    start = readings.error - readings.design @ effects
+    centre = float(np.median(start[:: max(1, len(start) // THIN)]))
     values = np.full((grid.slow, grid.fast), centre)
     everything = np.ones(len(readings.error), bool)
     density = readings.normal(everything)[0].density
@@ -81,7 +84,7 @@ def estimate(
         current = Smoothness(
             (weight, 0.0), (weight, 0.0) if grid.planar else (0.0, 0.0)
         )
-    tolerance = _SETTLED if fixed else _ROUGHLY
+    tolerance = SETTLED if fixed else ROUGHLY
     state = _robust(readings, prior, current, loss, values, effects, False, tolerance)
     if not fixed:
         state = _refined(readings, prior, state, loss)
@@ -119,11 +122,11 @@ def _refined(readings: Readings, prior: TablePrior, state: State, loss: str) -> 
             raise FitError(msg)
         state = _robust(
             readings, prior, choice.smoothness, loss,
-            choice.values, choice.effects, True, _SETTLED,
+            choice.values, choice.effects, True, SETTLED,
         )  # fmt: skip
         shift = float(np.std(state.posterior.values - choice.values))
         spread = np.sqrt(state.posterior.variance / density)
-        if loss == "gauss" or shift <= _SAME * spread:
+        if loss == "gauss" or shift <= SAME * spread:
             return state
     return dataclasses.replace(state, converged=False)
 
@@ -142,15 +145,15 @@ def _robust(
     active = np.ones(len(readings.error), bool)
     sums = readings.normal(active)
     inflation = 1.0
-    thin = readings.error[:: max(1, len(active) // 20_000)]
+    thin = readings.error[:: max(1, len(active) // THIN)]
     # Without any noise the prior's own pull would make readings wild.
     floor = max(_EXACT * float(np.ptp(np.quantile(thin, (0.05, 0.95)))), 1e-12)
     root = np.sqrt(readings.weight)
     state: State | None = None
-    for step in range(_PASSES):
+    for step in range(PASSES):
         residual = readings.residual(values, effects)
         scaled = residual * root
-        thin = scaled[:: max(1, len(residual) // 20_000)]
+        thin = scaled[:: max(1, len(residual) // THIN)]
         loss = choose_loss(name, thin, inflation, floor)
         ratio = scaled / loss.scale
         now = ~loss.wild(ratio)
@@ -167,7 +170,7 @@ def _robust(
         problem = readings.problem(
             prior, sums, values, effects, pseudo, int(active.sum())
         )
-        posterior = _solved(problem, smoothness)
+        posterior = solved(problem, smoothness)
         move = float(np.abs(posterior.values - values).max())
         values, effects = posterior.values, posterior.effects
         spread = np.sqrt(max(posterior.variance, floor**2) / sums[0].density)
@@ -184,7 +187,7 @@ def _robust(
     return state
 
 
-def _solved(problem: Problem, smoothness: Smoothness) -> Posterior:
+def solved(problem: Problem, smoothness: Smoothness) -> Posterior:
     posterior = solve(problem, smoothness)
     if posterior is None:
         msg = "the readings do not determine the table: the normal matrix is singular."

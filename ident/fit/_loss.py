@@ -20,11 +20,11 @@ from ._errors import FitError
 
 WILD = 7.0
 """Readings further off than this many scales carry no information on the table at all."""
-_HUBER = 1.345
+HUBER = 1.345
 """Corner of the Huber loss: 95 % efficiency for Gaussian noise."""
-_FEW = 8.0
+FEW = 8.0
 """Spare readings at which twice the distance is asked of a wild one."""
-_FREEDOMS = (4.0, 6.0, 10.0, 20.0, 100.0)
+FREEDOMS = (4.0, 6.0, 10.0, 20.0, 100.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,11 +73,11 @@ class HuberLoss(AbstractLoss):
 
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
-        return np.asarray(np.minimum(1.0, _HUBER / np.maximum(np.abs(ratio), 1e-300)))
+        return np.asarray(np.minimum(1.0, HUBER / np.maximum(np.abs(ratio), 1e-300)))
 
     def slope(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
-        return np.asarray(np.abs(ratio) <= _HUBER, float)
+        return np.asarray(np.abs(ratio) <= HUBER, float)
 
     def wild(self, ratio: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
         """See `AbstractLoss`."""
@@ -129,10 +129,10 @@ def choose_loss(
     if name == "huber":
         return HuberLoss(robust)
     # A scale from a handful of readings is uncertain itself.
-    limit = WILD * (1.0 + _FEW * inflation**2 / len(residual))
+    limit = WILD * (1.0 + FEW * inflation**2 / len(residual))
     inner = residual[np.abs(residual) <= limit * robust / inflation] * inflation
     # Too few readings cannot tell the tails: stay with heavy ones.
-    freedoms = _FREEDOMS if len(inner) >= 200 else _FREEDOMS[:1]
+    freedoms = FREEDOMS if len(inner) >= 200 else FREEDOMS[:1]
     fits = [(_student_fit(inner, robust, freedom), freedom) for freedom in freedoms]
     (_, scale), freedom = min(fits)
     return StudentLoss(max(scale, floor), limit, freedom)

@@ -8,8 +8,9 @@ from jaxtyping import Float, Int
 from ._errors import FitError
 from ._grid import Grid
 from ._information import evaluate
-from ._table import fit_table
+from ._table import fit_tables
 from ._types import Samples, TableFit, TableLayout
+from .lanes import TableRequest
 
 
 def predict(
@@ -78,19 +79,17 @@ def leave_out(
     if len(labels) < 2:
         msg = "leaving out needs at least two groups of readings, found one."
         raise FitError(msg)
-    for label in labels:
-        rest = samples.take(groups != label)
-        yield (
-            int(label),
-            fit_table(
-                layout,
-                rest,
-                smoothness=dict(fit.smoothness),
-                loss=fit.loss,
-                run_effects=run_effects,
-                allow_gaps=True,
-            ),
-        )
+    rests = [samples.take(groups != label) for label in labels]
+    fits = fit_tables(
+        [
+            TableRequest(
+                layout, rest, dict(fit.smoothness), fit.loss, run_effects, True
+            )
+            for rest in rests
+        ]
+    )
+    for label, fold in zip(labels, fits, strict=True):
+        yield int(label), fold
 
 
 def spatial_blocks(

@@ -122,6 +122,13 @@ class ChainPrior:
         inner, constant = self._reduced
         return band_logdet(_mix(weights, inner)) + constant
 
+    @property
+    def reduced(self) -> tuple[tuple[np.ndarray, np.ndarray], float]:
+        """Dense definite matrices of both penalties, and what their log-determinant lacks."""
+        (second, fourth), constant = self._reduced
+        count = len(second)
+        return (_dense(second, count), _dense(fourth, count)), constant
+
     @cached_property
     def _bands(self) -> tuple[np.ndarray, np.ndarray]:
         second, fourth = self.grams
@@ -148,7 +155,7 @@ def chain_prior(nodes: Float[np.ndarray, " n"], ring: bool = False) -> ChainPrio
     return _chain_prior(np.asarray(nodes, np.float64).tobytes(), ring)
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=256)
 def _chain_prior(nodes: bytes, ring: bool) -> ChainPrior:
     return ChainPrior(np.frombuffer(nodes, np.float64), ring)
 
@@ -187,6 +194,16 @@ def _lower_band(matrix: sp.csr_array, ring: bool = False) -> Float[np.ndarray, "
     columns = np.zeros((n, int(offset.max(initial=0)) + 1))
     np.add.at(columns, (column[keep], offset), entries.data[keep])
     return columns
+
+
+def _dense(columns: Float[np.ndarray, "_ w"], count: int) -> Float[np.ndarray, "n n"]:
+    """Return a symmetric matrix from its lower band."""
+    result = np.zeros((count, count))
+    for offset in range(min(columns.shape[1], count) if len(columns) else 0):
+        index = np.arange(count - offset)
+        own = columns[: count - offset, offset]
+        result[index + offset, index] = result[index, index + offset] = own
+    return result
 
 
 def _mix(

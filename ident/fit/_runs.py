@@ -6,6 +6,7 @@ others does not count in that mean.
 """
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -46,11 +47,9 @@ class RunDesign:
 
     def start(self, error: Float[np.ndarray, " t"]) -> Float[np.ndarray, " c"]:
         """Return effects to begin with: the median of each run, so that a far one is not wild."""
-        median = [
-            np.median(error[self.index == run]) for run in range(len(self.labels))
-        ]
+        median = medians(self.index, error, len(self.labels))
         result = np.zeros(self.count)
-        result[: self.contrast.shape[1]] = self.contrast.T @ np.array(median)
+        result[: self.contrast.shape[1]] = self.contrast.T @ median
         return result
 
     def effects(
@@ -108,5 +107,27 @@ def run_design(
         else None
     )
     counted = ~np.isin(labels, np.asarray(apart, np.int64))
-    contrast = scipy.linalg.null_space(counted[None].astype(float))
+    contrast = _contrast(tuple(counted.tolist()))
     return RunDesign(labels.astype(np.int64), index.reshape(-1), order, contrast)
+
+
+@functools.lru_cache(maxsize=256)
+def _contrast(counted: tuple[bool, ...]) -> Float[np.ndarray, "r c"]:
+    """Return orthonormal columns that sum to zero over the runs that count."""
+    result = np.asarray(scipy.linalg.null_space(np.array([counted], float)))
+    result.setflags(write=False)
+    return result
+
+
+def medians(
+    group: Int[np.ndarray, " t"], values: Float[np.ndarray, " t"], count: int
+) -> Float[np.ndarray, " g"]:
+    """Return the median of each group of values; zero for a group without any."""
+    ascending = values[np.lexsort((values, group))]
+    size = np.bincount(group, minlength=count)
+    several = size[size > 0]
+    first = (np.cumsum(size) - size)[size > 0]
+    result = np.zeros(count)
+    low, high = first + (several - 1) // 2, first + several // 2
+    result[size > 0] = 0.5 * (ascending[low] + ascending[high])
+    return result

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._grid import Grid, Located
-from ._runs import RunDesign
+from ._runs import RunDesign, medians
 from ._types import RunEffect
 
 _TRUSTED = 0.5
@@ -47,12 +47,7 @@ def suspect_runs(
     """Return the runs that scatter far more than the others or lie far off them."""
     if design is None or len(design.labels) < 3:
         return ()
-    scatter = np.array(
-        [
-            np.median(np.abs(residual[design.index == run]))
-            for run in range(len(design.labels))
-        ]
-    )
+    scatter = medians(design.index, np.abs(residual), len(design.labels))
     loud = scatter > _LOUD * np.median(scatter)
     offset = np.array([effect.offset for effect in effects])
     error = np.array([effect.offset_sd for effect in effects])

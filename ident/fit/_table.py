@@ -9,6 +9,7 @@ from ._checks import check_samples
 from ._errors import FitError
 from ._estimate import State, estimate, table_prior
 from ._evidence import choose_smoothness
+from ._gather import in_group
 from ._grid import Grid
 from ._information import touched
 from ._readings import Readings
@@ -16,13 +17,8 @@ from ._runs import RunDesign, run_design
 from ._suspects import suspect_nodes, suspect_runs
 from ._threads import one_blas_thread
 from ._types import RunEffect, Samples, TableFit, TableLayout
-
-_HOPELESS = 1e3
-"""Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
-_WILD_SHARE = 0.1
-"""Share of wild readings from which on not the readings are at fault but the table."""
-_GARBAGE = 0.5
-"""Share of wild readings from which on a run is at fault."""
+from ._verdict import fit_message, fit_remarks, too_many_wild, uncertain
+from .lanes import TableRequest, fit_small
 
 
 def fit_table(
@@ -56,6 +52,28 @@ def fit_table(
     Raises:
         FitError: If the readings cannot determine the table or an option is unknown.
     """
+    request = TableRequest(layout, samples, smoothness, loss, run_effects, allow_gaps)
+    return fit_tables([request])[0]
+
+
+def fit_tables(requests: Sequence[TableRequest]) -> list[TableFit]:
+    """Fit several tables as `fit_table` does; small ones go together.
+
+    Raises:
+        FitError: For the first that cannot be fitted.
+    """
+    small = [k for k, request in enumerate(requests) if request.small]
+    quick: dict[int, TableFit | None] = {}
+    if small:
+        own = [requests[k] for k in small]
+        quick = dict(zip(small, in_group(fit_small, own), strict=True))
+    return [quick.get(k) or _closely(request) for k, request in enumerate(requests)]
+
+
+def _closely(request: TableRequest) -> TableFit:
+    """Fit one table of any size, with second thoughts about its readings."""
+    layout, samples, allow_gaps = request.layout, request.samples, request.allow_gaps
+    smoothness, loss = request.smoothness, request.loss
     check_samples(layout, samples, smoothness, allow_gaps)
     grid = Grid(layout)
     count = len(samples.error)
@@ -70,7 +88,7 @@ def fit_table(
     )
 
     def attempt(loss: str, apart: Sequence[int] = ()) -> TableFit:
-        design = run_design(samples, run_effects, apart)
+        design = run_design(samples, request.run_effects, apart)
         readings, start = plain, np.zeros(0)
         if design is not None:
             readings = dataclasses.replace(plain, design=design.columns())
@@ -86,7 +104,7 @@ def fit_table(
         if apart:
             # A run that contradicts the others must not pull their mean.
             fit = dataclasses.replace(attempt(loss, apart), suspect_runs=apart)
-        if loss == "student" and _too_many_wild(fit, samples):
+        if loss == "student" and too_many_wild(fit.wild, samples, fit.suspect_runs):
             fit = attempt("huber", apart)
             message = (
                 f"{fit.message} Readings that agree with each other contradict a table of "
@@ -103,18 +121,6 @@ def _refuse_too_few(count: int, needed: int) -> None:
             f"expected more than {needed}."
         )
         raise FitError(msg)
-
-
-def _too_many_wild(fit: TableFit, samples: Samples) -> bool:
-    """Tell whether so many readings are wild that it must be the table that is wrong."""
-    wild = fit.wild
-    if samples.run is not None:
-        labels, index = np.unique(samples.run, return_inverse=True)
-        lost = np.bincount(index.reshape(-1), wild) / np.bincount(index.reshape(-1))
-        # A run of garbage is at fault itself.
-        garbage = (lost > _GARBAGE) | np.isin(labels, fit.suspect_runs)
-        wild = wild[~garbage[index.reshape(-1)]]
-    return bool(len(wild) and wild.mean() > _WILD_SHARE)
 
 
 def _result(
@@ -153,9 +159,8 @@ def _result(
         noise = float(np.sqrt(inner[state.active].sum() / max(free, 1e-9)))
     support = touched(grid, readings.located.take(state.active))
     deviation = np.sqrt(np.maximum(variance * posterior.inverse[0, 0], 0.0))
-    worst = float(deviation[support > 0].max(initial=0.0))
-    if not allow_gaps and worst > _HOPELESS * max(float(np.ptp(readings.error)), noise):
-        # Rounding can leave a singular matrix just definite.
+    spread = float(np.ptp(readings.error))
+    if not allow_gaps and (worst := uncertain(deviation, support, spread, noise)):
         msg = (
             "the readings do not determine the table: the least known node is uncertain "
             f"by {worst:.3g}."
@@ -165,14 +170,11 @@ def _result(
     if design is not None:
         effects = design.effects(posterior.effects, variance * posterior.schur_inverse)
     rejected = int(wild.sum())
-    if not message:
-        message = (
-            f"{len(residual)} readings, {posterior.used:.1f} effective parameters."
-        )
-    if rejected:
-        message += f" {rejected} wild readings were left out."
-    if not state.converged:
-        message += " The iterations did not settle; treat the result with care."
+    if message:
+        message += fit_remarks(rejected, state.converged)
+    else:
+        count = len(residual)
+        message = fit_message(count, posterior.used, rejected, state.converged)
     return TableFit(
         layout=grid.layout,
         values=grid.to_table(posterior.values),

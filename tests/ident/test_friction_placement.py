@@ -99,9 +99,7 @@ def test_a_straight_line_is_written_by_its_ends() -> None:
         ({"current": np.full(240, np.nan)}, "found gaps in the friction curve"),
     ],
 )
-def test_what_makes_no_table_is_refused(
-    change: dict[str, Any], message: str
-) -> None:
+def test_what_makes_no_table_is_refused(change: dict[str, Any], message: str) -> None:
     given: dict[str, Any] = {
         "velocity": SPEED, "current": stribeck(SPEED), "weight": EVEN,
         "entries": 20, "unit": 1e-3,

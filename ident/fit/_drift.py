@@ -1,0 +1,177 @@
+r"""Residuals that remember: white noise plus a drift that forgets with a time constant.
+
+Covariance of two readings: $\sigma_w^2/w_t$ on the diagonal, plus
+$\sigma_d^2 e^{-|t-t'|/\tau}$ (Ornstein-Uhlenbeck). The drift has a tridiagonal precision over the
+instants, so likelihood and products cost a pass over the readings. Variances and time constant
+are those of restricted maximum likelihood: a slow drift beside a slow temperature leaves few
+independent readings, however many were taken.
+
+Source: G. E. Uhlenbeck, L. S. Ornstein, Phys. Rev. 36, 1930; H. D. Patterson, R. Thompson,
+Biometrika 58(3), 1971.
+"""
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize
+
+_MANY = 4_000
+"""Readings from which the variances are sought on a part of them."""
+_RATIOS = (1e-2, 1e-1, 1.0, 10.0, 100.0)
+"""Variances of the drift, relative to the noise, from which the search starts."""
+_TIMES = 6
+"""Time constants from which the search starts."""
+_WORTH = 4.0
+"""Gain in twice the log-likelihood below which there is no drift to speak of."""
+_FEW = 10
+"""Spare readings below which a drift is nothing that could be seen."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DriftNoise:
+    """How residuals scatter.
+
+    Attributes:
+        white: Standard deviation of a reading of weight 1 about the drift, unit of the readings.
+        drift: Standard deviation of the drift, same unit; 0 = independent readings.
+        time_constant: Time in which the drift forgets, in the unit of the clock; 0 without one.
+    """
+
+    white: float
+    drift: float = 0.0
+    time_constant: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class _Chain:
+    """Instants at which the drift lives, and which reading belongs to which."""
+
+    gaps: Float[np.ndarray, " g"]
+    index: Int[np.ndarray, " t"]
+
+    @cached_property
+    def size(self) -> int:
+        return len(self.gaps) + 1
+
+    def precision(self, time_constant: float) -> tuple[Float[np.ndarray, "2 u"], float]:
+        """Return the precision of a drift of variance 1 as upper band, and its log-det."""
+        forgotten = -np.expm1(-2.0 * self.gaps / time_constant)
+        kept = np.exp(-self.gaps / time_constant)
+        band = np.zeros((2, self.size))
+        band[1, 0] = 1.0
+        band[1, 1:] = 1.0 / forgotten
+        band[1, :-1] += kept**2 / forgotten
+        band[0, 1:] = -kept / forgotten
+        return band, -float(np.log(forgotten).sum())
+
+    def gather(self, columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "u k"]:
+        """Return the sums of the readings at each instant."""
+        result = np.empty((self.size, columns.shape[1]))
+        for k, column in enumerate(columns.T):
+            result[:, k] = np.bincount(self.index, column, self.size)
+        return result
+
+
+def _chain(time: Float[np.ndarray, " t"]) -> _Chain:
+    instants, index = np.unique(time, return_inverse=True)
+    return _Chain(np.diff(instants), index.reshape(-1))
+
+
+def find_drift(
+    time: Float[np.ndarray, " t"],
+    columns: Float[np.ndarray, "t k"],
+    residual: Float[np.ndarray, " t"],
+    weight: Float[np.ndarray, " t"],
+) -> DriftNoise:
+    """Return variances and time constant of residuals by restricted maximum likelihood.
+
+    Args:
+        time: Of each reading, in any order.
+        columns: What was fitted; its degrees of freedom are taken off.
+        residual: Readings minus fit.
+        weight: Known weights of the white part.
+    """
+    step = -(-len(time) // _MANY)
+    time, columns, residual, weight = (
+        each[::step] for each in (time, columns, residual, weight)
+    )
+    free = len(time) - columns.shape[1]
+    square = float((weight * residual**2).sum())
+    alone = DriftNoise(float(np.sqrt(square / max(free, 1))))
+    chain = _chain(time)
+    if free < _FEW or chain.size < _FEW or not square > 0:
+        return alone
+    right = np.column_stack([columns, residual])
+    plain = right.T @ (weight[:, None] * right)
+    gathered = chain.gather(weight[:, None] * right)
+    counts = chain.gather(weight[:, None])[:, 0]
+    constant = float(np.log(weight).sum())
+
+    def cost(parameters: Float[np.ndarray, " 2"]) -> tuple[float, float]:
+        ratio, time_constant = np.exp(parameters)
+        band, logdet = chain.precision(float(time_constant))
+        band = band / ratio
+        inner = band.copy()
+        inner[1] += counts
+        try:
+            factor = cholesky_banded(inner)
+        except np.linalg.LinAlgError:
+            return np.inf, np.nan
+        sums = plain - gathered.T @ cho_solve_banded((factor, False), gathered)
+        known, cross = sums[:-1, :-1], sums[:-1, -1]
+        sign, shrink = np.linalg.slogdet(known)
+        if sign <= 0:
+            return np.inf, np.nan
+        left = float(sums[-1, -1] - cross @ np.linalg.solve(known, cross))
+        if not left > 0:
+            return np.inf, np.nan
+        spread = 2.0 * float(np.log(factor[1]).sum()) - logdet
+        spread += chain.size * float(np.log(ratio)) - constant
+        return spread + float(shrink) + free * float(np.log(left / free)), left / free
+
+    shrink = float(np.linalg.slogdet(plain[:-1, :-1])[1])
+    independent = shrink - constant + free * float(np.log(square / free))
+    span = float(chain.gaps.sum())
+    low, high = np.log(float(np.median(chain.gaps))), np.log(span)
+    starts = [
+        np.array([np.log(ratio), tau])
+        for ratio in _RATIOS
+        for tau in np.linspace(low, high, _TIMES)
+    ]
+    start = min(starts, key=lambda each: cost(each)[0])
+    # Longer than the log a drift cannot be told from a level, which the columns hold.
+    bounds = [(np.log(1e-4), np.log(1e6)), (low - 2.0, high + 1.0)]
+    found = minimize(
+        lambda each: cost(each)[0], start, method="Nelder-Mead", bounds=bounds,
+        options={"xatol": 0.02, "fatol": 0.02, "maxiter": 120},
+    )  # fmt: skip
+    value, variance = cost(found.x)
+    if not value < independent - _WORTH:
+        return alone
+    ratio, time_constant = np.exp(found.x)
+    return DriftNoise(
+        float(np.sqrt(variance)),
+        float(np.sqrt(variance * ratio)),
+        float(time_constant),
+    )
+
+
+def scatter_of_sums(
+    noise: DriftNoise,
+    time: Float[np.ndarray, " t"],
+    columns: Float[np.ndarray, "t k"],
+    weight: Float[np.ndarray, " t"],
+) -> Float[np.ndarray, "k k"]:
+    """Return the covariance of the weighted sums Σ w x r of residuals r that scatter so."""
+    weighted = weight[:, None] * columns
+    result = noise.white**2 * (columns.T @ weighted)
+    if noise.drift > 0:
+        chain = _chain(time)
+        sums = chain.gather(weighted)
+        band, _ = chain.precision(noise.time_constant)
+        solved = cho_solve_banded((cholesky_banded(band), False), sums)
+        result = result + noise.drift**2 * (sums.T @ solved)
+    return np.asarray(result)

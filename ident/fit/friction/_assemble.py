@@ -1,0 +1,177 @@
+"""From factors of columns to the parameters that users read."""
+
+import numpy as np
+
+from ._determined import directions_seen, lost, sentences, vague_columns
+from ._problem import Problem
+from ._result import FrictionFit
+from ._separable import Solution
+from ._structure import WAYS
+
+_ONE_WAY = "no motion in this direction was recorded"
+_LEVEL = "only its sum with a constant load is seen"
+
+
+def _gauge(problem: Problem, solution: Solution) -> tuple[np.ndarray, np.ndarray]:
+    """Return factors and map after splitting the levels per direction from the offset.
+
+    Seen in motion are level⁺ + offset and level⁻ − offset only. The offset is chosen so that
+    the mean levels of both directions are equal.
+    """
+    fixed = len(problem.fixed_names)
+    structure = problem.structure
+    one = structure.levels()
+    width = len(one)
+    total = len(solution.factors) + len(solution.shape)
+    offset = np.zeros(total)
+    mean = one / one.sum()
+    offset[fixed : fixed + width] = 0.5 * mean
+    offset[fixed + width : fixed + 2 * width] = -0.5 * mean
+    shift = np.eye(total)
+    shift[fixed : fixed + width] -= np.outer(one, offset)
+    shift[fixed + width : fixed + 2 * width] += np.outer(one, offset)
+    return offset, shift
+
+
+def assemble(
+    problem: Problem, solution: Solution, missing: dict[str, str], method: str
+) -> FrictionFit:
+    """Return the result of a fit."""
+    structure, fixed = problem.structure, len(problem.fixed_names)
+    count = len(solution.factors)
+    state = np.concatenate([solution.factors, solution.shape])
+    split = structure.directional and problem.known.offset is None
+    shift, names, rows = np.eye(len(state)), list(problem.fixed_names), []
+    rows = list(np.eye(len(state))[:fixed])
+    if split:
+        offset, shift = _gauge(problem, solution)
+        names.append("offset")
+        rows.append(offset)
+    own = (shift @ state)[fixed:count]
+    reported = structure.reported(own, solution.shape)
+    inner = np.concatenate([shift[fixed:count], np.eye(len(state))[count:]])
+    jacobian = np.concatenate(
+        [np.array(rows).reshape(-1, len(state)), reported.jacobian @ inner]
+    )
+    names += reported.names
+    values = np.concatenate([[row @ state for row in rows], reported.values])
+    undetermined = dict(missing)
+    null = np.zeros((len(state), solution.null.shape[1]))
+    null[:count] = solution.null
+    gone = lost(jacobian, null, solution.column_size)
+    vague = vague_columns(problem, solution)
+    seen = directions_seen(problem)
+    for name, is_lost in zip(names, gone, strict=True):
+        factor = name.replace("breakaway", "drop")
+        if name.endswith(WAYS) and not seen[WAYS.index("_" + name.split("_")[-1])]:
+            undetermined.setdefault(name, _ONE_WAY)
+        elif is_lost and not all(seen):
+            undetermined.setdefault(name, _LEVEL)
+        elif is_lost:
+            undetermined.setdefault(name, "the motion does not tell it from the others")
+        elif factor in vague or name in vague:
+            undetermined.setdefault(name, vague.get(name, vague.get(factor, "")))
+        elif split and name == "offset" and not all(seen):
+            undetermined.setdefault(name, _LEVEL)
+    covariance = jacobian @ solution.covariance @ jacobian.T
+    open_ = np.array([name in undetermined for name in names], bool)
+    values = np.where(open_, np.nan, values)
+    covariance = np.where(open_[:, None] | open_[None], np.nan, covariance)
+    sd = np.sqrt(np.diag(covariance))
+    good = [place for place in range(len(names)) if not open_[place]]
+    levels = {
+        name
+        for name in reported.names
+        if name.removesuffix(WAYS[0]).removesuffix(WAYS[1]) in structure.level_names
+    }
+    law = None
+    if not levels & set(undetermined):
+        law = structure.law(own.reshape(structure.ways, -1), solution.shape)
+    used = problem.usable
+    load = problem.load[used]
+    return FrictionFit(
+        method=method,
+        structure=structure,
+        law=law,
+        parameters={names[place]: float(values[place]) for place in good}
+        | _given(problem),
+        standard_deviations={names[place]: float(sd[place]) for place in good},
+        names=tuple(names),
+        values=values,
+        covariance=covariance,
+        undetermined=undetermined,
+        gauges=_gauges(problem, solution, split, seen),
+        remarks=sentences(problem),
+        noise=solution.loss.scale,
+        relative_error=float(
+            np.linalg.norm(solution.residual[used]) / np.linalg.norm(load)
+        ),
+        residual=solution.residual[used],
+        share=solution.share[used],
+        index=problem.lowpass.centres[used],
+        count=int((solution.share > 0).sum()),
+        lag=solution.lag,
+        passes=solution.passes,
+        converged=solution.converged,
+        message=_message(problem, solution),
+        known=problem.known,
+        decimate=problem.lowpass.factor,
+        state=solution.factors,
+        state_covariance=solution.covariance,
+        factors=own,
+        shape=solution.shape,
+        law_covariance=inner @ solution.covariance @ inner.T,
+    )
+
+
+def _given(problem: Problem) -> dict[str, float]:
+    known = problem.known
+    return {
+        name: value
+        for name, value in (("inertia", known.inertia), ("offset", known.offset))
+        if value is not None
+    }
+
+
+def _gauges(
+    problem: Problem, solution: Solution, split: bool, seen: tuple[bool, bool]
+) -> tuple[str, ...]:
+    structure, fixed = problem.structure, len(problem.fixed_names)
+    found = []
+    one = structure.levels() / structure.levels().sum()
+    if split:
+        ahead = one @ solution.factors[fixed : fixed + len(one)]
+        back = one @ solution.factors[fixed + len(one) : fixed + 2 * len(one)]
+        parts = []
+        if seen[0]:
+            parts.append(f"level⁺ + offset = {ahead:.4g}")
+        if seen[1]:
+            parts.append(f"level⁻ − offset = {back:.4g}")
+        found.append(
+            "A constant load and a difference of the Coulomb levels of both directions "
+            "cannot be told apart in motion: only "
+            + " and ".join(parts)
+            + " are seen"
+            + (
+                "; the offset is chosen so that both levels are equal."
+                if all(seen)
+                else "."
+            )
+        )
+    elif problem.fits_offset and not all(seen):
+        place = problem.fixed_names.index("offset")
+        sign = 1.0 if seen[0] else -1.0
+        level = one @ solution.factors[fixed:] + sign * solution.factors[place]
+        way = "+" if seen[0] else "−"
+        found.append(f"Seen is only Coulomb level {way} offset = {level:.4g}.")
+    return tuple(found)
+
+
+def _message(problem: Problem, solution: Solution) -> str:
+    wild = int((solution.share[problem.usable] == 0).sum())
+    total = int(problem.usable.sum())
+    words = "converged" if solution.converged else "did not settle"
+    return (
+        f"{problem.structure.words}: {words} after {solution.passes} passes, "
+        f"{wild} of {total} samples rejected as wild."
+    )

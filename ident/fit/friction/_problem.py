@@ -1,0 +1,215 @@
+"""The linear equation behind an inverse fit: which columns, filtered alike with the current."""
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ._lowpass import Decimation, decimation
+from ._samples import DriveSamples, saturated
+from ._structure import AbstractStructure
+
+_KEPT = 3
+"""Designs that are kept beside the newest."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Known:
+    """What need not be fitted.
+
+    Attributes:
+        gain: Load that one unit of current moves; parameters come in units of that load.
+        inertia: In load units per mm/s², or None to fit it.
+        offset: Constant load in load units, or None to fit it.
+    """
+
+    gain: float = 1.0
+    inertia: float | None = None
+    offset: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """Load = inertia · a + friction(v) + offset + further loads, ready for least squares.
+
+    Attributes:
+        samples: What was recorded.
+        structure: Kind of friction law.
+        known: What need not be fitted.
+        lowpass: Filter of both sides.
+        sigma: Relative standard deviation of each row where they differ; such rows are taken
+            to be independent of each other.
+        only: Rows to use; all that move where left out.
+        least_noise: Standard deviation of a row of ``sigma`` 1 below which it is not believed.
+    """
+
+    samples: DriveSamples
+    structure: AbstractStructure
+    known: Known
+    lowpass: Decimation
+    sigma: Float[np.ndarray, " s"] | None = None
+    only: Bool[np.ndarray, " s"] | None = None
+    least_noise: float = 0.0
+
+    def restricted(self, only: Bool[np.ndarray, " s"]) -> "Problem":
+        """Return the same equation for some of its rows; what was computed is kept."""
+        other = dataclasses.replace(self, only=only)
+        for name in ("target", "load", "piece", "speed", "_designs", "_moving"):
+            other.__dict__[name] = getattr(self, name)
+        return other
+
+    def _rows(self, columns: np.ndarray) -> np.ndarray:
+        rows = self.lowpass(columns)
+        return rows if self.sigma is None else rows / self.sigma[:, None]
+
+    def with_structure(self, structure: AbstractStructure) -> "Problem":
+        """Return the same rows for another kind of law; what was computed is kept."""
+        other = dataclasses.replace(self, structure=structure)
+        kept = ["target", "load", "piece", "speed", "_moving"]
+        if structure.directional == self.structure.directional:
+            # Only then are the columns beside friction the same.
+            kept += ["_designs", "_fixed_measured"]
+        for name in kept:
+            other.__dict__[name] = getattr(self, name)
+        return other
+
+    @cached_property
+    def target(self) -> Float[np.ndarray, " s"]:
+        """The current in load units, known parts taken off, filtered."""
+        load = self.known.gain * self.samples.current
+        if self.known.inertia is not None and self.samples.acceleration is not None:
+            load = load - self.known.inertia * self.samples.acceleration
+        if self.known.offset is not None:
+            load = load - self.known.offset
+        return np.asarray(self._rows(load[:, None])[:, 0])
+
+    @cached_property
+    def load(self) -> Float[np.ndarray, " s"]:
+        """The whole load, filtered: what a relative error refers to."""
+        load = self.known.gain * self.samples.current
+        return np.asarray(self._rows(load[:, None])[:, 0])
+
+    @cached_property
+    def usable(self) -> Bool[np.ndarray, " s"]:
+        """Rows to fit: in motion and not saturated, for the most part of the filter."""
+        return self._moving if self.only is None else self._moving & self.only
+
+    @cached_property
+    def _moving(self) -> np.ndarray:
+        good = self.samples.in_motion & ~saturated(self.samples.current)
+        return np.asarray(self.lowpass.mostly(good))
+
+    @cached_property
+    def piece(self) -> Int[np.ndarray, " s"]:
+        """Piece of each sample that is left after filtering."""
+        if self.sigma is not None:
+            return np.arange(len(self.lowpass.centres))
+        return np.asarray(self.samples.piece[self.lowpass.centres])
+
+    @cached_property
+    def speed(self) -> Float[np.ndarray, " t"]:
+        """Speeds in motion, in mm/s."""
+        return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
+
+    @cached_property
+    def _designs(self) -> dict[tuple[AbstractStructure, bytes, bool], np.ndarray]:
+        return {}
+
+    @property
+    def fits_inertia(self) -> bool:
+        """Whether the inertia is a parameter."""
+        return self.known.inertia is None and self.samples.acceleration is not None
+
+    @property
+    def fits_offset(self) -> bool:
+        """Whether the offset has a column of its own.
+
+        Per direction it has none: it could not be told from the difference of the levels.
+        """
+        return self.known.offset is None and not self.structure.directional
+
+    @property
+    def fixed_names(self) -> tuple[str, ...]:
+        """Names of the columns that do not belong to friction."""
+        names = ("inertia",) * self.fits_inertia + ("offset",) * self.fits_offset
+        return names + tuple(self.samples.loads)
+
+    def _fixed(self, acceleration: np.ndarray | None) -> np.ndarray:
+        columns = []
+        if self.fits_inertia:
+            assert acceleration is not None
+            columns.append(acceleration)
+        if self.fits_offset:
+            columns.append(np.ones(len(self.samples.time)))
+        columns += list(self.samples.loads.values())
+        if not columns:
+            return np.zeros((len(self.lowpass.centres), 0))
+        return self._rows(np.stack(columns, axis=1))
+
+    @cached_property
+    def _fixed_measured(self) -> np.ndarray:
+        return self._fixed(self.samples.acceleration)
+
+    @cached_property
+    def _fixed_instrument(self) -> np.ndarray:
+        return self._fixed(self.samples.instrument_acceleration)
+
+    @property
+    def has_instrument(self) -> bool:
+        """Whether a noise-free motion stands beside the measured one."""
+        return self.samples.instrument_velocity is not None
+
+    def design(
+        self, shape: Float[np.ndarray, " s"], *, instrument: bool = False
+    ) -> Float[np.ndarray, "t k"]:
+        """Return all linear columns, fixed ones first, of the measured motion or its twin."""
+        key = (self.structure, shape.tobytes(), instrument)
+        if key not in self._designs:
+            fixed = self._fixed_instrument if instrument else self._fixed_measured
+            own = self.structure.columns(self._velocity(instrument), shape)
+            # The last few serve every step of the search; more would only fill memory.
+            for old in list(self._designs)[:-_KEPT]:
+                del self._designs[old]
+            self._designs[key] = np.concatenate([fixed, self._rows(own)], axis=1)
+        return self._designs[key]
+
+    def tangents(
+        self,
+        shape: Float[np.ndarray, " s"],
+        factors: Float[np.ndarray, " k"],
+        *,
+        instrument: bool = False,
+    ) -> Float[np.ndarray, "t s"]:
+        """Return the derivative of the load with respect to the logarithms of the shape."""
+        own = factors[len(self.fixed_names) :]
+        slopes = self.structure.column_slopes(self._velocity(instrument), shape)
+        if not slopes:
+            return np.zeros((len(self.lowpass.centres), 0))
+        return self._rows(np.stack([slope @ own for slope in slopes], axis=1))
+
+    def _velocity(self, instrument: bool) -> np.ndarray:
+        if instrument:
+            assert self.samples.instrument_velocity is not None
+            return self.samples.instrument_velocity
+        return self.samples.velocity
+
+    def penalty(self) -> Float[np.ndarray, "k k"] | None:
+        """Return the smoothness prior over all linear factors."""
+        one = self.structure.penalty()
+        if one is None:
+            return None
+        fixed, width = len(self.fixed_names), len(one)
+        size = fixed + self.structure.ways * width
+        result = np.zeros((size, size))
+        for way in range(self.structure.ways):
+            at = slice(fixed + way * width, fixed + (way + 1) * width)
+            result[at, at] = one
+        return result
+
+
+def make_problem(
+    samples: DriveSamples, structure: AbstractStructure, known: Known, factor: int
+) -> Problem:
+    """Return the equation with its filter."""
+    return Problem(samples, structure, known, decimation(samples.piece, factor))

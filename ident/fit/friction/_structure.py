@@ -1,0 +1,168 @@
+"""What a friction law is made of: columns that enter linearly, and their shape.
+
+A structure turns velocities into columns; the fit finds their factors (variable projection).
+Columns carry the sign of the motion, so a factor is a current that opposes it.
+"""
+
+import abc
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from ....models import AbstractFriction
+
+WAYS = ("_positive", "_negative")
+
+
+def no_shape() -> Float[np.ndarray, " s"]:
+    """Return the logarithms of the shape of a law that has none."""
+    return np.zeros(0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Reported:
+    """Parameters as users read them, and how they follow from the factors of the columns.
+
+    Attributes:
+        names: One word each, ``_positive`` and ``_negative`` where per direction.
+        values: In drive units over mm/s.
+        jacobian: Derivative with respect to factors, then logarithms of the shape.
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " r"]
+    jacobian: Float[np.ndarray, "r k"]
+
+
+@dataclasses.dataclass(frozen=True)
+class AbstractStructure(abc.ABC):
+    """One kind of friction law.
+
+    Attributes:
+        directional: Whether each direction has factors of its own. The shape is shared.
+    """
+
+    directional: bool = False
+
+    @property
+    @abc.abstractmethod
+    def words(self) -> str:
+        """Name for reports."""
+
+    @property
+    @abc.abstractmethod
+    def factors(self) -> tuple[str, ...]:
+        """Names of the linear factors of one direction."""
+
+    @property
+    @abc.abstractmethod
+    def shapes(self) -> tuple[str, ...]:
+        """Names of the non-linear parameters, all positive."""
+
+    @abc.abstractmethod
+    def starts(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> Sequence[Float[np.ndarray, " s"]]:
+        """Return logarithms of shapes to start from, given the speeds in mm/s."""
+
+    @abc.abstractmethod
+    def bounds(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+        """Return the least and the largest logarithms that the data could tell apart."""
+
+    @abc.abstractmethod
+    def profile(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """Return the columns of one direction over the speed, without a sign."""
+
+    @abc.abstractmethod
+    def profile_slopes(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "s t k"]:
+        """Return the derivatives of the columns with respect to the logarithms."""
+
+    @abc.abstractmethod
+    def penalty(self) -> Float[np.ndarray, "k k"] | None:
+        """Return the matrix of the smoothness prior on the factors of one direction."""
+
+    @abc.abstractmethod
+    def reported_way(
+        self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
+    ) -> Reported:
+        """Return the parameters of one direction as users read them."""
+
+    @abc.abstractmethod
+    def law(
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+    ) -> AbstractFriction:
+        """Return the law for factors per direction (one row where both are alike)."""
+
+    @property
+    def ways(self) -> int:
+        """How many sets of factors there are."""
+        return 2 if self.directional else 1
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all factors in the order of `columns`."""
+        if not self.directional:
+            return self.factors
+        return tuple(name + way for way in WAYS for name in self.factors)
+
+    def columns(
+        self, velocity: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """Return all columns at velocities in mm/s; at rest they are 0."""
+        profile = self.profile(np.abs(velocity), shape)
+        return self._signed(velocity, profile)
+
+    def column_slopes(
+        self, velocity: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> list[Float[np.ndarray, "t k"]]:
+        """Return their derivatives with respect to the logarithms of the shape."""
+        slopes = self.profile_slopes(np.abs(velocity), shape)
+        return [self._signed(velocity, slope) for slope in slopes]
+
+    def _signed(self, velocity: np.ndarray, profile: np.ndarray) -> np.ndarray:
+        if not self.directional:
+            return np.asarray(np.sign(velocity)[:, None] * profile)
+        ahead = np.where((velocity > 0)[:, None], profile, 0.0)
+        back = np.where((velocity < 0)[:, None], profile, 0.0)
+        return np.concatenate([ahead, -back], axis=1)
+
+    def levels(self) -> Float[np.ndarray, " k"]:
+        """Return what a constant added to the level of one direction adds to its factors."""
+        return np.asarray([name in self.level_names for name in self.factors], float)
+
+    @property
+    @abc.abstractmethod
+    def level_names(self) -> tuple[str, ...]:
+        """The factors that a constant in the level of friction adds to."""
+
+    def reported(
+        self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
+    ) -> Reported:
+        """Return all parameters as users read them."""
+        rows = factors.reshape(self.ways, -1)
+        width = rows.shape[1]
+        names: list[str] = []
+        values: list[np.ndarray] = []
+        total = len(factors) + len(shape)
+        blocks = []
+        shared = set(self.shapes)
+        for way, row in enumerate(rows):
+            one = self.reported_way(row, shape)
+            own = [name for name in one.names if name not in shared or way == 0]
+            keep = [one.names.index(name) for name in own]
+            ending = WAYS[way] if self.directional else ""
+            names += [name if name in shared else name + ending for name in own]
+            values.append(one.values[keep])
+            block = np.zeros((len(keep), total))
+            block[:, way * width : (way + 1) * width] = one.jacobian[keep][:, :width]
+            block[:, len(factors) :] = one.jacobian[keep][:, width:]
+            blocks.append(block)
+        return Reported(tuple(names), np.concatenate(values), np.concatenate(blocks))

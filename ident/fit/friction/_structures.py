@@ -1,0 +1,208 @@
+"""The friction laws with named parameters: Coulomb + viscous, Stribeck."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ....models import AbstractFriction, StribeckFriction
+from ._structure import AbstractStructure, Reported, no_shape
+
+_GAUSS = 2.0
+_RATIO = np.sqrt(2.0)
+_SHAPES = (1.0, 2.0)
+_SHAPE_RANGE = (0.3, 6.0)
+_LARGEST = 700.0
+"""Largest power whose exponential is not 0."""
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class CoulombViscous(AbstractStructure):
+    """A constant level and a slope: 2 factors per direction."""
+
+    @property
+    def words(self) -> str:
+        """See `AbstractStructure`."""
+        return "Coulomb + viscous" + (" per direction" if self.directional else "")
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return ("coulomb", "viscous")
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return ()
+
+    @property
+    def level_names(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return ("coulomb",)
+
+    def starts(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> Sequence[Float[np.ndarray, " s"]]:
+        """See `AbstractStructure`."""
+        return (no_shape(),)
+
+    def bounds(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+        """See `AbstractStructure`."""
+        return no_shape(), no_shape()
+
+    def profile(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`."""
+        return np.stack([np.ones_like(speed), speed], axis=1)
+
+    def profile_slopes(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "s t k"]:
+        """See `AbstractStructure`."""
+        return np.zeros((0, len(speed), 2))
+
+    def penalty(self) -> Float[np.ndarray, "k k"] | None:
+        """See `AbstractStructure`."""
+        return None
+
+    def reported_way(
+        self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
+    ) -> Reported:
+        """See `AbstractStructure`."""
+        return Reported(self.factors, factors, np.eye(2))
+
+    def law(
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+    ) -> AbstractFriction:
+        """See `AbstractStructure`."""
+        coulomb, viscous = _ways(factors[:, 0]), _ways(factors[:, 1])
+        # With break-away at the Coulomb level the Stribeck velocity says nothing.
+        one = jnp.ones(())
+        return StribeckFriction(coulomb, coulomb, one, 2.0 * one, viscous)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Stribeck(AbstractStructure):
+    r"""Coulomb + viscous and a drop $d\,e^{-(|v|/v_s)^\delta}$ from break-away.
+
+    Attributes:
+        shape: The exponent δ, or None to fit it.
+    """
+
+    shape: float | None = _GAUSS
+
+    @property
+    def words(self) -> str:
+        """See `AbstractStructure`."""
+        return "Stribeck" + (" per direction" if self.directional else "")
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return ("coulomb", "viscous", "drop")
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        free = ("stribeck_velocity", "stribeck_shape")
+        return free if self.shape is None else free[:1]
+
+    @property
+    def level_names(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return ("coulomb",)
+
+    def starts(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> Sequence[Float[np.ndarray, " s"]]:
+        """See `AbstractStructure`: a grid of v_s in steps of √2, for each usual shape."""
+        low, high = self.bounds(speed)
+        count = max(4, 1 + int((high[0] - low[0]) / np.log(_RATIO)))
+        grid = np.linspace(low[0], high[0], count)[1:-1]
+        shapes = _SHAPES if self.shape is None else ()
+        if not shapes:
+            return [np.array([place]) for place in grid]
+        return [np.array([place, np.log(each)]) for each in shapes for place in grid]
+
+    def bounds(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+        """See `AbstractStructure`."""
+        seen = speed[speed > 0]
+        low = [np.log(np.quantile(seen, 0.001) / 2.0)]
+        high = [np.log(2.0 * seen.max())]
+        if self.shape is None:
+            low.append(np.log(_SHAPE_RANGE[0]))
+            high.append(np.log(_SHAPE_RANGE[1]))
+        return np.asarray(low), np.asarray(high)
+
+    def _power(
+        self, speed: np.ndarray, shape: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        exponent = float(np.exp(shape[1])) if self.shape is None else self.shape
+        ratio = np.log(np.where(speed > 0, speed, 1.0)) - shape[0]
+        logarithm = np.where(speed > 0, exponent * ratio, -np.inf)
+        power = np.exp(np.minimum(logarithm, np.log(_LARGEST)))
+        return power, logarithm, exponent
+
+    def profile(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`."""
+        power, _, _ = self._power(speed, shape)
+        return np.stack([np.ones_like(speed), speed, np.exp(-power)], axis=1)
+
+    def profile_slopes(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "s t k"]:
+        """See `AbstractStructure`."""
+        power, logarithm, exponent = self._power(speed, shape)
+        result = np.zeros((len(shape), len(speed), 3))
+        common = power * np.exp(-power)
+        result[0, :, 2] = exponent * common
+        if self.shape is None:
+            result[1, :, 2] = -common * np.where(power > 0, logarithm, 0.0)
+        return result
+
+    def penalty(self) -> Float[np.ndarray, "k k"] | None:
+        """See `AbstractStructure`."""
+        return None
+
+    def reported_way(
+        self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
+    ) -> Reported:
+        """See `AbstractStructure`: break-away is Coulomb level plus drop."""
+        coulomb, viscous, drop = factors
+        natural = np.exp(shape)
+        values = np.concatenate([[coulomb, viscous, coulomb + drop], natural])
+        jacobian = np.zeros((len(values), 3 + len(shape)))
+        jacobian[0, 0] = jacobian[1, 1] = jacobian[2, 0] = jacobian[2, 2] = 1.0
+        jacobian[3:, 3:] = np.diag(natural)
+        names = ("coulomb", "viscous", "breakaway", *self.shapes)
+        return Reported(names, values, jacobian)
+
+    def law(
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+    ) -> AbstractFriction:
+        """See `AbstractStructure`."""
+        exponent = np.exp(shape[1]) if self.shape is None else self.shape
+        return StribeckFriction(
+            _ways(factors[:, 0]),
+            _ways(factors[:, 0] + factors[:, 2]),
+            jnp.asarray(np.exp(shape[0])),
+            jnp.asarray(exponent),
+            _ways(factors[:, 1]),
+        )
+
+
+def _ways(values: Float[np.ndarray, " w"]) -> Array:
+    """Return one number, or the pair of both directions, as the models take it."""
+    return jnp.asarray(values[0]) if len(values) == 1 else jnp.asarray(values)

@@ -1,0 +1,218 @@
+"""Robust passes and the choice of the smoothness, many small tables in lockstep.
+
+The same steps as `.._estimate`, which fits one table of any size; what goes beyond a first
+look at the readings (second thoughts about wild ones) is left to it.
+"""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .._estimate import PASSES, ROUGHLY, SAME, SETTLED
+from ._scale import Scale, choose_scale
+from ._search import choose_weights
+from ._solve import Factors, Problems, Solutions, factors_of, solve_lanes
+from ._stack import Stack, times
+
+
+@dataclasses.dataclass
+class State:
+    """Where the iterations of every lane stand; ``sound`` is false where one broke down."""
+
+    problems: Problems
+    factors: Factors
+    solutions: Solutions
+    scale: Scale
+    weights: Float[np.ndarray, "k 2"]
+    active: Bool[np.ndarray, "k t"]
+    converged: Bool[np.ndarray, " k"]
+    sound: Bool[np.ndarray, " k"]
+
+
+def estimate_lanes(
+    stack: Stack,
+    loss: str,
+    weights: Float[np.ndarray, "k 2"] | None,
+    start: Float[np.ndarray, "k m"],
+) -> State:
+    """Fit all lanes, at given weights or at those that the readings suggest.
+
+    Args:
+        stack: The fits.
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        weights: Of second and fourth differences, None to choose them.
+        start: Node values and run effects to begin with.
+    """
+    everything = np.ones(stack.error.shape, bool)
+    density = stack.density(stack.normal(everything))
+    if weights is not None:
+        return _robust(stack, loss, weights, start, False, SETTLED)
+    # Plenty of readings per node judge each other; few need their neighbours.
+    plenty = stack.error.shape[1] >= 10 * stack.size
+    first = np.zeros((len(density), 2))
+    first[:, 0] = density * (1e-2 if plenty else 1.0)
+    state = _robust(stack, loss, first, start, False, ROUGHLY)
+    return _refined(state, loss)
+
+
+def _refined(state: State, loss: str) -> State:
+    stack = state.problems.stack
+    density = stack.density(state.problems.normal)
+    going = np.flatnonzero(state.sound)
+    state.converged[:] = False
+    for again in range(8):
+        if not len(going):
+            break
+        part = state.problems.take(going)
+        weights, found = choose_weights(part, state.weights[going] if again else None)
+        factors = factors_of(part.stack, part.normal, weights)
+        choice = solve_lanes(part, weights, factors)
+        fresh = _robust(part.stack, loss, weights, choice.unknowns, True, SETTLED)
+        fresh.sound &= found
+        _put(state, going, fresh)
+        size = stack.size
+        moved = fresh.solutions.unknowns[:, :size] - choice.unknowns[:, :size]
+        spread = np.sqrt(fresh.solutions.variance / density[going])
+        done = ~fresh.sound | (loss == "gauss") | (moved.std(axis=1) <= SAME * spread)
+        state.converged[going] = done & fresh.converged
+        going = going[~done]
+    return state
+
+
+def _robust(
+    stack: Stack,
+    loss: str,
+    weights: Float[np.ndarray, "k 2"],
+    unknowns: Float[np.ndarray, "k m"],
+    near: bool,
+    tolerance: float,
+) -> State:
+    """Iterate pseudo-readings and solutions at fixed weights, from starts near or far."""
+    count = stack.error.shape[1]
+    active = np.ones(stack.error.shape, bool)
+    normal = stack.normal(active)
+    factors = factors_of(stack, normal, weights)
+    inflation = np.ones(len(normal))
+    going, part, result = np.arange(len(normal)), stack, None
+    for step in range(PASSES):
+        root = np.sqrt(part.weight)
+        residual = part.residual(unknowns)
+        scaled = residual * root
+        scale = choose_scale(loss, scaled, inflation, part.floor)
+        ratio = scaled / scale.scale
+        now = ~scale.wild(ratio)
+        if step <= 8:
+            other = np.flatnonzero((now != active).sum(axis=1) > 1e-4 * count)
+            if len(other):
+                active[other] = now[other]
+                own = part.take(other)
+                normal[other] = own.normal(active[other])
+                factors.put(other, factors_of(own, normal[other], weights[other]))
+        pseudo = _pseudo(scale, residual, scaled, active, step == 0 and not near, root)
+        problems = _problems(part, normal, unknowns, pseudo, active)
+        solutions = solve_lanes(problems, weights, factors)
+        move = np.abs(solutions.unknowns - unknowns)[:, : part.size].max(axis=1)
+        spread = np.maximum(solutions.variance, part.floor**2) / part.density(normal)
+        settled = move <= tolerance * np.sqrt(spread)
+        settled &= step > 0 or near
+        done = settled | (loss == "gauss") | ~factors.sound
+        state = State(
+            problems, factors, solutions, scale, weights, active, done, factors.sound
+        )
+        result = state if result is None else _put(result, going, state)
+        if done.all():
+            break
+        going_on = np.flatnonzero(~done)
+        plenty = problems.count >= 20 * part.size
+        used = np.where(plenty, part.size, factors.used)
+        free = np.maximum(problems.count - used, 0.05 * problems.count)
+        inflation = np.sqrt(problems.count / free)
+        unknowns = solutions.unknowns
+        if done.any():
+            going, part = going[going_on], part.take(going_on)
+            factors = factors.take(going_on)
+            normal, weights, unknowns, inflation, active = (
+                each[going_on]
+                for each in (normal, weights, unknowns, inflation, active)
+            )
+        else:
+            # What a state holds must not change under it.
+            active, normal = active.copy(), normal.copy()
+            factors = factors.take(going_on)
+    assert result is not None
+    return result
+
+
+def _pseudo(
+    scale: Scale,
+    residual: Float[np.ndarray, "k t"],
+    scaled: Float[np.ndarray, "k t"],
+    active: Bool[np.ndarray, "k t"],
+    far: bool,
+    root: Float[np.ndarray, "k t"],
+) -> Float[np.ndarray, "k t"]:
+    """Return ψ(residual) / mean ψ', and zero for readings that are left out."""
+    if far:
+        # Far from the table every residual is large: believe all but the hopeless ones.
+        limit = np.inf if scale.name == "gauss" else scale.limit * scale.scale
+        return np.where(active, np.clip(scaled, -limit, limit) / root, 0.0)
+    ratio = scaled / scale.scale
+    slope = np.where(active, scale.slope(ratio), 0.0).sum(axis=1)
+    steep = np.maximum(slope / np.maximum(active.sum(axis=1), 1), 0.1)
+    return np.where(active, residual * scale.share(ratio) / steep[:, None], 0.0)
+
+
+def _problems(
+    stack: Stack,
+    normal: Float[np.ndarray, "k m m"],
+    unknowns: Float[np.ndarray, "k m"],
+    pseudo: Float[np.ndarray, "k t"],
+    active: Bool[np.ndarray, "k t"],
+) -> Problems:
+    weighted = stack.weight * pseudo
+    vector = stack.sums(weighted)
+    if stack.effects:
+        hold = stack.hold(normal)[:, None]
+        vector[:, stack.size :] -= hold * unknowns[:, stack.size :]
+    return Problems(
+        stack=stack,
+        normal=normal,
+        vector=vector,
+        square=np.asarray((weighted * pseudo).sum(axis=1)),
+        count=active.sum(axis=1).astype(float),
+        unknowns=unknowns,
+    )
+
+
+def _put(state: State, lanes: Int[np.ndarray, " k"], other: State) -> State:
+    """Replace some lanes of a state and return it."""
+    if len(lanes) == len(state.sound):
+        for field in dataclasses.fields(State):
+            setattr(state, field.name, getattr(other, field.name))
+        return state
+    for name in ("weights", "active", "converged", "sound"):
+        own = getattr(state, name).copy()
+        own[lanes] = getattr(other, name)
+        setattr(state, name, own)
+    for name in ("problems", "factors", "solutions", "scale"):
+        old, new = getattr(state, name), getattr(other, name)
+        changed = {}
+        for field in dataclasses.fields(old):
+            if isinstance(value := getattr(old, field.name), np.ndarray):
+                value = value.copy()
+                value[lanes] = getattr(new, field.name)
+                changed[field.name] = value
+        setattr(state, name, dataclasses.replace(old, **changed))
+    return state
+
+
+def start_of(
+    stack: Stack, effects: Float[np.ndarray, "k r"]
+) -> Float[np.ndarray, "k m"]:
+    """Return flat tables at the median of the readings, with given run effects."""
+    left = stack.error
+    if stack.effects:
+        left = left - times(stack.columns[:, :, stack.size :], effects)
+    centre = np.median(left, axis=1)
+    return np.hstack([np.repeat(centre[:, None], stack.size, axis=1), effects])

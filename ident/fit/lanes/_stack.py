@@ -1,0 +1,252 @@
+"""Table fits of equal shape side by side: axis 0 of every array counts the lanes.
+
+Small tables spend their time in calls, not in sums. Stacked, one call serves hundreds of
+fits; a lane's numbers do not depend on how many others stand beside it, so that a fit on its
+own, a batch of one, gives the same bits as the same fit in a batch.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .._grid import Grid, Located
+from .._prior import ChainPrior, chain_prior
+from .._runs import RunDesign
+
+_EVEN = 1e-9
+"""Nodes count as equidistant when they lie on a straight line to this share of a cell."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Lane:
+    """One fit before it is stacked.
+
+    Attributes:
+        grid: Nodes of a 1-D table.
+        located: Cell of every reading.
+        error: Readings in mm or °.
+        weight: Known weights.
+        design: Run effects, None without them.
+        apart: Runs that do not count in the mean of the runs.
+    """
+
+    grid: Grid
+    located: Located
+    error: Float[np.ndarray, " t"]
+    weight: Float[np.ndarray, " t"]
+    design: RunDesign | None
+    apart: tuple[int, ...] = ()
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """What lanes of one stack have in common."""
+        grid = self.grid
+        effects = 0 if self.design is None else self.design.count
+        return grid.slow, grid.fast, grid.layout.periodic, len(self.error), effects
+
+
+@dataclasses.dataclass(frozen=True)
+class Bends:
+    """Differences of the node values along a chain, dense; one lane or a stack of them.
+
+    Attributes:
+        second: Rows of second differences, shape ``(…, q, n)``; ``fourth`` likewise.
+        fourth: See `second`.
+        grams: Both penalty matrices, shape ``(…, 2, n, n)``.
+        reduced: Definite matrices whose weighted sum has, up to ``constant``, the product of
+            the non-zero eigenvalues as determinant, shape ``(…, 2, q, q)``.
+        constant: Log of what that determinant lacks.
+    """
+
+    second: Float[np.ndarray, "*k q n"]
+    fourth: Float[np.ndarray, "*k p n"]
+    grams: Float[np.ndarray, "*k 2 n n"]
+    reduced: Float[np.ndarray, "*k 2 q2 q2"]
+    constant: Float[np.ndarray, "*k"]
+
+    def take(self, lanes: Int[np.ndarray, " k"]) -> "Bends":
+        """Return some lanes of a stack."""
+        return Bends(*(getattr(self, f.name)[lanes] for f in dataclasses.fields(self)))
+
+
+def bends_of(nodes: Float[np.ndarray, " n"], ring: bool) -> Bends:
+    """Return the differences along a chain, the same ones for all equidistant nodes."""
+    even = np.linspace(nodes[0], nodes[-1], len(nodes))
+    step = (nodes[-1] - nodes[0]) / (len(nodes) - 1)
+    if np.abs(nodes - even).max() <= _EVEN * step:
+        # Differences are per node distance: neither its length nor the start matters.
+        nodes = np.arange(len(nodes), dtype=float)
+    return _bends(chain_prior(nodes, ring))
+
+
+@functools.lru_cache(maxsize=256)
+def _bends(chain: ChainPrior) -> Bends:
+    reduced, constant = chain.reduced
+    return Bends(
+        chain.second.toarray(),
+        chain.fourth.toarray(),
+        np.stack([gram.toarray() for gram in chain.grams]),
+        np.stack(reduced),
+        np.asarray(constant),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Stack:
+    """Fits of equal shape, ready for lockstep.
+
+    Attributes:
+        lanes: Where each came from.
+        columns: Stencil over (branch, node), then the run effects, shape ``(k, t, m)``.
+        error: Readings, shape ``(k, t)``.
+        weight: Known weights, shape ``(k, t)``.
+        bends: Differences of the nodes.
+        floor: Smallest scatter of each lane in mm or °.
+    """
+
+    lanes: tuple[Lane, ...]
+    columns: Float[np.ndarray, "k t m"]
+    error: Float[np.ndarray, "k t"]
+    weight: Float[np.ndarray, "k t"]
+    bends: Bends
+    floor: Float[np.ndarray, " k"]
+
+    @property
+    def nodes(self) -> int:
+        """Number of different nodes along the chain."""
+        return self.lanes[0].grid.slow
+
+    @property
+    def branches(self) -> int:
+        """Number of chains side by side."""
+        return self.lanes[0].grid.fast
+
+    @property
+    def size(self) -> int:
+        """Number of unknown node values."""
+        return self.nodes * self.branches
+
+    @property
+    def null(self) -> int:
+        """Dimension of what the prior leaves alone."""
+        return self.branches * (1 if self.lanes[0].grid.layout.periodic else 2)
+
+    @property
+    def effects(self) -> int:
+        """Number of run effects."""
+        return int(self.columns.shape[2]) - self.size
+
+    def take(self, lanes: Int[np.ndarray, " k"]) -> "Stack":
+        """Return some of the lanes; all of them without a copy."""
+        if len(lanes) == len(self.lanes):
+            return self
+        return Stack(
+            tuple(self.lanes[k] for k in lanes),
+            self.columns[lanes],
+            self.error[lanes],
+            self.weight[lanes],
+            self.bends.take(lanes),
+            self.floor[lanes],
+        )
+
+    def residual(self, unknowns: Float[np.ndarray, "k m"]) -> Float[np.ndarray, "k t"]:
+        """Return reading − table − run effects."""
+        return np.asarray(self.error - times(self.columns, unknowns))
+
+    def sums(self, weighted: Float[np.ndarray, "k t"]) -> Float[np.ndarray, "k m"]:
+        """Return Σ x y over the readings for weighted values y."""
+        return np.asarray(np.matmul(weighted[:, None, :], self.columns)[:, 0])
+
+    def normal(self, active: Bool[np.ndarray, "k t"]) -> Float[np.ndarray, "k m m"]:
+        """Return Σ w x xᵀ over the active readings, idle run effects held at zero."""
+        weight = np.where(active, self.weight, 0.0)
+        result = np.matmul(
+            self.columns.transpose(0, 2, 1), weight[..., None] * self.columns
+        )
+        effects = np.arange(self.size, self.columns.shape[2])
+        if len(effects):
+            result[:, effects, effects] += self.hold(result)[:, None]
+        return np.asarray(result)
+
+    def hold(self, normal: Float[np.ndarray, "k m m"]) -> Float[np.ndarray, " k"]:
+        """Return the weight that holds at zero the effect of a run nobody believes."""
+        own = np.diagonal(normal, axis1=1, axis2=2)[:, self.size :]
+        return np.asarray(_RIDGE * own.mean(axis=1) if own.shape[1] else own.sum(1))
+
+    def density(self, normal: Float[np.ndarray, "k m m"]) -> Float[np.ndarray, " k"]:
+        """Return the mean information per node that any reading reaches."""
+        own = np.diagonal(normal, axis1=1, axis2=2)[:, : self.size]
+        return np.asarray(own.sum(axis=1) / np.maximum((own > 0).sum(axis=1), 1))
+
+    def pull(self, weights: Float[np.ndarray, "k 2"]) -> Float[np.ndarray, "k n n"]:
+        """Return the penalty matrix of one chain for weights of both differences."""
+        grams = self.bends.grams
+        return np.asarray(
+            weights[:, 0, None, None] * grams[:, 0]
+            + weights[:, 1, None, None] * grams[:, 1]
+        )
+
+    def tables(self, unknowns: Float[np.ndarray, "k m"]) -> Float[np.ndarray, "k s n"]:
+        """Return the node values over (branch, node)."""
+        values = unknowns[:, : self.size]
+        return values.reshape(len(values), self.branches, self.nodes)
+
+
+_RIDGE = 1e-9
+"""Weight, relative to the mean information on a run effect, that holds it at zero."""
+_EXACT = 1e-5
+"""Smallest scatter relative to the spread of the readings."""
+
+
+def stacked(lanes: Sequence[Lane]) -> Stack:
+    """Return lanes of equal shape as one stack."""
+    bends = [
+        bends_of(lane.grid.slow_nodes, lane.grid.layout.periodic) for lane in lanes
+    ]
+    error = np.stack([lane.error for lane in lanes])
+    spread = np.ptp(np.quantile(error, (0.05, 0.95), axis=1), axis=0)
+    return Stack(
+        lanes=tuple(lanes),
+        columns=np.stack([_columns(lane) for lane in lanes]),
+        error=error,
+        weight=np.stack([lane.weight for lane in lanes]),
+        bends=Bends(
+            *(
+                np.stack([getattr(one, field.name) for one in bends])
+                for field in dataclasses.fields(Bends)
+            )
+        ),
+        # Without any noise the prior's own pull would make readings wild.
+        floor=np.maximum(_EXACT * spread, 1e-12),
+    )
+
+
+def _columns(lane: Lane) -> Float[np.ndarray, "t m"]:
+    grid, place = lane.grid, lane.located
+    count = len(lane.error)
+    effects = 0 if lane.design is None else lane.design.count
+    result = np.zeros((count, grid.size + effects))
+    row, base = np.arange(count), place.s * grid.slow
+    result[row, base + place.l] = 1.0 - place.u
+    # A reading at a ring of few nodes may touch the same node from both sides.
+    result[row, base + grid.neighbour(place.l)] += place.u
+    if lane.design is not None:
+        result[:, grid.size :] = lane.design.columns()
+    return result
+
+
+def times(
+    matrix: Float[np.ndarray, "k a b"], vector: Float[np.ndarray, "k b"]
+) -> Float[np.ndarray, "k a"]:
+    """Return matrix × vector, lane by lane."""
+    return np.asarray(np.matmul(matrix, vector[..., None])[..., 0])
+
+
+def dot(
+    first: Float[np.ndarray, "*#k n"], second: Float[np.ndarray, "*#k n"]
+) -> Float[np.ndarray, "..."]:
+    """Return the scalar products, lane by lane."""
+    return np.asarray((first * second).sum(axis=-1))

@@ -1,0 +1,156 @@
+"""Tables fitted from pieces: the same as in memory, however the pieces are cut."""
+
+import functools
+import itertools
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pv
+import pyarrow.parquet as pq
+import pytest
+
+from axcomp.data.measurements import LogPart, MeasurementError, log_parts
+from axcomp.ident.fit import FitError, Samples, TableFit, TableLayout, fit_streamed
+from axcomp.ident.fit._table import _closely
+from axcomp.ident.fit.lanes import TableRequest
+
+PLANE = TableLayout((np.linspace(0.0, 100.0, 11), np.linspace(0.0, 60.0, 8)))
+LINE = TableLayout((np.linspace(0.0, 100.0, 21),))
+
+
+def log(layout: TableLayout, count: int, wild: float = 0.0) -> Samples:
+    rng = np.random.default_rng(3)
+    ends = np.array([nodes[-1] for nodes in layout.nodes])
+    positions = rng.uniform(-2.0, 2.0 + ends, (count, len(ends)))
+    error = 0.02 * np.sin(positions.sum(axis=1) / 25.0) + rng.normal(0, 0.002, count)
+    error[rng.random(count) < wild] += 0.3
+    return Samples(positions, error)
+
+
+def pieces(samples: Samples, cuts: list[int]) -> Iterator[Samples]:
+    for start, stop in zip([0, *cuts], [*cuts, len(samples.error)], strict=True):
+        yield Samples(samples.positions[start:stop], samples.error[start:stop])
+
+
+def parts(samples: Samples, count: int) -> list[functools.partial[Iterator[Samples]]]:
+    ends = np.linspace(0, len(samples.error), count + 1).astype(int)
+    found = []
+    for start, stop in itertools.pairwise(ends):
+        own = Samples(samples.positions[start:stop], samples.error[start:stop])
+        found.append(functools.partial(pieces, own, [len(own.error) // 3]))
+    return found
+
+
+def assert_same(streamed: TableFit, whole: TableFit, tolerance: float) -> None:
+    """Compare, relative to 1 mm and to the noise; sums in another order round elsewhere."""
+    np.testing.assert_allclose(streamed.values, whole.values, rtol=0, atol=tolerance)
+    np.testing.assert_allclose(
+        streamed.standard_deviation, whole.standard_deviation, rtol=1e-6, atol=0
+    )
+    np.testing.assert_array_equal(streamed.support, whole.support)
+    assert streamed.noise == pytest.approx(whole.noise, rel=1e-6)
+
+
+@pytest.mark.parametrize("loss", ["gauss", "huber", "student"])
+@pytest.mark.parametrize("layout", [PLANE, LINE], ids=["plane", "line"])
+def test_a_log_in_pieces_gives_the_table_that_it_gives_in_memory(
+    layout: TableLayout, loss: str
+) -> None:
+    samples = log(layout, 45_000, wild=0.001)
+    whole = _closely(TableRequest(layout, samples, loss=loss))
+    found = fit_streamed(layout, parts(samples, 4), loss=loss)
+    # The issue asks for 1e-9 mm.
+    assert_same(found, whole, 1e-9)
+    assert found.converged == whole.converged
+    assert f"{45_000} readings" in found.message
+
+
+def test_least_squares_reads_the_log_once() -> None:
+    samples = log(PLANE, 5_000)
+    reads = 0
+
+    def part() -> Iterator[Samples]:
+        nonlocal reads
+        for piece in pieces(samples, [1_000, 2_500]):
+            reads += len(piece.error)
+            yield piece
+
+    fit_streamed(PLANE, [part], loss="gauss")
+    # Once, and its first piece beforehand to know about where the readings lie.
+    assert reads == 5_000 + 1_000
+
+
+def test_a_fixed_smoothness_is_the_same_as_in_memory() -> None:
+    samples = log(LINE, 30_000)
+    whole = _closely(TableRequest(LINE, samples, smoothness=0.5, loss="gauss"))
+    found = fit_streamed(LINE, parts(samples, 3), smoothness=0.5)
+    assert_same(found, whole, 1e-12)
+
+
+def test_who_sums_which_part_does_not_change_a_bit() -> None:
+    samples = log(PLANE, 20_000)
+    alone = fit_streamed(PLANE, parts(samples, 5), loss="student")
+    with ThreadPoolExecutor(3) as pool:
+        together = fit_streamed(
+            PLANE, parts(samples, 5), loss="student", apply=pool.map
+        )
+    assert np.array_equal(alone.values, together.values)
+
+
+def test_readings_that_do_not_determine_the_table_are_refused() -> None:
+    with pytest.raises(FitError, match="found 0 readings"):
+        fit_streamed(LINE, [lambda: []])
+    with pytest.raises(FitError, match="found 2 readings, expected more than 2"):
+        fit_streamed(LINE, parts(log(LINE, 2), 1), loss="huber")
+    with pytest.raises(FitError, match="loss: found 'cauchy'"):
+        fit_streamed(LINE, parts(log(LINE, 50), 1), loss="cauchy")
+    with pytest.raises(FitError, match="smoothness: found 'rough'"):
+        fit_streamed(LINE, parts(log(LINE, 50), 1), smoothness="rough")
+
+
+def write_log(path: Path, samples: Samples) -> None:
+    table = pa.table(
+        {
+            "note": ["x"] * len(samples.error),
+            "e": samples.error,
+            "x": samples.positions[:, 0],
+        }
+    )
+    if path.suffix == ".csv":
+        pv.write_csv(table, path)
+    else:
+        pq.write_table(table, path, row_group_size=700)
+
+
+@pytest.mark.parametrize("name", ["log.parquet", "log.csv"])
+def test_a_file_comes_in_pieces_row_by_row(tmp_path: Path, name: str) -> None:
+    samples = log(LINE, 5_000)
+    write_log(tmp_path / name, samples)
+    found = log_parts(tmp_path / name, ("x", "e"), 3)
+    assert len(found) == (1 if name.endswith("csv") else 3)
+    cut = [piece for part in found for piece in part.pieces(400)]
+    assert max(map(len, cut)) <= 400
+    both = np.column_stack([samples.positions[:, 0], samples.error])
+    # Both formats keep every digit.
+    assert np.array_equal(np.concatenate(cut), both)
+
+
+def test_more_parts_than_row_groups_are_no_more_than_these(tmp_path: Path) -> None:
+    write_log(tmp_path / "log.parquet", log(LINE, 1_000))
+    assert len(log_parts(tmp_path / "log.parquet", ("x",), 9)) == 2
+
+
+def test_what_a_log_lacks_is_said_with_its_row(tmp_path: Path) -> None:
+    table = pa.table({"x": [1.0, None, 3.0], "word": ["a", "b", "c"]})
+    pq.write_table(table, tmp_path / "log.parquet")
+    pv.write_csv(table, tmp_path / "log.csv")
+    for name in ("log.parquet", "log.csv"):
+        with pytest.raises(MeasurementError, match="row 2, x: found nan"):
+            list(LogPart(tmp_path / name, ("x",)).pieces())
+        with pytest.raises(MeasurementError, match=r"word|'a'"):
+            list(LogPart(tmp_path / name, ("word",)).pieces())
+        with pytest.raises(MeasurementError, match="nothing"):
+            list(LogPart(tmp_path / name, ("nothing",)).pieces())
