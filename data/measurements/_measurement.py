@@ -9,6 +9,7 @@ from jaxtyping import Int
 
 from ._align import on_one_clock
 from ._convert import as_direction, as_run, library_unit, unit_of
+from ._dates import seconds_of_dates
 from ._errors import MeasurementError, MissingRole
 from ._roles import ColumnSpec as ColumnSpec, find_role, role as named_role
 from ._table import MESH_FORMATS, Table
@@ -26,8 +27,10 @@ class RoleValues:
         self,
         good: Mapping[str, np.ndarray],
         bad: Mapping[str, MeasurementError] | None = None,
+        gaps: Mapping[str, np.ndarray] | None = None,
     ) -> None:
         self._good, self._bad = dict(good), dict(bad or {})
+        self._gaps = dict(gaps or {})
 
     def __getitem__(self, role: str) -> np.ndarray:
         if role in self._bad:
@@ -47,6 +50,13 @@ class RoleValues:
     def keys(self) -> tuple[str, ...]:
         """Return all roles, those with a bad cell too."""
         return tuple(self)
+
+    def with_gaps(self) -> "RoleValues":
+        """Return the values with NaN where a cell of a number column holds none."""
+        bad = {
+            role: error for role, error in self._bad.items() if role not in self._gaps
+        }
+        return RoleValues({**self._good, **self._gaps}, bad)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,6 +105,10 @@ class Measurement:
         if role not in self.values:
             raise MissingRole(str(self.source), role, why, tuple(self.values))
         return self.values[role]
+
+    def with_gaps(self) -> "Measurement":
+        """Return the measurement with NaN for missed readings, instead of an error."""
+        return dataclasses.replace(self, values=self.values.with_gaps())
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -147,6 +161,7 @@ def measurement(
     table, mapping = on_one_clock(table, mapping)
     good: dict[str, np.ndarray] = {}
     bad: dict[str, MeasurementError] = {}
+    gaps: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     remarks = list(table.remarks)
     angular = _angular_axes(table, mapping) if rotary is None else set(rotary)
@@ -162,6 +177,13 @@ def measurement(
                 bad[text] = error
             continue
         angle = role.axis in angular
+        if role.kind == "time" and column.text is not None:
+            units[text] = "s"
+            try:
+                good[text] = seconds_of_dates(table, column)
+            except MeasurementError as error:
+                bad[text] = error
+            continue
         unit = unit_of(table, role, column, spec.unit, angle=angle)
         scale = None
         if unit.dimension.startswith("increments"):
@@ -181,12 +203,14 @@ def measurement(
             values = unit.to_library(table.numbers(column), scale)
         except MeasurementError as error:
             bad[text] = error
+            if column.bad is not None:
+                gaps[text] = unit.to_library(column.values, scale)
         else:
             good[text] = values
     return Measurement(
         name=name or table.path.name,
         source=table.path,
-        values=RoleValues(good, bad),
+        values=RoleValues(good, bad, gaps),
         units=units,
         rows=table.rows,
         lines=table.lines,

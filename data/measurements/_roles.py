@@ -15,7 +15,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "direction": (),
     "velocity": ("velocity", "angular velocity", "increments per s"),
     "acceleration": ("acceleration", "angular acceleration", "increments per s2"),
-    "current": ("current", "ratio", "torque", "force", "voltage"),
+    "current": ("current", "ratio", "torque", "force", "voltage", "drive units"),
     "drive_position": _PLACE,
 }
 """Kinds of role that an axis has, with the dimensions that their units may have."""

@@ -100,6 +100,7 @@ def _all_units() -> Iterable[Unit]:
         yield Unit(f"d{name}", dimension, 1, 10)
         yield Unit(f"m{name}", dimension, 1, 1_000)
     yield Unit("%", "ratio")
+    yield Unit("raw", "drive units")
 
 
 UNITS: dict[str, Unit] = {unit.name: unit for unit in _all_units()}
@@ -118,6 +119,7 @@ LIBRARY_UNIT: dict[str, str] = {
     "force": "N",
     "torque": "Nm",
     "ratio": "%",
+    "drive units": "raw",
 }
 """Unit inside the library, by dimension (increments become lengths or angles)."""
 

@@ -14,7 +14,21 @@ import typer
 from axcomp import __version__
 
 from ...data.errors import AxcompError, UsageError
-from . import _check, _demo, _diff, _fit, _iso230, _read, _show, _simulate
+from . import (
+    _batch,
+    _check,
+    _demo,
+    _diff,
+    _doctor,
+    _fit,
+    _iso230,
+    _probe,
+    _read,
+    _results,
+    _show,
+    _simulate,
+    _verify,
+)
 
 app = typer.Typer(
     name="axcomp",
@@ -27,10 +41,15 @@ app.command("demo")(_demo.demo)
 app.command("read")(_read.read)
 app.command("fit")(_fit.fit)
 app.command("iso230")(_iso230.iso230)
+app.command("batch")(_batch.batch)
+app.command("results")(_results.results)
 app.command("check")(_check.check)
 app.command("show")(_show.show)
 app.command("diff")(_diff.diff)
+app.command("probe")(_probe.probe)
 app.command("simulate")(_simulate.simulate)
+app.command("verify")(_verify.verify)
+app.command("doctor")(_doctor.doctor)
 
 
 def _print_version(value: bool) -> bool:

@@ -71,6 +71,8 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
     for outcome in result.outcomes:
         sizes = (f"{1000 * size:.1f}" for size in _sizes(outcome).values())
         table.add_row(_WHAT[outcome.fit.compensation], *sizes)
+    spikes = (f"{1000 * size:.1f}" for size in vars(result.spikes).values())
+    table.add_row("X  friction: mark on a circle, largest", *spikes)
     console.print(table)
     lists = ", ".join(outcome.fit.files[0].name for outcome in result.outcomes)
     lines = [
@@ -115,6 +117,7 @@ def _as_dict(result: "DemoResult") -> dict[str, Any]:
             }
             for outcome in result.outcomes
         ],
+        "friction": vars(result.spikes),
         "report": str(result.report),
         "wall_time": result.wall_time,
     }

@@ -18,9 +18,12 @@ from ..machine import (
     TRAVEL,
     Reading,
     VirtualMachine,
+    example_drive,
     measure_length,
     measure_straightness,
     measure_surface,
+    record_drive,
+    write_drive_trace,
     write_laser_table,
     write_straightness,
     write_surface,
@@ -33,7 +36,7 @@ README = """\
 Made by `axcomp demo`: a portal mill that exists only in the computer.
 
 measurements/  what a laser (X), a straightedge (Y) and a probe (Z) saw,
-               all compensations off
+               all compensations off, and the current of X over a trace
 machine/       the list that the machine had before (Y, made when it was new)
 job.toml       what to make of it; run it again with
                    axcomp fit job.toml --out result
@@ -42,7 +45,7 @@ second/        the same measurements once more with the new lists loaded, at oth
                positions, and the job that evaluates them
 """
 
-JOB = """\
+_TABLES = """\
 # The job of `axcomp demo`. Run it again with:  axcomp fit job.toml --out result
 # Lengths are in mm; a column may state its own unit.
 title = "Portal mill of the demo"
@@ -115,10 +118,29 @@ interval = [25.0, 25.0]
 points = [33, 17]
 """
 
+_FRICTION = """
+# --- X: current of the drive over a trace, forth and back at constant speeds ------
+[measurements.drive]
+file = "measurements/drive_x.csv"
+[measurements.drive.columns]
+time = { column = "time_ms", unit = "ms" }
+"X.position" = { column = "x", unit = "mm" }
+"X.current" = { column = "current", unit = "A" }
+
+[[fits]]
+compensation = "friction"
+axis = "X"
+measurement = "drive"
+rated_current = 9.0               # of the drive, in A
+torque_unit = 0.001               # share of it that one unit of the list is
+"""
+
+JOB = _TABLES + _FRICTION
+
 
 def second_job() -> str:
     """Return the job that evaluates the second measurement: lists loaded and active."""
-    text = JOB.replace(JOB.splitlines()[0], _SECOND_HEAD)
+    text = _TABLES.replace(_TABLES.splitlines()[0], _SECOND_HEAD)
     text = text.replace("Portal mill of the demo", "Second measurement of the demo")
     text = text.replace("measurements/", "")
     text = re.sub(
@@ -249,6 +271,13 @@ def write_measurements(folder: Path, measured: Measured) -> tuple[Path, ...]:
     write_straightness(straightness, "X", measured.straightness)
     write_surface(surface, ("X", "Y"), measured.surface)
     return laser, straightness, surface
+
+
+def write_drive(folder: Path, seed: int) -> Path:
+    """Write what the drive of X recorded and return the path."""
+    path = folder / "drive_x.csv"
+    write_drive_trace(path, record_drive(example_drive(), seed))
+    return path
 
 
 def old_list() -> ListFile:

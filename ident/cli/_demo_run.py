@@ -6,8 +6,18 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ...data.lists import ListFile
-from ..job import ErrorFigures, JobResult, TableResult, run_job, write_atomically
-from ..machine import VirtualMachine, example_machine
+from ...models import Conventions
+from ..exchange import friction_from_list
+from ..job import (
+    ErrorFigures,
+    FrictionResult,
+    JobResult,
+    TableResult,
+    run_job,
+    write_atomically,
+)
+from ..machine import VirtualMachine, example_drive, example_machine
+from ..proof import circular_test
 from ..report import SecondMeasurement, write_report
 from . import _demo_files as files
 
@@ -33,17 +43,34 @@ class Outcome:
 
 
 @dataclasses.dataclass(frozen=True)
+class Spikes:
+    """Largest deviation of a circle by friction, in mm.
+
+    Attributes:
+        before: Without a list, on the machine as it is.
+        predicted: With the list, by the law that was fitted.
+        verified: With the written list, on the machine as it is.
+    """
+
+    before: float
+    predicted: float
+    verified: float
+
+
+@dataclasses.dataclass(frozen=True)
 class DemoResult:
     """Everything that the demo did.
 
     Attributes:
-        outcomes: One per compensation.
+        outcomes: One per table.
+        spikes: What friction does to a circle.
         job: Result of the job on the first measurement.
         report: The page.
         wall_time: Of the whole demo in seconds, without starting Python.
     """
 
     outcomes: tuple[Outcome, ...]
+    spikes: Spikes
     job: JobResult
     report: Path
     wall_time: float
@@ -81,6 +108,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     files.seal_folder(out)
     return DemoResult(
         outcomes=tuple(map(Outcome, tables_of(job), seconds)),
+        spikes=_spikes(job, out / "result"),
         job=job,
         report=page,
         wall_time=time.perf_counter() - start,
@@ -92,9 +120,21 @@ def tables_of(result: JobResult) -> list[TableResult]:
     return [fit for fit in result.fits if isinstance(fit, TableResult)]
 
 
+def _spikes(job: JobResult, folder: Path) -> Spikes:
+    """Draw circles on the machine as it is, without and with the written list."""
+    fit = next(fit for fit in job.fits if isinstance(fit, FrictionResult))
+    drive = example_drive()
+    listing = friction_from_list(ListFile.read(folder / fit.files[0]), Conventions())
+    unit = drive.rated_current * drive.torque_unit
+    true = circular_test(drive.law, drive.inertia, listing, out_unit=unit)
+    assert fit.circle is not None  # mass, law and list of the demo are known
+    return Spikes(true.spikes[0], fit.circle.spikes[1], true.spikes[1])
+
+
 def _write_inputs(out: Path, machine: VirtualMachine) -> None:
     """Write everything that a user would bring: measurements, old list, job."""
     files.write_measurements(out / "measurements", files.measure(machine, _SEED))
+    files.write_drive(out / "measurements", _SEED + 7)
     (out / "machine").mkdir(exist_ok=True)
     write_atomically(out / "machine" / "achskw2.lis", files.old_list().dumps())
     write_atomically(out / "job.toml", files.JOB.encode())

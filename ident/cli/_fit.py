@@ -102,7 +102,10 @@ def _print_fit(console: "Console", found: "AbstractResult") -> None:
         if any(value is not None for value in figures):
             rows[key] = figures
     for name, values in rows.items():
-        cells = ["–" if value is None else f"{factor * value:.1f}" for value in values]
+        digits = ".3g" if factor == 1.0 else ".1f"
+        cells = [
+            "–" if value is None else f"{factor * value:{digits}}" for value in values
+        ]
         table.add_row(name, *cells)
     console.print(table)
     failed = [check for check in found.gate if not check.passed]

@@ -10,6 +10,7 @@ from ._load import (
     load_job as load_job,
 )
 from ._output import write_atomically as write_atomically
+from ._outside import read_outside as read_outside
 from ._result import (
     AbstractResult as AbstractResult,
     ConventionState as ConventionState,
@@ -20,3 +21,14 @@ from ._result import (
     TableResult as TableResult,
 )
 from ._run import run_job as run_job
+from .backlash import BacklashResult as BacklashResult
+from .friction import (
+    FrictionResult as FrictionResult,
+    FrictionView as FrictionView,
+    LawCurve as LawCurve,
+)
+from .temperature import (
+    TemperatureResult as TemperatureResult,
+    ThermalLaw as ThermalLaw,
+    ThermalView as ThermalView,
+)

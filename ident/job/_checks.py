@@ -5,11 +5,14 @@ from collections.abc import Iterable, Iterator
 
 from ..exchange import ExchangeError, build_number
 from ._fit_schema import (
+    BacklashSpec,
     CrossSpec,
     FitSpec,
+    FrictionSpec,
     LeadscrewSpec,
     LineSpec,
     PlaneSpec,
+    TemperatureSpec,
 )
 from ._lines import Path as KeyPath
 from ._schema import JobFile
@@ -95,11 +98,27 @@ def _fits(job: JobFile) -> Iterator[Fault]:
     for k, fit in enumerate(job.fits):
         where: KeyPath = ("fits", k)
         yield from _references(job, fit, where)
+        twin = seen.setdefault((fit.compensation, fit.axis), k)
+        if twin != k:
+            yield (
+                (*where, "axis"),
+                f"found a second {fit.compensation} fit of {fit.axis} (the first is"
+                f" fits[{twin}]), expected one: an axis has one of each kind",
+            )
+        if isinstance(fit, BacklashSpec):
+            yield from _backlash(job, fit, where)
+            continue
+        if isinstance(fit, FrictionSpec):
+            yield from _friction(fit, where)
+            continue
+        if isinstance(fit, TemperatureSpec):
+            yield from _temperature(job, fit, where)
+            continue
         if not isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec):
             yield (
                 (*where, "compensation"),
                 f"{fit.compensation} is not built in this version, expected plane,"
-                " cross or leadscrew",
+                " cross, leadscrew, temperature, friction or backlash",
             )
             continue
         if fit.group is not None:
@@ -108,18 +127,79 @@ def _fits(job: JobFile) -> Iterator[Fault]:
                 "fits that are identified jointly are not built in this version,"
                 " expected no group",
             )
-        twin = seen.setdefault((fit.compensation, fit.axis), k)
-        if twin != k:
-            yield (
-                (*where, "axis"),
-                f"found a second {fit.compensation} fit of {fit.axis} (the first is"
-                f" fits[{twin}]), expected one: an axis has one table of each kind",
-            )
         yield from _nodes(fit, where)
         if isinstance(fit, LeadscrewSpec):
             yield from _leadscrew(job, fit, where)
         else:
             yield from _masters(job, fit, where)
+
+
+_OF_TABLES = ("smoothness", "max_points", "n_cycles", "manual_activation", "group")
+
+
+def _without(fit: FitSpec, keys: Iterable[str], where: KeyPath) -> Iterator[Fault]:
+    for key in keys:
+        if key in fit.model_fields_set:
+            reason = f"{fit.compensation} has no such entry, expected it for tables"
+            yield (*where, key), reason
+
+
+def _friction(fit: FrictionSpec, where: KeyPath) -> Iterator[Fault]:
+    yield from _without(fit, ("smoothness", "n_cycles", "group"), where)
+    if fit.rated_current is not None and fit.rated_torque is not None:
+        reason = "found beside rated_current, expected the one that suits the recording"
+        yield (*where, "rated_torque"), reason
+
+
+def _backlash(job: JobFile, fit: BacklashSpec, where: KeyPath) -> Iterator[Fault]:
+    yield from _without(fit, _OF_TABLES, where)
+    for k, other in enumerate(job.fits):
+        if isinstance(other, LeadscrewSpec) and other.bilateral:
+            if other.axis == fit.axis:
+                reason = (
+                    f"found backlash beside the bilateral leadscrew of fits[{k}], both"
+                    " of which compensate the reversal, expected one of them"
+                )
+                yield (*where, "compensation"), reason
+
+
+def _temperature(job: JobFile, fit: TemperatureSpec, where: KeyPath) -> Iterator[Fault]:
+    yield from _without(fit, ("smoothness", "max_points", "group"), where)
+    axis = job.axes.get(fit.axis)
+    if axis is not None and axis.kind != "linear":
+        yield (
+            (*where, "axis"),
+            f"found the {axis.kind} axis {fit.axis}, expected a linear one: the unit of"
+            " the coefficient is not defined for others",
+        )
+    if fit.n_cycles is not None and fit.n_cycles > 19:
+        # P-AXIS-00275 must stay below 20 in one place of the manual (S-44).
+        yield (*where, "n_cycles"), f"found {fit.n_cycles}, expected at most 19"
+    if fit.sensor is not None and fit.sensors is not None:
+        yield (*where, "sensors"), "found beside sensor, expected one of them"
+    if fit.law is not None:
+        expected = ["offset", "coefficient"] if fit.sensors is None else fit.sensors
+        if set(fit.law) != set(expected):
+            found = ", ".join(fit.law) or "nothing"
+            reason = f"found {found}, expected a law for {' and '.join(expected)}"
+            yield (*where, "law"), reason
+    for name in fit.sources:
+        measured = job.measurements.get(name)
+        if measured is None:
+            continue
+        if measured.expansion is not None or measured.already_compensated:
+            key = "expansion" if measured.expansion is not None else None
+            yield (
+                ("measurements", name, key or "already_compensated"),
+                "found lengths referred to 20 °C, from which the growth of the axis is"
+                " gone that a temperature fit looks for, expected them as measured",
+            )
+        if "temperature" in measured.active:
+            yield (
+                ("measurements", name, "active"),
+                "found temperature active while measuring: what it added is known to"
+                " the PLC alone, expected a measurement with COMP OFF TEMP",
+            )
 
 
 def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:

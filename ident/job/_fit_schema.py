@@ -9,17 +9,16 @@ Count = Annotated[int, Field(ge=2)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-class JobPart(BaseModel):
+class JobPart(BaseModel, frozen=True):
     """A table of the job file: no other keys, no text for a number, no NaN."""
 
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False
-    )
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class FitSpec(JobPart):
+class FitSpec(JobPart, frozen=True):
     """Keys that every fit has."""
 
+    compensation: str
     axis: str
     measurement: str | None = None
     measurements: Annotated[list[str], Field(min_length=1)] | None = None
@@ -38,7 +37,7 @@ class FitSpec(JobPart):
         return tuple(self.measurements or ())
 
 
-class PlaneSpec(FitSpec):
+class PlaneSpec(FitSpec, frozen=True):
     """A plane: error of the axis over the positions of two masters."""
 
     compensation: Literal["plane"]
@@ -48,7 +47,7 @@ class PlaneSpec(FitSpec):
     points: Annotated[list[Count], Field(min_length=2, max_length=2)] | None = None
 
 
-class LineSpec(FitSpec):
+class LineSpec(FitSpec, frozen=True):
     """Nodes along one position: single setpoints, or a grid."""
 
     setpoints: Annotated[list[float], Field(min_length=2)] | None = None
@@ -57,14 +56,14 @@ class LineSpec(FitSpec):
     points: Count | None = None
 
 
-class CrossSpec(LineSpec):
+class CrossSpec(LineSpec, frozen=True):
     """A cross table: error of the axis over the position of one master."""
 
     compensation: Literal["cross"]
     master: str
 
 
-class LeadscrewSpec(LineSpec):
+class LeadscrewSpec(LineSpec, frozen=True):
     """A leadscrew table: error of the axis over its own position."""
 
     compensation: Literal["leadscrew"]
@@ -72,22 +71,46 @@ class LeadscrewSpec(LineSpec):
     modulo: bool = False
 
 
-class BacklashSpec(FitSpec):
+class BacklashSpec(FitSpec, frozen=True):
     """Backlash; no keys of its own."""
 
     compensation: Literal["backlash"]
 
 
-class TemperatureSpec(FitSpec):
+Effect = Literal["offset", "coefficient"]
+
+
+class Plateau(JobPart, frozen=True):
+    """Readings that count: those while a sensor stays where it is."""
+
+    sensor: str
+    within: Positive
+    level: float | None = None
+
+
+class TemperatureSpec(FitSpec, frozen=True):
     """Thermal line of an axis."""
 
     compensation: Literal["temperature"]
     sensor: str | None = None
-    sensors: dict[Literal["offset", "coefficient"], str] | None = None
+    sensors: Annotated[dict[Effect, str], Field(min_length=1)] | None = None
     reference: Literal["intersection"] | float | None = None
+    law: (
+        dict[Effect, Literal["constant", "linear"] | Annotated[int, Field(ge=2, le=20)]]
+        | None
+    ) = None
+    lag: Literal["auto", "none"] | Annotated[float, Field(ge=0)] = "auto"
+    steady: Plateau | None = None
+
+    @property
+    def effects(self) -> dict[Effect, str] | None:
+        """Sensor of each effect that is fitted; None: the only one that there is."""
+        if self.sensor is not None:
+            return {"offset": self.sensor, "coefficient": self.sensor}
+        return self.sensors
 
 
-class FrictionSpec(FitSpec):
+class FrictionSpec(FitSpec, frozen=True):
     """Friction of a drive."""
 
     compensation: Literal["friction"]
@@ -101,7 +124,7 @@ class FrictionSpec(FitSpec):
     torque_unit: Positive | None = None
 
 
-class CrosstalkSpec(FitSpec):
+class CrosstalkSpec(FitSpec, frozen=True):
     """Crosstalk between two axes."""
 
     compensation: Literal["crosstalk"]

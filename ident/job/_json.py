@@ -12,10 +12,24 @@ import numpy as np
 from ..proof import ErrorFigures
 from ._result import AbstractResult, JobResult
 
+_TEXT = json.JSONEncoder(allow_nan=False).encode
+_DEPTH = 3
+"""Down to the entries of a fit."""
+
 
 def result_json(result: JobResult) -> str:
     """Return ``result.json`` as text; it holds no NaN and no infinity."""
-    return json.dumps(plain(as_tree(result)), indent=1, allow_nan=False) + "\n"
+    return _lines(plain(as_tree(result)), _DEPTH) + "\n"
+
+
+def _lines(value: Any, depth: int) -> str:
+    """Return JSON with an entry per line down to a depth; tables stay on one line."""
+    if depth and value and isinstance(value, dict):
+        parts = [f"{_TEXT(k)}: {_lines(v, depth - 1)}" for k, v in value.items()]
+        return "{\n" + ",\n".join(parts) + "\n}"
+    if depth and value and isinstance(value, list):
+        return "[\n" + ",\n".join(_lines(v, depth - 1) for v in value) + "\n]"
+    return _TEXT(value)
 
 
 def as_tree(result: JobResult) -> dict[str, Any]:
@@ -66,10 +80,14 @@ def _figures(error: ErrorFigures) -> dict[str, float]:
 
 def plain(value: Any) -> Any:
     """Return a value that JSON can hold; NaN and infinity become null."""
+    if type(value) in (str, int, bool):
+        return value
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        numbers = value.dtype.kind == "f"
+        whole = not numbers or bool(np.isfinite(value).all())
+        return value.tolist() if whole else plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     if isinstance(value, np.generic):

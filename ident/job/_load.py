@@ -2,22 +2,19 @@
 
 import dataclasses
 import hashlib
-import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pydantic
 
-from ...models import ConventionError, Conventions
+from ...models import Conventions
+from ..exchange import TomlError, read_conventions, read_toml
 from ._checks import find_fault
 from ._errors import JobError
 from ._faults import first_fault, key_words
 from ._lines import Path as KeyPath, key_lines, line_of
 from ._schema import JobFile
-
-_AT = re.compile(r"(.*?) \(at (?:line (\d+), column (\d+)|end of document)\)")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,7 +25,7 @@ class Job:
         path: The job file, as given.
         spec: What it says.
         conventions: Rules of the controller.
-        verified: Names of those that the conventions file states.
+        verified: Names of those that a log or a second measurement has settled.
         lines: Line of every key.
         inputs: Every file that the job names, existing.
     """
@@ -53,21 +50,28 @@ class Job:
         )
 
 
-def load_job(path: Path) -> Job:
+def load_job(path: Path, *, needs_fits: bool = True) -> Job:
     """Read a job file and check everything that can be checked without measurements.
+
+    Args:
+        path: The job file.
+        needs_fits: A job without ``[[fits]]`` is refused.
 
     Raises:
         JobError: Naming file, line, what was found and what was expected.
         OSError: If the job file cannot be read.
     """
-    text = _text(path)
-    values = _parsed(path, text)
+    text, values = _parsed(path)
     lines = key_lines(text)
     try:
         spec = JobFile.model_validate(values)
     except pydantic.ValidationError as error:
         raise first_fault(path, error, values, lines) from None
     job = Job(path, spec, Conventions(), frozenset(), lines, ())
+    if needs_fits and not spec.fits:
+        found = "found 0 values, expected 1"
+        missing = "found nothing, expected this key"
+        raise job.error(("fits",), found if "fits" in values else missing)
     if (fault := find_fault(spec)) is not None:
         raise job.error(*fault)
     inputs: list[Path] = []
@@ -79,7 +83,9 @@ def load_job(path: Path) -> Job:
         inputs.append(file)
     conventions, verified = Conventions(), frozenset[str]()
     if spec.machine.conventions is not None:
-        conventions, verified = load_conventions(job.file(spec.machine.conventions))
+        conventions, verified = load_conventions(
+            job.file(spec.machine.conventions), spec.machine.id
+        )
     return dataclasses.replace(
         job,
         conventions=conventions,
@@ -88,22 +94,24 @@ def load_job(path: Path) -> Job:
     )
 
 
-def load_conventions(path: Path) -> tuple[Conventions, frozenset[str]]:
-    """Return the conventions that a file states, and which of them it names.
+def load_conventions(
+    path: Path, machine: str | None = None
+) -> tuple[Conventions, frozenset[str]]:
+    """Return the conventions that a file states, and which of them are settled.
 
-    The file is TOML, ``name = value``; everything that stands in it counts as verified.
+    Args:
+        path: The file, as `axcomp verify` saves it.
+        machine: Id of the machine that it must belong to, or None.
 
     Raises:
-        JobError: If it is no TOML, a name is unknown, or a value cannot be taken.
+        JobError: If it is no such file, a name is unknown, a value cannot be taken, or
+            it belongs to another machine.
     """
-    text = _text(path)
-    values = _parsed(path, text)
     try:
-        found = Conventions.from_dict(values)
-    except ConventionError as error:
-        line = line_of(key_lines(text), (error.name,))
-        raise JobError(str(path), line, str(error)) from None
-    return found, frozenset(values)
+        found = read_conventions(path, machine)
+    except TomlError as error:
+        raise JobError(error.source, error.line, error.reason) from None
+    return found.conventions, found.verified
 
 
 def sha256(path: Path) -> str:
@@ -112,27 +120,11 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _text(path: Path) -> str:
-    raw = path.read_bytes()
+def _parsed(path: Path) -> tuple[str, dict[str, Any]]:
     try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        reason = f"found byte 0x{raw[error.start]:02x}, expected UTF-8 text"
-        raise JobError(str(path), line, reason) from None
-
-
-def _parsed(path: Path, text: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        match = _AT.fullmatch(str(error))
-        if match is None:
-            raise JobError(str(path), None, f"not TOML: {error}") from None
-        line = int(match[2]) if match[2] else text.count("\n") + 1
-        place = f" in column {match[3]}" if match[3] else ""
-        reason = f"not TOML: {match[1]}{place}"
-        raise JobError(str(path), line, reason) from None
+        return read_toml(path)
+    except TomlError as error:
+        raise JobError(error.source, error.line, error.reason) from None
 
 
 def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:

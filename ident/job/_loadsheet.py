@@ -48,11 +48,7 @@ def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
     if one.machine is not None:
         steps.append(_axis_list(job, one))
     for name in one.extra:
-        steps.append(
-            LoadStep(
-                f"Take {name} into the PLC project", "See the report for what it does."
-            )
-        )
+        steps.append(_for_the_plc(job, one, name))
     if one.restart is None:
         action, detail = (
             "Reload the lists",
@@ -96,6 +92,24 @@ def _axis_list(job: Job, one: AxisFiles) -> LoadStep:
         f"Enter the lines of {one.machine_name}",
         f"By hand into the axis list of {one.axis}; the file holds these"
         " entries only and must not be copied over it.",
+    )
+
+
+def _for_the_plc(job: Job, one: AxisFiles, name: str) -> LoadStep:
+    if name.endswith(".st"):
+        return LoadStep(
+            f"Take {name} into the PLC project",
+            "Its function block FB_TempComp_… is called in every cycle of a PLC task"
+            " with the temperatures and their fault bits; it needs the library"
+            " Tc2_System. It writes TEMPC::position_0, offset_0 and coefficient of"
+            f" {one.axis} (index offsets of axis"
+            f" {job.spec.axes[one.axis].number}: compare with the object browser)."
+            " Load the axis list first: without the program it corrects nothing.",
+        )
+    return LoadStep(
+        f"Keep {name}",
+        "The same law for people and for axcomp simulate: °C, mm, µm/m. Nothing reads"
+        " it on the machine.",
     )
 
 

@@ -1,6 +1,8 @@
 """The output folder: whole files or none, and no failed list that looks valid."""
 
 import contextlib
+import errno
+import hashlib
 import itertools
 import json
 import os
@@ -10,6 +12,8 @@ from pathlib import Path
 
 from ._errors import OutputError
 
+_LONGEST = 200
+"""Bytes of a name to which some can be added on any file system."""
 REJECTED = "rejected"
 KEPT = "kept"
 """Where files go that lay in the folder and are not of an earlier run."""
@@ -21,7 +25,9 @@ def write_atomically(path: Path, content: bytes) -> None:
     Raises:
         OSError: If it cannot be written; the old file is as it was.
     """
-    draft = path.with_name(path.name + ".part")
+    if not path.name:  # "." or "/": no name of a file, and none to make a draft's of
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    draft = path.with_name(_draft_name(path.name))
     try:
         with draft.open("wb") as file:
             file.write(content)
@@ -36,6 +42,14 @@ def write_atomically(path: Path, content: bytes) -> None:
             raise OSError(error.errno, error.strerror, str(path)) from None
         raise
     _sync_folder(path.parent)
+
+
+def _draft_name(name: str) -> str:
+    raw = os.fsencode(name)
+    if len(raw) <= _LONGEST:
+        return f"{name}.part"
+    # Beside a name as long as a file system takes there is no room for more.
+    return f"{hashlib.sha256(raw).hexdigest()[:32]}.part"
 
 
 def _sync_folder(folder: Path) -> None:

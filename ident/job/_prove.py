@@ -10,13 +10,13 @@ from jaxtyping import Float
 from ...data.lists import ListFile
 from ..exchange import Model, by_branch
 from ..proof import ErrorFigures, GateCheck, error_figures
+from ._conventions import convention_states
 from ._fitting import Fitted
 from ._lists import AxisFiles
 from ._load import Job
 from ._output import OutFolder
 from ._remarks import fit_remarks
 from ._result import (
-    ConventionState,
     Remark,
     SampleView,
     TableResult,
@@ -105,7 +105,7 @@ def prove(
             *_without_use(error, one.held_out.by_run),
             *files.remarks,
         ),
-        conventions=_conventions(job, spec.compensation),
+        conventions=convention_states(job, _CONVENTIONS[spec.compensation]),
         files=written,
         cycles=cycles if table.branches == 2 else None,
         findings=tuple(dataclasses.asdict(item) for item in files.findings),
@@ -136,16 +136,3 @@ def _without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark
             f" there is without it: {why}",
         )
     ]
-
-
-def _conventions(job: Job, compensation: str) -> tuple[ConventionState, ...]:
-    return tuple(
-        ConventionState(
-            name=rule.name,
-            value=str(rule.value),
-            state="verified" if rule.name in job.verified else "assumed",
-            meaning=f"{rule.meaning} ({rule.rule})",
-        )
-        for rule in job.conventions.listing()
-        if rule.name.startswith(_CONVENTIONS[compensation])
-    )

@@ -12,7 +12,7 @@ from ._fit_schema import TableSpec
 from ._load import Job
 from ._result import Remark
 from ._runs import cycles_of, place_in_run, runs_overlap
-from ._source import Part, Tables, masters_of, read_part
+from ._source import Part, Tables, masters_of, read_part, wanted_by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +82,8 @@ def read_fit(
         JobError: If the measurement does not suit the fit.
     """
     job = tables.job
-    parts = [read_part(tables, index, name, fit, table) for name in fit.sources]
+    wanted = wanted_by(fit, table)
+    parts = [read_part(tables, name, fit, wanted) for name in fit.sources]
     remarks = [Remark("info", text) for part in parts for text in part.remarks]
     slices: dict[str, slice] = {}
     errors: list[np.ndarray] = []
@@ -102,12 +103,12 @@ def read_fit(
             )
         errors.append(error)
     positions = np.concatenate([part.positions for part in parts])
-    direction = _joined([part.direction for part in parts])
-    run = _joined_runs(parts)
+    direction = joined([part.direction for part in parts])
+    run = joined_runs(parts)
     if run is not None and direction is not None:
         run = cycles_of(run, direction)
     times = [part.time for part in parts]
-    order = _joined(times)
+    order = joined(times)
     if order is None:
         order = np.arange(start, dtype=float)
     repeated = run is not None and runs_overlap(
@@ -138,12 +139,13 @@ def read_fit(
     )
 
 
-def _joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
+def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
+    """Return the columns of all measurements one after the other, if all have it."""
     known = [part for part in parts if part is not None]
     return np.concatenate(known) if len(known) == len(parts) else None
 
 
-def _joined_runs(parts: list[Part]) -> Int[np.ndarray, " t"] | None:
+def joined_runs(parts: list[Part]) -> Int[np.ndarray, " t"] | None:
     """Number the runs of all measurements one after the other.
 
     A measurement without runs is a run of its own beside others.

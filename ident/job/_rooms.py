@@ -3,10 +3,20 @@
 from ...data.lists import ListFile
 from ..exchange import ExchangeError, axis_number
 from ._draft import AxisLists, Planned
-from ._fit_schema import CrossSpec, LeadscrewSpec, PlaneSpec
+from ._fit_schema import (
+    BacklashSpec,
+    CrossSpec,
+    FrictionSpec,
+    LeadscrewSpec,
+    PlaneSpec,
+    TemperatureSpec,
+)
 from ._load import Job
 from ._source import Tables
 from ._table_draft import plan_table
+from .backlash import plan_backlash
+from .friction import plan_friction
+from .temperature import plan_temperature
 
 _TABLES = ("kw.", "frict_comp.")
 """What only a compensation list holds."""
@@ -21,9 +31,17 @@ def plan_all(job: Job, tables: Tables) -> tuple[Planned, ...]:
     lists = existing_lists(job)
     planned = []
     for index, fit in enumerate(job.spec.fits):
-        # `find_fault` has refused what no room fits.
-        assert isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec)
-        planned.append(plan_table(job, tables, index, fit, lists[fit.axis]))
+        own = lists[fit.axis]
+        if isinstance(fit, BacklashSpec):
+            planned.append(plan_backlash(job, tables, index, fit, own))
+        elif isinstance(fit, FrictionSpec):
+            planned.append(plan_friction(job, tables, index, fit, own))
+        elif isinstance(fit, TemperatureSpec):
+            planned.append(plan_temperature(job, tables, index, fit, own))
+        else:
+            # `find_fault` has refused what no room fits.
+            assert isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec)
+            planned.append(plan_table(job, tables, index, fit, own))
     return tuple(planned)
 
 

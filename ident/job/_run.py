@@ -1,6 +1,7 @@
 """Run a job: measurements → fits → lists → gate → written files → proof."""
 
 import dataclasses
+import functools
 import importlib.metadata
 import os
 import platform
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from ..proof import GateCheck
 from ._draft import AbstractDraft, Leftovers
+from ._fit_schema import FitSpec, TemperatureSpec
 from ._fragments import startup_fragment
 from ._gating import limits_of
 from ._json import result_json
@@ -24,6 +26,7 @@ from ._result import (
 )
 from ._rooms import plan_all
 from ._source import Tables
+from .temperature import temperature_names
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
 
@@ -106,8 +109,15 @@ def _names(job: Job) -> list[str]:
             f"achskw{number}.lis",
             f"achsmds{number}.lis",
             f"achsmds{number}.add.lis",
+            *_for_the_plc(fit),
         ]
     return names
+
+
+def _for_the_plc(fit: FitSpec) -> tuple[str, ...]:
+    """Return the names of what a fit may write for the PLC."""
+    named = isinstance(fit, TemperatureSpec)
+    return temperature_names(fit.axis) if named else ()
 
 
 def _fit_all(job: Job, say: Callable[[str], None]) -> list[AbstractDraft]:
@@ -115,10 +125,14 @@ def _fit_all(job: Job, say: Callable[[str], None]) -> list[AbstractDraft]:
     tables = Tables(job)
     left: Leftovers = {}
     drafts: list[AbstractDraft] = []
-    for spec, fit in zip(job.spec.fits, plan_all(job, tables), strict=True):
+    axes = [spec.axis for spec in job.spec.fits]
+    planned = plan_all(job, tables)
+    for k, (spec, fit) in enumerate(zip(job.spec.fits, planned, strict=True)):
         say(f"fitting {spec.compensation} of {spec.axis}")
         one = fit(left)
         drafts.append(one)
+        if one.axis not in axes[k + 1 :]:
+            continue
         for key, added in one.left_by().items():
             left[key] = left[key] + added if key in left else added
     return drafts
@@ -161,7 +175,10 @@ def _write(
         # The other kind of axis list would contradict this one.
         number = job.spec.axes[one.axis].number
         kinds = {f"achsmds{number}.lis", f"achsmds{number}.add.lis"}
-        for name in {one.compensation_name, *kinds} - set(contents):
+        for fit in job.spec.fits:
+            if fit.axis == one.axis:
+                kinds |= set(_for_the_plc(fit))
+        for name in {one.compensation_name, *kinds} - set(contents) - set(one.extra):
             retired.append((name, folder.retire(name)))
     fresh = [
         (one.axis, one.compensation_name)
@@ -194,6 +211,7 @@ def _relative(job: Job, file: Path) -> Path:
         return file
 
 
+@functools.cache
 def _versions() -> dict[str, str]:
     found = {"python": platform.python_version()}
     return found | {name: importlib.metadata.version(name) for name in _PACKAGES}

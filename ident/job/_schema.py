@@ -23,7 +23,7 @@ def _plain(name: str) -> str:
     return name
 
 
-class Machine(JobPart):
+class Machine(JobPart, frozen=True):
     """Identity of the machine, for trends and stored conventions."""
 
     id: str | None = None
@@ -31,14 +31,14 @@ class Machine(JobPart):
     conventions: str | None = None
 
 
-class Controller(JobPart):
+class Controller(JobPart, frozen=True):
     """The controller that will load the lists."""
 
     build: str | None = None
     cycle_time: Annotated[float, Field(gt=0)] = 0.001
 
 
-class Axis(JobPart):
+class Axis(JobPart, frozen=True):
     """One axis; lengths in mm or °."""
 
     number: Number
@@ -52,20 +52,20 @@ class Axis(JobPart):
     gantry: str | None = None
 
 
-class ColumnChoice(JobPart):
+class ColumnChoice(JobPart, frozen=True):
     """A column of a measurement file and its unit."""
 
     column: str
     unit: str | None = None
 
 
-class Datum(JobPart):
+class Datum(JobPart, frozen=True):
     """Where the error is zero: one position per master, mm or °."""
 
     at: float | Annotated[list[float], Field(min_length=1, max_length=2)]
 
 
-class MeasurementSpec(JobPart):
+class MeasurementSpec(JobPart, frozen=True):
     """One measurement: its file, columns and what was done while measuring."""
 
     file: str | None = None
@@ -85,7 +85,7 @@ class MeasurementSpec(JobPart):
 Limit = Annotated[float, Field(gt=0)]
 
 
-class Gate(JobPart):
+class Gate(JobPart, frozen=True):
     """Limits of the gate; the defaults stand in `axcomp.ident.proof.GateLimits`."""
 
     max_correction: Limit | None = None
@@ -100,7 +100,7 @@ class Gate(JobPart):
     max_current: Limit | None = None
 
 
-class JobFile(JobPart):
+class JobFile(JobPart, frozen=True):
     """A whole job."""
 
     title: str = ""
@@ -108,7 +108,7 @@ class JobFile(JobPart):
     controller: Controller = Controller()
     axes: Annotated[dict[str, Axis], Field(min_length=1)]
     measurements: Annotated[dict[str, MeasurementSpec], Field(min_length=1)]
-    fits: Annotated[list[AnyFit], Field(min_length=1)]
+    fits: list[AnyFit] = Field(default_factory=list)
     gate: Gate = Gate()
 
     def resolved(self) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """One measurement for one fit: its file, roles, units and reductions."""
 
 import dataclasses
+from typing import Literal
 
 import numpy as np
 
@@ -17,7 +18,13 @@ from ...data.measurements import (
     reduce_length,
 )
 from ..exchange import AbstractTable
-from ._fit_schema import CrossSpec, LeadscrewSpec, PlaneSpec, TableSpec
+from ._fit_schema import (
+    CrossSpec,
+    FitSpec,
+    LeadscrewSpec,
+    PlaneSpec,
+    TableSpec,
+)
 from ._load import Job
 from ._remove import without_zero
 
@@ -69,6 +76,29 @@ class Tables:
         return self._read[name]
 
 
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """What a fit takes from its measurements.
+
+    Attributes:
+        masters: Axes whose positions it needs, master 1 first.
+        direction: ``needed``, ``welcome`` or ``no``.
+        lengths: The error is one of length along the axis itself, so that it grows with
+            the temperature of the scale.
+    """
+
+    masters: tuple[str, ...]
+    direction: Literal["needed", "welcome", "no"]
+    lengths: bool
+
+
+def wanted_by(fit: TableSpec, table: AbstractTable) -> Wanted:
+    """Return what a table fit takes from its measurements."""
+    own = isinstance(fit, LeadscrewSpec)
+    way: Literal["needed", "welcome", "no"] = "welcome" if own else "no"
+    return Wanted(masters_of(fit), "needed" if table.branches == 2 else way, own)
+
+
 def masters_of(fit: TableSpec) -> tuple[str, ...]:
     """Return the axes whose positions enter a table, master 1 first."""
     if isinstance(fit, PlaneSpec):
@@ -76,20 +106,23 @@ def masters_of(fit: TableSpec) -> tuple[str, ...]:
     return (fit.master,) if isinstance(fit, CrossSpec) else (fit.axis,)
 
 
-def read_part(
-    tables: Tables, index: int, name: str, fit: TableSpec, table: AbstractTable
-) -> Part:
+def measured_for(
+    tables: Tables, name: str, fit: FitSpec, masters: tuple[str, ...]
+) -> Measurement:
+    """Return a measurement with its roles, in the units of the library.
+
+    Raises:
+        MeasurementError: If a column is missing or a value cannot be used.
+    """
     job = tables.job
-    spec = job.spec.measurements[name]
-    axes = job.spec.axes
-    masters = masters_of(fit)
+    spec, axes = job.spec.measurements[name], job.spec.axes
     columns = {
         role: ColumnSpec(column)
         if isinstance(column, str)
         else ColumnSpec(column.column, column.unit)
         for role, column in spec.columns.items()
     }
-    measured = measurement(
+    return measurement(
         tables.table(name),
         columns,
         axis=spec.axis or fit.axis,
@@ -102,6 +135,18 @@ def read_part(
         rotary=[key for key, axis in axes.items() if axis.kind != "linear"],
         name=name,
     )
+
+
+def read_part(tables: Tables, name: str, fit: FitSpec, wanted: Wanted) -> Part:
+    """Return the readings of one measurement for a fit.
+
+    Raises:
+        MeasurementError: If a role is missing or a value cannot be used.
+    """
+    job = tables.job
+    spec, axes = job.spec.measurements[name], job.spec.axes
+    masters = wanted.masters
+    measured = measured_for(tables, name, fit, masters)
     why = f"for the {fit.compensation} fit of {fit.axis}"
     columns_of = [measured.require(f"{axis}.position", why) for axis in masters]
     positions = np.stack(columns_of, axis=1).astype(float)
@@ -115,9 +160,9 @@ def read_part(
             positions[:, k] = span[0] + np.mod(positions[:, k] - span[0], turn)
     remarks = list(measured.remarks)
     if spec.expansion is not None:
-        error, note = _at_reference(job, name, measured, fit, positions, error)
+        error, note = _at_reference(job, name, measured, fit, wanted, positions, error)
         remarks.append(note)
-    direction, words = _direction(measured, fit, table)
+    direction, words = _direction(measured, fit, wanted)
     remarks += words
     error = without_zero(error, positions, spec.remove)
     run = measured.get("run")
@@ -147,13 +192,14 @@ def _at_reference(
     job: Job,
     name: str,
     measured: Measurement,
-    fit: TableSpec,
+    fit: FitSpec,
+    wanted: Wanted,
     positions: np.ndarray,
     error: np.ndarray,
 ) -> tuple[np.ndarray, str]:
     spec = job.spec.measurements[name]
     assert spec.expansion is not None
-    if not isinstance(fit, LeadscrewSpec):
+    if not wanted.lengths:
         return error, (
             f"expansion of measurement {name!r} concerns lengths along an axis; the"
             f" error of {fit.axis} over other axes is taken as it is."
@@ -186,15 +232,15 @@ def _at_reference(
 
 
 def _direction(
-    measured: Measurement, fit: TableSpec, table: AbstractTable
+    measured: Measurement, fit: FitSpec, wanted: Wanted
 ) -> tuple[np.ndarray | None, list[str]]:
-    """Return directions where the table needs them, or where they can be had."""
-    if not isinstance(fit, LeadscrewSpec):
+    """Return directions where the fit needs them, or where they can be had."""
+    if wanted.direction == "no":
         return None, []
     try:
         found = explain_direction(measured, fit.axis)
     except DirectionUnknown:
-        if table.branches == 2:
+        if wanted.direction == "needed":
             raise
         return None, []
-    return found.values, list(found.remarks) if table.branches == 2 else []
+    return found.values, list(found.remarks) if wanted.direction == "needed" else []

@@ -5,6 +5,13 @@ lists active, it gives a true second measurement, since its errors come from phy
 causes and its offsets from the controller's rules, not from the fit.
 """
 
+from ._drive import (
+    Drive as Drive,
+    DriveTrace as DriveTrace,
+    example_drive as example_drive,
+    record_drive as record_drive,
+    write_drive_trace as write_drive_trace,
+)
 from ._example import (
     LASER as LASER,
     PROBE as PROBE,

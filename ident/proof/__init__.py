@@ -1,5 +1,10 @@
 """Read-back, held-out prediction and the gate: why a list can be trusted."""
 
+from ._circle import (
+    CircularTest as CircularTest,
+    ServoLoop as ServoLoop,
+    circular_test as circular_test,
+)
 from ._dynamics import GateTable as GateTable
 from ._figures import (
     ErrorFigures as ErrorFigures,
@@ -16,4 +21,14 @@ from ._reversal import (
     choose_cycles as choose_cycles,
     reversal_dynamics as reversal_dynamics,
     spread_share as spread_share,
+)
+from .doctor import (
+    Diagnosis as Diagnosis,
+    Measured as Measured,
+    diagnose as diagnose,
+)
+from .verify import (
+    Verdict as Verdict,
+    Verification as Verification,
+    verify_log as verify_log,
 )

@@ -66,11 +66,11 @@ def held_out(
     residual = np.full(len(before), np.nan)
     deviation = np.full(len(before), np.nan)
     weight = np.ones(len(before)) if samples.weight is None else samples.weight
-    folds = leave_out(fit.layout, samples, groups, fit, run_effects=run_effects)
-    for group, fold in folds:
+    folds = list(leave_out(fit.layout, samples, groups, fit, run_effects=run_effects))
+    integers = np.stack([to_integers(fold) for _, fold in folds])
+    offsets = table.offsets(integers, samples.positions, samples.branch)
+    for (group, fold), offset in zip(folds, offsets, strict=True):
         left = groups == group
-        model = table.model(to_integers(fold))
-        offset = table.offset(model, samples.positions, samples.branch)
         branch = None if samples.branch is None else samples.branch[left]
         _, spread = predict(fold, samples.positions[left], branch)
         residual[left] = (before + offset - active)[left]

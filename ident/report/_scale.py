@@ -18,6 +18,15 @@ class Scale:
     error: str
     factor: float = 1000.0
 
+    def figure(self, value: float) -> str:
+        """Return an error in library units for reading.
+
+        Currents come in units of very different size: three significant digits.
+        """
+        if self.factor == 1.0:
+            return _with_minus(f"{value:.3g}") if math.isfinite(value) else "–"
+        return number(value * self.factor)
+
 
 def scale_of(unit: str) -> Scale:
     """Return the display units for an error in ``mm``, ``deg`` or a unit of current."""

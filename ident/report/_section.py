@@ -5,7 +5,7 @@ import dataclasses
 from ..job import AbstractResult, ErrorFigures, Remark
 from ._bodies import body_of
 from ._plot import Plot
-from ._scale import Scale, number, percent, scale_of
+from ._scale import Scale, percent, scale_of
 from ._second import SecondMeasurement
 from ._verdict import Verdict, verdict_of
 from ._words import WildRow
@@ -124,8 +124,7 @@ def figures_table(
         values = [_figure(figures[key], name) for key, _, _ in columns]
         if any(value is not None for value in values):
             shown = tuple(
-                "–" if value is None else number(value * scale.factor)
-                for value in values
+                "–" if value is None else scale.figure(value) for value in values
             )
             rows.append((name, meaning, shown))
     return FiguresTable(

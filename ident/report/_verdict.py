@@ -3,7 +3,7 @@
 import dataclasses
 
 from ..job import AbstractResult, ErrorFigures
-from ._scale import Scale, number, percent
+from ._scale import Scale, percent
 from ._second import SecondMeasurement
 
 
@@ -55,7 +55,7 @@ def _verified(
     after = fit.error["predicted"].sound.rms
     found = (
         f"a second measurement with the list active ({second.name}) found "
-        f"{number(seen * scale.factor)} {scale.error} rms"
+        f"{scale.figure(seen)} {scale.error} rms"
     )
     if seen >= 0.98 * before:
         return Verdict(
@@ -76,8 +76,8 @@ def _fall(fit: AbstractResult, scale: Scale) -> str:
     if after is None:
         return f"{start}; nothing was predicted"
     after = after.sound
-    end = f"{number(after.rms * scale.factor)} {unit} rms (largest "
-    end += f"{number(after.max * scale.factor)} {unit})"
+    end = f"{scale.figure(after.rms)} {unit} rms (largest "
+    end += f"{scale.figure(after.max)} {unit})"
     if before.rms > 0 and after.rms < before.rms:
         return (
             f"on readings that the fit did not see, the error of {fit.axis} falls from "
@@ -88,6 +88,6 @@ def _fall(fit: AbstractResult, scale: Scale) -> str:
 
 def _size(figures: ErrorFigures, scale: Scale) -> str:
     return (
-        f"{number(figures.rms * scale.factor)} {scale.error} rms (largest "
-        f"{number(figures.max * scale.factor)} {scale.error})"
+        f"{scale.figure(figures.rms)} {scale.error} rms (largest "
+        f"{scale.figure(figures.max)} {scale.error})"
     )

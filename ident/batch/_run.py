@@ -1,0 +1,214 @@
+"""Run a batch: collect, check all jobs, run them on workers, write tables and summary."""
+
+import dataclasses
+import hashlib
+import secrets
+import shutil
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ._cluster import workers_of
+from ._collect import JobItem, collect_jobs
+from ._errors import BatchError
+from ._journal import Journal
+from ._lock import locked
+from ._manifest import Manifest
+from ._pool import run_chunks
+from ._progress import Progress
+from ._rows import Row, failed_row
+from ._shapes import shape_of
+from ._summary import Summary, summarise
+from ._table import write_results
+from ._work import WORK, Order, Outcome, Task
+
+_CHUNK = 64
+"""Jobs that go together; more would only wait longer for each other."""
+
+
+@dataclasses.dataclass(frozen=True)
+class BatchResult:
+    """What a batch did.
+
+    Attributes:
+        folder: Of the batch.
+        jobs: How many jobs it has.
+        failed: How many wrote no list, with their reasons by name in ``reasons``.
+        reasons: See `failed`.
+        rejected: How many ran and did not pass (gate, or an error in their files).
+        seconds: That this run of it took.
+        summary: Figures over all machines.
+    """
+
+    folder: Path
+    jobs: int
+    failed: int
+    reasons: Mapping[str, str]
+    rejected: int
+    seconds: float
+    summary: Summary
+
+    @property
+    def passed(self) -> bool:
+        """Whether every job wrote lists that passed."""
+        return not self.failed and not self.rejected
+
+
+def run_batch(
+    jobs: Sequence[str | Path],
+    out: Path,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    resume: bool = False,
+    reports: bool = False,
+    time_limit: float | None = None,
+    history: Sequence[Path] = (),
+    progress: Callable[[Progress], None] | None = None,
+) -> BatchResult:
+    """Run many jobs: one list each, one table of all results, one summary.
+
+    Call it from a script under ``if __name__ == "__main__"``: local workers are processes
+    that import the script.
+
+    Args:
+        jobs: Job files, patterns, tables of jobs.
+        out: Folder of the batch; made where it does not exist.
+        scheduler: Address of a dask scheduler whose workers see the same files; processes
+            of this machine where None.
+        workers: Local workers; one per core where None.
+        resume: Go on with the batch that the folder holds.
+        reports: Draw the report of every job and not only of those that did not pass.
+        time_limit: Seconds after which a job that others wait for is given up.
+        history: Folders of earlier batches, for trends.
+        progress: Called with where the batch stands, several times a minute.
+
+    Raises:
+        BatchError: If the batch cannot start or cannot go on; what is done stays done, and
+            ``resume`` takes it up.
+        OSError: If a file cannot be read or written.
+    """
+    start = time.monotonic()
+    out = out.resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    with locked(out):
+        items = collect_jobs(jobs, out)
+        texts = [item.text.encode() if item.text else b"" for item in items]
+        tasks = [_task(item, text) for item, text in zip(items, texts, strict=True)]
+        manifest = Manifest.of(jobs, tasks)
+        journal = Journal(out)
+        done = manifest.resumed(out, journal.read()) if resume else {}
+        if not resume:
+            manifest.refuse_used(out)
+        manifest.write(out)
+        for item, text in zip(items, texts, strict=True):
+            if item.text is not None:
+                item.path.parent.mkdir(exist_ok=True)
+                item.path.write_bytes(text)
+        order = Order(str(out), secrets.token_hex(4), reports, time_limit)
+        todo = [task for task in tasks if task.name not in done]
+        stand = Progress(len(tasks), len(done))
+        try:
+            for name, rows in _run(todo, order, scheduler, workers, journal, stand):
+                done[name] = rows
+                if progress is not None:
+                    progress(stand)
+        finally:
+            shutil.rmtree(out / WORK, ignore_errors=True)
+        ordered = [row for task in tasks for row in done[task.name]]
+        write_results(out, ordered)
+        summary = summarise(out, history)
+        manifest.finish(out, seconds=time.monotonic() - start)
+    reasons = {row["job"]: row["reason"] for row in ordered if row["state"] == "failed"}
+    ran = {
+        row["job"] for row in ordered if row["state"] == "done" and not row["passed"]
+    }
+    return BatchResult(
+        folder=out,
+        jobs=len(tasks),
+        failed=len(reasons),
+        reasons=reasons,
+        rejected=len(ran),
+        seconds=time.monotonic() - start,
+        summary=summary,
+    )
+
+
+def _task(item: JobItem, text: bytes) -> Task:
+    try:
+        content = text or item.path.read_bytes()
+    except OSError:
+        content = b""  # the job itself will say what is wrong with its file
+    return Task(
+        item.name, str(item.path.resolve()), hashlib.sha256(content).hexdigest()
+    )
+
+
+def _run(
+    tasks: Sequence[Task],
+    order: Order,
+    scheduler: str | None,
+    workers: int | None,
+    journal: Journal,
+    stand: Progress,
+) -> Iterator[tuple[str, list[Row]]]:
+    """Yield the rows of every job, once they are in the journal."""
+    if not tasks:
+        return
+    try:
+        with workers_of(scheduler, workers) as client:
+            good, bad = _checked(client, tasks)
+            journal.add([(one.name, one.rows) for one in bad])
+            for one in bad:
+                stand.count(1)
+                yield one.name, one.rows
+            crew = max(workers or 0, len(client.scheduler_info()["workers"]), 1)
+            size = min(_CHUNK, max(1, len(good) // (2 * crew)))
+            chunks = [good[k : k + size] for k in range(0, len(good), size)]
+            for outcomes in run_chunks(client, chunks, order):
+                kept = [one for one in outcomes if not one.full]
+                journal.add([(one.name, one.rows) for one in kept])
+                stand.count(len(kept))
+                yield from ((one.name, one.rows) for one in kept)
+                if len(kept) < len(outcomes):
+                    raise BatchError(
+                        where=order.out,
+                        reason=f"no room left on the disk; {_what_is_done(stand)}",
+                    )
+    except BatchError as error:
+        if "lost" not in error.reason:
+            raise
+        raise BatchError(
+            where=error.where, reason=f"{error.reason}; {_what_is_done(stand)}"
+        ) from None
+    except OSError as error:
+        raise BatchError(
+            where=order.out,
+            reason=f"cannot write: {error.strerror or error}; {_what_is_done(stand)}",
+        ) from None
+
+
+def _what_is_done(stand: Progress) -> str:
+    return f"{stand.done} of {stand.total} jobs are done; --resume goes on from there"
+
+
+def _checked(client: Any, tasks: Sequence[Task]) -> tuple[list[Task], list[Outcome]]:
+    """Check all jobs before any of them runs; those of equal shape come out together."""
+    size = max(1, min(500, -(-len(tasks) // 8)))
+    parts = [list(tasks[k : k + size]) for k in range(0, len(tasks), size)]
+    futures = client.map(_check_all, parts, pure=False)
+    good: list[tuple[str, int, Task]] = []
+    bad: list[Outcome] = []
+    for part, found in zip(parts, client.gather(futures), strict=True):
+        for task, (shape, reason) in zip(part, found, strict=True):
+            if reason is None:
+                good.append((shape, len(good), task))
+            else:
+                row = failed_row(task.name, reason, job_sha256=task.sha256)
+                bad.append(Outcome(task.name, [row]))
+    return [task for _, _, task in sorted(good, key=lambda one: one[:2])], bad
+
+
+def _check_all(tasks: Sequence[Task]) -> list[tuple[str, str | None]]:
+    return [shape_of(Path(task.path)) for task in tasks]

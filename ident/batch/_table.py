@@ -1,0 +1,90 @@
+"""``results.parquet``: all rows of a batch, and questions to it."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..job import write_atomically
+from ._errors import BatchError
+from ._rows import Row, as_date
+from ._schema import COLUMNS, VERSION, arrow_schema
+
+NAME = "results.parquet"
+
+
+def write_results(folder: Path, rows: Sequence[Row]) -> Path:
+    """Write the table of a batch, whole or not at all."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    columns = {name: [row.get(name) for row in rows] for name in COLUMNS}
+    columns["measured_at"] = [as_date(value) for value in columns["measured_at"]]
+    table = pa.table(columns, schema=arrow_schema())
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    path = folder / NAME
+    write_atomically(path, buffer.getvalue())
+    return path
+
+
+def read_results(folder: Path) -> Any:
+    """Return the table of a batch as a pyarrow table.
+
+    Raises:
+        BatchError: If there is none, or one of a later version.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = folder / NAME if folder.is_dir() else folder
+    try:
+        table = pq.read_table(path)
+    except FileNotFoundError:
+        reason = "found no such file, expected the folder of a finished batch"
+        raise BatchError(where=str(path), reason=reason) from None
+    except pa.ArrowException as error:
+        reason = f"found no table of results: {str(error).splitlines()[0]}"
+        raise BatchError(where=str(path), reason=reason) from None
+    version = int((table.schema.metadata or {}).get(b"axcomp.schema", b"0"))
+    if not 1 <= version <= VERSION:
+        reason = f"found version {version} of the table, expected 1 to {VERSION}"
+        raise BatchError(where=str(path), reason=reason)
+    return table
+
+
+def query_results(
+    folder: Path,
+    where: str | None = None,
+    select: str = "*",
+    order: str | None = None,
+    limit: int | None = None,
+) -> Any:
+    """Return rows of the table of a batch that DuckDB finds, as a pyarrow table.
+
+    Args:
+        folder: Of the batch.
+        where: SQL condition over the columns (`COLUMNS`), None for all rows.
+        select: SQL list of columns or expressions.
+        order: SQL list to sort by.
+        limit: Rows at most.
+
+    Raises:
+        BatchError: If the question cannot be answered; the message is DuckDB's.
+    """
+    import duckdb
+
+    table = read_results(folder)
+    text = f"SELECT {select} FROM results"
+    text += f" WHERE {where}" if where else ""
+    text += f" ORDER BY {order}" if order else ""
+    text += f" LIMIT {int(limit)}" if limit is not None else ""
+    with duckdb.connect() as connection:
+        connection.register("results", table)
+        # A question reads the table, and nothing else of this machine.
+        connection.execute("SET enable_external_access = false")
+        try:
+            return connection.sql(text).to_arrow_table()
+        except duckdb.Error as error:
+            line = str(error).splitlines()[0]
+            raise BatchError(where=f"--where {where}", reason=line) from None

@@ -1,0 +1,207 @@
+"""What a worker does: some jobs side by side, their fits together, their files published.
+
+A job writes into a folder of its own under ``.work/``; when all of it is there the folder
+is moved to its place at once. So a list either is there, complete, or it is not.
+"""
+
+import dataclasses
+import errno
+import functools
+import json
+import os
+import shutil
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...data.errors import AxcompError
+from ..fit import Gathering
+from ._rows import Row, failed_row, rows_of
+
+if TYPE_CHECKING:
+    from ..job import JobResult
+
+WORK = ".work"
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
+_LATE = 83
+"""Exit status of a worker that a job did not let go on."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """A job for a worker: its name, its file, and the hash of that."""
+
+    name: str
+    path: str
+    sha256: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Order:
+    """What holds for all jobs of a batch.
+
+    Attributes:
+        out: Folder of the batch.
+        token: Of this run of it: no two runs share a folder under ``.work/``.
+        reports: Reports for all jobs and not only for those that did not pass.
+        limit: Seconds that a job may keep others waiting, or None.
+    """
+
+    out: str
+    token: str
+    reports: bool = False
+    limit: float | None = None
+
+    @property
+    def work(self) -> Path:
+        """Folder for what is not finished."""
+        return Path(self.out) / WORK / self.token
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What became of a job; ``full`` where there was no room to write it."""
+
+    name: str
+    rows: list[Row]
+    full: bool = False
+
+
+def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
+    """Run some jobs side by side; whatever goes wrong with one is its row."""
+    start_worker()
+    gathering = Gathering()
+    calls = [functools.partial(_guarded, task, order) for task in tasks]
+    over = threading.Event()
+    if order.limit is not None:
+        watch = functools.partial(_watch, gathering, tasks, order, order.limit, over)
+        threading.Thread(target=watch, daemon=True).start()
+    try:
+        found = gathering.run(calls)
+    finally:
+        over.set()
+    return [
+        one
+        if isinstance(one, Outcome)
+        else Outcome(task.name, [failed_row(task.name, f"unexpected: {one!r}")])
+        for task, one in zip(tasks, found, strict=True)
+    ]
+
+
+@functools.cache
+def start_worker() -> None:
+    """Prepare a process for many jobs."""
+    import gc
+
+    from ..job import use_compilation_cache
+
+    use_compilation_cache()
+    # What was imported lives on; looking through it again and again costs a tenth.
+    gc.freeze()
+    gc.set_threshold(200_000, 20, 20)
+
+
+def _guarded(task: Task, order: Order) -> Outcome:
+    done = published(task, Path(order.out))
+    if done is not None:
+        return Outcome(task.name, done)
+    if (order.work / "late" / task.name).exists():
+        words = f"took more than {order.limit:g} s (--time-limit) and was given up"
+        return Outcome(
+            task.name, [failed_row(task.name, words, job_sha256=task.sha256)]
+        )
+    stage = order.work / task.name
+    shutil.rmtree(stage, ignore_errors=True)
+    try:
+        return Outcome(task.name, _run(task, order, stage))
+    except (AxcompError, OSError) as error:
+        reason, full = str(error), _is_full(error)
+    except Exception as error:  # a batch goes on, whatever one job meets
+        reason, full = f"unexpected {type(error).__name__}: {error}", False
+    shutil.rmtree(stage, ignore_errors=True)
+    row = failed_row(task.name, " ".join(reason.split()), job_sha256=task.sha256)
+    return Outcome(task.name, [row], full)
+
+
+def _is_full(error: BaseException | None) -> bool:
+    """Tell whether an error, or what it came from, is a disk without room."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in _FULL:
+            return True
+        words = str(error)
+        if any(os.strerror(number) in words for number in _FULL):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _run(task: Task, order: Order, stage: Path) -> list[Row]:
+    from ..job import run_job
+
+    out = Path(order.out)
+    stage.parent.mkdir(parents=True, exist_ok=True)
+    result = run_job(Path(task.path), stage)
+    if order.reports or not result.passed:
+        _report(result, stage)
+    verified = all(
+        rule.state == "verified" for fit in result.fits for rule in fit.conventions
+    )
+    place = out / ("lists" if verified else "unverified") / task.name
+    place.parent.mkdir(exist_ok=True)
+    try:
+        stage.rename(place)
+    except OSError:
+        # A worker that was believed dead was faster: its files are whole as well.
+        if not place.is_dir():
+            raise
+        shutil.rmtree(stage, ignore_errors=True)
+    rows = published(task, out)
+    assert rows is not None
+    return rows
+
+
+_DRAWING = threading.Lock()
+"""matplotlib draws one figure at a time."""
+
+
+def _report(result: "JobResult", folder: Path) -> None:
+    from ..report import write_report
+
+    with _DRAWING:
+        write_report(result, folder)
+
+
+def published(task: Task, out: Path) -> list[Row] | None:
+    """Return the rows of a job whose files lie in their place, or None."""
+    for verified, kind in ((True, "lists"), (False, "unverified")):
+        folder = out / kind / task.name
+        try:
+            result = json.loads((folder / "result.json").read_bytes())
+        except (OSError, ValueError):
+            continue
+        if task.sha256 not in result["inputs"].values():
+            shutil.rmtree(folder, ignore_errors=True)  # of a job that was changed since
+            continue
+        return rows_of(task.name, f"{kind}/{task.name}", verified, task.sha256, result)
+    return None
+
+
+def _watch(
+    gathering: Gathering,
+    tasks: Sequence[Task],
+    order: Order,
+    limit: float,
+    over: threading.Event,
+) -> None:
+    """End this process where no job has got on for too long; another takes the rest."""
+    while not over.wait(min(limit / 4, 1.0)):
+        if time.monotonic() - gathering.moved < limit:
+            continue
+        busy = gathering.busy or ([0] if len(tasks) == 1 else [])
+        late = order.work / "late"
+        late.mkdir(parents=True, exist_ok=True)
+        for k in busy:
+            (late / tasks[k].name).touch()
+        os._exit(_LATE)

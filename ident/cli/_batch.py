@@ -1,0 +1,119 @@
+"""The command ``batch``: many jobs, resumable, here or on a cluster."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ..batch import BatchResult, Progress
+
+_EVERY = 10.0
+"""Seconds between plain lines where nobody sees a status line."""
+_SHOWN = 20
+"""Reasons that are printed; all of them stand in results.parquet."""
+
+
+def batch(
+    jobs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="JOBS…",
+            help="Job files, patterns in quotes, or tables (.csv, .parquet) with one job"
+            " per row.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for lists, table of results and summary.")
+    ] = Path("axcomp-batch"),
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="A running dask scheduler (tcp://host:8786); without it, workers here.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Workers here; one per core by default.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the batch in the folder.")
+    ] = False,
+    reports: Annotated[
+        bool,
+        typer.Option(
+            "--reports", help="Draw every report, not only where a job failed."
+        ),
+    ] = False,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="Seconds after which a job is given up."),
+    ] = 600.0,
+    history: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder of an earlier batch, for trends; may be repeated."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the summary on standard output.")
+    ] = False,
+) -> None:
+    """Run many jobs: lists for each, one table of all results, one summary.
+
+    A job that fails is a row with its reason. Exit status 1 where any failed or was
+    rejected. Lists of machines whose conventions are only assumed go to unverified/.
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    with console.status("starting the workers") as status:
+        from ..batch import run_batch
+
+        last = time.monotonic()
+
+        def progress(stand: "Progress") -> None:
+            nonlocal last
+            status.update(str(stand))
+            if not console.is_terminal and time.monotonic() - last > _EVERY:
+                last = time.monotonic()
+                console.print(str(stand), markup=False)
+
+        result = run_batch(
+            jobs,
+            out,
+            scheduler=scheduler,
+            workers=workers,
+            resume=resume,
+            reports=reports,
+            time_limit=time_limit,
+            history=history or (),
+            progress=progress,
+        )
+    _print(result, out)
+    if as_json:
+        typer.echo((out / "summary.json").read_text(), nl=False)
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+def _print(result: "BatchResult", out: Path) -> None:
+    def say(line: str) -> None:
+        typer.echo(line, err=True)
+
+    for name, reason in list(result.reasons.items())[:_SHOWN]:
+        say(f"failed: {name}: {reason}")
+    if len(result.reasons) > _SHOWN:
+        say(f"… and {len(result.reasons) - _SHOWN} more failed, see results.parquet")
+    summary = result.summary
+    for name, count in summary.gate.items():
+        say(f"gate: {name} failed in {count} fits")
+    if summary.unverified:
+        say(
+            f"{summary.unverified} lists lie in unverified/: the conventions of their"
+            " machines are only assumed. Verify them before loading."
+        )
+    say(
+        f"{result.jobs} jobs, {result.failed} failed, {result.rejected} did not pass"
+        f" ({result.seconds:.1f} s). Table: {out / 'results.parquet'}, summary:"
+        f" {out / 'summary.html'}"
+    )

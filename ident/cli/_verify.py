@@ -1,0 +1,150 @@
+"""The command ``verify``: what a controller does with its lists, from what it logged."""
+
+import dataclasses
+import datetime
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ..exchange import StoredConventions
+    from ..proof import Verdict, Verification
+
+
+def verify(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE.lis …",
+            help="Compensation lists that are loaded, and axis lists for what is active.",
+        ),
+    ],
+    log: Annotated[
+        Path,
+        typer.Option(
+            metavar="L.csv",
+            help="What the controller logged: time, A1.position, … and A3.cross,"
+            " V.A.CROSS_COMP_CURR.Z, CROSSC::actual_offset or A3.drive_position.",
+        ),
+    ],
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CONVENTIONS.toml",
+            help="Where to store the rules that the log settles, for the jobs of this"
+            " machine; what stands there already is kept.",
+        ),
+    ] = None,
+    increment: Annotated[
+        float | None,
+        typer.Option(
+            help="mm (or °) per encoder increment, for lists and values in increments."
+        ),
+    ] = None,
+    conventions: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="Rules that are assumed; left out: those of --save, else the defaults.",
+        ),
+    ] = None,
+    cycle_time: Annotated[
+        float | None,
+        typer.Option(help="Of the controller in s: a log with another one is refused."),
+    ] = None,
+    modulo: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A4=0:360",
+            help="Range of an axis that turns, in °; may be given several times.",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the verdicts as JSON.")
+    ] = False,
+) -> None:
+    """Compare what a controller logged that it added with what its lists say.
+
+    Says in one sentence per compensation what the controller does. Exit status 0 only
+    where all agree.
+    """
+    from ...data.lists import ListFile
+    from ...data.measurements import read_log
+    from ..exchange import StoredConventions, read_conventions
+    from ..job import use_compilation_cache
+    from ..proof import verify_log
+    from ._simulate import axis_range
+
+    for name, number in (("--increment", increment), ("--cycle-time", cycle_time)):
+        if number is not None and not 0 < number < float("inf"):
+            message = f"found {number:g}, expected more than 0"
+            raise typer.BadParameter(message, param_hint=name)
+    ranges = dict(axis_range(text) for text in modulo or ())
+    use_compilation_cache()
+    stored = StoredConventions()
+    if save is not None and save.exists():
+        stored = read_conventions(save)
+    assumed = stored if conventions is None else read_conventions(conventions)
+    lists = [ListFile.read(file) for file in dict.fromkeys(files)]
+    found = verify_log(
+        lists,
+        read_log(log, increment, cycle_time),
+        assumed.conventions,
+        increment,
+        modulo=ranges,
+    )
+    if as_json:
+        typer.echo(
+            json.dumps(
+                [_json(one) for one in found.verdicts], indent=2, ensure_ascii=False
+            )
+        )
+    else:
+        for one in found.verdicts:
+            typer.echo(f"A{one.axis} {one.compensation}: {one.sentence}")
+    for remark in found.remarks:
+        typer.echo(f"axcomp: {remark}", err=True)
+    if save is not None:
+        _save(save, stored, found)
+    if not found.agrees:
+        raise typer.Exit(1)
+
+
+def _json(one: "Verdict") -> Mapping[str, object]:
+    values = one.value
+    return {
+        "axis": f"A{one.axis}",
+        "compensation": one.compensation,
+        "verdict": list(one.verdict),
+        "value": values[0] if len(values) == 1 else list(values) or None,
+        "sentence": one.sentence,
+    }
+
+
+def _save(path: Path, stored: "StoredConventions", found: "Verification") -> None:
+    """Add the rules that the log settled to a file; those that only fit stay assumed."""
+    from ..job import write_atomically
+
+    values = found.conventions.to_dict()
+    settled = {name: values[name] for name in sorted(found.settled)}
+    turned = stored.contradicted(settled)
+    kept = {
+        name: value
+        for name, value in stored.conventions.to_dict().items()
+        if name in stored.verified
+    }
+    fitting = type(found.conventions).from_dict({**values, **kept})
+    merged = dataclasses.replace(stored, conventions=fitting).with_verified(
+        settled, saved_at=datetime.date.today().isoformat()
+    )
+    write_atomically(path, merged.dumps())
+    names = ", ".join(f"{name} = {value}" for name, value in settled.items())
+    typer.echo(f"axcomp: {path}: settled {names or 'nothing'}", err=True)
+    for name in turned:
+        typer.echo(
+            f"axcomp: {name} was settled otherwise before; the new log counts.",
+            err=True,
+        )

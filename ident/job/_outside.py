@@ -1,0 +1,130 @@
+"""What instruments outside of the controller measured: all axes of a job, no fits."""
+
+import numpy as np
+
+from ...data.measurements import (
+    ColumnSpec,
+    DirectionUnknown,
+    Measurement,
+    MissingRole,
+    derive_error,
+    explain_direction,
+    measurement,
+    reduce_length,
+)
+from ..proof import Measured
+from ._load import Job
+from ._remove import without_zero
+from ._schema import MeasurementSpec
+from ._source import Tables
+
+
+def read_outside(job: Job) -> tuple[Measured, ...]:
+    """Return the errors of every axis that the measurements of a job hold.
+
+    Raises:
+        MeasurementError: If a file holds nothing usable, or no error of any axis.
+        JobError: If a measurement does not suit.
+    """
+    tables = Tables(job)
+    found: list[Measured] = []
+    for name, spec in job.spec.measurements.items():
+        measured = _measurement(tables, name, spec)
+        axes = [axis for axis in job.spec.axes if _has_error(measured, axis)]
+        if not axes:
+            first = spec.axis or next(iter(job.spec.axes))
+            derive_error(measured, first)  # raises, naming what is missing
+        found += [_outside(job, measured, spec, axis) for axis in axes]
+    return tuple(found)
+
+
+def _measurement(tables: Tables, name: str, spec: MeasurementSpec) -> Measurement:
+    axes = tables.job.spec.axes
+    columns = {
+        role: ColumnSpec(column)
+        if isinstance(column, str)
+        else ColumnSpec(column.column, column.unit)
+        for role, column in spec.columns.items()
+    }
+    only = next(iter(axes)) if len(axes) == 1 else None
+    return measurement(
+        tables.table(name),
+        columns,
+        axis=spec.axis or only,
+        increments={
+            key: axis.increment
+            for key, axis in axes.items()
+            if axis.increment is not None
+        },
+        rotary=[key for key, axis in axes.items() if axis.kind != "linear"],
+        name=name,
+    )
+
+
+def _has_error(measured: Measurement, axis: str) -> bool:
+    both = {f"{axis}.actual", f"{axis}.position"}
+    return f"{axis}.error" in measured.values or both <= set(measured.values)
+
+
+def _outside(
+    job: Job, measured: Measurement, spec: MeasurementSpec, axis: str
+) -> Measured:
+    axes = job.spec.axes
+    error = np.asarray(derive_error(measured, axis), dtype=float)
+    positions: dict[int, np.ndarray] = {}
+    for name, one in axes.items():
+        place = measured.get(f"{name}.position")
+        if place is None:
+            continue
+        place = np.asarray(place, dtype=float)
+        if one.modulo is not None:
+            low, high = one.modulo
+            place = low + np.mod(place - low, high - low)
+        positions[one.number] = place
+    if spec.expansion is not None and axes[axis].number in positions:
+        error = _at_reference(measured, spec, positions[axes[axis].number], error)
+    if positions:
+        error = without_zero(
+            error, np.stack(list(positions.values()), axis=1), spec.remove
+        )
+    direction: np.ndarray | None = None
+    try:
+        direction = explain_direction(measured, axis).values
+    except (DirectionUnknown, MissingRole):
+        pass
+    return Measured(
+        axis=axes[axis].number,
+        positions=positions,
+        error=error,
+        direction=direction,
+        active=frozenset(spec.active),
+        line=spec.remove == "line",
+    )
+
+
+def _at_reference(
+    measured: Measurement,
+    spec: MeasurementSpec,
+    position: np.ndarray,
+    error: np.ndarray,
+) -> np.ndarray:
+    """Return an error of length as it were at the reference temperature."""
+    if spec.already_compensated or spec.material_temperature is None:
+        return error
+    assert spec.expansion is not None
+    given = spec.material_temperature
+    warmth: float | np.ndarray
+    if isinstance(given, str):
+        role = given if given.startswith("temperature.") else f"temperature.{given}"
+        warmth = measured.require(role, "as material_temperature")
+    else:
+        warmth = float(given)
+    at = spec.datum.at if spec.datum is not None else 0.0
+    return reduce_length(
+        error,
+        position,
+        expansion=spec.expansion,
+        material_temperature=warmth,
+        reference_temperature=spec.reference_temperature,
+        datum=float(at if isinstance(at, float | int) else at[0]),
+    )

@@ -1,0 +1,138 @@
+"""What was measured for a backlash: readings at standstill, or a trace in motion."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....data.measurements import MeasurementError, wrap_degrees
+from ...fit.backlash import BacklashFit, fit_backlash, fit_backlash_trace
+from .._fit_schema import BacklashSpec
+from .._readings import joined, joined_runs
+from .._result import Remark
+from .._runs import cycles_of
+from .._source import Tables, Wanted, measured_for, read_part
+
+_GROUPS = 5
+_REACH = 0.1
+"""Share of the travel, to each side of a reversal, that a trace is judged by."""
+_FARTHEST = 2.0
+"""mm or °: more on each side tells no more of a backlash."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Recording:
+    """Readings of an axis from both directions, or a trace over its reversals.
+
+    Attributes:
+        position: In mm or °.
+        error: Actual − commanded (trace: reference − encoder) in mm or °.
+        direction: ±1 per reading; None for a trace.
+        run: Cycle of each reading, or None.
+        time: In s, or None.
+        reach: Travel on both sides of a reversal that a trace is judged by.
+        remarks: What was taken for granted.
+    """
+
+    position: Float[np.ndarray, " t"]
+    error: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"] | None
+    run: Int[np.ndarray, " t"] | None
+    time: Float[np.ndarray, " t"] | None
+    reach: float
+    remarks: tuple[Remark, ...]
+
+    @property
+    def moving(self) -> bool:
+        """Whether this is a trace in motion."""
+        return self.direction is None
+
+    def fit(self, loss: str, keep: np.ndarray | None = None) -> BacklashFit:
+        """Return the backlash of all readings, or of those for which ``keep`` is true.
+
+        Raises:
+            FitError: If they do not determine it.
+        """
+        rows = np.ones(len(self.error), dtype=bool) if keep is None else keep
+        if self.direction is None:
+            assert self.time is not None  # a trace has it
+            return fit_backlash_trace(
+                self.time[rows], self.position[rows], self.error[rows],
+                reach=self.reach, loss=loss,
+            )  # fmt: skip
+        return fit_backlash(
+            self.position[rows],
+            self.error[rows],
+            self.direction[rows],
+            run=None if self.run is None else self.run[rows],
+            time=None if self.time is None else self.time[rows],
+            loss=loss,
+        )
+
+    def groups(self) -> tuple[Int[np.ndarray, " t"], bool]:
+        """Return what is held out together, and whether these are runs."""
+        if self.run is not None and len(np.unique(self.run)) > 1:
+            return self.run, True
+        # Whole targets: those that stay must still be approached from both sides.
+        _, place = np.unique(np.round(self.position, 6), return_inverse=True)
+        return np.asarray(place.reshape(-1) % _GROUPS), False
+
+
+def read_recording(tables: Tables, fit: BacklashSpec) -> Recording:
+    """Return the readings of a backlash fit, all its measurements joined.
+
+    Raises:
+        MeasurementError: If a role is missing, the directions cannot be told, or a value
+            cannot be used.
+    """
+    name = fit.sources[0]
+    measured = measured_for(tables, name, fit, (fit.axis,))
+    encoder = measured.get(f"{fit.axis}.encoder")
+    actual = measured.get(f"{fit.axis}.actual")
+    time = measured.get("time")
+    if encoder is not None and actual is not None and time is not None:
+        if len(fit.sources) > 1:
+            reason = "found a trace in motion among several measurements, expected one"
+            raise MeasurementError(str(measured.source), reason)
+        return _trace(encoder, actual, time, tables.job.spec.axes[fit.axis].kind)
+    wanted = Wanted((fit.axis,), "needed", lengths=True)
+    parts = [read_part(tables, each, fit, wanted) for each in fit.sources]
+    direction = joined([part.direction for part in parts])
+    assert direction is not None  # `read_part` refuses it otherwise
+    run = joined_runs(parts)
+    return Recording(
+        position=np.concatenate([part.positions[:, 0] for part in parts]),
+        error=np.concatenate([part.error for part in parts]),
+        direction=direction.astype(np.int64),
+        run=None if run is None else cycles_of(run, direction),
+        time=joined([part.time for part in parts]),
+        reach=0.0,
+        remarks=tuple(
+            Remark("info", words) for part in parts for words in part.remarks
+        ),
+    )
+
+
+def _trace(
+    encoder: np.ndarray, actual: np.ndarray, time: np.ndarray, kind: str
+) -> Recording:
+    error = np.asarray(actual - encoder, dtype=float)
+    if kind != "linear":
+        error = wrap_degrees(error)
+    travel = float(np.ptp(encoder))
+    reach = min(_REACH * travel, _FARTHEST)
+    return Recording(
+        position=np.asarray(encoder, dtype=float),
+        error=error,
+        direction=None,
+        run=None,
+        time=np.asarray(time, dtype=float),
+        reach=reach,
+        remarks=(
+            Remark(
+                "info",
+                "The axis was moving: the error is that of the reference against the"
+                f" encoder, over {reach:.3g} mm (or °) on both sides of each reversal.",
+            ),
+        ),
+    )

@@ -1,0 +1,329 @@
+"""The friction of one axis: law, list within the controller's limits, proof."""
+
+import dataclasses
+from pathlib import Path
+from typing import final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ....data.lists import ListFile, Value
+from ....models import FrictionCompensation
+from ...exchange import (
+    ExchangeError,
+    entries_of_friction,
+    friction_from_list,
+    has_friction,
+)
+from ...fit import FitError
+from ...fit.friction import Knots
+from ...proof import CircularTest, GateCheck, circular_test, error_figures
+from .._conventions import convention_states
+from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
+from .._fit_schema import FrictionSpec
+from .._gating import limits_of
+from .._lists import AxisFiles
+from .._load import Job
+from .._output import OutFolder
+from .._result import Remark
+from .._source import Tables
+from ._identify import Identified, friction_of, identify, steady
+from ._listing import OutUnit, compensation, in_units, knots_of, law_curve, out_unit
+from ._recording import DriveRecording, read_drive
+from ._result import FrictionResult, FrictionView, LawCurve
+
+_WILD = 7.0
+"""Standard deviations beyond which a sample of the current is a fault."""
+
+
+def plan_friction(
+    job: Job, tables: Tables, index: int, fit: FrictionSpec, lists: AxisLists
+) -> Planned:
+    """Plan a friction fit; what it returns fits it."""
+
+    def draft(left: Leftovers) -> AbstractDraft:
+        recording = read_drive(tables, fit)
+        where = f"friction of {fit.axis} from {fit.sources[0]}"
+        try:
+            found = identify(recording, fit, job.spec.controller.cycle_time)
+            curve = law_curve(found.fit, recording.samples)
+            unit = out_unit(fit, recording.unit)
+            knots = None
+            told = not recording.unsure
+            if told and curve is not None and unit.current is not None:
+                fastest = float(np.max(np.abs(recording.samples.velocity)))
+                knots = knots_of(curve, fit, unit.current, fastest)
+        except FitError as error:
+            raise job.error(("fits", index), f"{where}: {error}") from None
+        return FrictionDraft(index, fit, lists, recording, found, curve, unit, knots)
+
+    return draft
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class FrictionDraft(AbstractDraft):
+    """A law of friction, and the list made of it.
+
+    Attributes:
+        recording: What the drive recorded.
+        found: The law.
+        curve: The law over the driven speeds, or None where it is not determined.
+        unit: What one unit of the list is.
+        knots: The entries; None where none are written.
+    """
+
+    recording: DriveRecording
+    found: Identified
+    curve: LawCurve | None
+    unit: OutUnit
+    knots: Knots | None
+
+    @property
+    def compensation(self) -> str:
+        return "friction"
+
+    @property
+    def spec(self) -> FrictionSpec:
+        """The specification, as what it is."""
+        assert isinstance(self.fit, FrictionSpec)
+        return self.fit
+
+    @property
+    def switch(self) -> Switch | None:
+        if self.knots is None:
+            return None
+        return Switch("FRICT", "Works without referencing", demanded=False)
+
+    @property
+    def replaces(self) -> tuple[str, ...]:
+        return () if self.knots is None else ("frict_comp.table[",)
+
+    def model(self, job: Job) -> FrictionCompensation:
+        """Return the list as the controller runs it, currents in list units."""
+        assert self.knots is not None  # asked for only where a list is written
+        template = None
+        existing = self.lists.compensation
+        if existing is not None and has_friction(existing):
+            template = friction_from_list(existing, job.conventions)
+        return compensation(self.knots, self.found.reversal, template)
+
+    def entries(self, job: Job) -> dict[str, Value]:
+        if self.knots is None:
+            return {}
+        try:
+            return dict(
+                entries_of_friction(
+                    self.model(job),
+                    existing=self.lists.compensation,
+                    max_points=self.fit.max_points,
+                    build=job.spec.controller.build,
+                )
+            )
+        except ExchangeError as error:
+            raise job.error(("fits", self.index), str(error)) from None
+
+    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
+        return {} if self.knots is None else {"lr_param.frict_comp": 1}
+
+    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+        if self.knots is None or self.unit.share is None:
+            return ()
+        limit = limits_of(job).max_current
+        largest = int(np.argmax(np.abs(self.knots.out)))
+        value = float(abs(self.knots.out[largest]) * self.unit.share)
+        speed = self.knots.velocity[largest] / 1000.0
+        passed = value <= limit * (1 + 1e-9)
+        where = f"at {speed:g} mm/s"
+        return (GateCheck("max_current", value, limit, "of rated", passed, where),)
+
+    def refuse_misread(self, job: Job, listing: ListFile) -> None:
+        if self.knots is None:
+            return
+        parsed = ListFile.parse(listing.dumps(), listing.source)
+        out = list(parsed.table("frict_comp", "out").values())
+        speed = list(parsed.table("frict_comp", "in").values())
+        pairs = dict(zip(speed, out, strict=True))
+        wanted = dict(
+            zip(self.knots.velocity.tolist(), self.knots.out.tolist(), strict=True)
+        )
+        if any(pairs.get(place) != value for place, value in wanted.items()):
+            raise job.error(
+                ("fits", self.index),
+                f"found another table in {listing.source} when it was read back,"
+                " expected the one that was fitted",
+            )
+
+    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
+        name = "frict_comp.max_points"
+        if existing.integer(name) == listing.integer(name):
+            return None
+        return f"{name} changes (a reload would end in error 110641)"
+
+    def prove(
+        self,
+        job: Job,
+        folder: OutFolder,
+        gate: tuple[GateCheck, ...],
+        files: AxisFiles,
+        written: tuple[Path, ...],
+        cycles: int | None,
+    ) -> FrictionResult:
+        samples, found = self.recording.samples, self.found
+        before = friction_of(samples, found.fit)
+        back = self._read_back(job, folder, files, written)
+        law = found.fit.law
+        from_file = before.copy()
+        if back is not None and self.unit.current is not None:
+            table = in_units(back.law, self.unit.current)
+            from_file = before - steady(table, samples.velocity)
+        elif law is not None:
+            from_file = before - steady(law, samples.velocity)
+        moving = self.recording.moving
+        predicted = before - found.held_out
+        wild = _wild(predicted[moving])
+        curve = self.curve
+        if curve is not None and self.knots is not None:
+            curve = dataclasses.replace(curve, listed=self.knots.current(curve.speed))
+        return FrictionResult(
+            compensation="friction",
+            axis=self.axis,
+            axis_number=job.spec.axes[self.axis].number,
+            unit=self.recording.unit or "raw",
+            error={
+                "before": error_figures(before[moving], wild=wild),
+                "predicted": error_figures(predicted[moving], wild=wild),
+                "from_file": error_figures(from_file[moving], wild=wild),
+            },
+            gate=gate,
+            remarks=(*self._remarks(), *files.remarks),
+            conventions=convention_states(job, ("friction_",)),
+            files=written if self.knots is not None else (),
+            findings=tuple(dataclasses.asdict(item) for item in files.findings),
+            held_out="window",
+            fit=found.fit,
+            law=found.law,
+            laws=found.laws,
+            choice=found.choice,
+            output=found.output,
+            reversal=found.reversal,
+            knots=self.knots,
+            level=self.spec.level,
+            out_unit=self.unit.current,
+            curve=curve,
+            view=FrictionView(
+                time=samples.time,
+                position=self.recording.commanded,
+                velocity=samples.velocity,
+                before=before,
+                predicted=predicted,
+                from_file=from_file,
+                moving=moving,
+                window=found.window,
+            ),
+            circle=self._circle(job, back),
+        )
+
+    def _read_back(
+        self, job: Job, folder: OutFolder, files: AxisFiles, written: tuple[Path, ...]
+    ) -> FrictionCompensation | None:
+        name = next((f for f in written if f.name == files.compensation_name), None)
+        if name is None or self.knots is None:
+            return None
+        return friction_from_list(ListFile.read(folder.root / name), job.conventions)
+
+    def _circle(
+        self, job: Job, back: FrictionCompensation | None
+    ) -> CircularTest | None:
+        """Return a simulated circle, where mass, law and list are known."""
+        law, fit = self.found.fit.law, self.found.fit
+        inertia = fit.known.inertia or fit.parameters.get("inertia")
+        if back is None or law is None or not inertia or self.unit.current is None:
+            return None
+        return circular_test(
+            law,
+            float(inertia),
+            back,
+            out_unit=self.unit.current,
+            cycle=job.spec.controller.cycle_time,
+        )
+
+    def _remarks(self) -> list[Remark]:
+        remarks = [*self.recording.remarks, *self.found.remarks]
+        fit = self.found.fit
+        remarks.append(Remark("info", self.found.choice.sentence))
+        offset = fit.parameters.get("offset")
+        if offset is not None:
+            remarks.append(
+                Remark(
+                    "info",
+                    f"A constant load of {offset:.4g} {self.recording.unit} (gravity,"
+                    " counterweight) is no friction: it belongs into the torque offset"
+                    " of the drive, not into the list.",
+                )
+            )
+        if self.recording.unsure:
+            remarks.append(
+                Remark("error", f"No list is written. {self.recording.unsure}")
+            )
+        elif fit.law is None:
+            remarks.append(
+                Remark(
+                    "error",
+                    "The law of friction cannot be told from this recording: no list is"
+                    " written.",
+                )
+            )
+        elif self.knots is None:
+            remarks.append(
+                Remark(
+                    "info",
+                    f"The job does not state {self.unit.missing}: the law is reported,"
+                    " and no list is written.",
+                )
+            )
+        if self.knots is not None and self.curve is not None:
+            remarks += self._unsaid()
+        return remarks
+
+    def _unsaid(self) -> list[Remark]:
+        """Return what the list cannot say of the law."""
+        remarks = []
+        assert self.curve is not None
+        curve = self.curve
+        mean = 0.5 * (curve.positive + curve.negative)
+        apart = np.abs(curve.positive - curve.negative)
+        share = float(curve.weight @ apart) / float(curve.weight @ np.abs(mean))
+        if share > 0.02:
+            remarks.append(
+                Remark(
+                    "warning",
+                    f"The two directions differ by {share:.0%} of the friction on"
+                    " average. A list knows no direction: it gives the mean of both.",
+                )
+            )
+        if self.spec.level != 1.0:
+            remarks.append(
+                Remark(
+                    "info",
+                    f"The list gives {self.spec.level:.0%} of the friction (level), a"
+                    " cautious beginning; scaling_factor stays at 1000.",
+                )
+            )
+        found = self.found.reversal
+        if found is not None and found.position_delay > 0.001:
+            remarks.append(
+                Remark(
+                    "warning",
+                    f"After a reversal friction takes {1e3 * found.position_delay:.1f}"
+                    " µm to build up; the list goes no further than 1 µm"
+                    " (position_delay, P-COMP-00043).",
+                )
+            )
+        return remarks
+
+
+def _wild(left: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:
+    """Return which samples lie farther out than noise does."""
+    typical = 1.4826 * float(np.median(np.abs(left)))
+    return np.asarray(np.abs(left) > _WILD * typical)

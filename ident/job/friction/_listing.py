@@ -1,0 +1,145 @@
+"""From the law to the entries of a friction list, and what they do."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ....models import (
+    AbstractFriction,
+    FrictionCompensation,
+    FrictionTable,
+    Setpoints,
+)
+from ...fit.friction import DriveSamples, FrictionFit, Knots, ReversalFit, place_knots
+from .._fit_schema import FrictionSpec
+from ._result import LawCurve
+
+_ENTRIES = 20
+_POINTS = 400
+_BINS = 60
+_OF_RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
+_MOST_DELAY = 0.001
+"""mm: P-COMP-00043 goes no further."""
+
+
+@dataclasses.dataclass(frozen=True)
+class OutUnit:
+    """What one unit of ``out`` is.
+
+    Attributes:
+        current: In the unit of the recording; None where the job does not say.
+        share: Of the rated value; None likewise.
+        missing: What the job would have to say.
+    """
+
+    current: float | None
+    share: float | None
+    missing: str = ""
+
+
+def out_unit(spec: FrictionSpec, unit: str) -> OutUnit:
+    """Return what one unit of the list is in the unit of the recording."""
+    if spec.torque_unit is None:
+        return OutUnit(None, None, "torque_unit")
+    if unit == "%":
+        return OutUnit(100.0 * spec.torque_unit, spec.torque_unit)
+    if unit == "raw":
+        return OutUnit(1.0, spec.torque_unit)
+    key = _OF_RATED.get(unit)
+    rated = None if key is None else getattr(spec, key)
+    if rated is None:
+        return OutUnit(None, None, key or "a current in A, %, Nm, N or raw")
+    return OutUnit(float(rated) * spec.torque_unit, spec.torque_unit)
+
+
+def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
+    """Return the law over the speeds that were driven, or None where there is none."""
+    law = fit.law
+    if law is None:
+        return None
+    driven = np.abs(samples.velocity[samples.in_motion])
+    low, high = np.quantile(driven, [0.001, 1.0])
+    low = max(float(low), 1e-3)
+    half = _POINTS // 2
+    speed = np.unique(
+        np.concatenate([np.geomspace(low, high, half), np.linspace(low, high, half)])
+    )
+    both = [
+        np.asarray(law.level(speed, np.full(speed.shape, way))) for way in (1.0, -1.0)
+    ]
+    deviations = [fit.band(way * speed)[1] for way in (1.0, -1.0)]
+    return LawCurve(
+        speed=speed,
+        positive=both[0],
+        negative=both[1],
+        positive_sd=deviations[0],
+        negative_sd=deviations[1],
+        listed=None,
+        weight=_density(driven, speed),
+    )
+
+
+def _density(
+    driven: Float[np.ndarray, " t"], speed: Float[np.ndarray, " v"]
+) -> Float[np.ndarray, " v"]:
+    """Return the share of the samples that each speed stands for."""
+    edges = np.geomspace(speed[0], speed[-1] * (1 + 1e-9), _BINS + 1)
+    counts, _ = np.histogram(np.clip(driven, speed[0], speed[-1]), edges)
+    bin_of = np.clip(np.searchsorted(edges, speed, "right") - 1, 0, _BINS - 1)
+    points = np.bincount(bin_of, minlength=_BINS)
+    weight = counts[bin_of] / np.maximum(points[bin_of], 1)
+    return np.asarray(weight / weight.sum())
+
+
+def knots_of(curve: LawCurve, spec: FrictionSpec, unit: float, fastest: float) -> Knots:
+    """Return the entries of the list; ``level`` scales them.
+
+    Raises:
+        FitError: If the law makes no table.
+    """
+    mean = 0.5 * (curve.positive + curve.negative) * spec.level
+    return place_knots(
+        curve.speed,
+        mean,
+        curve.weight,
+        entries=spec.table_entries or _ENTRIES,
+        unit=unit,
+        reach=fastest,
+    )
+
+
+def compensation(
+    knots: Knots, reversal: ReversalFit | None, template: FrictionCompensation | None
+) -> FrictionCompensation:
+    """Return the list as the controller runs it, currents in list units.
+
+    Args:
+        knots: Entries.
+        reversal: What was found around reversals; nothing of it is set where None.
+        template: With the controller's rules for open points, or None.
+    """
+    table = FrictionTable(
+        Setpoints(jnp.asarray(knots.velocity / 1000.0)),
+        jnp.asarray(knots.out.astype(float)),
+    )
+    whole = FrictionCompensation(table)
+    if template is not None:
+        whole = dataclasses.replace(template, law=table)
+    if reversal is None:
+        return whole
+    sure = reversal.undetermined
+    delay = min(reversal.position_delay, _MOST_DELAY)
+    return dataclasses.replace(
+        whole,
+        reversal_lookahead=0 if "reversal_lookahead" in sure else reversal.lookahead,
+        position_delay=jnp.asarray(0.0 if "position_delay" in sure else delay),
+        delay_cycles=0 if "delay_cycles" in sure else reversal.delay_cycles,
+    )
+
+
+def in_units(table: AbstractFriction, unit: float) -> AbstractFriction:
+    """Return a table with its currents in the unit of the recording."""
+    assert isinstance(table, FrictionTable)
+    return dataclasses.replace(table, values=table.values * unit)

@@ -1,0 +1,317 @@
+"""The thermal line of one axis: fitted, judged, written for list and PLC, read back."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import final
+
+import jax.numpy as jnp
+import numpy as np
+
+from ....data.lists import ListFile, Value
+from ....models import ConstantParameter, TemperatureLine
+from ...exchange import ExchangeError, entries_of_temperature
+from ...fit import FitError
+from ...fit.thermal import TemperatureFit
+from ...proof import GateCheck, choose_cycles, error_figures, reversal_dynamics
+from .._conventions import convention_states
+from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
+from .._fit_schema import TemperatureSpec
+from .._gating import limits_of
+from .._lists import AxisFiles
+from .._load import Job
+from .._output import OutFolder
+from .._result import Remark
+from .._source import Tables
+from ._gate import RATE, judge_law, largest_correction, rates
+from ._identify import Identified, identify
+from ._names import temperature_names
+from ._recording import ThermalRecording, read_thermal
+from ._remarks import remarks_of
+from ._result import TemperatureResult
+from ._structured_text import PlcProgram, plc_sensors, structured_text
+from ._table import ThermalLaw, csv_text, read_back, thermal_law
+from ._view import view_of
+
+_LINE = "lr_param.temp_comp"
+
+
+def plan_temperature(
+    job: Job, tables: Tables, index: int, fit: TemperatureSpec, lists: AxisLists
+) -> Planned:
+    """Plan a temperature fit; what it returns fits it."""
+
+    def draft(left: Leftovers) -> AbstractDraft:
+        try:
+            recording = read_thermal(tables, fit)
+            found = identify(recording, fit)
+        except FitError as error:
+            reason = f"temperature of {fit.axis} from {', '.join(fit.sources)}: {error}"
+            raise job.error(("fits", index), reason) from None
+        zero = _zero(recording, found.fit)
+        return TemperatureDraft(index, fit, lists, recording, found, zero)
+
+    return draft
+
+
+def _zero(recording: ThermalRecording, fit: TemperatureFit) -> float:
+    """Return the temperature at which nothing is corrected: measured, near the reference."""
+    laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
+    following = [law for law in laws if len(law.value) > 1] or laws
+    low = max(float(law.temperature[0]) for law in following)
+    high = min(float(law.temperature[-1]) for law in following)
+    return float(np.clip(recording.reference_temperature, low, max(low, high)))
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class TemperatureDraft(AbstractDraft):
+    """A fitted thermal line.
+
+    Attributes:
+        recording: What was measured.
+        found: The estimate and its proof.
+        zero: Temperature in °C at which nothing is corrected.
+    """
+
+    recording: ThermalRecording
+    found: Identified
+    zero: float
+
+    @property
+    def compensation(self) -> str:
+        return "temperature"
+
+    @property
+    def written(self) -> bool:
+        """Whether there is a law to write."""
+        laws = (self.found.fit.offset, self.found.fit.coefficient)
+        moves = any(law is not None and len(law.value) > 1 for law in laws)
+        return moves and self.found.determined
+
+    @property
+    def switch(self) -> Switch | None:
+        if not self.written:
+            return None
+        return Switch("TEMP", "Works once the axis is homed and the PLC program runs")
+
+    def entries(self, job: Job) -> dict[str, Value]:
+        return {}
+
+    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
+        if not self.written:
+            return {}
+        still = TemperatureLine(
+            position_0=ConstantParameter(jnp.asarray(self._position)),
+            offset_0=ConstantParameter(jnp.zeros(())),
+            coefficient=ConstantParameter(jnp.zeros(())),
+            cycles=self._filter(job),
+        )
+        try:
+            entries: dict[str, Value] = dict(entries_of_temperature(still))
+        except ExchangeError as error:
+            raise job.error(("fits", self.index), str(error)) from None
+        if self.fit.manual_activation is not None:
+            entries[f"{_LINE}_manual_activation"] = int(self.fit.manual_activation)
+        return entries
+
+    def machine_remarks(self) -> list[Remark]:
+        listing = self.lists.machine
+        if listing is None or not self.written:
+            return []
+        held = [
+            name
+            for name in (f"{_LINE}_offset_0", f"{_LINE}_coefficient")
+            if (entry := listing.get(name)) is not None and _is_not_zero(entry.value)
+        ]
+        if not held:
+            return []
+        return [
+            Remark(
+                "warning",
+                f"{', '.join(held)} of {listing.source} become 0: the PLC writes the law"
+                " from now on, and the list holds the state at the reference"
+                " temperature.",
+            )
+        ]
+
+    def extra_files(self, job: Job) -> Mapping[str, bytes]:
+        if not self.written:
+            return {}
+        table, program = temperature_names(self.axis)
+        law = self._law(job)
+        return {
+            table: csv_text(law).encode(),
+            program: structured_text(self._program(job, law)).encode("ascii"),
+        }
+
+    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+        if not self.written:
+            return ()
+        return judge_law(
+            self._law(job), self._position, self._span(job), self.axis, limits_of(job)
+        )
+
+    def refuse_misread(self, job: Job, listing: ListFile) -> None:
+        """Nothing of it stands in the compensation list."""
+
+    def prove(
+        self,
+        job: Job,
+        folder: OutFolder,
+        gate: tuple[GateCheck, ...],
+        files: AxisFiles,
+        written: tuple[Path, ...],
+        cycles: int | None,
+    ) -> TemperatureResult:
+        found, zero = self.found.fit, self._relative()
+        line = self._line_read_back(job, folder, files, written)
+        view = view_of(self.recording, self.found, self.zero, line)
+        names = {files.machine_name, *temperature_names(self.axis)}
+        return TemperatureResult(
+            compensation="temperature",
+            axis=self.axis,
+            axis_number=job.spec.axes[self.axis].number,
+            unit="mm",
+            error={
+                "before": error_figures(view.before, wild=view.wild),
+                "predicted": error_figures(view.predicted, wild=view.wild),
+                "from_file": error_figures(view.from_file, wild=view.wild),
+            },
+            gate=gate,
+            remarks=(
+                *remarks_of(
+                    self.axis,
+                    self.recording,
+                    self.found,
+                    self.written,
+                    self.zero,
+                    "temperature_sign" in job.verified,
+                ),
+                *self._switching(job),
+                *files.remarks,
+            ),
+            conventions=convention_states(job, ("temperature_",)),
+            files=tuple(
+                file for file in written if self.written and file.name in names
+            ),
+            findings=tuple(dataclasses.asdict(item) for item in files.findings),
+            held_out="block",
+            sensors=self.recording.sensors,
+            reference=self._position,
+            zero=self.zero,
+            law=self._law(job) if self.written else None,
+            relative=zero,
+            fit=found,
+            rate=RATE,
+            span=self._span(job),
+            cycles=self._filter(job) if self.written else 0,
+            view=view,
+        )
+
+    def _line_read_back(
+        self, job: Job, folder: OutFolder, files: AxisFiles, written: tuple[Path, ...]
+    ) -> TemperatureLine | None:
+        """Return the line that the files hold as they lie in the folder."""
+        table = temperature_names(self.axis)[0]
+        name = next((file for file in written if file.name == table), None)
+        if not self.written or name is None:
+            return None
+        machine = next(file for file in written if file.name == files.machine_name)
+        return read_back(
+            folder.root / name,
+            self.recording.sensors,
+            self._chosen(),
+            job.conventions,
+            ListFile.read(folder.root / machine),
+        )
+
+    @property
+    def _position(self) -> float:
+        """Reference position in mm, in whole units of the list."""
+        return round(self.found.fit.reference * 1e4) / 1e4
+
+    def _relative(self) -> TemperatureFit:
+        return self.found.fit.relative_to(self.zero)
+
+    def _law(self, job: Job) -> ThermalLaw:
+        sign = int(job.conventions.temperature_sign)
+        return thermal_law(self._relative(), self.zero, sign)
+
+    def _span(self, job: Job) -> tuple[float, float] | None:
+        """Return the positions that the axis reaches, as far as they are known."""
+        place = self.recording.readings.position
+        if place is None:
+            return None
+        place = place[self.found.fit.used]
+        limits = job.spec.axes[self.axis].limits or (place[0], place[0])
+        return (
+            float(min(place.min(), limits[0])),
+            float(max(place.max(), limits[1])),
+        )
+
+    def _filter(self, job: Job) -> int:
+        """Return P-AXIS-00275: as given, or what switching off while warm wants."""
+        if self.fit.n_cycles is not None:
+            return self.fit.n_cycles
+        listing, limits = self.lists.machine, limits_of(job)
+        stated = None if listing is None else listing.integer(f"{_LINE}_n_cycles")
+        return choose_cycles(
+            largest_correction(self._law(job), self._position, self._span(job)),
+            job.spec.controller.cycle_time,
+            limits.max_velocity,
+            limits.max_acceleration,
+            stated,
+        )
+
+    def _switching(self, job: Job) -> list[Remark]:
+        if not self.written:
+            return []
+        jump = largest_correction(self._law(job), self._position, self._span(job))
+        cycles, limits = self._filter(job), limits_of(job)
+        fast, _ = reversal_dynamics(jump, cycles, job.spec.controller.cycle_time)
+        words = (
+            f"Switching it on or off on the warm machine (COMP, homing) moves {self.axis}"
+            f" by up to {1e3 * jump:.1f} µm within {cycles} cycles, with up to"
+            f" {fast:.3g} mm/s: at standstill only, without a tool in cut."
+        )
+        if fast > limits.max_velocity:
+            words += f" That is more than max_velocity ({limits.max_velocity:g} mm/s)."
+        level = "warning" if fast > limits.max_velocity else "info"
+        return [Remark(level, words)]
+
+    def _program(self, job: Job, law: ThermalLaw) -> PlcProgram:
+        lags = {
+            lag.sensor: lag.time_constant for lag in self.found.fit.lags if lag.applied
+        }
+        sensors = plc_sensors(
+            self.recording.sensors,
+            [lags.get(k, 0.0) for k in range(len(self.recording.sensors))],
+        )
+        offset, coefficient = self._chosen()
+        first = coefficient if offset is None else offset
+        second = first if coefficient is None else coefficient
+        return PlcProgram(
+            axis=self.axis,
+            number=job.spec.axes[self.axis].number,
+            title=job.spec.title or job.path.name,
+            law=law,
+            position=self._position,
+            zero=self.zero,
+            sensors=sensors,
+            offset=first or 0,
+            coefficient=second or 0,
+            rates=rates(self._position, self._span(job)),
+        )
+
+    def _chosen(self) -> tuple[int | None, int | None]:
+        """Return the sensors of offset and coefficient."""
+        effects = self.recording.effects
+        return effects.get("offset"), effects.get("coefficient")
+
+
+def _is_not_zero(text: str) -> bool:
+    try:
+        return float(text) != 0.0
+    except ValueError:
+        return True

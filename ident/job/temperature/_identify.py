@@ -1,0 +1,130 @@
+"""The thermal line that readings determine, and what readings left out say of it."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...fit import FitError
+from ...fit.thermal import Confusion, TemperatureFit, ThermalReadings, fit_temperature
+from .._fit_schema import TemperatureSpec
+from ._recording import ThermalRecording
+
+_BLOCKS, _FOLDS = 20, 5
+"""Stretches of time, and in how many turns they are left out, far from each other."""
+LawPair = str | tuple[str | int, str | int]
+
+
+@dataclasses.dataclass(frozen=True)
+class Identified:
+    """A thermal line with its proof.
+
+    Attributes:
+        fit: The estimate, in the sign of the error.
+        open: Effects that the readings cannot tell apart.
+        determined: Whether anything may be written.
+        dropped: The coefficient was held constant, since only the offset is determined.
+        groups: Turn in which each used reading was left out.
+        predicted: Error of each used reading in mm less what the other blocks say of it.
+    """
+
+    fit: TemperatureFit
+    open: tuple[Confusion, ...]
+    determined: bool
+    dropped: bool
+    groups: Int[np.ndarray, " u"]
+    predicted: Float[np.ndarray, " u"]
+
+
+def identify(recording: ThermalRecording, fit: TemperatureSpec) -> Identified:
+    """Return the line of a recording.
+
+    Raises:
+        FitError: If the readings cannot determine what is asked for.
+    """
+    law: LawPair = "auto"
+    if fit.law is not None:
+        law = (
+            fit.law.get("offset", "constant"),
+            fit.law.get("coefficient", "constant"),
+        )
+    found = _line(recording, fit, recording.readings, law)
+    open_pairs = found.confounded
+    offset = any("offset" in pair.first + pair.second for pair in open_pairs)
+    dropped = bool(open_pairs) and not offset and "offset" in recording.effects
+    if dropped:
+        # The slope and its change are one column: the offset stands apart from both.
+        found = _line(
+            recording, fit, recording.readings, (len(found.offset.value), "constant")
+        )
+    groups, predicted = _held_out(recording, fit, found)
+    return Identified(
+        fit=found,
+        open=open_pairs,
+        determined=not open_pairs or dropped,
+        dropped=dropped,
+        groups=groups,
+        predicted=predicted,
+    )
+
+
+def _line(
+    recording: ThermalRecording,
+    fit: TemperatureSpec,
+    readings: ThermalReadings,
+    law: LawPair,
+    lag: str | float | None = None,
+) -> TemperatureFit:
+    offset = recording.effects.get("offset")
+    reference: float | str = "intersection" if fit.reference is None else fit.reference
+    if recording.datum is not None and "coefficient" in recording.effects:
+        # The instrument was set to zero there: what the offset does, nobody saw.
+        offset, reference = None, recording.datum
+    if lag is None:
+        lag = fit.lag if readings.time is not None else "none"
+    return fit_temperature(
+        readings,
+        offset_sensor=offset,
+        coefficient_sensor=recording.effects.get("coefficient"),
+        law=law,
+        reference=reference,
+        lag=lag,
+        log=recording.log if lag != "none" else None,
+        loss=fit.loss,
+    )
+
+
+def _held_out(
+    recording: ThermalRecording, fit: TemperatureSpec, found: TemperatureFit
+) -> tuple[Int[np.ndarray, " u"], Float[np.ndarray, " u"]]:
+    """Return blocks and errors less the line fitted to the other blocks.
+
+    The law, its number of nodes and its lags are those of the whole; everything else is
+    fitted anew.
+    """
+    used = np.flatnonzero(found.used)
+    clock = recording.readings.time
+    order = used if clock is None else used[np.argsort(clock[used], kind="stable")]
+    rank = np.empty(len(found.used), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    groups = rank[used] * _BLOCKS // len(used) % _FOLDS
+    part = recording.readings.take(found.used)
+    structure = found.temperature[found.used]
+    part = dataclasses.replace(part, temperature=structure)
+    coefficient = found.coefficient
+    law = (
+        len(found.offset.value),
+        1 if coefficient is None else len(coefficient.value),
+    )
+    predicted = np.array(part.error, dtype=float)
+    for group in np.unique(groups):
+        out = groups == group
+        try:
+            other = _line(recording, fit, part.take(~out), law, lag="none")
+        except FitError:
+            # What is left tells nothing of this law: neither does the prediction.
+            predicted[out] -= np.median(part.error[~out])
+            continue
+        place = None if part.position is None else part.position[out]
+        predicted[out] -= other.predict(structure[out], place)
+    return groups, predicted

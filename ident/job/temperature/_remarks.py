@@ -1,0 +1,170 @@
+"""What a person must know of a thermal line, and what the readings do not tell."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import rankdata
+
+from ...fit.thermal import TemperatureFit
+from .._result import Remark
+from ._identify import Identified
+from ._recording import ThermalRecording
+
+_ONE_WAY = 0.95
+"""Correlation of temperature and time from which nothing but the clock may be seen."""
+_FEW = 8.0
+_SIGN = Remark(
+    "warning",
+    "Whether the controller adds the line or takes it off is the least certain sign of"
+    " all (S-43: the manual reads its coefficients off a deviation). Warm the machine,"
+    " compare V.A.TEMP_COMP_CURR and the drive bus with axcomp simulate, and measure once"
+    " before relying on it.",
+)
+
+
+def remarks_of(
+    axis: str,
+    recording: ThermalRecording,
+    found: Identified,
+    written: bool,
+    zero: float,
+    sign_known: bool,
+) -> list[Remark]:
+    """Return everything that the report has to say of a fit."""
+    remarks = list(recording.remarks)
+    remarks += _undetermined(axis, found)
+    if not written and found.determined:
+        remarks.append(
+            Remark(
+                "warning",
+                "No effect of the temperature shows beyond chance: laws that follow it"
+                " predict readings left out no better. Nothing is written.",
+            )
+        )
+    remarks += [
+        Remark(_level(words), words)
+        for words in (
+            with_names(each, recording.sensors) for each in found.fit.messages
+        )
+        # Said above, with what follows from it.
+        if "cannot tell the" not in words
+    ]
+    remarks += _not_told(axis, recording, found.fit)
+    if written:
+        remarks += _state(axis, recording, found.fit, zero)
+        if not sign_known:
+            remarks.append(_SIGN)
+    return remarks
+
+
+def _undetermined(axis: str, found: Identified) -> list[Remark]:
+    remarks = []
+    for pair in found.open:
+        words = (
+            f"These readings cannot tell the {pair.first} from the {pair.second}:"
+            f" their correlation is {pair.correlation:.4f}."
+        )
+        if found.dropped:
+            words += (
+                " The coefficient is left out; the offset over the temperature is"
+                " determined and written."
+            )
+        else:
+            words += " Neither is written."
+        remarks.append(
+            Remark("error", f"{words} Measure {axis} at all positions per temperature.")
+        )
+    return remarks
+
+
+def _level(words: str) -> str:
+    loud = ("ahead of", "did not settle", "wild readings", "do not meet", "uncertain")
+    return "warning" if any(each in words for each in loud) else "info"
+
+
+def with_names(words: str, sensors: Sequence[str]) -> str:
+    """Return a sentence with the names of the sensors instead of their numbers."""
+    return re.sub(
+        r"\bsensor (\d+)", lambda hit: f"sensor {sensors[int(hit[1]) - 1]!r}", words
+    )
+
+
+def _not_told(
+    axis: str, recording: ThermalRecording, fit: TemperatureFit
+) -> list[Remark]:
+    """Return what these readings cannot say, however well they fit."""
+    remarks = []
+    readings = recording.readings
+    if fit.coefficient is None:
+        remarks.append(
+            Remark(
+                "warning",
+                f"The error was measured at one position of {axis}: how it grows along"
+                " the axis is not known, and the same correction acts everywhere.",
+            )
+        )
+    if recording.datum is not None and "offset" in recording.effects:
+        remarks.append(
+            Remark(
+                "warning",
+                f"The instrument was set to zero at {recording.datum:g} mm (datum): a"
+                " shift of the whole axis is not seen, and only the growth from there"
+                " is corrected.",
+            )
+        )
+    used = fit.used
+    clock = readings.time
+    row = np.arange(len(used), dtype=float) if clock is None else clock
+    for sensor in dict.fromkeys(recording.effects.values()):
+        warmth = readings.temperature[used, sensor]
+        if warmth.std() > 0 and row[used].std() > 0:
+            # Ranks: a warm-up is a curve over the time, and still one way.
+            alike = float(np.corrcoef(rankdata(row[used]), rankdata(warmth))[0, 1])
+            if abs(alike) > _ONE_WAY:
+                way = "rose" if alike > 0 else "fell"
+                remarks.append(
+                    Remark(
+                        "warning",
+                        f"{recording.sensors[sensor]!r} only {way} while measuring"
+                        f" (rank correlation with time {alike:.2f}): whatever else changed"
+                        " with time is taken for the temperature. A measurement over"
+                        " warming and cooling tells them apart.",
+                    )
+                )
+    if fit.independent < _FEW and fit.noise.drift > 0:
+        remarks.append(
+            Remark(
+                "warning",
+                f"The residuals drift over {fit.noise.time_constant / 60:.3g} minutes:"
+                f" the {int(used.sum())} readings tell no more than"
+                f" {max(fit.independent, 1):.0f} independent ones would.",
+            )
+        )
+    return remarks
+
+
+def _state(
+    axis: str, recording: ThermalRecording, fit: TemperatureFit, zero: float
+) -> list[Remark]:
+    """Return where the law is zero, what stays for the tables, and how far it reaches."""
+    remarks = []
+    wished = recording.reference_temperature
+    if abs(zero - wished) > 0.05:
+        remarks.append(
+            Remark(
+                "info",
+                f"Nothing is corrected at {zero:.4g} °C, the measured temperature next to"
+                f" the reference of {wished:g} °C, which was not measured itself.",
+            )
+        )
+    words = f"What {axis} shows at {zero:.4g} °C belongs to its tables, not to this law"
+    if fit.coefficient is not None:
+        slope = 1e6 * float(fit.coefficient.at(np.array([zero]))[0])
+        words += f" (a slope of {slope:+.4g} µm/m among it)".replace("-", "−")
+        words += (
+            ". A leadscrew table that was measured warmer holds a part of this"
+            " law as well: measure tables with this law active, or at that temperature"
+        )
+    remarks.append(Remark("info", words + "."))
+    return remarks

@@ -1,0 +1,89 @@
+"""The drive of an axis of the virtual machine: friction, mass, and what it records."""
+
+import dataclasses
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ...models import AbstractFriction, StribeckFriction
+
+_SPEEDS = (0.6, 1.5, 4.0, 10.0, 25.0, 60.0, 150.0)
+"""mm/s, each driven forth and back."""
+_CYCLE = 0.002
+_HOLD = 0.7
+_RAMP = 0.12
+
+
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """A drive and its axis.
+
+    Attributes:
+        law: Friction in A over mm/s.
+        inertia: In A per mm/s².
+        load: Constant load in A.
+        rated_current: In A.
+        torque_unit: Share of the rated current that one unit of the drive is.
+        noise: Standard deviation of the recorded current in A.
+    """
+
+    law: AbstractFriction
+    inertia: float
+    load: float
+    rated_current: float
+    torque_unit: float
+    noise: float
+
+
+@dataclasses.dataclass(frozen=True)
+class DriveTrace:
+    """What a drive recorded: one row per sample.
+
+    Attributes:
+        time: In s.
+        position: Commanded, in mm.
+        current: Torque feedback in A; it opposes the motion, as the manual has it.
+    """
+
+    time: Float[np.ndarray, " t"]
+    position: Float[np.ndarray, " t"]
+    current: Float[np.ndarray, " t"]
+
+
+def example_drive() -> Drive:
+    """Return the drive of X of the demo's portal mill."""
+    return Drive(
+        # Coulomb, break-away, Stribeck velocity and exponent, viscous.
+        law=StribeckFriction(*map(jnp.asarray, (1.6, 2.3, 4.0, 2.0, 0.006))),
+        inertia=0.004,
+        load=0.0,
+        rated_current=9.0,
+        torque_unit=0.001,
+        noise=0.05,
+    )  # fmt: skip
+
+
+def record_drive(drive: Drive, seed: int) -> DriveTrace:
+    """Return a recording of constant speeds, forth and back, with soft ramps."""
+    count, ramp = round(_HOLD / _CYCLE), round(_RAMP / _CYCLE)
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.arange(count) / ramp))
+    shape = rise * rise[::-1]
+    velocity = np.concatenate([way * v * shape for v in _SPEEDS for way in (1.0, -1.0)])
+    acceleration = np.gradient(velocity, _CYCLE)
+    friction = np.asarray(drive.law(velocity))
+    noise = drive.noise * np.random.default_rng(seed).normal(size=velocity.size)
+    current = drive.inertia * acceleration + friction + drive.load + noise
+    return DriveTrace(
+        time=np.arange(velocity.size) * _CYCLE,
+        position=100.0 + np.cumsum(velocity) * _CYCLE,
+        current=-current,
+    )
+
+
+def write_drive_trace(path: Path, trace: DriveTrace) -> None:
+    """Write a recording as a CSV with time in ms, position in mm and current in A."""
+    table = np.column_stack([1e3 * trace.time, trace.position, trace.current])
+    header = "time_ms,x,current"
+    np.savetxt(path, table, "%.5f", ",", header=header, comments="")

@@ -1,0 +1,193 @@
+"""One compensation of one axis, and how a controller may apply it otherwise."""
+
+import abc
+import dataclasses
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....models import Conventions
+from ._motion import LogMotion
+
+Edge = Literal["held", "zero", "line"]
+"""Beyond the table: its last value, no offset, or a straight line onward."""
+
+EDGES: tuple[Edge, ...] = ("held", "zero", "line")
+"""All of them."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """How a controller applies a compensation.
+
+    Attributes:
+        conventions: Rules of the controller.
+        masters: Axes whose positions enter, instead of those of the list; or None.
+        edge: Instead of what the conventions say; or None.
+        shift: By how much the table lies further, in mm or ° per master; or empty.
+        cycles: Length of the filter instead of that of the lists; or None.
+    """
+
+    conventions: Conventions
+    masters: tuple[int, ...] | None = None
+    edge: Edge | None = None
+    shift: tuple[float, ...] = ()
+    cycles: int | None = None
+
+    @property
+    def is_shifted(self) -> bool:
+        """Whether the table lies elsewhere."""
+        return any(self.shift)
+
+
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """Extent of a table along one master, in mm or °.
+
+    Attributes:
+        low: First node.
+        high: Last node.
+        step: Shortest distance of two nodes.
+        ends: Whether it has edges: a modulo table has none.
+    """
+
+    low: float
+    high: float
+    step: float
+    ends: bool = True
+
+
+@dataclasses.dataclass(frozen=True)
+class Parts:
+    """What a channel adds: ``ahead + share · change``, share being that of reversal.
+
+    Attributes:
+        ahead: In positive direction of motion, per row, in mm or °.
+        change: What the other direction changes of it; None where it does not matter.
+    """
+
+    ahead: Float[np.ndarray, " r"]
+    change: Float[np.ndarray, " r"] | None = None
+
+
+class AbstractChannel(abc.ABC):
+    """One compensation of one axis along the motion of a log.
+
+    Attributes:
+        axis: Logical number of the compensated axis.
+        compensation: As in a job file.
+        motion: Of the log.
+        conventions: As they are assumed.
+        masters: Logical numbers of the axes that it looks at.
+        ways: Extent of the table per master, the last ones; empty where there is none.
+        swaps: Masters that a controller could take instead.
+        cycles: Length of the filter, 0 or 1 where there is none.
+        listed: Length that a list states for a filter that acts on switching alone.
+        unit: ``mm``, ``°``, or empty where it is that of the drive.
+        relevant: Names of the conventions that it depends on, beside sign and edge.
+    """
+
+    axis: int
+    compensation: str
+    motion: LogMotion
+    conventions: Conventions
+    masters: tuple[int, ...]
+    ways: tuple[Way, ...] = ()
+    swaps: tuple[tuple[int, ...], ...] = ()
+    cycles: int = 0
+    listed: int = 0
+    unit: str = "mm"
+    relevant: tuple[str, ...] = ()
+
+    @abc.abstractmethod
+    def parts(self, change: Change, rows: Int[np.ndarray, " r"] | slice) -> Parts:
+        """Return what is added at some rows, before any filter."""
+
+    def edge(self, conventions: Conventions) -> Edge:
+        """Return what conventions say of the rows beyond the table."""
+        return "held"
+
+    def cycles_under(self, conventions: Conventions) -> int:
+        """Return the length of the filter under some conventions."""
+        return self.cycles
+
+    def cycles_of(self, change: Change) -> int:
+        """Return the length of the filter."""
+        if change.cycles is not None:
+            return change.cycles
+        return self.cycles_under(change.conventions)
+
+    def share(self, change: Change) -> Float[np.ndarray, " t"]:
+        """Return the share of the negative direction, 0 or 1 per row."""
+        start = change.conventions.start_direction
+        why = f"for the {self.compensation} of A{self.axis}"
+        return (self.motion.direction(self.axis, why, start) < 0).astype(float)
+
+    def rules(self) -> list[Conventions]:
+        """Return the conventions with another choice each of those that matter."""
+        return [
+            self.conventions.from_dict({**self.conventions.to_dict(), one.name: choice})
+            for one in self.conventions.listing()
+            if one.name in self.relevant
+            for choice in one.choices
+            if choice != one.value
+        ]
+
+    @property
+    def plain(self) -> Change:
+        """The channel as lists and conventions have it."""
+        return Change(self.conventions)
+
+    def column(self, change: Change) -> Float[np.ndarray, " t"]:
+        """Return what is added per row, in mm or °."""
+        return self.over_cycles(self.parts(change, slice(None)), change)
+
+    def column_at(
+        self, change: Change, rows: Int[np.ndarray, " r"]
+    ) -> Float[np.ndarray, " r"]:
+        """Return what is added at some rows, in mm or °; nothing lasts over cycles."""
+        parts = self.parts(change, rows)
+        if parts.change is None:
+            return parts.ahead
+        return np.asarray(parts.ahead + self.share(change)[rows] * parts.change)
+
+    def over_cycles(self, parts: Parts, change: Change) -> Float[np.ndarray, " t"]:
+        """Return what is added per cycle in mm or °, filter included."""
+        return delayed(self._filtered(parts, change), self.motion.clock)
+
+    def _filtered(self, parts: Parts, change: Change) -> Float[np.ndarray, " t"]:
+        cycles = self.cycles_of(change)
+        late = change.conventions.filter_delay
+        timed = self.motion.cycle is not None and cycles > 1
+        if parts.change is None:
+            return smoothed(parts.ahead, cycles, late) if timed else parts.ahead
+        share = self.share(change)
+        if timed:
+            share = smoothed(share, cycles, late)
+        return np.asarray(parts.ahead + share * parts.change)
+
+
+def smoothed(
+    values: Float[np.ndarray, " t"], cycles: int, late: int = 0
+) -> Float[np.ndarray, " t"]:
+    """Return values with each change distributed over cycles by sin² (S-06)."""
+    taps = np.diff(np.sin(0.5 * np.pi * np.arange(cycles + 1) / cycles) ** 2)
+    before = np.full(cycles - 1 + late, values[0])
+    found = np.convolve(np.concatenate([before, values]), taps, mode="valid")
+    return np.asarray(found[: len(values)])
+
+
+def lagged(
+    values: Float[np.ndarray, " t"], rows: slice, cycles: int
+) -> Float[np.ndarray, " r"]:
+    """Return values at rows when they come some cycles later."""
+    return values[rows.start - cycles : rows.stop - cycles]
+
+
+def delayed(values: Float[np.ndarray, " t"], cycles: float) -> Float[np.ndarray, " t"]:
+    """Return values that are read some cycles later, in between by a straight line."""
+    if not cycles:
+        return values
+    rows = np.arange(len(values), dtype=float)
+    return np.asarray(np.interp(rows - cycles, rows, values))

@@ -1,0 +1,114 @@
+"""What a controller may do otherwise than the lists say, and how likely that is."""
+
+import dataclasses
+import math
+
+from ._channel import AbstractChannel, Change
+
+SCALES: dict[float, tuple[str, ...]] = {
+    sign * size * times: words
+    for sign, first in ((1.0, ()), (-1.0, ("sign",)))
+    for size, second in ((1.0, ()), (10.0, ("unit",)), (0.1, ("unit",)))
+    for times, third in ((1.0, ()), (2.0, ("twice",)))
+    if (words := (*first, *second, *third)) is not None
+}
+"""Factors of the offset that a fault explains, with the words for it."""
+
+FREE_BAND = 0.02
+"""A fitted factor that lies that near one of `SCALES` is that one."""
+
+FAULT = 2.0 * math.log(100.0)
+"""Cost of a fault: one compensation in a hundred has it, so one in 10 000 has two."""
+
+
+RULES = {
+    "plane_index": "swapped",
+    "crosstalk_outside": "edge",
+    "friction_above": "edge",
+    "friction_below": "edge",
+    "table_filter": "filter",
+    "temperature_filter": "filter",
+}
+"""Conventions whose other choice is one of the faults; the rest are named as such."""
+
+
+def other_rules(change: Change, plain: Change) -> dict[str, int | str]:
+    """Return the conventions that differ from those assumed, with their values."""
+    if change.conventions == plain.conventions:
+        return {}
+    assumed = plain.conventions.to_dict()
+    return {
+        name: value
+        for name, value in change.conventions.to_dict().items()
+        if value != assumed[name]
+    }
+
+
+@dataclasses.dataclass(frozen=True)
+class Hypothesis:
+    """One way in which a compensation may be applied.
+
+    Attributes:
+        change: Of the table, its edge, its masters, its filter.
+        lag: Cycles that the offset comes later.
+        scale: Factor of the offset.
+        is_free: The factor is none of `SCALES`, but what fits best.
+    """
+
+    change: Change
+    lag: int = 0
+    scale: float = 1.0
+    is_free: bool = False
+
+    def words(self, channel: AbstractChannel) -> tuple[str, ...]:
+        """Return the faults that it consists of; empty where there is none."""
+        found = list(self._scale_words())
+        change, plain = self.change, channel.plain
+        if change.is_shifted:
+            found.append("shift")
+        rules = {RULES[name] for name in other_rules(change, plain) if name in RULES}
+        if change.masters is not None or "swapped" in rules:
+            found.append("swapped")
+        if self.lag:
+            found.append("lag")
+        if change.cycles is not None or "filter" in rules:
+            found.append("filter")
+        if change.edge is not None or "edge" in rules:
+            found.append("edge")
+        return tuple(found)
+
+    def _scale_words(self) -> tuple[str, ...]:
+        if not self.is_free:
+            return SCALES[self.scale]
+        return ("sign", "unit") if self.scale < 0 else ("unit",)
+
+    def cost(self, channel: AbstractChannel, samples: float) -> float:
+        """Return twice the logarithm by which it is less likely than the plain one.
+
+        A fault costs `FAULT`; a choice among several what it takes to name one; a number
+        fitted to the data what the Bayesian information criterion charges.
+
+        Args:
+            channel: The compensation.
+            samples: Number of independent rows.
+        """
+        number = math.log(max(samples, 2.0))
+        cost = FAULT * len(self.words(channel))
+        cost += number * sum(1 for shift in self.change.shift if shift)
+        cost += 2.0 * math.log(20.0) * (self.lag != 0)
+        if self.change.cycles is not None:
+            cost += 2.0 * math.log(40.0)
+            # Where the manuals know of no filter, a delay is the simpler story.
+            own = channel.cycles_under(self.change.conventions)
+            cost += FAULT * (
+                own <= 1
+                or self.change.conventions.table_filter
+                != (channel.conventions.table_filter)
+            )
+        if self.change.masters is not None:
+            cost += 2.0 * math.log(len(channel.swaps))
+        if self.is_free:
+            cost += number + FAULT  # the factors above are what faults are made of
+        rules = other_rules(self.change, channel.plain)
+        cost += FAULT * sum(1 for name in rules if name not in RULES)
+        return cost

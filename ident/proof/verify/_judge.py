@@ -1,0 +1,254 @@
+"""From what the search found to a verdict in the words of the interface."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from ._channel import EDGES, AbstractChannel
+from ._hypothesis import RULES, Hypothesis
+from ._search import EQUAL, Found, Rival
+from ._words import joined, phrases
+
+SETTLED = 2.0 * math.log(1000.0)
+"""Difference of criteria from which on a convention is settled: odds of 1000 to 1."""
+
+_BLOCK = 64
+"""Rows over which noise is averaged out before what is left is called systematic."""
+
+_ROUGH = 0.25
+"""Share of an offset that may be left unexplained before it is said not to agree."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """What a controller does with one compensation of one axis.
+
+    Attributes:
+        axis: Logical number.
+        compensation: As in a job file.
+        verdict: ``agrees``, or the faults; empty where the log cannot tell.
+        value: Of each word: factor; mm or °; cycles; None where there is none. Of
+            ``agrees``: mm or ° within which it does.
+        sentence: For the person at the machine.
+        settled: Values of the conventions that fit.
+        doubtful: Of these, the ones that the log does not settle.
+    """
+
+    axis: int
+    compensation: str
+    verdict: tuple[str, ...]
+    value: tuple[float | None, ...]
+    sentence: str
+    settled: Mapping[str, int | str]
+    doubtful: frozenset[str] = frozenset()
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the controller does what the lists say."""
+        return self.verdict == ("agrees",)
+
+
+def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
+    """Return the verdict on one compensation."""
+    axis, name = channel.axis, channel.compensation
+    best = found.rivals[0]
+
+    def verdict(
+        words: tuple[str, ...], value: tuple[float | None, ...], sentence: str
+    ) -> Verdict:
+        return Verdict(axis, name, words, value, sentence, *settled(channel, found))
+
+    nothing = Verdict(axis, name, (), (), "", {})
+    if not _is_excited(channel):
+        text = "the log cannot tell: on this motion the list adds nothing that changes"
+        return dataclasses.replace(nothing, sentence=text)
+    if found.nothing < best.criterion - EQUAL:
+        text = "nothing is added: not active, or not logged"
+        return dataclasses.replace(nothing, sentence=text)
+    if found.nothing < best.criterion + EQUAL:
+        text = "the log cannot tell: what is added is lost in its noise"
+        return dataclasses.replace(nothing, sentence=text)
+    left = systematic(found.residual)
+    size = _size(found.column[channel.motion.judged])
+    faults = phrases(best.hypothesis, channel)
+    rules = _named_rules(channel, best.hypothesis)
+    if left > max(_ROUGH * size, 1e-4):
+        rest, whole = _size_of(channel, left), _size_of(channel, size)
+        text = f"not explained: {rest} of {whole} follow no rule that was tried"
+        if faults:
+            text += f" (nearest: {joined([one.text for one in faults])})"
+        return dataclasses.replace(nothing, sentence=text)
+    others = _equals(channel, found)
+    unseen = _unseen(channel, found)
+    tail = f"; this log does not show {joined(unseen)}" if unseen else ""
+    if not faults:
+        within = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
+        text = f"agrees within {_size_of(channel, within)}{rules}"
+        for one in others:
+            text += f"; as well explained: {one[1]}"
+        words = (
+            ("agrees",) if not others else tuple(w for one in others for w in one[0])
+        )
+        if others:
+            return verdict(("agrees", *words), (within, *[None] * len(words)), text)
+        return verdict(("agrees",), (within,), text + tail)
+    words = tuple(one.word for one in faults)
+    values = tuple(one.value for one in faults)
+    text = joined([one.text for one in faults]) + rules
+    for more, phrase, sizes in others:
+        text += f", or as well {phrase}"
+        for word, value in zip(more, sizes, strict=True):
+            if word not in words:
+                words, values = (*words, word), (*values, value)
+    return verdict(words, values, text + tail)
+
+
+def _equals(
+    channel: AbstractChannel, found: Found
+) -> list[tuple[tuple[str, ...], str, tuple[float | None, ...]]]:
+    """Return other faults that explain the log as well as the best ones."""
+    best = found.rivals[0]
+    seen = [set(best.hypothesis.words(channel))]
+    result = []
+    for one in found.rivals[1:]:
+        words = set(one.hypothesis.words(channel))
+        if one.criterion > best.criterion + EQUAL:
+            continue
+        if not words or any(words >= known for known in seen):
+            continue
+        seen.append(words)
+        parts = phrases(one.hypothesis, channel)
+        result.append(
+            (
+                tuple(part.word for part in parts),
+                joined([part.text for part in parts]),
+                tuple(part.value for part in parts),
+            )
+        )
+    return result
+
+
+def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
+    """Return what could be otherwise without being seen in this log."""
+    best = found.rivals[0]
+    change = best.hypothesis.change
+    told = set(best.hypothesis.words(channel))
+
+    def same(one: Rival) -> bool:
+        return one.misfit < best.misfit + EQUAL
+
+    result = []
+    near = [one for one in found.rivals[1:] if same(one)]
+    if "edge" not in told and any(
+        one.hypothesis == dataclasses.replace(
+            best.hypothesis, change=dataclasses.replace(change, edge=edge)
+        )
+        for one in near
+        for edge in EDGES
+        if edge != change.edge
+    ):  # fmt: skip
+        result.append("what happens beyond the table")
+    if len(channel.ways) == 2 and "swapped" not in told and any(
+        one.hypothesis.change.masters is not None
+        and dataclasses.replace(one.hypothesis.change, masters=None) == change
+        for one in near
+    ):  # fmt: skip
+        result.append("which master is which")
+    if "lag" not in told and any(
+        one.hypothesis.lag
+        and dataclasses.replace(one.hypothesis, lag=0) == best.hypothesis
+        for one in near
+    ):
+        result.append("how late it comes")
+    if channel.cycles_under(channel.conventions) > 1 and "filter" not in told and any(
+        one.hypothesis.change.cycles is not None
+        and dataclasses.replace(one.hypothesis.change, cycles=None) == change
+        for one in near
+    ):  # fmt: skip
+        result.append("the length of the filter")
+    return result
+
+
+def settled(
+    channel: AbstractChannel, found: Found
+) -> tuple[dict[str, int | str], frozenset[str]]:
+    """Return the conventions that fit, and which of them nothing settles."""
+    best = found.rivals[0]
+    known = {one.name: one for one in channel.conventions.listing()}
+    values: dict[str, int | str] = {}
+    margins: dict[str, float] = {}
+
+    def rule(name: str, value: dict[Hypothesis, int | str]) -> None:
+        chosen = value[best.hypothesis]
+        others = [
+            one.criterion
+            for one in found.rivals
+            if value[one.hypothesis] not in (chosen, "other")
+        ]
+        if chosen == "other" or not others:
+            return
+        values[name] = chosen
+        margins[name] = min(others) - best.criterion
+
+    every = [one.hypothesis for one in found.rivals]
+    for name in channel.relevant:
+        rule(name, {one: getattr(one.change.conventions, name) for one in every})
+    sign = f"{channel.compensation}_sign"
+    if sign in known:
+        own = int(known[sign].value)
+        rule(sign, {one: own if one.scale > 0 else -own for one in every})
+    if channel.compensation == "cross":
+        words = {"held": "hold", "zero": "zero"}
+        rule(
+            "cross_edge",
+            {
+                one: words.get(
+                    one.change.edge or channel.edge(one.change.conventions), "other"
+                )
+                for one in every
+            },
+        )
+    doubtful = frozenset(name for name, by in margins.items() if by < SETTLED)
+    return values, doubtful
+
+
+def _named_rules(channel: AbstractChannel, best: Hypothesis) -> str:
+    """Return the conventions that differ and are no fault, as the end of a sentence."""
+    assumed = channel.conventions.to_dict()
+    found = [
+        f"{name} = {value}"
+        for name, value in best.change.conventions.to_dict().items()
+        if value != assumed[name] and name not in RULES
+    ]
+    return f" with {joined(found)}" if found else ""
+
+
+def _is_excited(channel: AbstractChannel) -> bool:
+    column = channel.column(channel.plain)[channel.motion.judged]
+    return float(np.max(np.abs(column))) > 1e-6
+
+
+def _size(column: Float[np.ndarray, " r"]) -> float:
+    return float(np.sqrt(np.mean(np.square(column))))
+
+
+def systematic(residual: Float[np.ndarray, " r"]) -> float:
+    """Return the rms of what is left in mm or ° once noise is averaged out."""
+    count = len(residual) // _BLOCK
+    if count < 4:
+        return float(abs(np.mean(residual)))
+    blocks = residual[: count * _BLOCK].reshape(count, _BLOCK)
+    means = blocks.mean(axis=1)
+    noise = float(np.mean(np.var(blocks, axis=1, ddof=1))) / _BLOCK
+    return math.sqrt(max(0.0, float(np.mean(np.square(means))) - noise))
+
+
+def _size_of(channel: AbstractChannel, length: float) -> str:
+    if not channel.unit:
+        return f"{length:.2g} drive units"
+    if channel.unit == "°":
+        return f"{length:.4f}°"
+    return f"{1e3 * length:.1f} µm"

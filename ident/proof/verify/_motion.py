@@ -1,0 +1,96 @@
+"""The motion of a log as the channels need it."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...exchange import ExchangeError, Motion, Ranges, direction_of_motion
+
+MOST_CYCLES = 10
+"""Cycles by which an offset is tried to be later or earlier."""
+
+_HISTORY = 128
+"""Cycles before a piece of a log that filters look back at."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LogMotion:
+    """Commanded motion of a log, one row per cycle or independent row.
+
+    Attributes:
+        path: Positions and what else was logged of the axes.
+        cycle: Time step in s; None where the rows are independent.
+        clock: Cycles by which what was reported was recorded later.
+        ranges: Of the axes that turn, in °.
+    """
+
+    path: Motion
+    cycle: float | None = None
+    clock: float = 0.0
+    ranges: Ranges = dataclasses.field(default_factory=dict)
+    _directions: dict[tuple[int, int], np.ndarray] = dataclasses.field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.path.rows
+
+    @property
+    def edge_rows(self) -> int:
+        """Rows at either end that are not judged: lags and filters reach beyond them."""
+        return 0 if self.cycle is None else min(_HISTORY, self.rows // 8)
+
+    @property
+    def judged(self) -> slice:
+        """The rows that are judged."""
+        return slice(self.edge_rows, self.rows - self.edge_rows)
+
+    @property
+    def reach(self) -> int:
+        """Cycles by which an offset may be late and still be judged."""
+        return min(MOST_CYCLES, self.edge_rows)
+
+    def position(self, axis: int, why: str) -> Float[np.ndarray, " t"]:
+        """Return the commanded position of an axis.
+
+        Raises:
+            ExchangeError: If the log does not have it.
+        """
+        return self.path.position(axis, why)
+
+    def direction(self, axis: int, why: str, start: int) -> Int[np.ndarray, " t"]:
+        """Return the direction of motion of an axis, ±1 per row (S-21)."""
+        if axis in self.path.directions:
+            return self.path.directions[axis]
+        place = self.position(axis, why)
+        if self.cycle is None:
+            return np.full(self.rows, start, dtype=np.int64)
+        if (axis, start) not in self._directions:
+            if axis in self.ranges:
+                low, high = self.ranges[axis]
+                place = np.unwrap(place, period=high - low)
+            self._directions[axis, start] = direction_of_motion(place, start)
+        return self._directions[axis, start]
+
+    def rates(
+        self, axis: int, why: str
+    ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+        """Return velocity and acceleration of an axis in mm/s and mm/s², or °.
+
+        Raises:
+            ExchangeError: If the log has neither them nor what they follow from.
+        """
+        span = None
+        if axis in self.ranges:
+            span = self.ranges[axis][1] - self.ranges[axis][0]
+        found = self.path.velocity(axis, span), self.path.acceleration(axis, span)
+        if found[0] is None or found[1] is None:
+            raise ExchangeError(
+                where=self.path.source,
+                found=f"no velocity and acceleration of A{axis}, nor time",
+                expected=f"A{axis}.position and time {why}",
+            )
+        return found[0], found[1]

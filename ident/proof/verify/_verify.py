@@ -1,0 +1,235 @@
+"""A log against the lists: what the controller does with each compensation."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from ....data.lists import ListFile
+from ....data.measurements import ControllerLog, LoggedOffset
+from ....models import COMPENSATIONS, Conventions
+from ...exchange import ExchangeError, Increments, Ranges
+from ...fit import one_blas_thread
+from ._channel import AbstractChannel
+from ._clock import clock_cost, clock_of, worth
+from ._judge import Verdict, judge_found
+from ._lists import at_clock, channels_of, unfiltered
+from ._motion import LogMotion
+from ._reports import axis_names, motion_of, number_of, reports_of
+from ._search import search
+from ._target import Target
+from ._total import drive_target, search_total
+
+
+@dataclasses.dataclass(frozen=True)
+class Verification:
+    """What a log tells.
+
+    Attributes:
+        verdicts: One per axis and compensation.
+        remarks: What the log cannot settle, one sentence each.
+        conventions: Those that fit.
+        settled: Names of the ones that the log settles.
+    """
+
+    verdicts: tuple[Verdict, ...]
+    remarks: tuple[str, ...]
+    conventions: Conventions
+    settled: frozenset[str]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether there is anything, and all of it agrees."""
+        return bool(self.verdicts) and all(one.agrees for one in self.verdicts)
+
+
+def verify_log(
+    lists: Sequence[ListFile],
+    log: ControllerLog,
+    conventions: Conventions,
+    increment: Increments = None,
+    *,
+    modulo: Ranges | None = None,
+) -> Verification:
+    """Return what a controller does with its lists, from what it logged.
+
+    Args:
+        lists: Compensation and axis lists in any order.
+        log: From `read_log`.
+        conventions: Rules as they are assumed.
+        increment: Worth of an encoder increment for lists with ``unit 0``.
+        modulo: Range in ° by axis, for the axes that turn.
+
+    Raises:
+        ExchangeError: If a list makes no table, an axis has two, the log lacks the
+            position of a master, or has nothing of what the lists add.
+    """
+    # The products here are too short to share: threads would only wait for each other.
+    with one_blas_thread():
+        return _verify(lists, log, conventions, increment, modulo or {})
+
+
+def _verify(
+    lists: Sequence[ListFile],
+    log: ControllerLog,
+    conventions: Conventions,
+    increment: Increments,
+    ranges: Ranges,
+) -> Verification:
+    names = axis_names(lists)
+    motion = motion_of(log, names, ranges)
+    channels = channels_of(lists, motion, conventions, increment)
+    reports, remarks = reports_of(log, names, channels)
+    targets = {
+        key: Target.of(one.values, step=one.step) for key, one in reports.items()
+    }
+    found = {
+        key: search(_channel(channels, key, reports), target)
+        for key, target in targets.items()
+    }
+    clock = clock_of({key: (_channel(channels, key, reports), found[key])
+                      for key in found}) if motion.cycle else 0.0  # fmt: skip
+    if clock:
+        timed = dataclasses.replace(motion, clock=clock)
+        others = channels_of(lists, timed, conventions, increment)
+        again = {
+            key: search(_channel(others, key, reports), target)
+            for key, target in targets.items()
+        }
+        assert motion.cycle is not None
+        # The clock is one more thing to explain; it must be worth it.
+        if worth(again) + clock_cost(motion.rows) < worth(found):
+            found, channels = again, others
+            way = "later" if clock > 0 else "earlier"
+            remarks.append(
+                "The offsets of this log were recorded"
+                f" {1e3 * abs(clock) * motion.cycle:.1f} ms {way} than its positions;"
+                " that is allowed for."
+            )
+    verdicts = [
+        judge_found(_channel(channels, key, reports), one) for key, one in found.items()
+    ]
+    driven: set[int] = set()
+    for axis, parts in channels.items():
+        told, at_drive = _sums(axis, parts, log, names, motion, set(found), remarks)
+        verdicts = _merged(verdicts, told)
+        if at_drive:
+            driven.add(axis)
+    if not verdicts:
+        raise ExchangeError(
+            where=str(log.source),
+            found="none of the values that the lists add",
+            expected="columns such as A3.cross, CROSSC::actual_offset or"
+            " A3.drive_position",
+        )
+    return _summary(verdicts, channels, driven, conventions, remarks)
+
+
+def _channel(
+    channels: Mapping[int, Mapping[str, AbstractChannel]],
+    key: tuple[int, str],
+    reports: Mapping[tuple[int, str], LoggedOffset],
+) -> AbstractChannel:
+    channel = channels[key[0]][key[1]]
+    return channel if reports[key].filtered else unfiltered(channel)
+
+
+def _sums(
+    axis: int,
+    parts: Mapping[str, AbstractChannel],
+    log: ControllerLog,
+    names: Mapping[str, int],
+    motion: LogMotion,
+    known: set[tuple[int, str]],
+    remarks: list[str],
+) -> tuple[list[Verdict], bool]:
+    """Return verdicts from the drive position or the sum, and whether it was the drive."""
+    drive = log.motion.get(f"A{axis}.drive_position")
+    named = [name for name, number in names.items() if number == axis]
+    for role in log.motion.values:
+        head, _, kind = role.partition(".")
+        if kind == "drive_position" and head.casefold() in named:
+            drive = log.motion.require(role)
+    whole = [
+        one
+        for one in log.offsets
+        if one.compensation == "offset"
+        and (one.axis is None or number_of(one.axis, names, str(log.source)) == axis)
+    ]
+    unknown = {
+        name: one for name, one in parts.items()
+        if (axis, name) not in known and name != "friction"
+    }  # fmt: skip
+    if drive is None:
+        if whole and unknown:
+            summed = {name: one for name, one in parts.items() if name != "friction"}
+            found = search_total(summed, Target.of(whole[0].values, step=whole[0].step))
+            told = [judge_found(summed[name], found[name]) for name in unknown]
+            return told, False
+        return [], False
+    place = motion.position(axis, "beside its drive_position")
+    target, late, part = drive_target(place, drive, motion.cycle is not None)
+    if (late or part) and motion.cycle:
+        remarks.append(
+            f"A{axis}.drive_position comes {1e3 * (late + part) * motion.cycle:.1f} ms"
+            f" after A{axis}.position; that is allowed for."
+        )
+    parts = {name: at_clock(one, part) for name, one in parts.items()}
+    parts.pop("friction", None)  # a current, and no position
+    found = search_total(parts, target)
+    return [judge_found(parts[name], one) for name, one in found.items()], True
+
+
+def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdict]:
+    """Return verdicts of single values, and of sums where they tell more."""
+    found = {(one.axis, one.compensation): one for one in logged}
+    for one in summed:
+        before = found.get((one.axis, one.compensation))
+        if before is None:
+            found[one.axis, one.compensation] = one
+        elif before.agrees and one.verdict and not one.agrees:
+            text = f"logged as the list says, but at the drive {one.sentence}"
+            found[one.axis, one.compensation] = dataclasses.replace(one, sentence=text)
+    return list(found.values())
+
+
+def _summary(
+    verdicts: Sequence[Verdict],
+    channels: Mapping[int, Mapping[str, AbstractChannel]],
+    driven: set[int],
+    conventions: Conventions,
+    remarks: list[str],
+) -> Verification:
+    values = conventions.to_dict()
+    settled: dict[str, bool] = {}
+    for one in verdicts:
+        for name, value in one.settled.items():
+            sure = name not in one.doubtful
+            if name.endswith("_sign") and one.axis not in driven:
+                sure = False
+            if sure or name not in settled:
+                values[name] = value
+            settled[name] = settled.get(name, False) or sure
+    seen = {(one.axis, one.compensation) for one in verdicts}
+    missing = [
+        f"A{axis}.{name}"
+        for axis, parts in channels.items()
+        for name in parts
+        if (axis, name) not in seen
+    ]
+    if missing:
+        remarks.append(f"Not in this log: {', '.join(missing)}.")
+    blind = sorted({one.axis for one in verdicts} - driven)
+    if blind:
+        which = ", ".join(f"A{axis}" for axis in blind)
+        remarks.append(
+            f"{which}: a log of offsets cannot tell with which sign they reach the"
+            " drive; log drive_position as well, or read a dial gauge."
+        )
+    verdicts = sorted(
+        verdicts, key=lambda one: (one.axis, COMPENSATIONS.index(one.compensation))
+    )
+    return Verification(
+        tuple(verdicts),
+        tuple(remarks),
+        Conventions.from_dict(values),
+        frozenset(name for name, sure in settled.items() if sure),
+    )

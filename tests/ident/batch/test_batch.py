@@ -1,0 +1,368 @@
+"""A batch without its processes: what is collected, grouped, kept and asked for."""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.csv as pv
+import pyarrow.parquet as pq
+import pytest
+
+from axcomp.ident.batch import (
+    COLUMNS,
+    VERSION,
+    BatchError,
+    collect_jobs,
+    query_results,
+    read_results,
+    summarise,
+)
+from axcomp.ident.batch._journal import Journal
+from axcomp.ident.batch._lock import locked
+from axcomp.ident.batch._rows import failed_row
+from axcomp.ident.batch._table import write_results
+from axcomp.ident.batch._work import Order, Outcome, Task, run_chunk
+from axcomp.ident.cli import main
+from axcomp.ident.fit import Gathering, in_group
+from axcomp.ident.job import load_job, run_job
+
+Fleet = Callable[[Path, int], list[str]]
+
+
+def tasks_of(folder: Path, names: Sequence[str]) -> list[Task]:
+    import hashlib
+
+    paths = [folder / f"{name}.toml" for name in names]
+    return [
+        Task(path.stem, str(path), hashlib.sha256(path.read_bytes()).hexdigest())
+        for path in paths
+    ]
+
+
+@pytest.fixture(scope="module")
+def batch(
+    tmp_path_factory: pytest.TempPathFactory,
+    fleet: Fleet,
+    readings: Callable[[int, float], str],
+) -> Path:
+    """Run a small fleet in this process: one loud machine, one broken job, one rejected."""
+    folder = tmp_path_factory.mktemp("batch")
+    jobs = folder / "jobs"
+    names = fleet(jobs, 18)
+    (jobs / "00004.csv").write_text(readings(4, 20.0))
+    (jobs / "00005.csv").write_text("x,e\n1,two\n")
+    gate = "\n[gate]\nmax_correction = 1.0e-4\n"
+    (jobs / "00006.toml").write_text((jobs / "00006.toml").read_text() + gate)
+    out = folder / "out"
+    out.mkdir()
+    found = run_chunk(tasks_of(jobs, names), Order(str(out), "test"))
+    write_results(out, [row for one in found for row in one.rows])
+    return folder
+
+
+def test_lists_and_results_of_a_batch_are_those_of_single_jobs_to_the_bit(
+    batch: Path, tmp_path: Path
+) -> None:
+    for name in ("00000", "00003", "00007"):
+        run_job(batch / "jobs" / f"{name}.toml", tmp_path / name)
+        theirs = batch / "out" / "unverified" / name
+        mine, own = (
+            json.loads((folder / "result.json").read_text())
+            for folder in (tmp_path / name, theirs)
+        )
+        for result in (mine, own):
+            result.pop("wall_time")
+        assert mine == own
+        for file in own["files"]:
+            if file != "result.json":
+                assert (tmp_path / name / file).read_bytes() == (
+                    theirs / file
+                ).read_bytes()
+
+
+def test_a_job_that_fails_is_a_row_with_its_reason_and_leaves_no_files(
+    batch: Path,
+) -> None:
+    (row,) = query_results(batch / "out", "state = 'failed'").to_pylist()
+    assert row["job"] == "00005"
+    assert "00005.csv" in row["reason"]
+    assert not list((batch / "out").rglob("00005"))
+
+
+def test_a_rejected_list_has_its_report_and_a_passed_one_none(batch: Path) -> None:
+    out = batch / "out" / "unverified"
+    assert (out / "00006" / "rejected" / "achskw1.lis").is_file()
+    assert (out / "00006" / "report.html").is_file()
+    assert not (out / "00000" / "report.html").exists()
+    rows = query_results(
+        batch / "out", "state = 'done' and not passed", "job, gate_failed", "job"
+    ).to_pylist()
+    # The loud machine has too much to correct, the other one no leave to correct.
+    assert [row["job"] for row in rows] == ["00004", "00006"]
+    assert all(row["gate_failed"] for row in rows)
+
+
+def test_lists_with_verified_conventions_do_not_go_to_unverified(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    (name,) = fleet(tmp_path, 1)
+    job = tmp_path / f"{name}.toml"
+    rules = [
+        rule
+        for rule in load_job(job).conventions.listing()
+        if rule.name.startswith(("leadscrew_", "direction_source", "start_direction"))
+    ]
+    (tmp_path / "known.toml").write_text(
+        "\n".join(f"{rule.name} = {json.dumps(rule.value)}" for rule in rules)
+    )
+    text = job.read_text().replace("[machine]", '[machine]\nconventions = "known.toml"')
+    job.write_text(text)
+    (found,) = run_chunk(tasks_of(tmp_path, [name]), Order(str(tmp_path / "out"), "t"))
+    assert [row["verified"] for row in found.rows] == [True], found.rows
+    assert (tmp_path / "out" / "lists" / name / "achskw1.lis").is_file()
+
+
+def test_a_table_of_jobs_says_the_same_as_the_job_files(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    names = fleet(tmp_path / "jobs", 3)
+    template = (tmp_path / "jobs" / "00000.toml").read_text()
+    (tmp_path / "kind.toml").write_text(template)
+    rows = ["job,template,title,machine.id,machine.measured_at,measurements.laser.file"]
+    rows += [
+        f"axis-{name},kind.toml,{name},007,2026-01-0{k + 1},jobs/{name}.csv"
+        for k, name in enumerate(names)
+    ]
+    (tmp_path / "fleet.csv").write_text("\n".join(rows) + "\n")
+    items = collect_jobs([tmp_path / "fleet.csv"], tmp_path / "out")
+    assert [item.name for item in items] == [f"axis-{name}" for name in names]
+    for item, name in zip(items, names, strict=True):
+        assert item.text is not None
+        item.path.parent.mkdir(parents=True, exist_ok=True)
+        item.path.write_text(item.text)
+        job = load_job(item.path)
+        assert job.spec.machine.id == "007"
+        assert job.inputs == (job.file(f"../../jobs/{name}.csv"),)
+        assert job.spec.fits == load_job(tmp_path / "jobs" / f"{name}.toml").spec.fits
+
+
+def test_every_key_of_a_job_can_be_a_column(tmp_path: Path) -> None:
+    cells = {
+        "title": "x", "axes.X.number": 1, "measurements.m.file": "m.csv",
+        "measurements.m.columns.X.position": "p", "fits.0.compensation": "leadscrew",
+        "fits.0.axis": "X", "fits.0.measurement": "m", "fits.0.points": 5,
+        "fits.0.start": 0.0, "fits.0.interval": 1.0, "gate.max_slope": None,
+    }  # fmt: skip
+    pq.write_table(pa.table({k: [v] for k, v in cells.items()}), tmp_path / "t.parquet")
+    (tmp_path / "m.csv").write_text("p\n1\n")
+    (item,) = collect_jobs([tmp_path / "t.parquet"], tmp_path)
+    assert item.text is not None
+    item.path.parent.mkdir()
+    item.path.write_text(item.text)
+    spec = load_job(item.path).spec
+    assert spec.fits[0].axis == "X"
+    assert spec.measurements["m"].columns["X.position"] == "p"
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("nothing-*.toml", "found no such file"),
+        (".", "found a folder, expected files"),
+        ("twice.csv", "two jobs named 'a'"),
+        ("name.csv", "expected a name fit for a folder"),
+        ("other.csv", "expected keys of a job"),
+    ],
+)
+def test_what_cannot_be_collected_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, argument: str, words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "twice.csv").write_text("job,fits.0.axis\na,X\na,Y\n")
+    (tmp_path / "name.csv").write_text("job,fits.0.axis\n../x,X\n")
+    (tmp_path / "other.csv").write_text("x,y\n1,2\n")
+    with pytest.raises(BatchError, match=words):
+        collect_jobs([argument], tmp_path)
+
+
+def test_a_line_that_a_crash_cut_off_does_not_count(tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    journal.add([("a", [failed_row("a", "why")]), ("b", [])])
+    path = tmp_path / "journal.jsonl"
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'["c", [{"job"')
+    assert list(journal.read()) == ["a", "b"]
+    assert path.read_bytes() == whole
+
+
+def test_a_folder_is_locked_for_one_batch_and_free_after_it(tmp_path: Path) -> None:
+    with locked(tmp_path):
+        with pytest.raises(BatchError, match="another batch running"), locked(tmp_path):
+            pass
+    with locked(tmp_path):
+        pass
+
+
+def test_fits_of_calls_side_by_side_go_to_their_group_together() -> None:
+    groups: list[int] = []
+
+    def double(requests: Sequence[int]) -> list[int]:
+        groups.append(len(requests))
+        if 13 in requests:
+            msg = "thirteen"
+            raise ValueError(msg)
+        return [2 * one for one in requests]
+
+    def call(k: int) -> int:
+        (first,) = in_group(double, [k])
+        return sum(in_group(double, [first, first])) if k % 2 else first
+
+    calls = [lambda k=k: call(k) for k in range(6)]
+    assert Gathering().run(calls) == [0, 8, 4, 24, 8, 40]
+    assert groups == [6, 6]
+    groups.clear()
+    found = Gathering().run([lambda k=k: call(k) for k in (2, 13)])
+    assert found[0] == 4
+    assert isinstance(found[1], ValueError)
+    assert in_group(double, [4]) == [8]
+
+
+def test_a_gathering_names_the_calls_that_the_others_wait_for() -> None:
+    gathering, go = Gathering(), threading.Event()
+    calls = [go.wait, lambda: in_group(list, [1])]
+    thread = threading.Thread(target=gathering.run, args=(calls,))
+    thread.start()
+    deadline = time.monotonic() + 20.0  # ample: two threads have to start
+    while gathering.busy != [0] and time.monotonic() < deadline:
+        time.sleep(0.001)
+    assert gathering.busy == [0]
+    go.set()
+    thread.join()
+
+
+def test_a_disk_without_room_is_no_fault_of_the_job(
+    tmp_path: Path, fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import errno
+
+    from axcomp.ident.job import _output
+
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(_output, "write_atomically", full)
+    (found,) = run_chunk(
+        tasks_of(tmp_path, fleet(tmp_path, 1)), Order(str(tmp_path / "out"), "t")
+    )
+    assert isinstance(found, Outcome)
+    assert found.full
+    assert not list((tmp_path / "out").rglob("*.lis"))
+
+
+def test_the_table_carries_its_version_and_the_meaning_of_every_column(
+    batch: Path,
+) -> None:
+    table = read_results(batch / "out")
+    assert table.schema.metadata[b"axcomp.schema"] == str(VERSION).encode()
+    assert table.column_names == list(COLUMNS)
+    for name, (_, meaning) in COLUMNS.items():
+        assert table.schema.field(name).metadata[b"meaning"].decode() == meaning
+    later = table.replace_schema_metadata({"axcomp.schema": str(VERSION + 1)})
+    pq.write_table(later, batch / "later.parquet")
+    with pytest.raises(BatchError, match=f"found version {VERSION + 1}"):
+        read_results(batch / "later.parquet")
+
+
+def test_every_column_stands_in_the_documentation() -> None:
+    page = Path(__file__).parents[3] / "docs" / "batch.md"
+    text = page.read_text()
+    assert [name for name in COLUMNS if f"`{name}`" not in text] == []
+
+
+def test_questions_to_the_table_are_answered_on_the_command_line(
+    batch: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = str(batch / "out")
+    asked = ["results", out, "--where", "machine_id = 'm1'", "--order", "job"]
+    assert main([*asked, "--select", "job, passed", "--json"]) == 0
+    rows = json.loads(capfd.readouterr().out)
+    # Machine m1 has the jobs 6 to 11, the first of them was rejected.
+    assert rows == [{"job": f"{k:05d}", "passed": k > 6} for k in range(6, 12)]
+    assert main(asked) == 0
+    assert pv.read_csv(pa.py_buffer(capfd.readouterr().out.encode())).num_rows == 6
+    assert main(["results", out, "--where", "nothing = 1"]) == 1
+    assert "nothing" in capfd.readouterr().err
+    assert main(["results", str(batch)]) == 1
+    assert "expected the folder of a finished batch" in capfd.readouterr().err
+
+
+def test_a_question_cannot_reach_other_files(batch: Path) -> None:
+    with pytest.raises(BatchError, match=r"does not exist|disabled"):
+        query_results(batch / "out", select="(SELECT count(*) FROM '/etc/passwd')")
+
+
+def test_the_summary_finds_what_failed_what_is_loud_and_what_grows(batch: Path) -> None:
+    summary = summarise(batch / "out")
+    assert (summary.jobs, summary.failed, summary.rejected) == (18, 1, 2)
+    assert summary.unverified == 17
+    (spread,) = summary.spreads
+    assert spread.count == 17
+    before, after = spread.percentiles["before"], spread.percentiles["from_file"]
+    assert after[0] < 0.5 * before[0]
+    assert {one.job for one in summary.outliers if one.stage == "from_file"} == {
+        "00004"
+    }
+    page = (batch / "out" / "summary.html").read_text()
+    assert sum(summary.gate.values()) >= 2
+    assert "<svg" in page
+    assert json.loads((batch / "out" / "summary.json").read_text())["jobs"] == 18
+
+
+def test_a_trend_needs_several_measurements_that_agree(tmp_path: Path) -> None:
+    def row(machine: str, month: int, rms: float) -> dict[str, object]:
+        return {
+            "job": f"{machine}-{month}", "state": "done", "passed": True, "axis": "X",
+            "verified": True, "machine_id": machine, "compensation": "leadscrew",
+            "measured_at": f"2026-{month:02d}-01", "before_rms": rms, "unit": "mm",
+            "from_file_rms": 1e-3, "predicted_rms": 1e-3, "gate_failed": [],
+        }  # fmt: skip
+
+    old, new = tmp_path / "old", tmp_path / "new"
+    for folder, months in ((old, (1, 2, 3)), (new, (4, 5))):
+        folder.mkdir()
+        rows = [row("wears", m, 0.010 + 0.001 * m) for m in months]
+        rows += [row("rests", m, 0.010 + 0.001 * (m % 2)) for m in months]
+        rows += [row("fresh", m, 0.010 * m) for m in months if m > 3]
+        write_results(folder, rows)
+    assert summarise(new).trends == ()
+    (trend,) = summarise(new, [old]).trends
+    assert (trend.machine, trend.measurements) == ("wears", 5)
+    # 1 µm a month of 28 to 31 days is 12 µm a year, by the median within one.
+    assert trend.per_year == pytest.approx(0.012, abs=0.001)
+
+
+@pytest.mark.slow
+def test_a_batch_from_the_command_line_writes_all_that_it_says(
+    tmp_path: Path, fleet: Fleet, capfd: pytest.CaptureFixture[str]
+) -> None:
+    fleet(tmp_path, 4)
+    out = tmp_path / "out"
+    arguments = ["batch", str(tmp_path / "*.toml"), "--out", str(out), "--workers", "1"]
+    assert main([*arguments, "--reports", "--json"]) == 0
+    said = capfd.readouterr()
+    assert json.loads(said.out)["jobs"] == 4
+    assert "4 lists lie in unverified/" in said.err
+    assert sorted(path.name for path in out.iterdir()) == [
+        "batch.json", "batch.lock", "journal.jsonl", "results.parquet", "summary.html",
+        "summary.json", "unverified",
+    ]  # fmt: skip
+    assert len(list(out.glob("unverified/*/report.html"))) == 4
+    manifest = json.loads((out / "batch.json").read_text())
+    assert manifest["finished"] >= manifest["started"]
+    assert len(manifest["jobs"]) == 4
+    assert main([*arguments, "--resume"]) == 0
+    assert main(arguments) == 1
+    assert "expected --resume" in capfd.readouterr().err

@@ -1,0 +1,251 @@
+"""A batch among faults, with real processes: what was done is there once, complete."""
+
+import contextlib
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+Fleet = Callable[[Path, int], list[str]]
+
+_PATIENCE = 120.0
+"""Seconds to wait for anything; machines that run tests are slow at times."""
+
+
+def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "axcomp", "batch", *map(str, arguments)]
+    return subprocess.Popen(
+        command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def wait_for(what: Callable[[], bool]) -> None:
+    end = time.monotonic() + _PATIENCE
+    while not what():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def done(out: Path) -> int:
+    with contextlib.suppress(FileNotFoundError):
+        return len((out / "journal.jsonl").read_bytes().splitlines())
+    return 0
+
+
+def children(parent: int) -> list[int]:
+    """Return the worker processes of a batch."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            fields = stat.read_text().rpartition(")")[2].split()
+            command = (stat.parent / "cmdline").read_bytes()
+            if int(fields[1]) == parent and b"spawn_main" in command:
+                found.append(int(stat.parent.name))
+    return found
+
+
+def check_lists(out: Path, names: list[str]) -> None:
+    """Every good job's list is there once, complete, and its row as well."""
+    rows = [
+        json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()
+    ]
+    own = [name for name, _ in rows]
+    assert len(own) == len(set(own))
+    places = sorted(path.name for path in (out / "unverified").iterdir())
+    assert places == sorted(names)
+    for name in names:
+        folder = out / "unverified" / name
+        assert (folder / "achskw1.lis").read_text().rstrip().endswith("Ende")
+        assert json.loads((folder / "result.json").read_text())["passed"]
+    assert not list(out.rglob("*.part"))
+    assert not (out / ".work").exists()
+
+
+linux = pytest.mark.skipif(
+    not Path("/proc/self/stat").exists(), reason="needs /proc to find the workers"
+)
+
+
+@linux
+def test_a_killed_worker_a_corrupt_job_and_an_endless_one_cost_only_themselves(
+    tmp_path: Path, fleet: Fleet, endless_job: Callable[[Path, str], None]
+) -> None:
+    names = fleet(tmp_path / "jobs", 100)
+    (tmp_path / "jobs" / "corrupt.toml").write_text("[axes.X]\nnumber = = 1\n")
+    (tmp_path / "jobs" / "00007.csv").write_bytes(b"x,e,dir,run\n1,2,\xff\xfe,what\n")
+    endless_job(tmp_path / "jobs", "endless")
+    out = tmp_path / "out"
+    batch = start(
+        tmp_path / "jobs" / "*.toml", "--out", out, "--workers", 2,
+        "--time-limit", 4, cwd=tmp_path,
+    )  # fmt: skip
+    wait_for(lambda: done(out) > 1)
+    os.kill(children(batch.pid)[0], signal.SIGKILL)
+    _, said = batch.communicate(timeout=_PATIENCE)
+    assert batch.returncode == 1
+    assert "Traceback" not in said
+    names.remove("00007")
+    check_lists(out, names)
+    reasons = {
+        name: rows[0]["reason"]
+        for name, rows in map(
+            json.loads, (out / "journal.jsonl").read_text().splitlines()
+        )
+        if rows[0]["state"] == "failed"
+    }
+    assert set(reasons) == {"corrupt", "00007", "endless"}
+    assert "corrupt.toml:2: not TOML" in reasons["corrupt"]
+    assert "00007.csv" in reasons["00007"]
+    assert "took more than 4 s" in reasons["endless"]
+    assert "102 jobs, 3 failed" in said
+
+
+def test_a_killed_batch_goes_on_and_a_second_one_is_refused(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    names = fleet(tmp_path / "jobs", 200)
+    out = tmp_path / "out"
+    options = (tmp_path / "jobs" / "*.toml", "--out", out, "--workers", 1)
+    first = start(*options, cwd=tmp_path)
+    wait_for((out / "batch.json").exists)
+    second = start(*options, cwd=tmp_path)
+    _, said = second.communicate(timeout=_PATIENCE)
+    assert second.returncode == 1
+    assert re.search(f"another batch running in it .process {first.pid}.", said)
+    wait_for(lambda: done(out) > 0)
+    first.kill()
+    first.communicate()
+    before = done(out)
+    assert 0 < before < len(names)
+    stamps = {
+        path: path.stat().st_mtime_ns for path in (out / "unverified").glob("*/*.lis")
+    }
+    refused = start(*options, cwd=tmp_path)
+    assert "expected --resume" in refused.communicate(timeout=_PATIENCE)[1]
+    again = start(*options, "--resume", cwd=tmp_path)
+    _, said = again.communicate(timeout=_PATIENCE)
+    assert again.returncode == 0, said
+    check_lists(out, names)
+    # Nothing that was there is written twice.
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
+
+
+def _small_disk(folder: Path, size: str) -> bool:
+    """Mount a small disk of memory; False where this user may not."""
+    folder.mkdir()
+    mount = shutil.which("mount")
+    if mount is None or os.name == "nt" or os.geteuid() != 0:
+        return False
+    command = [mount, "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    folder = tmp_path / "disk"
+    if not _small_disk(folder, "600k"):
+        pytest.skip("needs the right to mount a small disk")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_full_disk_stops_the_batch_and_room_lets_it_go_on(
+    tmp_path: Path, small_disk: Path, fleet: Fleet
+) -> None:
+    names = fleet(tmp_path / "jobs", 40)
+    out = small_disk / "out"
+    options = (tmp_path / "jobs" / "*.toml", "--out", out, "--workers", 1)
+    batch = start(*options, cwd=tmp_path)
+    _, said = batch.communicate(timeout=_PATIENCE)
+    assert batch.returncode == 1
+    assert re.search(r"axcomp: .*(no room left|No space left).*--resume", said), said
+    assert not list(out.rglob("*.part"))
+    for folder in out.glob("unverified/*"):
+        assert (folder / "achskw1.lis").read_text().rstrip().endswith("Ende")
+    subprocess.run(["mount", "-o", "remount,size=64m", str(small_disk)], check=True)
+    again = start(*options, "--resume", cwd=tmp_path)
+    _, said = again.communicate(timeout=_PATIENCE)
+    assert again.returncode == 0, said
+    check_lists(out, names)
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Start a scheduler and two workers as a user would; yield address and processes."""
+    note = tmp_path / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    scheduler = subprocess.Popen(
+        [
+            *dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
+            "--scheduler-file", str(note),
+        ],
+        **quiet,  # type: ignore[call-overload]
+    )  # fmt: skip
+    processes = [scheduler]
+    try:
+        wait_for(note.exists)
+        wait_for(lambda: note.stat().st_size > 0)
+        address = json.loads(note.read_text())["address"]
+        processes += [
+            subprocess.Popen(
+                [
+                    *dask, "worker", address, "--nthreads", "1", "--no-dashboard",
+                    "--local-directory", str(tmp_path / f"worker{k}"),
+                ],
+                **quiet,  # type: ignore[call-overload]
+            )
+            for k in range(2)
+        ]  # fmt: skip
+        yield address, processes
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+        for process in processes:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(15)
+            process.kill()
+            process.wait()
+
+
+def test_a_scheduler_and_two_workers_elsewhere_do_it_and_may_get_lost(
+    tmp_path: Path,
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+    fleet: Fleet,
+) -> None:
+    address, processes = cluster
+    names = fleet(tmp_path / "jobs", 20)
+    out = tmp_path / "out"
+    options = (tmp_path / "jobs" / "*.toml", "--scheduler", address)
+    batch = start(*options, "--out", out, cwd=tmp_path)
+    _, said = batch.communicate(timeout=_PATIENCE)
+    assert batch.returncode == 0, said
+    check_lists(out, names)
+    more = fleet(tmp_path / "jobs", 260)
+    lost = tmp_path / "lost"
+    batch = start(*options, "--out", lost, cwd=tmp_path)
+    wait_for(lambda: done(lost) > 0)
+    processes[0].kill()
+    _, said = batch.communicate(timeout=_PATIENCE)
+    assert batch.returncode == 1
+    assert re.search(r"axcomp: .*scheduler was lost; \d+ of 260 jobs are done", said)
+    assert "Traceback" not in said
+    for process in processes[1:]:
+        process.kill()
+    again = start(
+        tmp_path / "jobs" / "*.toml", "--out", lost, "--resume", "--workers", 1,
+        cwd=tmp_path,
+    )  # fmt: skip
+    _, said = again.communicate(timeout=_PATIENCE)
+    assert again.returncode == 0, said
+    check_lists(lost, more)

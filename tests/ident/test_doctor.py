@@ -1,0 +1,185 @@
+"""The doctor: right where the data can tell, silent where they cannot."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile
+from axcomp.ident.exchange import ExchangeError
+from axcomp.ident.proof import Diagnosis, Measured, diagnose
+from axcomp.models import Conventions
+
+NODES = np.arange(0.0, 801.0, 20.0)
+ERROR = np.round(
+    0.02 * np.sin(NODES / 60)
+    + 5e-5 * NODES
+    + 0.006 * np.random.default_rng(2).normal(size=NODES.size),
+    4,
+)
+LIST = ListFile.parse(
+    (
+        "kopf.achs_nr 1\nkw.ssfk.unit 1\nkw.ssfk.interval 200000\n"
+        f"kw.ssfk.kw_startpos 0\nkw.ssfk.kw_nr_max {NODES.size}\n"
+        "kw.ssfk.set_pos_without_comp 1\n"
+        + "".join(
+            f"kw.ssfk.table[{k}].pos {round(1e4 * value)}\n"
+            for k, value in enumerate(ERROR)
+        )
+    ).encode(),
+    "achskw1.lis",
+)
+TARGETS = np.arange(0.0, 801.0, 10.0)
+RUNS = 10
+X = np.tile(np.concatenate([TARGETS, TARGETS[::-1]]), RUNS)
+WAY = np.tile(np.repeat([1, -1], TARGETS.size), RUNS)
+SIZE = float(np.std(np.interp(X, NODES, ERROR)))
+
+
+def error(x: np.ndarray) -> np.ndarray:
+    return np.interp(x, NODES, ERROR)
+
+
+EFFECTS = {
+    "right": -error(X),
+    "sign": error(X),
+    "unit": -10.0 * error(X),
+    "small unit": -0.1 * error(X),
+    "shift": -error(X - 12.0),
+    "twice": -2.0 * error(X),
+    "wrong axis": np.zeros(X.size),
+}
+
+
+def draw(
+    effect: np.ndarray, noise: float, rng: np.random.Generator, other: bool = False
+) -> Diagnosis:
+    """Return the diagnosis of one pair of measurements; of two axes with `other`."""
+
+    def reading(values: np.ndarray) -> np.ndarray:
+        return np.asarray(values + noise * rng.normal(size=X.size))
+
+    before = [Measured(1, {1: X}, reading(error(X)), WAY)]
+    after = [Measured(1, {1: X}, reading(error(X) + effect), WAY)]
+    if other:
+        # The list acts on axis 2, along the positions of axis 1.
+        place = {1: X, 2: np.zeros(X.size)}
+        before.append(Measured(2, place, reading(0.0 * X), WAY))
+        after.append(Measured(2, place, reading(-error(X)), WAY))
+    found = diagnose([LIST], before, after, Conventions())
+    assert len(found) == 1
+    return found[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", sorted(EFFECTS))
+def test_99_of_100_draws_are_right_at_noise_of_a_third_of_the_error(fault: str) -> None:
+    rng = np.random.default_rng(17)
+    draws = [draw(EFFECTS[fault], SIZE / 3, rng).verdict for _ in range(100)]
+    word = "unit" if fault == "small unit" else fault
+    assert Counter(draws)[word] >= 99
+
+
+@pytest.mark.slow
+def test_another_axis_is_named_in_99_of_100_draws() -> None:
+    rng = np.random.default_rng(18)
+    found = [draw(EFFECTS["wrong axis"], SIZE / 3, rng, other=True) for _ in range(100)]
+    named = [(one.verdict, one.value) for one in found]
+    assert named.count(("wrong axis", 2.0)) >= 99
+
+
+@pytest.mark.parametrize("fault", sorted(EFFECTS))
+def test_one_draw_of_each_fault_is_right(fault: str) -> None:
+    one = draw(EFFECTS[fault], SIZE / 3, np.random.default_rng(4))
+    assert one.verdict == ("unit" if fault == "small unit" else fault)
+
+
+@pytest.mark.parametrize("fault", ["right", "sign", "small unit", "shift", "twice"])
+def test_in_strong_noise_nothing_is_guessed(fault: str) -> None:
+    rng = np.random.default_rng(19)
+    draws = Counter(draw(EFFECTS[fault], 60 * SIZE, rng).verdict for _ in range(12))
+    # At odds of 99 to 1, a dozen draws of pure noise have no verdict.
+    assert draws == {"cannot tell": 12}
+
+
+def test_verdicts_have_a_value_and_a_sentence() -> None:
+    rng = np.random.default_rng(3)
+    one = draw(EFFECTS["shift"], SIZE / 10, rng)
+    # The places that are tried are 5 mm apart (800 mm in 160).
+    assert one.value == pytest.approx(12.0, abs=3.0)
+    assert one.sentence.endswith("mm further")
+    assert draw(EFFECTS["sign"], SIZE / 10, rng).sentence == "added with opposite sign"
+    assert draw(EFFECTS["small unit"], SIZE / 10, rng).value == 0.1
+    other = draw(EFFECTS["wrong axis"], SIZE / 10, rng, other=True)
+    assert other.sentence == "acts on A2 instead of A1"
+
+
+def test_a_factor_that_is_no_fault_is_said_and_not_guessed() -> None:
+    one = draw(-0.5 * error(X), SIZE / 10, np.random.default_rng(5))
+    assert one.verdict == "cannot tell"
+    assert "0.5 times what the list says" in one.sentence
+
+
+def test_a_wild_reading_changes_nothing() -> None:
+    effect = EFFECTS["sign"].copy()
+    effect[100] += 5.0
+    assert draw(effect, SIZE / 3, np.random.default_rng(6)).verdict == "sign"
+
+
+def test_places_of_the_second_measurement_may_be_others() -> None:
+    rng = np.random.default_rng(7)
+    places = np.tile(np.arange(3.0, 799.0, 7.0), 5)
+    before = [Measured(1, {1: X}, error(X) + 1e-3 * rng.normal(size=X.size), None)]
+    noise = 1e-3 * rng.normal(size=places.size)
+    after = [Measured(1, {1: places}, 2 * error(places) + noise, None)]
+    one = diagnose([LIST], before, after, Conventions())[0]
+    assert one.verdict == "sign"
+
+
+def test_an_axis_that_was_not_measured_is_refused() -> None:
+    other = [Measured(2, {2: X}, 0.0 * X, None)]
+    with pytest.raises(ExchangeError, match="lists for A1; measured both times: A2"):
+        diagnose([LIST], other, other, Conventions())
+
+
+def write_job(folder: Path, name: str, effect: float) -> None:
+    rng = np.random.default_rng(8)
+    values = error(X) + effect * -error(X) + 2e-3 * rng.normal(size=X.size)
+    rows = np.stack([X, values, WAY], axis=1)
+    np.savetxt(
+        folder / f"{name}.csv", rows, fmt="%.6f", delimiter=",",
+        header="X.position,X.error,X.direction", comments="",
+    )  # fmt: skip
+    (folder / f"{name}.toml").write_text(
+        f'[axes.X]\nnumber = 1\n[measurements.laser]\nfile = "{name}.csv"\n'
+    )
+
+
+@pytest.mark.parametrize(
+    ("effect", "status", "sentence"),
+    [
+        (1.0, 0, "X leadscrew: right: the list adds what it says\n"),
+        (2.0, 1, "X leadscrew: applied twice\n"),
+    ],
+)
+def test_the_command_needs_no_fits_and_its_status_says_whether_all_is_right(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    effect: float,
+    status: int,
+    sentence: str,
+) -> None:
+    from axcomp.ident.cli import main
+
+    monkeypatch.setenv("AXCOMP_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "achskw1.lis").write_bytes(LIST.dumps())
+    write_job(tmp_path, "before", 0.0)
+    write_job(tmp_path, "after", effect)
+    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
+    assert main([*command, "--after", "after.toml"]) == status
+    assert capsys.readouterr().out == sentence
+    assert main([*command, "--after", "after.toml", "--json"]) == status
+    assert '"verdict"' in capsys.readouterr().out

@@ -1,0 +1,170 @@
+"""A backlash job: from readings in both directions to the entries of the axis list."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile, check
+from axcomp.ident.job import BacklashResult, JobError, run_job
+from axcomp.ident.report import write_report
+
+WIDTH = 0.0123
+NOISE = 0.0004
+
+JOB = """
+[axes.X]
+number = 1
+{axis}
+[measurements.dial]
+file = "dial.csv"
+axis = "X"
+active = {active}
+{columns}
+[[fits]]
+compensation = "backlash"
+axis = "X"
+measurement = "dial"
+"""
+
+
+def readings(folder: Path, width: float = WIDTH, runs: int = 4) -> None:
+    """A dial gauge at 12 places: a screw error common to both ways, and the play."""
+    rng = np.random.default_rng(3)
+    rows = ["target,error,run,direction"]
+    for run in range(1, runs + 1):
+        for way in (1, -1):
+            for x in np.linspace(0.0, 330.0, 12)[::way]:
+                error = 0.02 * np.sin(x / 60.0) - 0.5 * way * width
+                error += NOISE * rng.normal()
+                rows.append(f"{x},{error:.6f},{run},{way}")
+    (folder / "dial.csv").write_text("\n".join(rows) + "\n")
+
+
+def run(
+    folder: Path, axis: str = "", active: str = "[]", columns: str = ""
+) -> BacklashResult:
+    path = folder / "job.toml"
+    path.write_text(JOB.format(axis=axis, active=active, columns=columns))
+    result = run_job(path, folder / "out").fits[0]
+    assert isinstance(result, BacklashResult)
+    return result
+
+
+def test_size_comes_back_within_its_deviation(tmp_path: Path) -> None:
+    readings(tmp_path)
+    found = run(tmp_path)
+    # 3 standard deviations, one seeded draw.
+    assert abs(found.width - WIDTH) <= 3 * found.fit.standard_deviation
+    assert found.fit.standard_deviation < NOISE
+
+
+def test_written_entries_take_the_reversal_error_away(tmp_path: Path) -> None:
+    readings(tmp_path)
+    found = run(tmp_path)
+    # Half the width to either side, and then only the noise of the readings.
+    assert found.error["before"].rms == pytest.approx(WIDTH / 2, rel=0.05)
+    assert found.error["from_file"].rms < 1.2 * NOISE
+    assert found.error["predicted"].rms < 1.4 * NOISE
+
+
+def test_fragment_holds_size_selection_and_cycles_and_nothing_else(
+    tmp_path: Path,
+) -> None:
+    readings(tmp_path)
+    found = run(tmp_path)
+    listing = ListFile.read(tmp_path / "out" / "achsmds1.add.lis")
+    assert listing.integer("lr_param.anwahl_losekomp") == 1
+    assert listing.integer("getriebe[0].lose") == round(found.width * 1e4)
+    assert listing.integer("lr_param.n_backlash_cyc") == found.cycles
+    assert not (tmp_path / "out" / "achskw1.lis").exists()
+    assert [f for f in check([listing]) if f.level != "info"] == []
+
+
+def test_existing_axis_list_keeps_its_reference_flank(tmp_path: Path) -> None:
+    readings(tmp_path)
+    (tmp_path / "achsmds1.lis").write_text(
+        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 2\ngetriebe[0].lose 90\n"
+    )
+    found = run(tmp_path, axis='machine_data = "achsmds1.lis"')
+    edited = ListFile.read(tmp_path / "out" / "achsmds1.lis")
+    assert edited.integer("lr_param.anwahl_losekomp") == 2
+    assert found.reference == -1
+
+
+def test_active_backlash_is_added_to(tmp_path: Path) -> None:
+    readings(tmp_path, width=WIDTH - 0.009)
+    (tmp_path / "achsmds1.lis").write_text(
+        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 90\n"
+    )
+    found = run(tmp_path, axis='machine_data = "achsmds1.lis"', active='["backlash"]')
+    # The list unit of 0.1 µm adds to 3 standard deviations.
+    assert abs(found.width - WIDTH) <= 3 * found.fit.standard_deviation + 1e-4
+    assert found.error["from_file"].rms < 1.2 * NOISE
+
+
+def test_active_without_axis_list_is_refused(tmp_path: Path) -> None:
+    readings(tmp_path)
+    with pytest.raises(JobError, match="no axis list that switches it on is given"):
+        run(tmp_path, active='["backlash"]')
+
+
+def test_no_backlash_writes_nothing_and_says_so(tmp_path: Path) -> None:
+    readings(tmp_path, width=0.0)
+    found = run(tmp_path)
+    assert not (tmp_path / "out" / "achsmds1.add.lis").exists()
+    assert any("No backlash shows" in remark.message for remark in found.remarks)
+
+
+def test_trace_over_reversals_gives_the_size_too(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 60.0, 0.01)
+    # Two amplitudes, so that reversals differ in speed and a delay would show.
+    size = np.where(time < 30.0, 20.0, 35.0)
+    place = size * np.sin(2 * np.pi * time / 6.0)
+    way = np.where(np.cos(2 * np.pi * time / 6.0) >= 0, 1.0, -1.0)
+    actual = place - 0.5 * way * WIDTH + NOISE * rng.normal(size=time.size)
+    table = np.column_stack([time, place, actual])
+    np.savetxt(
+        tmp_path / "dial.csv", table, "%.6f", ",", header="t,enc,ref", comments=""
+    )
+    columns = (
+        "[measurements.dial.columns]\n"
+        'time = { column = "t", unit = "s" }\n'
+        '"X.position" = { column = "enc", unit = "mm" }\n'
+        '"X.encoder" = { column = "enc", unit = "mm" }\n'
+        '"X.actual" = { column = "ref", unit = "mm" }\n'
+    )
+    found = run(tmp_path, columns=columns)
+    assert found.moving
+    # 4 standard deviations, one seeded draw; and the deviation must mean something.
+    assert abs(found.width - WIDTH) <= 4 * found.fit.standard_deviation
+    assert found.fit.standard_deviation < 0.1 * WIDTH
+
+
+def test_result_and_report_say_what_was_found(tmp_path: Path) -> None:
+    readings(tmp_path)
+    path = tmp_path / "job.toml"
+    path.write_text(JOB.format(axis="", active="[]", columns=""))
+    result = run_job(path, tmp_path / "out")
+    tree = json.loads((tmp_path / "out" / "result.json").read_text())["fits"][0]
+    assert tree["parameters"]["backlash"] == pytest.approx(WIDTH, abs=NOISE)
+    assert tree["standard_deviations"]["backlash"] > 0
+    page, *plots = write_report(result, tmp_path / "out")
+    text = page.read_text()
+    assert "play between drive and slide" in text
+    assert "NaN" not in text
+    assert len(plots) == 1
+
+
+def test_backlash_beside_a_bilateral_leadscrew_is_refused(tmp_path: Path) -> None:
+    readings(tmp_path)
+    path = tmp_path / "job.toml"
+    second = (
+        '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "dial"\n'
+        "bilateral = true\nstart = 0.0\ninterval = 30.0\npoints = 12\n"
+    )
+    path.write_text(JOB.format(axis="", active="[]", columns="") + second)
+    with pytest.raises(JobError, match="both of which compensate the reversal"):
+        run_job(path, tmp_path / "out")

@@ -1,0 +1,409 @@
+"""A temperature job: from readings at several temperatures to the files for the PLC."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile, check
+from axcomp.ident.exchange import temperature_from_list
+from axcomp.ident.fit.thermal import lagged
+from axcomp.ident.job import JobError, JobResult, TemperatureResult, run_job
+from axcomp.ident.report import write_report
+from axcomp.models import Conventions
+
+GROWTH, CROSSING, NOISE = 1.1e-5, -200.0, 0.0005
+TARGETS = np.linspace(0.0, 1000.0, 6)
+
+JOB = """
+[axes.X]
+number = 1
+{axis}
+[measurements.warm]
+file = "warm.csv"
+{measured}
+[measurements.warm.columns]
+time = "t"
+"X.position" = "x"
+"X.error" = {{ column = "e", unit = "mm" }}
+{columns}
+[[fits]]
+compensation = "temperature"
+axis = "X"
+measurement = "warm"
+{keys}
+[gate]
+{gate}
+"""
+FRAME = '"temperature.frame" = "frame"'
+AUTO = 'sensor = "frame"'
+PLAIN = """sensor = "frame"
+lag = "none"
+law = { offset = "linear", coefficient = "linear" }"""
+"""Without the search for law and lag: the same line where they are so, in no time."""
+
+
+def warm_up(folder: Path, lag: float = 0.0, tail: float = 0.0) -> None:
+    """A scale that grows, 11 µm/m/K about −200 mm, over warming and cooling."""
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 4 * 3600.0, 60.0)
+    since = np.maximum(time - 0.6 * time[-1], 0.0)
+    warm = 1 - np.exp(-time / 3000.0)
+    warm = warm * np.where(since > 0, np.exp(-since / 3000.0), 1.0)
+    sensor = 20.0 + 18.0 * warm
+    structure = lagged(time, sensor, lag)
+    place = TARGETS[np.arange(len(time)) % 6]
+    error = 0.004 + 2e-5 * place + GROWTH * (structure - 20.0) * (place - CROSSING)
+    error += NOISE * rng.normal(size=len(time)) + tail
+    write(folder, ("t", "x", "e", "frame"), (time, place, error, sensor))
+
+
+def write(
+    folder: Path, names: tuple[str, ...], columns: tuple[np.ndarray, ...]
+) -> None:
+    np.savetxt(
+        folder / "warm.csv", np.column_stack(columns), "%.6f", ",",
+        header=",".join(names), comments="",
+    )  # fmt: skip
+
+
+def run_all(folder: Path, keys: str = PLAIN, **parts: str) -> JobResult:
+    given = {"axis": "", "measured": "", "columns": FRAME, "gate": ""} | parts
+    path = folder / "job.toml"
+    path.write_text(JOB.format(keys=keys, **given))
+    return run_job(path, folder / "out")
+
+
+def run(folder: Path, keys: str = PLAIN, **parts: str) -> TemperatureResult:
+    found = run_all(folder, keys, **parts).fits[0]
+    assert isinstance(found, TemperatureResult)
+    return found
+
+
+def test_planted_line_comes_back_and_the_files_take_it_away(tmp_path: Path) -> None:
+    warm_up(tmp_path)
+    found = run(tmp_path, AUTO)
+    assert found.fit.reference_deviation is not None
+    # 3 standard deviations, one seeded draw.
+    assert abs(found.reference - CROSSING) < 3 * found.fit.reference_deviation
+    assert found.law is not None
+    # Entry = −error, so that the offset is the ideal one; 0.5 % is three deviations.
+    slope = np.ptp(found.law.coefficient) / np.ptp(found.law.temperature)
+    assert slope == pytest.approx(1e6 * GROWTH, rel=0.005)
+    assert found.law.coefficient[-1] < 0
+    assert found.error["before"].rms > 0.05
+    # Noise of the readings; the state at 20 °C is known to a fraction of it.
+    assert found.error["from_file"].rms < 1.1 * NOISE
+    assert found.error["predicted"].rms < 0.1 * found.error["before"].rms
+
+
+def test_axis_list_corrects_nothing_by_itself_and_passes_the_checker(
+    tmp_path: Path,
+) -> None:
+    warm_up(tmp_path)
+    found = run(tmp_path)
+    listing = ListFile.read(tmp_path / "out" / "achsmds1.add.lis")
+    line = temperature_from_list(listing, Conventions())
+    assert line is not None
+    offset = line.offset(TARGETS, np.full((6, 1), 38.0))
+    np.testing.assert_array_equal(np.asarray(offset), 0.0)
+    assert listing.integer("lr_param.temp_comp") == 1
+    assert listing.integer("lr_param.temp_comp_position_0") == round(
+        1e4 * found.reference
+    )
+    assert 1 <= (listing.integer("lr_param.temp_comp_n_cycles") or 0) < 20
+    assert [f for f in check([listing]) if f.level != "info"] == []
+    assert not (tmp_path / "out" / "achskw1.lis").exists()
+
+
+def test_table_reproduces_the_fit_to_half_a_unit(tmp_path: Path) -> None:
+    warm_up(tmp_path)
+    found = run(tmp_path)
+    table = np.genfromtxt(
+        tmp_path / "out" / "temperature_X.csv", delimiter=",", names=True
+    )
+    assert table.dtype.names == ("temperature", "offset_0", "coefficient")
+    warm = np.linspace(table["temperature"][0], table["temperature"][-1], 50)
+    for place in (0.0, 1000.0):
+        away = place - found.reference
+        offset = np.interp(warm, table["temperature"], table["offset_0"])
+        slope = np.interp(warm, table["temperature"], table["coefficient"])
+        fit = found.relative.predict(warm[:, None], np.full(50, place))
+        # Half of 0.1 µm.
+        np.testing.assert_allclose(offset + 1e-6 * slope * away, -fit, atol=0.5e-4)
+
+
+def test_existing_axis_list_keeps_everything_else(tmp_path: Path) -> None:
+    warm_up(tmp_path)
+    (tmp_path / "achsmds1.lis").write_text(
+        "kopf.achs_nr 1 # mine\nlr_param.temp_comp_coefficient 12.5\nother 7\n"
+    )
+    found = run(
+        tmp_path,
+        PLAIN + "\nn_cycles = 7\nmanual_activation = true",
+        axis='machine_data = "achsmds1.lis"',
+    )
+    text = (tmp_path / "out" / "achsmds1.lis").read_text()
+    assert text.startswith("kopf.achs_nr 1 # mine\n")
+    edited = ListFile.read(tmp_path / "out" / "achsmds1.lis")
+    assert edited.integer("lr_param.temp_comp_n_cycles") == 7
+    assert edited.integer("lr_param.temp_comp_manual_activation") == 1
+    assert any("temp_comp_coefficient of" in r.message for r in found.remarks)
+
+
+def test_lag_goes_into_program_and_proof(tmp_path: Path) -> None:
+    warm_up(tmp_path, lag=900.0)
+    found = run(tmp_path, AUTO)
+    (lag,) = found.fit.lags
+    assert lag.interval[0] < 900.0 < lag.interval[1]
+    assert found.error["from_file"].rms < 1.1 * NOISE
+    text = (tmp_path / "out" / "temperature_X.st").read_text()
+    assert f"LAG_FRAME : LREAL := {lag.time_constant:.1f};" in text
+    unfiltered = run(tmp_path, PLAIN)
+    assert unfiltered.error["from_file"].rms > 5 * NOISE
+
+
+def test_two_sensors_share_one_table(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 4 * 3600.0, 60.0)
+    spindle = 20.0 + 15.0 * np.abs(np.sin(time / 3000.0))
+    scale = 20.0 + 6.0 * np.sin(time / 5000.0) ** 2
+    place = TARGETS[rng.integers(0, 6, len(time))]
+    error = 2e-3 * (spindle - 20.0) + 1e-5 * (scale - 20.0) * (place - 500.0)
+    error += NOISE * rng.normal(size=len(time))
+    names = ("t", "x", "e", "spindle", "scale")
+    write(tmp_path, names, (time, place, error, spindle, scale))
+    found = run(
+        tmp_path,
+        'sensors = { offset = "spindle", coefficient = "scale" }\nlag = "none"',
+        columns='"temperature.spindle" = "spindle"\n"temperature.scale" = "scale"',
+    )
+    assert found.sensors == ("spindle", "scale")
+    assert found.error["from_file"].rms < 1.1 * NOISE
+    assert found.law is not None
+    at = np.interp(26.0, found.law.temperature, found.law.offset)
+    # 0.05 % of 12 µm and the state at 20 °C: well inside 0.3 µm.
+    assert at == pytest.approx(-0.012, abs=3e-4)
+
+
+def test_missed_readings_and_missed_steps_are_set_aside(tmp_path: Path) -> None:
+    warm_up(tmp_path)
+    lines = (tmp_path / "warm.csv").read_text().splitlines()
+    for row, column, text in ((9, 3, ""), (40, 3, "-180"), (60, 2, "4.3"), (70, 2, "")):
+        cells = lines[row].split(",")
+        cells[column] = text
+        lines[row] = ",".join(cells)
+    (tmp_path / "warm.csv").write_text("\n".join(lines) + "\n")
+    found = run(tmp_path)
+    assert found.fit.wild.sum() == 1
+    assert (~found.fit.used).sum() == 3
+    assert found.error["from_file"].sound.rms < 1.1 * NOISE
+
+
+def confounded(folder: Path) -> None:
+    rng = np.random.default_rng(5)
+    place = np.tile(TARGETS, 20)
+    warm = 20.0 + 0.01 * place + 0.02 * rng.normal(size=len(place))
+    error = 1e-3 * (warm - 20.0) + NOISE * rng.normal(size=len(place))
+    time = 60.0 * np.arange(len(place))
+    write(folder, ("t", "x", "e", "frame"), (time, place, error, warm))
+
+
+def test_temperature_that_rises_with_the_position_is_named_and_not_written(
+    tmp_path: Path,
+) -> None:
+    confounded(tmp_path)
+    result = run_all(tmp_path)
+    (found,) = result.fits
+    assert isinstance(found, TemperatureResult)
+    loud = [r.message for r in found.remarks if r.level == "error"]
+    assert len(loud) == 1
+    assert "temperature at the offset from the slope over the position" in loud[0]
+    # Exit status 1, and no file that would look as if it were known.
+    assert not result.passed
+    assert found.law is None
+    assert {str(file) for file in result.files} == {"result.json"}
+
+
+def test_slope_that_cannot_be_told_from_its_change_leaves_the_offset(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(2)
+    count = 240
+    spindle = 20.0 + 10.0 * np.abs(np.sin(np.arange(count) / 30.0))
+    far = np.arange(count) % 6 == 5
+    place = np.where(far, 900.0, 100.0)
+    # The scale is warm where the axis is far out: its change is the slope again.
+    scale = 20.0 + 5.0 * far + 0.02 * rng.normal(size=count)
+    error = 1e-3 * (spindle - 20.0) + NOISE * rng.normal(size=count)
+    names = ("t", "x", "e", "spindle", "scale")
+    time = 60.0 * np.arange(count)
+    write(tmp_path, names, (time, place, error, spindle, scale))
+    result = run_all(
+        tmp_path,
+        'sensors = { offset = "spindle", coefficient = "scale" }\nlag = "none"\n'
+        'law = { offset = "linear", coefficient = "linear" }',
+        columns='"temperature.spindle" = "spindle"\n"temperature.scale" = "scale"',
+    )
+    (found,) = result.fits
+    assert isinstance(found, TemperatureResult)
+    assert not result.passed
+    assert found.law is not None
+    assert not found.law.coefficient.any()
+    # 240 readings of 0.5 µm over 10 K.
+    assert np.ptp(found.law.offset) == pytest.approx(0.010, abs=0.0005)
+
+
+def test_temperature_without_effect_writes_nothing_and_passes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    count = 300
+    warm = 20.0 + 10.0 * rng.random(count)
+    place, error = rng.choice(TARGETS, count), NOISE * rng.normal(size=count)
+    write(
+        tmp_path,
+        ("t", "x", "e", "frame"),
+        (60.0 * np.arange(count), place, error, warm),
+    )
+    result = run_all(tmp_path, 'sensor = "frame"\nlag = "none"')
+    assert result.passed
+    assert [str(file) for file in result.files] == ["result.json"]
+    assert any(
+        "No effect of the temperature" in r.message for r in result.fits[0].remarks
+    )
+
+
+def test_failed_gate_keeps_all_three_files_out_of_the_way(tmp_path: Path) -> None:
+    warm_up(tmp_path)
+    run(tmp_path)
+    found = run(tmp_path, gate="max_correction = 0.05")
+    assert not found.passed
+    assert {str(file) for file in found.files} == {
+        "rejected/achsmds1.add.lis",
+        "rejected/temperature_X.csv",
+        "rejected/temperature_X.st",
+    }
+    assert not list((tmp_path / "out").glob("temperature_*"))
+
+
+def test_files_of_an_earlier_run_do_not_stay_where_nothing_is_written(
+    tmp_path: Path,
+) -> None:
+    warm_up(tmp_path)
+    run(tmp_path)
+    confounded(tmp_path)
+    result = run_all(tmp_path)
+    assert not list((tmp_path / "out").glob("temperature_*"))
+    assert any(
+        "temperature_X.st of an earlier run" in r.message for r in result.remarks
+    )
+
+
+def test_datum_leaves_the_offset_open_and_says_so(tmp_path: Path) -> None:
+    warm_up(tmp_path)
+    found = run(tmp_path, measured="datum = { at = -200.0 }")
+    assert found.reference == -200.0
+    assert found.law is not None
+    assert not found.law.offset.any()
+    assert any("set to zero at -200 mm" in remark.message for remark in found.remarks)
+
+
+@pytest.mark.parametrize(
+    ("parts", "reason"),
+    [
+        ({"axis": 'type = "rotary"'}, "expected a linear one: the unit of the coeff"),
+        ({"measured": 'active = ["temperature"]'}, "COMP OFF TEMP"),
+        ({"measured": "expansion = 11.5\nmaterial_temperature = 21.0"}, "as measured"),
+        ({"keys": 'sensor = "frame"\nn_cycles = 20'}, "expected at most 19"),
+        ({"keys": 'sensor = "frame"\nsmoothness = 1'}, "temperature has no such entry"),
+        (
+            {"keys": 'sensor = "frame"\nsensors = { offset = "frame" }'},
+            "found beside sensor",
+        ),
+        (
+            {"keys": 'sensor = "frame"\nlaw = { offset = "linear" }'},
+            "expected a law for offset and coefficient",
+        ),
+        (
+            {"keys": 'sensor = "frame"\nsteady = { sensor = "frame", within = 0.001 }'},
+            "steady: frame: no reading lies within",
+        ),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_in_one_line(
+    tmp_path: Path, parts: dict[str, str], reason: str
+) -> None:
+    warm_up(tmp_path)
+    with pytest.raises(JobError, match=reason):
+        run(tmp_path, **parts)
+
+
+def test_result_and_report_say_what_was_found(tmp_path: Path) -> None:
+    warm_up(tmp_path, lag=900.0)
+    result = run_all(tmp_path, 'sensor = "frame"\nlag = 900.0')
+    tree = json.loads((tmp_path / "out" / "result.json").read_text())["fits"][0]
+    assert set(tree["parameters"]["table"]) == {
+        "temperature", "offset_0", "coefficient",
+    }  # fmt: skip
+    assert tree["standard_deviations"]["table"]["coefficient"][-1] > 0
+    assert tree["parameters"]["lags"][0]["time_constant"] == 900.0
+    assert tree["conventions"][0]["state"] == "assumed"
+    page, *plots = write_report(result, tmp_path / "out")
+    text = page.read_text()
+    assert "NaN" not in text
+    assert "The structure follows frame with" in text
+    assert "Take temperature_X.st into the PLC project" in text
+    assert [plot.name.split("-")[-1] for plot in plots] == [
+        "lines.svg", "time.svg", "law.svg", "scores.svg",
+    ]  # fmt: skip
+
+
+VORON = Path("../shared/data/thermal/voronV2_2021-06-05_1324.csv")
+HEATED = """
+[axes.Z]
+number = 3
+increment = 0.0025
+[measurements.heated]
+file = '{file}'
+[measurements.heated.columns]
+time = "time"
+"Z.error" = {{ column = "mcu_pos_z", unit = "inc" }}
+"temperature.frame" = "frame_t"
+"temperature.bed" = "bed_t"
+[[fits]]
+compensation = "temperature"
+axis = "Z"
+measurement = "heated"
+sensors = {{ offset = "frame" }}
+steady = {{ sensor = "bed", within = 2.0 }}
+{law}
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "near"),
+    [
+        # The straight line of all readings; its drift alone makes it uncertain by 10 %.
+        ('law = { offset = "linear" }\nlag = "none"', 0.0003),
+        # A lag or a bend found in the data takes up to a tenth of it.
+        ("", 0.0015),
+    ],
+)
+def test_heated_plateau_of_a_real_machine(
+    tmp_path: Path, law: str, near: float
+) -> None:
+    if not VORON.exists():
+        pytest.skip(f"needs {VORON}")
+    path = tmp_path / "job.toml"
+    path.write_text(HEATED.format(file=VORON.resolve(), law=law))
+    (found,) = run_job(path, tmp_path / "out").fits
+    assert isinstance(found, TemperatureResult)
+    assert found.fit.slope[0] == pytest.approx(-0.0148, abs=near)
+    # Missed steps of 4.3 mm, and nothing else: the plateau scatters by micrometres.
+    wild = found.view.before[found.view.wild]
+    assert len(wild) == 9
+    assert (np.abs(wild) > 4.0).all()
+    assert found.error["from_file"].sound.rms < 0.1 * found.error["before"].sound.rms
+    said = " ".join(remark.message for remark in found.remarks)
+    assert "540 of 570 readings count" in said
+    assert "measured at one position" in said

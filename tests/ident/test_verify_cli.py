@@ -1,0 +1,147 @@
+"""`axcomp verify`: sentences, JSON, stored conventions, and one line for bad input."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.ident.cli import main
+
+NODES = np.arange(0.0, 201.0, 20.0)
+VALUES = np.array([0, 12, 25, 31, 22, 8, -9, -20, -14, 2, 6]) * 1e-3
+X = np.concatenate([np.linspace(-20, 220, 1500), np.linspace(220, -20, 1500)])
+CROSS = (
+    "kopf.achs_nr 3\nkopf.log_achs_name Z\nkw.crosscomp.unit 1\n"
+    "kw.crosscomp.last_index 10\nkw.crosscomp.master_ax_nr 1\n"
+    + "".join(
+        f"kw.crosscomp.table[{k}].setpoint {round(1e4 * place)}\n"
+        f"kw.crosscomp.table[{k}].correction {round(1e4 * value)}\n"
+        for k, (place, value) in enumerate(zip(NODES, VALUES, strict=True))
+    )
+)
+
+
+def write_log(file: Path, values: np.ndarray, name: str = "A3.cross") -> None:
+    noise = 1e-3 * np.random.default_rng(1).normal(size=X.size)
+    drive = name.endswith("drive_position")
+    place = np.full(X.size, 50.0)
+    rows = np.stack(
+        [np.arange(X.size) * 1e-3, X, place, values + noise + place * drive], axis=1
+    )
+    head = f"time,A1.position,A3.position,{name}"
+    np.savetxt(file, rows, fmt="%.9f", delimiter=",", header=head, comments="")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("AXCOMP_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "achskw3.lis").write_text(CROSS)
+    return tmp_path
+
+
+def offset() -> np.ndarray:
+    return np.interp(X, NODES, VALUES)
+
+
+COMMAND = ["verify", "achskw3.lis", "--log", "log.csv"]
+
+
+def test_an_agreeing_log_ends_with_status_0_and_a_sentence(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_log(folder / "log.csv", offset())
+    assert main(COMMAND) == 0
+    printed = capsys.readouterr()
+    assert printed.out == "A3 cross: agrees within 0.1 µm\n"
+    assert "A3: a log of offsets cannot tell with which sign" in printed.err
+
+
+def test_json_has_the_shape_of_the_interface(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_log(folder / "log.csv", -offset())
+    assert main([*COMMAND, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out) == [
+        {
+            "axis": "A3",
+            "compensation": "cross",
+            "verdict": ["sign"],
+            "value": -1.0,
+            "sentence": "added with opposite sign",
+        }
+    ]
+
+
+def test_what_a_drive_log_settles_is_stored_and_then_assumed(folder: Path) -> None:
+    beyond = (X < 0) | (X > 200)
+    turned = -np.where(beyond, 0.0, offset())
+    write_log(folder / "log.csv", turned, "A3.drive_position")
+    save = [*COMMAND, "--save", "machine.toml"]
+    assert main(save) == 1
+    stored = tomllib.loads((folder / "machine.toml").read_text())
+    assert stored["verified"] == {"cross_sign": -1, "cross_edge": "zero"}
+    # With these rules assumed, the same log agrees.
+    assert main(save) == 0
+
+
+def test_a_sign_that_only_offsets_show_is_stored_as_assumed(folder: Path) -> None:
+    write_log(folder / "log.csv", -offset())
+    assert main([*COMMAND, "--save", "machine.toml"]) == 1
+    stored = tomllib.loads((folder / "machine.toml").read_text())
+    assert stored["assumed"] == {"cross_sign": -1}
+    assert "cross_sign" not in stored["verified"]
+
+
+def test_the_log_may_use_names_of_axes_and_objects(folder: Path) -> None:
+    write_log(folder / "log.csv", offset(), "V.A.CROSS_COMP_CURR.Z")
+    assert main(COMMAND) == 0
+    write_log(folder / "log.csv", offset() / 2e-4, "CROSSC::actual_offset")
+    assert main([*COMMAND, "--increment", "0.0002"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (("A1.position", "A2.position"), "expected A1.position for the cross table"),
+        (("A3.cross", "A3.power"), "found none of the values that the lists add"),
+        (("A3.cross", "Q.cross"), "found axis 'Q', expected A1, A2"),
+        (("\n0.001000000,", "\n0.0015,"), "a cycle of 1 ms after the row before"),
+    ],
+)
+def test_bad_logs_end_in_one_line(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: tuple[str, str],
+    expected: str,
+) -> None:
+    write_log(folder / "log.csv", offset())
+    text = (folder / "log.csv").read_text().replace(*change, 1)
+    (folder / "log.csv").write_text(text)
+    assert main(COMMAND) == 1
+    error = capsys.readouterr().err
+    assert expected in error
+    assert error.count("\n") == 1
+
+
+def test_two_lists_of_one_axis_end_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_log(folder / "log.csv", offset())
+    (folder / "other.lis").write_text(CROSS)
+    assert main([*COMMAND, "other.lis"]) == 1
+    error = capsys.readouterr().err
+    assert "a second compensation list of axis 3 beside achskw3.lis" in error
+    assert error.count("\n") == 1
+
+
+def test_a_cycle_time_that_disagrees_ends_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_log(folder / "log.csv", offset())
+    assert main([*COMMAND, "--cycle-time", "0.002"]) == 1
+    error = capsys.readouterr().err
+    assert "found a cycle time of 1 ms, expected 2 ms" in error
+    assert error.count("\n") == 1
