@@ -293,7 +293,9 @@ class PositionController(eqx.Module):
         source = motion.position
         if self.conventions.direction_source == "actual":
             source = actual(motion)
-        found, _, after = jax.vmap(directions)(state, source.T)
+        found, _, after = lax.map(
+            lambda given: directions(*given), (state, source.T)
+        )
         return found, after
 
 

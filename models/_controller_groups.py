@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ._controller_axis import AxisCompensations, Coupled
 from ._controller_filters import Filtered, Spread, filtered
@@ -115,11 +115,11 @@ class Group:
             seen = place
             if self.rules.plane_input == "actual":
                 seen = actual(rows)
-            found = _one_by_one(lambda law, m: law.offset(seen[m].T), laws, masters)
+            found = _one_by_one(lambda law, m: law.offset(_columns(seen, m)), laws, masters)
         else:
             found = _one_by_one(
                 lambda law, m: law.offset(
-                    change[m[0]], speed[m[0]], place[m[1:]].T
+                    change[m[0]], speed[m[0]], _columns(place, m[1:])
                 ),
                 laws,
                 masters,
@@ -270,6 +270,15 @@ def _one_by_one(
     # has to be told from those of the others, sample by sample.
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *laws)
     return lax.map(lambda given: evaluate(*given), (stacked, *arguments))
+
+
+def _columns(
+    rows: Float[Array, "a t"], numbers: Int[Array | np.ndarray, " m"]
+) -> Float[Array, "t m"]:
+    """Return some of the rows as columns."""
+    # Row by row, as XLA then sees through to the row when a law takes a column.
+    found = [rows[numbers[place]] for place in range(numbers.shape[0])]
+    return jnp.stack(found, axis=1) if found else jnp.zeros((rows.shape[1], 0))
 
 
 def _law(whole: Any) -> Any:

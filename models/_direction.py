@@ -63,8 +63,15 @@ def directions(
 
 def last_of(marks: Float[Array, " t"], start: Float[Array, ""]) -> Float[Array, " t"]:
     """Return the last mark up to each cycle that is not 0; before the first `start`."""
-    last = last_flagged(marks != 0.0)
-    return jnp.where(last > 0, take(marks, jnp.maximum(last - 1, 0)), start)
+
+    def fill(marks: Array) -> Array:
+        last = last_flagged(marks != 0.0)
+        return jnp.where(last > 0, take(marks, jnp.maximum(last - 1, 0)), start)
+
+    # Mostly there is none that is 0. XLA also stores what a condition gives, else it
+    # would work it out again in every place where it is used.
+    found: Array = lax.cond(jnp.any(marks == 0.0), fill, lambda marks: marks, marks)
+    return found
 
 
 def first_motion(

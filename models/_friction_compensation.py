@@ -12,6 +12,7 @@ from ._direction import last_of
 from ._filter import Delay, Past
 from ._friction import AbstractFriction
 from ._friction_hold import HoldState, ReversalHold
+from ._kernels import take
 from ._nodes import float_array, is_known
 from ._running import last_flagged
 
@@ -182,11 +183,21 @@ class FrictionCompensation(eqx.Module):
         """Return the weights before reversals."""
         cycles = self.reversal_lookahead
         weight = jnp.ones(count)
-        # From the farthest on: the next reversal has the last word.
-        for away in range(cycles, 0, -1):
-            share = (away - 1) / cycles if self.decays_to_zero else away / (cycles + 1)
-            weight = jnp.where(reverses[away : away + count], share, weight)
-        return weight
+        if cycles == 0:
+            return weight
+
+        def fall(reverses: Array) -> Array:
+            found = weight
+            # From the farthest on: the next reversal has the last word.
+            for away in range(cycles, 0, -1):
+                share = away / (cycles + 1)
+                if self.decays_to_zero:
+                    share = (away - 1) / cycles
+                found = jnp.where(reverses[away : away + count], share, found)
+            return found
+
+        falling: Array = lax.cond(jnp.any(reverses), fall, lambda _: weight, reverses)
+        return falling
 
     def _rise(
         self,
@@ -196,10 +207,21 @@ class FrictionCompensation(eqx.Module):
         begins: Bool[Array, " t"],
     ) -> tuple[Float[Array, " t"], Float[Array, ""], Bool[Array, ""]]:
         """Return the weights after reversals, where the last began, whether one did."""
-        last = last_flagged(begins)
-        any_yet = last > 0
-        origin = jnp.where(any_yet, came_from[jnp.maximum(last - 1, 0)], state.origin)
-        built = any_yet | state.built
+
+        def begin(begins: Array, came_from: Array) -> tuple[Array, Array]:
+            last = last_flagged(begins)
+            there = take(came_from, jnp.maximum(last - 1, 0))
+            origin = jnp.where(last > 0, there, state.origin)
+            return origin, (last > 0) | state.built
+
+        def begin_none(begins: Array, came_from: Array) -> tuple[Array, Array]:
+            same = jnp.broadcast_to(state.origin, came_from.shape)
+            return same, jnp.broadcast_to(state.built, begins.shape)
+
+        # In most pieces of a log no axis reverses.
+        origin, built = lax.cond(
+            jnp.any(begins), begin, begin_none, begins, came_from
+        )
         delay = self.position_delay
         distance = jnp.abs(place - origin)
         # Not a division: XLA rounds that one differently for a single cycle.

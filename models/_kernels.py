@@ -48,8 +48,6 @@ def corners(
     first = whole(jnp.asarray(flat))
     if table is not None:
         first = first + table.astype(jnp.int32) * math.prod(shape)
-    # Stored once: XLA would work it out again for each corner.
-    first = lax.optimization_barrier(first)
     weights = tuple(
         functools.reduce(jnp.multiply, pair) for pair in itertools.product(*sides)
     )

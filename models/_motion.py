@@ -4,7 +4,6 @@ from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from ._nodes import float_array
@@ -118,15 +117,13 @@ def rows_of(motion: Motion) -> Rows:
     heat = motion.temperature
     if heat is None:
         heat = jnp.zeros((motion.cycles, 0))
-    rows = Rows(
+    return Rows(
         position=motion.position.T,
         velocity=motion.velocity.T,
         acceleration=motion.acceleration.T,
         actual=None if motion.actual is None else motion.actual.T,
         temperature=heat.T,
     )
-    stored: Rows = lax.optimization_barrier(rows)
-    return stored
 
 
 def actual(motion: Motion | Rows) -> Float[Array, "_ _"]:

@@ -9,6 +9,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Int
 
+from ._kernels import take
+
 _BITS = 64
 """Flags per word."""
 _FLAG = np.uint64(1) << np.arange(_BITS, dtype=np.uint64)
@@ -27,8 +29,11 @@ def last_flagged(flags: Bool[Array, " t"]) -> Int[Array, " t"]:
     def highest(word: Array, end: Array) -> Array:
         return end - lax.clz(word).astype(jnp.int32)
 
-    through = lax.cummax(jnp.where(words != 0, highest(words, end), 0))
-    before = jnp.pad(through[:-1], (1, 0))
     seen = words[:, None] & _UP_TO[None]
+    before = jnp.zeros_like(end)
+    if words.size > 1:
+        row = jnp.pad(last_flagged(words != 0)[:-1], (1, 0))
+        there = jnp.maximum(row - 1, 0)
+        before = jnp.where(row > 0, take(highest(words, end), there), 0)
     last = jnp.where(seen != 0, highest(seen, end[:, None]), before[:, None])
     return last.reshape(-1)[:count]

@@ -98,7 +98,9 @@ class BilinearGrid(AbstractSurface):
         positions: Float[Array, "t k"],
     ) -> Float[Array, " t"]:
         """Return the value at each position; arguments as in the base class."""
-        table = values[:, np.asarray(self.order)]
+        table = values
+        if self.order != tuple(range(len(self.order))):
+            table = values[:, np.asarray(self.order)]
         where = self._coordinates(positions)
         return interpolate(table.reshape(-1), where, self._shape, branch)
 

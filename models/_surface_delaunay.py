@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
-from scipy.spatial import Delaunay, QhullError
 
 from ._nodes import float_array
 from ._stencil import Stencil
@@ -233,6 +232,9 @@ def _best(
 
 
 def _triangles(points: Float[np.ndarray, "p 2"]) -> tuple[Triangle, ...]:
+    # Takes a while to load, and few machines have such a surface.
+    from scipy.spatial import Delaunay, QhullError
+
     try:
         found = Delaunay(points).simplices
     except (QhullError, ValueError):

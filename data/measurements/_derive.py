@@ -39,12 +39,16 @@ def derive_error(measurement: Measurement, axis: str) -> Float[np.ndarray, " t"]
 
 
 def derive_motion(
-    measurement: Measurement, axis: str, *, cutoff: float | None = None
+    measurement: Measurement,
+    axis: str,
+    *,
+    cutoff: float | None = None,
+    order: tuple[str, ...] = ("encoder", "actual", "position"),
 ) -> Motion:
     """Return velocity and acceleration of an axis in mm or °, per s and s².
 
-    From the encoder where it is recorded, else from the external reference, else from
-    the commanded position. Equal steps of time pass a zero-phase Butterworth filter,
+    From the first position of the order that is recorded: the encoder, else the external
+    reference, else the command. Equal steps of time pass a zero-phase Butterworth filter,
     unequal ones a smoothing spline; `Motion.bandwidth` states what is left.
 
     Args:
@@ -52,6 +56,7 @@ def derive_motion(
         axis: Name of the axis.
         cutoff: Of the filter in Hz, or the bandwidth of the spline; a tenth of the
             sample rate, at most 100 Hz, where left out.
+        order: Which positions to take, the best first.
 
     Raises:
         MissingRole: If there is no time or no position.
@@ -59,7 +64,7 @@ def derive_motion(
     """
     why = f"to derive the motion of {axis}"
     time = measurement.require("time", why)
-    roles = [f"{axis}.{kind}" for kind in ("encoder", "actual", "position")]
+    roles = [f"{axis}.{kind}" for kind in order]
     role = next((role for role in roles if role in measurement.values), roles[-1])
     position = measurement.require(role, why)
     try:

@@ -1,4 +1,11 @@
-"""Job files: from TOML to lists, result and proof."""
+"""Job files: from TOML to lists, result and proof.
+
+Results of the rooms beside the tables are imported when they are first asked for: a
+job of one table needs none of them, and starts sooner without.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
@@ -21,14 +28,34 @@ from ._result import (
     TableResult as TableResult,
 )
 from ._run import run_job as run_job
-from .backlash import BacklashResult as BacklashResult
-from .friction import (
-    FrictionResult as FrictionResult,
-    FrictionView as FrictionView,
-    LawCurve as LawCurve,
-)
-from .temperature import (
-    TemperatureResult as TemperatureResult,
-    ThermalLaw as ThermalLaw,
-    ThermalView as ThermalView,
-)
+
+if TYPE_CHECKING:
+    from .backlash import BacklashResult as BacklashResult
+    from .friction import (
+        FrictionResult as FrictionResult,
+        FrictionView as FrictionView,
+        LawCurve as LawCurve,
+    )
+    from .temperature import (
+        TemperatureResult as TemperatureResult,
+        ThermalLaw as ThermalLaw,
+        ThermalView as ThermalView,
+    )
+
+_HOMES = {
+    "BacklashResult": "backlash",
+    "FrictionResult": "friction",
+    "FrictionView": "friction",
+    "LawCurve": "friction",
+    "TemperatureResult": "temperature",
+    "ThermalLaw": "temperature",
+    "ThermalView": "temperature",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name of a room on first use."""
+    if name not in _HOMES:
+        msg = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)

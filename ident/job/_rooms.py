@@ -4,6 +4,7 @@ from ...data.lists import ListFile
 from ..exchange import ExchangeError, axis_number
 from ._draft import AxisLists, Planned
 from ._fit_schema import (
+    AnyFit,
     BacklashSpec,
     CrossSpec,
     FrictionSpec,
@@ -14,9 +15,6 @@ from ._fit_schema import (
 from ._load import Job
 from ._source import Tables
 from ._table_draft import plan_table
-from .backlash import plan_backlash
-from .friction import plan_friction
-from .temperature import plan_temperature
 
 _TABLES = ("kw.", "frict_comp.")
 """What only a compensation list holds."""
@@ -29,20 +27,31 @@ def plan_all(job: Job, tables: Tables) -> tuple[Planned, ...]:
         JobError: If keys, nodes, masters or existing lists do not suit.
     """
     lists = existing_lists(job)
-    planned = []
-    for index, fit in enumerate(job.spec.fits):
-        own = lists[fit.axis]
-        if isinstance(fit, BacklashSpec):
-            planned.append(plan_backlash(job, tables, index, fit, own))
-        elif isinstance(fit, FrictionSpec):
-            planned.append(plan_friction(job, tables, index, fit, own))
-        elif isinstance(fit, TemperatureSpec):
-            planned.append(plan_temperature(job, tables, index, fit, own))
-        else:
-            # `find_fault` has refused what no room fits.
-            assert isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec)
-            planned.append(plan_table(job, tables, index, fit, own))
-    return tuple(planned)
+    return tuple(
+        _plan(job, tables, index, fit, lists[fit.axis])
+        for index, fit in enumerate(job.spec.fits)
+    )
+
+
+def _plan(
+    job: Job, tables: Tables, index: int, fit: AnyFit, lists: AxisLists
+) -> Planned:
+    # A room is imported when a job asks for it: each takes a while to load.
+    if isinstance(fit, BacklashSpec):
+        from .backlash import plan_backlash
+
+        return plan_backlash(job, tables, index, fit, lists)
+    if isinstance(fit, FrictionSpec):
+        from .friction import plan_friction
+
+        return plan_friction(job, tables, index, fit, lists)
+    if isinstance(fit, TemperatureSpec):
+        from .temperature import plan_temperature
+
+        return plan_temperature(job, tables, index, fit, lists)
+    # `find_fault` has refused what no room fits.
+    assert isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec)
+    return plan_table(job, tables, index, fit, lists)
 
 
 def existing_lists(job: Job) -> dict[str, AxisLists]:

@@ -20,13 +20,13 @@ from ._lists import AxisFiles, axis_files
 from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
 from ._output import OutFolder
+from ._plc_names import temperature_names
 from ._result import (
     JobResult,
     Remark,
 )
 from ._rooms import plan_all
 from ._source import Tables
-from .temperature import temperature_names
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
 

@@ -1,30 +1,26 @@
 """What the page shows of one fit beside its figures, by kind of compensation."""
 
-from ..job import (
-    AbstractResult,
-    BacklashResult,
-    FrictionResult,
-    TableResult,
-    TemperatureResult,
-)
-from ._backlash_body import backlash_body
+import importlib
+from collections.abc import Callable
+
+from ..job import AbstractResult, TableResult
 from ._body import Body
-from ._friction_body import friction_body
 from ._scale import Scale
 from ._second import SecondMeasurement
 from ._table_body import table_body
-from ._temperature_body import temperature_body
+
+_ROOMS = ("backlash", "friction", "temperature")
+"""Kinds with a body of their own, imported when a result asks for it."""
 
 
 def body_of(
     fit: AbstractResult, scale: Scale, second: SecondMeasurement | None
 ) -> Body:
     """Return plots, facts and wild readings of a fit."""
-    if isinstance(fit, BacklashResult):
-        return backlash_body(fit, scale)
-    if isinstance(fit, FrictionResult):
-        return friction_body(fit, scale)
-    if isinstance(fit, TemperatureResult):
-        return temperature_body(fit, scale)
+    if fit.compensation in _ROOMS:
+        name = fit.compensation
+        room = importlib.import_module(f"._{name}_body", __package__)
+        draw: Callable[[AbstractResult, Scale], Body] = getattr(room, f"{name}_body")
+        return draw(fit, scale)
     assert isinstance(fit, TableResult)
     return table_body(fit, scale, second)

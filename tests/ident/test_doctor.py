@@ -60,13 +60,13 @@ def draw(
     def reading(values: np.ndarray) -> np.ndarray:
         return np.asarray(values + noise * rng.normal(size=X.size))
 
-    before = [Measured(1, {1: X}, reading(error(X)), WAY)]
-    after = [Measured(1, {1: X}, reading(error(X) + effect), WAY)]
+    before = [Measured(1, {1: X}, reading(error(X)), None)]
+    after = [Measured(1, {1: X}, reading(error(X) + effect), None)]
     if other:
         # The list acts on axis 2, along the positions of axis 1.
         place = {1: X, 2: np.zeros(X.size)}
-        before.append(Measured(2, place, reading(0.0 * X), WAY))
-        after.append(Measured(2, place, reading(-error(X)), WAY))
+        before.append(Measured(2, place, reading(0.0 * X), None))
+        after.append(Measured(2, place, reading(-error(X)), None))
     found = diagnose([LIST], before, after, Conventions())
     assert len(found) == 1
     return found[0]

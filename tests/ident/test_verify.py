@@ -85,7 +85,7 @@ def moves(low: float, high: float, rows: int, seed: int) -> np.ndarray:
     return np.round(np.array(found[:rows]), 6)
 
 
-ROWS = 12_000
+ROWS = 8_000
 MOTION = {
     1: moves(-30.0, 430.0, ROWS, 1),
     2: moves(-30.0, 330.0, ROWS, 2),
@@ -215,7 +215,7 @@ def test_without_a_fault_everything_agrees(tmp_path: Path) -> None:
     found = verified(log_of(tmp_path, columns), screw_list(), axis_list())
     assert found.agrees
     for one in found.verdicts:
-        # 12 000 rows of 1 µm: what is left is far below the unit of the lists.
+        # 8 000 rows of 1 µm: what is left is far below the unit of the lists.
         assert one.sentence == "agrees within 0.1 µm"
     assert only(verified(log_of(tmp_path, {"A3.plane": plane()}), plane_list())).agrees
 
@@ -234,7 +234,7 @@ def test_a_single_fault_is_found(tmp_path: Path, compensation: str, fault: str) 
     if fault in sizes:
         assert one.value == (sizes[fault],)
     if fault == "shift":
-        # Slopes of 1 to 5 µm/mm, 12 000 rows of 1 µm: 0.01 mm is some deviations.
+        # Slopes of 1 to 5 µm/mm, 8 000 rows of 1 µm: 0.01 mm is some deviations.
         assert one.value[0] == pytest.approx(3.0, abs=0.03)
 
 
@@ -246,7 +246,7 @@ def test_a_pair_of_faults_is_found(tmp_path: Path, compensation: str) -> None:
     for pair in itertools.combinations(faults, 2):
         if set(pair) == {"x10", "x0.1"}:
             continue  # no fault
-        if compensation == "plane" and not {"swapped", "edge"} & set(pair):
+        if compensation == "plane" and "swapped" not in pair:
             continue  # as for the leadscrew
         log = plain_log(tmp_path, {f"A3.{compensation}": make(pair)}, seed=7)
         one = only(verified(log, *lists_of(compensation)))

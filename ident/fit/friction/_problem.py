@@ -55,7 +55,15 @@ class Problem:
     def restricted(self, only: Bool[np.ndarray, " s"]) -> "Problem":
         """Return the same equation for some of its rows; what was computed is kept."""
         other = dataclasses.replace(self, only=only)
-        for name in ("target", "load", "piece", "speed", "_designs", "_moving"):
+        for name in (
+            "target",
+            "load",
+            "piece",
+            "speed",
+            "scouted",
+            "_designs",
+            "_moving",
+        ):
             other.__dict__[name] = getattr(self, name)
         return other
 
@@ -66,7 +74,7 @@ class Problem:
     def with_structure(self, structure: AbstractStructure) -> "Problem":
         """Return the same rows for another kind of law; what was computed is kept."""
         other = dataclasses.replace(self, structure=structure)
-        kept = ["target", "load", "piece", "speed", "_moving"]
+        kept = ["target", "load", "piece", "speed", "scouted", "_moving"]
         if structure.directional == self.structure.directional:
             # Only then are the columns beside friction the same.
             kept += ["_designs", "_fixed_measured"]
@@ -111,6 +119,11 @@ class Problem:
     def speed(self) -> Float[np.ndarray, " t"]:
         """Speeds in motion, in mm/s."""
         return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
+
+    @cached_property
+    def scouted(self) -> dict[tuple[str, bool, bytes], Float[np.ndarray, " s"]]:
+        """Weights that `scout` found, by loss, direction and rows in use."""
+        return {}
 
     @cached_property
     def _designs(self) -> dict[tuple[AbstractStructure, bytes, bool], np.ndarray]:

@@ -21,11 +21,11 @@ from .._gating import limits_of
 from .._lists import AxisFiles
 from .._load import Job
 from .._output import OutFolder
+from .._plc_names import temperature_names
 from .._result import Remark
 from .._source import Tables
 from ._gate import RATE, judge_law, largest_correction, rates
 from ._identify import Identified, identify
-from ._names import temperature_names
 from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
 from ._result import TemperatureResult

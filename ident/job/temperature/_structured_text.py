@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from .._plc_names import plain_name
 from ._access_text import access_block, declare, sensor_inputs
-from ._names import plain_name
 from ._table import ThermalLaw
 
 _BEYOND = 40.0
