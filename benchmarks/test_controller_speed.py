@@ -1,13 +1,15 @@
 """Speed of the position controller: six axes with all compensations, a million cycles.
 
-Two cores shared with other work: each time is the best of several, and the contenders
-take turns. The NumPy version does the same, vectorised over the cycles, axis by axis.
+Two cores shared with other work: each time is the best of several, the contenders take
+turns, and beside the time on the clock stands that of the processors, by which they are
+compared. The NumPy version does the same, vectorised over the cycles, axis by axis.
 """
 
 import time
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -212,24 +214,54 @@ def everything(machine: PositionController, motion: Motion) -> Any:
     return machine.run(machine.start(), motion)
 
 
+def tables(machine: PositionController) -> list[Any]:
+    axes: Any = machine.axes
+    return [
+        table
+        for axis in axes
+        for table in (
+            axis.backlash.width,
+            axis.temperature.offset_0.values,
+            axis.temperature.coefficient.values,
+            axis.cross.law.values,
+            axis.plane.law.values,
+            axis.crosstalk.law.values,
+            axis.leadscrew.pos,
+            axis.leadscrew.neg,
+            axis.friction.law.values,
+        )
+    ]
+
+
+def squares(
+    machine: PositionController, motion: Motion, target: tuple[jax.Array, jax.Array]
+) -> jax.Array:
+    offset, current = sums(machine, motion)
+    return jnp.sum((offset - target[0]) ** 2) + jnp.sum((current - target[1]) ** 2)
+
+
 @jax.jit
 def value_and_gradient(
     machine: PositionController, motion: Motion, target: tuple[jax.Array, jax.Array]
+) -> tuple[jax.Array, list[jax.Array]]:
+    def by_tables(entries: list[jax.Array]) -> jax.Array:
+        return squares(eqx.tree_at(tables, machine, entries), motion, target)
+
+    return jax.value_and_grad(by_tables)(tables(machine))
+
+
+@jax.jit
+def by_everything(
+    machine: PositionController, motion: Motion, target: tuple[jax.Array, jax.Array]
 ) -> tuple[jax.Array, PositionController]:
-    def squares(machine: PositionController) -> jax.Array:
-        offset, current = sums(machine, motion)
-        return jnp.sum((offset - target[0]) ** 2) + jnp.sum((current - target[1]) ** 2)
-
-    return jax.value_and_grad(squares)(machine)
+    return jax.value_and_grad(squares)(machine, motion, target)
 
 
-def best_time(run: Callable[[], Any], rounds: int) -> float:
-    best = np.inf
-    for _ in range(rounds):
-        began = time.perf_counter()
-        jax.block_until_ready(run())
-        best = min(best, time.perf_counter() - began)
-    return best
+def spent(run: Callable[[], Any]) -> np.ndarray:
+    """Return the time that a run takes, and that of the processors, in s."""
+    began = np.array([time.perf_counter(), time.process_time()])
+    jax.block_until_ready(run())
+    return np.array([time.perf_counter(), time.process_time()]) - began
 
 
 def test_a_million_cycles_of_six_axes(benchmark: BenchmarkFixture) -> None:
@@ -239,25 +271,34 @@ def test_a_million_cycles_of_six_axes(benchmark: BenchmarkFixture) -> None:
         "sums": lambda: sums(machine, motion),
         "everything": lambda: everything(machine, motion),
         "value_and_gradient": lambda: value_and_gradient(machine, motion, target),
+        "by_everything": lambda: by_everything(machine, motion, target),
     }
-    compiling = {name: best_time(run, 1) for name, run in runs.items()}
-    best = dict.fromkeys(runs, np.inf)
-    for _ in range(5):
+    compiling = {name: spent(run) for name, run in runs.items()}
+    runs["numpy"] = lambda: plain(machine, motion)
+    best = {name: spent(run) for name, run in runs.items()}
+    for _ in range(4):
         for name, run in runs.items():
-            best[name] = min(best[name], best_time(run, 1))
-    began = time.perf_counter()
+            best[name] = np.minimum(best[name], spent(run))
     offsets, currents = plain(machine, motion)
-    best["numpy"] = time.perf_counter() - began
     found = benchmark.pedantic(
         lambda: jax.block_until_ready(sums(machine, motion)), rounds=3
     )
     error = float(np.max(np.abs(np.asarray(found[0]) - offsets)))
     rubbing = float(np.max(np.abs(np.asarray(found[1]) - currents)))
-    ratio = best["value_and_gradient"] / best["sums"]
+    ratio = float(best["value_and_gradient"][1] / best["sums"][1])
+    faster = float(best["numpy"][1] / best["sums"][1])
     benchmark.extra_info |= {
-        **{f"{name}_s": value for name, value in best.items()},
-        **{f"{name}_with_compiling_s": value for name, value in compiling.items()},
-        "times_faster_than_numpy": best["numpy"] / best["sums"],
+        **{f"{name}_s": float(both[0]) for name, both in best.items()},
+        **{f"{name}_processor_s": float(both[1]) for name, both in best.items()},
+        **{
+            f"{name}_with_compiling_s": float(both[0])
+            for name, both in compiling.items()
+        },
+        **{
+            f"{name}_with_compiling_processor_s": float(both[1])
+            for name, both in compiling.items()
+        },
+        "times_faster_than_numpy": faster,
         "gradient_times_the_evaluation": ratio,
         "largest_difference_to_numpy_mm": error,
         "largest_difference_of_currents": rubbing,
@@ -266,5 +307,5 @@ def test_a_million_cycles_of_six_axes(benchmark: BenchmarkFixture) -> None:
     # filter is summed up in another order.
     assert error < 1e-14
     assert rubbing < 1e-12  # currents of 20 over distances of 0.03 mm
-    assert best["numpy"] > best["sums"]
+    assert faster > 1.0
     assert ratio <= 3.5  # the goal is 3; cores are shared

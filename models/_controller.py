@@ -8,18 +8,28 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from ._controller_axis import AxisCompensations
-from ._controller_filters import Spread, spreads
-from ._controller_groups import Group, assembled, followed, group
+from ._controller_filters import Spread, followed, spreads
+from ._controller_groups import Group, assembled, group
 from ._conventions import Conventions
 from ._direction import DirectionState, directions
 from ._friction_compensation import FrictionState
-from ._motion import COMPENSATIONS, Motion, Offsets, actual, following, rows_of
+from ._motion import (
+    COMPENSATIONS,
+    Motion,
+    Offsets,
+    actual,
+    chunk_size,
+    following,
+    picked,
+    rows_of,
+    with_ahead,
+)
 
-_CHUNK = 1 << 15
-"""Most cycles worked on at once: enough for all threads, few enough for the caches."""
+_CHUNK = 1 << 13
+"""Most cycles worked on at once: what an axis needs of them stays in the cache."""
 _OFFSETS = COMPENSATIONS[:-1]
 """Those of the positions: all but friction."""
 
@@ -108,9 +118,9 @@ class PositionController(eqx.Module):
                 lacks actual positions that the conventions take.
         """
         self._check(motion)
-        velocities = self._with_ahead(motion, ahead)
+        velocities = with_ahead(motion, ahead, self.lookahead)
         count = motion.cycles
-        size = _chunk_size(count)
+        size = chunk_size(count, _CHUNK)
         number = count // size
         if number == 1 and size == count:
             return self._chunk(state, motion, velocities[count:])
@@ -152,11 +162,15 @@ class PositionController(eqx.Module):
         for piece in pieces:
             waiting.append(piece)
             while sum(p.cycles for p in waiting[1:]) >= max(self.lookahead, 1):
-                offsets, state = self.run(state, waiting[0], following(waiting))
+                offsets, state = self.run(
+                    state, waiting[0], following(waiting, self.lookahead)
+                )
                 waiting.pop(0)
                 yield offsets
         while waiting:
-            offsets, state = self.run(state, waiting[0], following(waiting))
+            offsets, state = self.run(
+                state, waiting[0], following(waiting, self.lookahead)
+            )
             waiting.pop(0)
             yield offsets
 
@@ -168,12 +182,12 @@ class PositionController(eqx.Module):
         `Motion.direction`, and the one to start from where it is 0 or missing.
         """
         self._check(motion)
-        direction = motion.direction
-        if direction is None:
-            direction = jnp.zeros_like(motion.position)
-        still = motion.velocity[:0]
+        unknown = jnp.zeros_like(motion.position)
+        direction = unknown if motion.direction is None else motion.direction
         state = self._start(settled=True)
-        return self._step(state, motion, direction.T, still, settled=True)[0]
+        return self._step(
+            state, motion, direction.T, motion.velocity[:0], settled=True
+        )[0]
 
     # ------------------------------------------------------------------------- details
 
@@ -211,13 +225,6 @@ class PositionController(eqx.Module):
             msg = "Motion must have at least one cycle, got none."
             raise ValueError(msg)
 
-    def _with_ahead(self, motion: Motion, ahead: Motion | None) -> Float[Array, "n a"]:
-        """Return all velocities, those of the look-ahead included."""
-        needed = self.lookahead
-        known = motion.velocity[:0] if ahead is None else ahead.velocity[:needed]
-        known = jnp.pad(known, ((0, needed - known.shape[0]), (0, 0)))
-        return jnp.concatenate([motion.velocity, known])
-
     def _chunk(
         self,
         state: ControllerState,
@@ -251,9 +258,9 @@ class PositionController(eqx.Module):
             parts = []
             for like in groups:
                 members = np.array(like.members)
-                place = _picked(rows.position, members)
+                place = picked(rows.position, members)
                 if like.sees_offsets:
-                    place = place + _picked(total, members)
+                    place = place + picked(total, members)
                 way = jnp.stack([ways[like.way][member] for member in like.members])
                 value, past = like.switched(
                     like.law(rows, way, place), next(carried), state.begun, motion
@@ -271,12 +278,9 @@ class PositionController(eqx.Module):
             frictions.append(past_friction)
         if groups:
             tables["friction"] = assembled(groups, parts, count)
+        columns = {name: found.T for name, found in tables.items()}
         return Offsets(
-            offset=total.T,
-            **{
-                name: tables[name].T if name in tables else None
-                for name in COMPENSATIONS
-            },
+            offset=total.T, **{name: columns.get(name) for name in COMPENSATIONS}
         ), ControllerState(
             begun=jnp.ones((), dtype=bool),
             direction=state.direction,
@@ -293,20 +297,5 @@ class PositionController(eqx.Module):
         source = motion.position
         if self.conventions.direction_source == "actual":
             source = actual(motion)
-        found, _, after = lax.map(
-            lambda given: directions(*given), (state, source.T)
-        )
+        found, _, after = lax.map(lambda given: directions(*given), (state, source.T))
         return found, after
-
-
-def _picked(rows: Float[Array, "a t"], numbers: Int[np.ndarray, " k"]) -> Array:
-    """Return some of the rows: all of them without a copy."""
-    return rows if numbers.size == rows.shape[0] else rows[numbers]
-
-
-def _chunk_size(count: int) -> int:
-    """Return into chunks of which size a piece is cut: equal ones, if there are any."""
-    if count <= _CHUNK:
-        return count
-    equal = (size for size in range(_CHUNK, _CHUNK // 4, -1) if count % size == 0)
-    return next(equal, _CHUNK)

@@ -111,3 +111,21 @@ def spreads(
         )
         for (cycles, names), members in found.items()
     )
+
+
+def followed(
+    parts: Sequence[Spread],
+    direction: Float[Array, "a t"],
+    carried: Sequence[Float[Array, "_ _"]],
+    begun: Bool[Array, ""],
+) -> tuple[dict[str, list[Float[Array, " t"]]], tuple[Float[Array, "_ _"], ...]]:
+    """Return the spread directions per compensation and axis, and what is carried."""
+    ways = {name: list(direction) for name in ("backlash", "leadscrew")}
+    after = []
+    for part, past in zip(parts, carried, strict=True):
+        rows, last = part.run(direction, past, begun)
+        after.append(last)
+        for name in part.names:
+            for member, row in zip(part.members, rows, strict=True):
+                ways[name][member] = row
+    return ways, tuple(after)

@@ -14,7 +14,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from ._controller_axis import AxisCompensations, Coupled
-from ._controller_filters import Filtered, Spread, filtered
+from ._controller_filters import Filtered, filtered
 from ._conventions import Conventions
 from ._filter import step_response
 from ._friction_compensation import FrictionCompensation, FrictionState
@@ -115,7 +115,9 @@ class Group:
             seen = place
             if self.rules.plane_input == "actual":
                 seen = actual(rows)
-            found = _one_by_one(lambda law, m: law.offset(_columns(seen, m)), laws, masters)
+            found = _one_by_one(
+                lambda law, m: law.offset(_columns(seen, m)), laws, masters
+            )
         else:
             found = _one_by_one(
                 lambda law, m: law.offset(
@@ -167,7 +169,7 @@ class Group:
         if isinstance(active, float | int):
             return _times(value, active), jnp.full_like(past, active)
         share, after = filtered(active, past, begun, self.response)
-        return _found(value * share), after
+        return _times(value, share), after
 
     @property
     def _filters_values(self) -> bool:
@@ -241,24 +243,6 @@ def assembled(
     return jnp.stack(rows)
 
 
-def followed(
-    parts: Sequence[Spread],
-    direction: Float[Array, "a t"],
-    carried: Sequence[Float[Array, "_ _"]],
-    begun: Bool[Array, ""],
-) -> tuple[dict[str, list[Float[Array, " t"]]], tuple[Float[Array, "_ _"], ...]]:
-    """Return the spread directions per compensation and axis, and what is carried."""
-    ways = {name: list(direction) for name in ("backlash", "leadscrew")}
-    after = []
-    for part, past in zip(parts, carried, strict=True):
-        rows, last = part.run(direction, past, begun)
-        after.append(last)
-        for name in part.names:
-            for member, row in zip(part.members, rows, strict=True):
-                ways[name][member] = row
-    return ways, tuple(after)
-
-
 def _one_by_one(
     evaluate: Callable[..., Any], laws: Sequence[Any], *arguments: Any
 ) -> Any:
@@ -294,7 +278,12 @@ def _found(found: Any) -> Filtered:
 def _times(value: Filtered, active: Filtered | float) -> Filtered:
     if isinstance(active, float):
         return value if active == 1.0 else jnp.zeros_like(value)
-    return value * active
+    # Mostly all of it acts. And what a condition gives is rounded: fused with the sum of
+    # all offsets the product would not be, depending on the length of a piece.
+    found: Filtered = lax.cond(
+        jnp.all(active == 1.0), lambda value, _: value, jnp.multiply, value, active
+    )
+    return found
 
 
 def _friction(axis: AxisCompensations) -> FrictionCompensation:

@@ -36,6 +36,7 @@ class DirectionState(eqx.Module):
         )
 
 
+@eqx.filter_jit
 def directions(
     state: DirectionState, position: Float[Array, " t"]
 ) -> tuple[Float[Array, " t"], Bool[Array, " t"], DirectionState]:
@@ -61,6 +62,7 @@ def directions(
     return direction, direction != before, lax.stop_gradient(after)
 
 
+@eqx.filter_jit
 def last_of(marks: Float[Array, " t"], start: Float[Array, ""]) -> Float[Array, " t"]:
     """Return the last mark up to each cycle that is not 0; before the first `start`."""
 

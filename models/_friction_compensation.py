@@ -219,9 +219,7 @@ class FrictionCompensation(eqx.Module):
             return same, jnp.broadcast_to(state.built, begins.shape)
 
         # In most pieces of a log no axis reverses.
-        origin, built = lax.cond(
-            jnp.any(begins), begin, begin_none, begins, came_from
-        )
+        origin, built = lax.cond(jnp.any(begins), begin, begin_none, begins, came_from)
         delay = self.position_delay
         distance = jnp.abs(place - origin)
         # Not a division: XLA rounds that one differently for a single cycle.

@@ -4,7 +4,8 @@ from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
 
 from ._nodes import float_array
 
@@ -138,11 +139,40 @@ def actual(motion: Motion | Rows) -> Float[Array, "_ _"]:
     return motion.actual
 
 
-def following(waiting: list[Motion]) -> Motion | None:
-    """Return the motion after the first of the pieces; None if there is none."""
-    if len(waiting) < 2:
-        return None
+def picked(rows: Float[Array, "a t"], numbers: Int[np.ndarray, " k"]) -> Array:
+    """Return some of the rows, in ascending order: all of them without a copy."""
+    return rows if numbers.size == rows.shape[0] else rows[numbers]
+
+
+def with_ahead(
+    motion: Motion, ahead: Motion | None, cycles: int
+) -> Float[Array, "n a"]:
+    """Return all velocities, and those of so many cycles after the motion."""
+    known = motion.velocity[:0] if ahead is None else ahead.velocity[:cycles]
+    known = jnp.pad(known, ((0, cycles - known.shape[0]), (0, 0)))
+    return jnp.concatenate([motion.velocity, known])
+
+
+def following(waiting: list[Motion], cycles: int) -> Motion:
+    """Return so many cycles after the first piece: after the last one the axes stand.
+
+    Always as many, so that pieces of equal length need one program only.
+    """
     rows = [
         (piece.position, piece.velocity, piece.acceleration) for piece in waiting[1:]
     ]
-    return Motion(*(jnp.concatenate(part) for part in zip(*rows, strict=True)))
+    still = jnp.zeros((cycles, waiting[0].position.shape[1]))
+    return Motion(
+        *(
+            jnp.concatenate(part)[:cycles]
+            for part in zip(*rows, (still,) * 3, strict=True)
+        )
+    )
+
+
+def chunk_size(count: int, most: int) -> int:
+    """Return into chunks of which size a piece is cut: equal ones, if there are any."""
+    if count <= most:
+        return count
+    equal = (size for size in range(most, most // 4, -1) if count % size == 0)
+    return next(equal, most)

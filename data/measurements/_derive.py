@@ -65,7 +65,9 @@ def derive_motion(
     why = f"to derive the motion of {axis}"
     time = measurement.require("time", why)
     roles = [f"{axis}.{kind}" for kind in order]
-    role = next((role for role in roles if role in measurement.values), roles[-1])
+    role = next(
+        (role for role in roles if role in measurement.values), f"{axis}.position"
+    )
     position = measurement.require(role, why)
     try:
         clock = read_clock(time)

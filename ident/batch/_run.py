@@ -115,7 +115,7 @@ def run_batch(
                 if progress is not None:
                     progress(stand)
         finally:
-            shutil.rmtree(out / WORK, ignore_errors=True)
+            _take_away(out / WORK)
         ordered = [row for task in tasks for row in done[task.name]]
         write_results(out, ordered)
         summary = summarise(out, history)
@@ -133,6 +133,20 @@ def run_batch(
         seconds=time.monotonic() - start,
         summary=summary,
     )
+
+
+def _take_away(work: Path) -> None:
+    """Remove the work folder; a worker that still runs finds none of its files.
+
+    Renamed first: removed file by file, half of what such a worker wrote could still be
+    moved to its place.
+    """
+    gone = work.with_name(f"{work.name}.{secrets.token_hex(4)}")
+    try:
+        work.rename(gone)
+    except OSError:
+        gone = work
+    shutil.rmtree(gone, ignore_errors=True)
 
 
 def _task(item: JobItem, text: bytes) -> Task:

@@ -143,6 +143,9 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     out = Path(order.out)
     stage.parent.mkdir(parents=True, exist_ok=True)
     result = run_job(Path(task.path), stage)
+    if not all((stage / file).is_file() for file in result.files):
+        # The batch that this worker belonged to ended and took its work away.
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(stage))
     if order.reports or not result.passed:
         _report(result, stage)
     verified = all(
@@ -181,8 +184,11 @@ def published(task: Task, out: Path) -> list[Row] | None:
             result = json.loads((folder / "result.json").read_bytes())
         except (OSError, ValueError):
             continue
-        if task.sha256 not in result["inputs"].values():
-            shutil.rmtree(folder, ignore_errors=True)  # of a job that was changed since
+        current = task.sha256 in result["inputs"].values()
+        whole = all((folder / file).is_file() for file in result["files"])
+        if not (current and whole):
+            # Of a job that was changed since, or of a worker that was stopped.
+            shutil.rmtree(folder, ignore_errors=True)
             continue
         return rows_of(task.name, f"{kind}/{task.name}", verified, task.sha256, result)
     return None

@@ -73,7 +73,12 @@ def _print(
         # Some writers name files relative to the folder, others with it.
         shown = page if page.is_file() else out / page
         console.print(f"Report: {shown}", markup=False, soft_wrap=True)
-    verdict = "Done" if result.passed else "NOT PASSED: do not load the rejected lists"
+    verdict = "Done"
+    if not result.passed:
+        rejected = any(file.parts[0] == "rejected" for file in result.files)
+        verdict = "NOT PASSED: do not load the rejected lists"
+        if not rejected:
+            verdict = "NOT PASSED: not all that was asked for is known, see the errors"
     console.print(f"{verdict} ({result.wall_time:.1f} s).", markup=False)
 
 

@@ -31,6 +31,11 @@ from ._run import run_job as run_job
 
 if TYPE_CHECKING:
     from .backlash import BacklashResult as BacklashResult
+    from .crosstalk import (
+        CrosstalkResult as CrosstalkResult,
+        CrosstalkView as CrosstalkView,
+        EventCourse as EventCourse,
+    )
     from .friction import (
         FrictionResult as FrictionResult,
         FrictionView as FrictionView,
@@ -44,6 +49,9 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BacklashResult": "backlash",
+    "CrosstalkResult": "crosstalk",
+    "CrosstalkView": "crosstalk",
+    "EventCourse": "crosstalk",
     "FrictionResult": "friction",
     "FrictionView": "friction",
     "LawCurve": "friction",

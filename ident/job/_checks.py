@@ -4,9 +4,11 @@ import difflib
 from collections.abc import Iterable, Iterator
 
 from ..exchange import ExchangeError, build_number
+from ._crosstalk_faults import crosstalk_faults, named_axes
 from ._fit_schema import (
     BacklashSpec,
     CrossSpec,
+    CrosstalkSpec,
     FitSpec,
     FrictionSpec,
     LeadscrewSpec,
@@ -114,11 +116,14 @@ def _fits(job: JobFile) -> Iterator[Fault]:
         if isinstance(fit, TemperatureSpec):
             yield from _temperature(job, fit, where)
             continue
+        if isinstance(fit, CrosstalkSpec):
+            yield from _crosstalk(job, fit, where)
+            continue
         if not isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec):
             yield (
                 (*where, "compensation"),
                 f"{fit.compensation} is not built in this version, expected plane,"
-                " cross, leadscrew, temperature, friction or backlash",
+                " cross, leadscrew, temperature, friction, backlash or crosstalk",
             )
             continue
         if fit.group is not None:
@@ -200,6 +205,14 @@ def _temperature(job: JobFile, fit: TemperatureSpec, where: KeyPath) -> Iterator
                 "found temperature active while measuring: what it added is known to"
                 " the PLC alone, expected a measurement with COMP OFF TEMP",
             )
+
+
+def _crosstalk(job: JobFile, fit: CrosstalkSpec, where: KeyPath) -> Iterator[Fault]:
+    yield from _without(fit, ("smoothness", "group"), where)
+    for key, name in named_axes(fit):
+        if name not in job.axes:
+            yield (*where, key), _unknown(name, job.axes, "an axis")
+    yield from crosstalk_faults(job, fit, where)
 
 
 def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:

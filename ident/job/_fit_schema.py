@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=2)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Place = Annotated[list[float], Field(min_length=1, max_length=2)]
 
 
 class JobPart(BaseModel, frozen=True):
@@ -134,7 +135,7 @@ class CrosstalkSpec(FitSpec, frozen=True):
     velocity_dependent: bool | None = None
     acceleration: Positive | None = None
     deceleration: Annotated[float, Field(lt=0)] | None = None
-    positions: list[Pair] | None = None
+    positions: list[Place] | None = None
 
 
 TableSpec = PlaneSpec | CrossSpec | LeadscrewSpec

@@ -55,6 +55,8 @@ def _fit(fit: AbstractResult) -> dict[str, Any]:
         "axis": fit.axis,
         "axis_number": fit.axis_number,
         "unit": fit.unit,
+        # Tables alone have a prior; the key is there for all.
+        "smoothness": None,
         **fit.details(),
         "error": {name: _figures(error) for name, error in fit.error.items()},
         "held_out": fit.held_out,

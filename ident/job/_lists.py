@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from ...data.lists import Finding, ListFile, Value, new_list
 from ._draft import AbstractDraft
@@ -46,6 +47,10 @@ class AxisFiles:
             (self.machine_name, self.machine),
         )
         return tuple((name, one) for name, one in pairs if one is not None)
+
+    def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
+        """Return those of the written files that are lists, not the PLC's."""
+        return tuple(file for file in written if file.name not in self.extra)
 
 
 def axis_files(

@@ -106,7 +106,7 @@ def prove(
             *files.remarks,
         ),
         conventions=convention_states(job, _CONVENTIONS[spec.compensation]),
-        files=written,
+        files=files.of_lists(written),
         cycles=cycles if table.branches == 2 else None,
         findings=tuple(dataclasses.asdict(item) for item in files.findings),
         held_out="run" if one.held_out.by_run else "block",

@@ -7,6 +7,7 @@ from ._fit_schema import (
     AnyFit,
     BacklashSpec,
     CrossSpec,
+    CrosstalkSpec,
     FrictionSpec,
     LeadscrewSpec,
     PlaneSpec,
@@ -41,6 +42,10 @@ def _plan(
         from .backlash import plan_backlash
 
         return plan_backlash(job, tables, index, fit, lists)
+    if isinstance(fit, CrosstalkSpec):
+        from .crosstalk import plan_crosstalk
+
+        return plan_crosstalk(job, tables, index, fit, lists)
     if isinstance(fit, FrictionSpec):
         from .friction import plan_friction
 

@@ -121,21 +121,25 @@ def _for_the_plc(fit: FitSpec) -> tuple[str, ...]:
 
 
 def _fit_all(job: Job, say: Callable[[str], None]) -> list[AbstractDraft]:
-    """Fit one after the other; a later table takes what earlier ones leave."""
+    """Fit one after the other; a later table takes what earlier ones leave.
+
+    Backlash comes first: it leaves the readings of both directions on the reference
+    flank, where a table of one direction belongs.
+    """
     tables = Tables(job)
     left: Leftovers = {}
-    drafts: list[AbstractDraft] = []
-    axes = [spec.axis for spec in job.spec.fits]
+    drafts: dict[int, AbstractDraft] = {}
+    fits = job.spec.fits
     planned = plan_all(job, tables)
-    for k, (spec, fit) in enumerate(zip(job.spec.fits, planned, strict=True)):
-        say(f"fitting {spec.compensation} of {spec.axis}")
-        one = fit(left)
-        drafts.append(one)
-        if one.axis not in axes[k + 1 :]:
+    order = sorted(range(len(fits)), key=lambda k: fits[k].compensation != "backlash")
+    for place, k in enumerate(order):
+        say(f"fitting {fits[k].compensation} of {fits[k].axis}")
+        drafts[k] = one = planned[k](left)
+        if one.axis not in [fits[later].axis for later in order[place + 1 :]]:
             continue
         for key, added in one.left_by().items():
             left[key] = left[key] + added if key in left else added
-    return drafts
+    return [drafts[k] for k in range(len(fits))]
 
 
 def _failed(

@@ -9,7 +9,7 @@ from ._scale import Scale
 from ._second import SecondMeasurement
 from ._table_body import table_body
 
-_ROOMS = ("backlash", "friction", "temperature")
+_ROOMS = ("backlash", "crosstalk", "friction", "temperature")
 """Kinds with a body of their own, imported when a result asks for it."""
 
 

@@ -176,6 +176,7 @@ def test_derivatives_by_position_agree_with_finite_differences(
         np.testing.assert_allclose(slope[:, axis], quotient, rtol=1e-6, atol=3e-8)
 
 
+@pytest.mark.slow
 def test_derivatives_by_test_position_agree_with_finite_differences() -> None:
     surface = DelaunaySurface.through(LOOSE)
     plate = ThinPlateSurface(surface)

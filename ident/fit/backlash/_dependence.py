@@ -40,7 +40,12 @@ def dependence_of(
         return None
     part = slice(first + 1, first + 1 + order)
     values, covariance = found.coefficients[part], found.covariance[part, part]
-    statistic = float(values @ np.linalg.solve(covariance, values)) / order
+    if not covariance.any():
+        # Readings without any scatter fit exactly: what they show is what there is.
+        statistic = np.inf if values.any() else 0.0
+    else:
+        statistic = float(values @ np.linalg.pinv(covariance, hermitian=True) @ values)
+        statistic /= order
     sure = min(float(found.independent[part].min()), float(readings))
     free = max(sure - order - 1.0, 1.0)
     probability = float(f_distribution.sf(statistic, order, free))

@@ -78,13 +78,18 @@ def place_knots(
     low = max(1, round(velocity[0] * _PER_MM))
     high = max(low + 1, math.ceil(velocity[-1] * _PER_MM - 1e-6))
     beyond = max(high + 1, math.ceil(1.05 * (reach or velocity[-1]) * _PER_MM))
-    before = 1 if low > 1 else 0
+    before = 1 if low > 1 and entries > 3 else 0
+    low = low if before else 1  # three entries: one line from 1 µm/s on
     inner = max(2, entries - 1 - before)
     curve = _Curve(velocity * _PER_MM, current / unit, weight)
     best = _best(curve, low, high, inner)
     whole = _on_whole_numbers(curve, best, low, high)
     places = np.array([place for place, _ in whole], dtype=np.int64)
     heights = np.array([height for _, height in whole], dtype=np.int64)
+    # Where nobody measured, no more than at the slowest speed that was driven.
+    if places[0] < curve.place[0] and heights[0] > curve.height[0]:
+        heights[0] = math.floor(curve.height[0])
+        whole = list(zip(places.tolist(), heights.tolist(), strict=True))
     places = np.concatenate([[1] * before, places, [beyond]])
     heights = np.concatenate([heights[:1]] * before + [heights, heights[-1:]])
     keep = _needed(places, heights)

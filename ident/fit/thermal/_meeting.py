@@ -38,7 +38,7 @@ def find_meeting(
     pick = np.zeros(len(slopes))
     pick[0], pick[-1] = -1.0, 1.0
     deviation = float(np.sqrt(max(pick @ found.covariance[part, part] @ pick, 0.0)))
-    if abs(span) < _SURE * deviation:
+    if span == 0 or abs(span) < _SURE * deviation:
         return (
             None,
             f"The lines hardly change their slope, so they meet nowhere: {place}.",

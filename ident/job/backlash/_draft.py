@@ -19,9 +19,9 @@ from .._gating import limits_of
 from .._lists import AxisFiles
 from .._load import Job
 from .._output import OutFolder
-from .._result import Remark
 from .._source import Tables
 from ._recording import Recording, read_recording
+from ._remarks import remarks_of
 from ._result import BacklashResult, ReversalView
 
 
@@ -174,6 +174,19 @@ class BacklashDraft(AbstractDraft):
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
         """Nothing of it stands in the compensation list."""
 
+    def left_by(self) -> Leftovers:
+        way = self.recording.direction
+        if not self.written or way is None:
+            return {}
+        own = 0.0 if not self.active or self.old is None else float(self.old.width)
+        change = dataclasses.replace(self.found, width=self.width - own)
+        offset = change.compensation(self.reference).offset(way.astype(float))
+        added = np.asarray(offset, dtype=float)
+        return {
+            (self.axis, name): added[rows]
+            for name, rows in self.recording.slices.items()
+        }
+
     def prove(
         self,
         job: Job,
@@ -201,7 +214,12 @@ class BacklashDraft(AbstractDraft):
                 "from_file": error_figures(from_file, wild=self._wild),
             },
             gate=gate,
-            remarks=(*self._remarks(), *files.remarks),
+            remarks=(
+                *remarks_of(
+                    self.recording, self.found, self.old is not None, self.active
+                ),
+                *files.remarks,
+            ),
             conventions=convention_states(job, ("backlash_", "direction_source")),
             files=tuple(file for file in written if file.name == files.machine_name),
             findings=tuple(dataclasses.asdict(item) for item in files.findings),
@@ -273,41 +291,6 @@ class BacklashDraft(AbstractDraft):
             return 0.0 if self.old is None else float(self.old.width)
         back = backlash_from_list(ListFile.read(folder.root / name), job.conventions)
         return 0.0 if back is None else float(back.width)
-
-    def _remarks(self) -> list[Remark]:
-        found = self.found
-        remarks = list(self.recording.remarks)
-        if not found.significant:
-            remarks.append(
-                Remark(
-                    "warning",
-                    f"No backlash shows: {1e3 * found.width:.2f} µm ±"
-                    f" {1e3 * found.standard_deviation:.2f} µm is less than 3 standard"
-                    " deviations. Nothing is written.",
-                )
-            )
-        else:
-            remarks.append(Remark("info", f"{found.kind.capitalize()}."))
-        remarks += [Remark("warning", words) for words in found.warnings]
-        if self.old is None and found.significant:
-            remarks.append(
-                Remark(
-                    "warning",
-                    "The axis is taken as right when it moves in positive direction"
-                    " (anwahl_losekomp 1), since no axis list says otherwise. Where it"
-                    " was referenced or its tables were measured moving the other way,"
-                    " 2 is right; the wrong one shifts all positions by the width.",
-                )
-            )
-        if self.active:
-            remarks.append(
-                Remark(
-                    "info",
-                    "Backlash was active while measuring: the new size is old + what"
-                    " was left.",
-                )
-            )
-        return remarks
 
 
 def _check(name: str, value: float, limit: float, unit: str, where: str) -> GateCheck:

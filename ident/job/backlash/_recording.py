@@ -1,6 +1,8 @@
 """What was measured for a backlash: readings at standstill, or a trace in motion."""
 
 import dataclasses
+import itertools
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -31,6 +33,8 @@ class Recording:
         run: Cycle of each reading, or None.
         time: In s, or None.
         reach: Travel on both sides of a reversal that a trace is judged by.
+        rotary: Lengths are angles.
+        slices: Rows of each measurement; none for a trace.
         remarks: What was taken for granted.
     """
 
@@ -40,6 +44,8 @@ class Recording:
     run: Int[np.ndarray, " t"] | None
     time: Float[np.ndarray, " t"] | None
     reach: float
+    rotary: bool
+    slices: Mapping[str, slice]
     remarks: tuple[Remark, ...]
 
     @property
@@ -53,6 +59,18 @@ class Recording:
         Raises:
             FitError: If they do not determine it.
         """
+        found = self._fit(loss, keep)
+        return dataclasses.replace(
+            found,
+            message=self.in_unit(found.message),
+            warnings=tuple(self.in_unit(words) for words in found.warnings),
+        )
+
+    def in_unit(self, words: str) -> str:
+        """Return words in thousandths of a degree where the axis turns."""
+        return words.replace(" µm", " × 0.001°") if self.rotary else words
+
+    def _fit(self, loss: str, keep: np.ndarray | None) -> BacklashFit:
         rows = np.ones(len(self.error), dtype=bool) if keep is None else keep
         if self.direction is None:
             assert self.time is not None  # a trace has it
@@ -100,6 +118,13 @@ def read_recording(tables: Tables, fit: BacklashSpec) -> Recording:
     direction = joined([part.direction for part in parts])
     assert direction is not None  # `read_part` refuses it otherwise
     run = joined_runs(parts)
+    ends = np.cumsum([0, *(len(part.error) for part in parts)]).tolist()
+    slices = {
+        each: slice(first, last)
+        for each, (first, last) in zip(
+            fit.sources, itertools.pairwise(ends), strict=True
+        )
+    }
     return Recording(
         position=np.concatenate([part.positions[:, 0] for part in parts]),
         error=np.concatenate([part.error for part in parts]),
@@ -107,6 +132,8 @@ def read_recording(tables: Tables, fit: BacklashSpec) -> Recording:
         run=None if run is None else cycles_of(run, direction),
         time=joined([part.time for part in parts]),
         reach=0.0,
+        rotary=tables.job.spec.axes[fit.axis].kind != "linear",
+        slices=slices,
         remarks=tuple(
             Remark("info", words) for part in parts for words in part.remarks
         ),
@@ -128,6 +155,8 @@ def _trace(
         run=None,
         time=np.asarray(time, dtype=float),
         reach=reach,
+        rotary=kind != "linear",
+        slices={},
         remarks=(
             Remark(
                 "info",

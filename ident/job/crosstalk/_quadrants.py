@@ -37,6 +37,13 @@ def four_offsets(
     )
 
 
+def full_offsets(model: Crosstalk) -> Float[np.ndarray, "4 p"]:
+    """Return what a list adds at full acceleration at its tests, by row of the entries."""
+    rates = float(model.acceleration), float(model.deceleration)
+    points = np.asarray(model.surface.points, dtype=float)
+    return four_offsets(model, *rates, model.by_speed, points)
+
+
 def reversal_jumps(
     four: Float[np.ndarray, "4 p"], by_speed: bool
 ) -> Float[np.ndarray, "2 p"]:

@@ -56,9 +56,7 @@ def adaptation_of(fit: CrosstalkSpec) -> tuple[str, ...]:
     if fit.adaptation is None:
         return ()
     return (
-        (fit.adaptation,)
-        if isinstance(fit.adaptation, str)
-        else tuple(fit.adaptation)
+        (fit.adaptation,) if isinstance(fit.adaptation, str) else tuple(fit.adaptation)
     )
 
 
@@ -177,9 +175,7 @@ def _still(measured: Measurement, axis: str) -> Bool[np.ndarray, " t"]:
         still = np.abs(speed) <= _COMMANDED
         # A row stands still where the steps to both neighbours do.
         edge = np.ones(1, dtype=bool)
-        return np.asarray(
-            np.concatenate([edge, still]) & np.concatenate([still, edge])
-        )
+        return np.asarray(np.concatenate([edge, still]) & np.concatenate([still, edge]))
     return np.asarray(np.abs(derive_motion(measured, axis).velocity) <= _STILL)
 
 

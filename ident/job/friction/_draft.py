@@ -198,7 +198,7 @@ class FrictionDraft(AbstractDraft):
             gate=gate,
             remarks=(*self._remarks(), *files.remarks),
             conventions=convention_states(job, ("friction_",)),
-            files=written if self.knots is not None else (),
+            files=files.of_lists(written) if self.knots is not None else (),
             findings=tuple(dataclasses.asdict(item) for item in files.findings),
             held_out="window",
             fit=found.fit,
@@ -252,7 +252,8 @@ class FrictionDraft(AbstractDraft):
         remarks = [*self.recording.remarks, *self.found.remarks]
         fit = self.found.fit
         remarks.append(Remark("info", self.found.choice.sentence))
-        offset = fit.parameters.get("offset")
+        # Of the law that result.json gives: a table per direction splits it otherwise.
+        offset = self.found.law.parameters.get("offset")
         if offset is not None:
             remarks.append(
                 Remark(

@@ -6,7 +6,14 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...fit.friction import Choice, FrictionFit, Knots, OutputErrorFit, ReversalFit
+from ...fit.friction import (
+    Choice,
+    FrictionFit,
+    Knots,
+    OutputErrorFit,
+    ReversalFit,
+    Stribeck,
+)
 from ...proof import CircularTest
 from .._result import AbstractResult
 
@@ -98,6 +105,9 @@ class FrictionResult(AbstractResult):
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         parameters: dict[str, Any] = dict(self.law.parameters)
+        structure = self.law.structure
+        if isinstance(structure, Stribeck) and structure.shape is not None:
+            parameters["stribeck_shape"] = structure.shape  # taken as known, not fitted
         if self.curve is not None:
             mean = 0.5 * (self.curve.positive + self.curve.negative)
             parameters["curve"] = {"velocity": self.curve.speed, "current": mean}

@@ -1,0 +1,143 @@
+"""The crosstalk that an axis has already: compared with, or added to."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.lists import ListFile
+from ....models import Conventions, Crosstalk, LegacyCrosstalk
+from ...exchange import (
+    ExchangeError,
+    crosstalk_from_list,
+    crosstalk_masters,
+    has_crosstalk,
+)
+from ...fit import FitError
+from .._fit_schema import CrosstalkSpec
+from .._load import Job
+from ._quadrants import four_offsets
+from ._recording import adaptation_of
+
+_SAME = 1e-6
+"""mm within which two tests stand at the same place."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Existing:
+    """Crosstalk of the list that is there.
+
+    Attributes:
+        model: As the controller runs it.
+        masters: Logical numbers: the axis that accelerates, then adaptation axes.
+        by_speed: Rule by which it tells acceleration from deceleration.
+    """
+
+    model: Crosstalk | LegacyCrosstalk
+    masters: tuple[int, ...]
+    by_speed: bool
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """Specified acceleration and deceleration in mm/s²."""
+        assert isinstance(self.model, Crosstalk)  # `active_in` has seen to it
+        return float(self.model.acceleration), float(self.model.deceleration)
+
+    @property
+    def points(self) -> Float[np.ndarray, "p k"]:
+        """Where its tests stand, in mm."""
+        assert isinstance(self.model, Crosstalk)
+        return np.asarray(self.model.surface.points, dtype=float)
+
+    def holds(self, points: Float[np.ndarray, "q k"]) -> np.ndarray:
+        """Return which of these places are tests of the list."""
+        apart = np.abs(points[:, None, :] - self.points[None, :, :])
+        return np.asarray((apart <= _SAME).all(axis=-1).any(axis=-1))
+
+    def points_with(
+        self, wished: Float[np.ndarray, "q k"] | None
+    ) -> Float[np.ndarray, "q k"]:
+        """Return the tests of the new list: those of this one, or more.
+
+        Raises:
+            FitError: If the wished ones lack one of these.
+        """
+        if wished is None:
+            return self.points
+        if wished.shape[1] == self.points.shape[1]:
+            apart = np.abs(self.points[:, None, :] - wished[None, :, :])
+            if (apart <= _SAME).all(axis=-1).any(axis=-1).all():
+                return wished
+        msg = (
+            "positions: found others than the tests of the list that was active while"
+            " measuring, expected those and, if you like, more."
+        )
+        raise FitError(msg)
+
+    def at(
+        self, acceleration: float, deceleration: float, points: Float[np.ndarray, "p k"]
+    ) -> Float[np.ndarray, "4 p"]:
+        """Return what it adds in mm at full acceleration, by row of the entries."""
+        return four_offsets(
+            self.model, acceleration, deceleration, self.by_speed, points
+        )
+
+
+def read_existing(
+    listing: ListFile | None, rules: Conventions
+) -> tuple[Existing | None, str]:
+    """Return the crosstalk of a list, or None and why it cannot be read."""
+    if listing is None or not has_crosstalk(listing):
+        return None, ""
+    try:
+        model = crosstalk_from_list(listing, rules)
+        masters = crosstalk_masters(listing)
+    except ExchangeError as error:
+        return None, str(error)
+    return Existing(model, masters, rules.crosstalk_accelerate == "speed"), ""
+
+
+def active_in(
+    job: Job, index: int, fit: CrosstalkSpec, existing: Existing | None, why: str
+) -> Existing | None:
+    """Return the crosstalk that acted while measuring, or None where it was off.
+
+    Raises:
+        JobError: If it cannot be added to.
+    """
+    where = ("fits", index)
+    states = {"crosstalk" in job.spec.measurements[name].active for name in fit.sources}
+    if len(states) > 1:
+        raise job.error(
+            where,
+            "found measurements with crosstalk on and off (active), expected one state"
+            " for all that are joined",
+        )
+    if states == {False}:
+        return None
+    if existing is None:
+        raise job.error(
+            ("axes", fit.axis, "list"),
+            "crosstalk was active while measuring, but no list with its tests is given"
+            f"{f' ({why})' if why else ''}, expected list = the file that was loaded",
+        )
+    if not isinstance(existing.model, Crosstalk):
+        raise job.error(
+            where,
+            "crosstalk was active by a list of the older form, to which no tests can be"
+            " added, expected a measurement with COMP OFF CROSSTALK",
+        )
+    axes = job.spec.axes
+    named = tuple(axes[name].number for name in (fit.master, *adaptation_of(fit)))
+    if named != existing.masters:
+        raise job.error(
+            where,
+            f"found master and adaptation axes {list(named)}, expected"
+            f" {list(existing.masters)} as in the list that was active",
+        )
+    for key, own in zip(("acceleration", "deceleration"), existing.rates, strict=True):
+        given = getattr(fit, key)
+        if given is not None and given != own:
+            reason = f"found {given:g}, expected {own:g} as in the list that was active"
+            raise job.error((*where, key), reason)
+    return existing

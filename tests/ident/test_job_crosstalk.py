@@ -1,0 +1,381 @@
+"""A crosstalk job: from a log of master and slave to the tests of the list."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile, check
+from axcomp.ident.exchange import crosstalk_from_list
+from axcomp.ident.job import CrosstalkResult, JobError, run_job
+from axcomp.ident.report import write_report
+from axcomp.models import Conventions, Crosstalk
+
+FULL = 2000.0  # mm/s²
+CYCLE = 0.004  # s
+NOISE = 5e-4  # mm
+BY_QUADRANT = np.array([0.010, 0.012, -0.011, -0.009])  # mm at full acceleration
+NAMES = (
+    "correction_accelerate_dir_pos",
+    "correction_accelerate_dir_neg",
+    "correction_decelerate_dir_pos",
+    "correction_decelerate_dir_neg",
+)
+
+JOB = """
+[axes.X]
+number = 1
+[axes.Y]
+number = 2
+limits = [0.0, 400.0]
+[axes.Z]
+number = 3
+{axis}
+[measurements.log]
+file = "log.csv"
+active = {active}
+{columns}
+[[fits]]
+compensation = "crosstalk"
+axis = "Z"
+master = "X"
+measurement = "log"
+acceleration = 2000.0
+deceleration = -2000.0
+{keys}
+"""
+
+
+def bend(place: np.ndarray) -> np.ndarray:
+    """Growth of the crosstalk along Y."""
+    return 1.0 + np.interp(place, [0.0, 200.0, 400.0], [0.0, 0.8, 0.3])
+
+
+def log(
+    folder: Path,
+    *,
+    moves: int = 40,
+    ways: tuple[int, ...] = (1, -1),
+    size: float = 1.0,
+    along: bool = False,
+    places: tuple[float, ...] = (),
+    derived: bool = False,
+    late: int = 0,
+) -> None:
+    """X moves to and fro at places of Y; Z errs, and drifts besides."""
+    rng = np.random.default_rng(7)
+    pieces, rows_of = [], []
+    for move in range(moves):
+        place = places[move % len(places)] if places else rng.uniform(0.0, 400.0)
+        for way in ways:
+            rows = int(rng.integers(20, 35))
+            push = way * FULL * rng.uniform(0.6, 1.0) * np.ones(rows)
+            still, cruise = np.zeros(30), np.zeros(20)
+            pieces.append(np.concatenate([still, push, cruise, -push, still]))
+            rows_of.append(np.full(len(pieces[-1]), place))
+    acceleration, y = np.concatenate(pieces), np.concatenate(rows_of)
+    velocity = CYCLE * np.cumsum(acceleration)
+    velocity[np.abs(velocity) < 1e-6] = 0.0
+    time = CYCLE * np.arange(len(acceleration))
+    branch = 2 * (acceleration < 0) + (velocity < 0)
+    error = size * np.abs(acceleration) / FULL * BY_QUADRANT[branch]
+    error = np.roll(error * (bend(y) if along else 1.0), late) + 0.01 * np.sin(
+        time / 20.0
+    )
+    error += NOISE * rng.normal(size=len(time))
+    table = {
+        "time": time,
+        "X.acceleration": acceleration,
+        "X.velocity": velocity,
+        "Y.position": y,
+        "Z.error": error,
+    }
+    if derived:
+        # Mean velocity of a step, so that the second difference is the acceleration.
+        table["X.position"] = CYCLE * np.cumsum(velocity)
+        del table["X.acceleration"], table["X.velocity"]
+    header = ",".join(table)
+    values = np.column_stack(list(table.values()))
+    np.savetxt(folder / "log.csv", values, "%.7f", ",", header=header, comments="")
+
+
+def run(
+    folder: Path, keys: str = "", axis: str = "", active: str = "[]", columns: str = ""
+) -> CrosstalkResult:
+    path = folder / "job.toml"
+    path.write_text(JOB.format(axis=axis, active=active, keys=keys, columns=columns))
+    result = run_job(path, folder / "out").fits[0]
+    assert isinstance(result, CrosstalkResult)
+    return result
+
+
+def passed(folder: Path) -> bool:
+    """What the exit status says."""
+    return bool(json.loads((folder / "out" / "result.json").read_text())["passed"])
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CrosstalkResult]:
+    """A job of mode 1 that has run, and where."""
+    folder = tmp_path_factory.mktemp("plain")
+    log(folder)
+    return folder, run(folder)
+
+
+def listing(folder: Path) -> ListFile:
+    return ListFile.read(folder / "out" / "achskw3.lis")
+
+
+def test_planted_entries_come_back_with_the_opposite_sign(
+    plain: tuple[Path, CrosstalkResult],
+) -> None:
+    folder, found = plain
+    assert found.fit.mode == 1
+    apart = np.abs(found.entries[:, 0] + BY_QUADRANT)
+    # 4 standard deviations of four values, one seeded draw, and half a list unit.
+    assert (apart <= 4 * found.standard_deviation[:, 0] + 5e-5).all()
+    assert (found.support > 30).all()
+    assert passed(folder)
+
+
+def test_list_carries_all_four_entries_and_the_rules_that_cannot_matter(
+    plain: tuple[Path, CrosstalkResult],
+) -> None:
+    folder, found = plain
+    written = listing(folder)
+    assert written.integer("kw.crosstalk.mode") == 1
+    assert written.integer("kw.crosstalk.master_dyn_ax_nr") == 1
+    assert written.integer("kw.crosstalk.velocity_dependent") == 1
+    assert written.integer("kw.crosstalk.acceleration") == 2000
+    assert written.integer("kw.crosstalk.deceleration") == -2000
+    assert written.integer("kw.crosstalk.n_cycles") == found.cycles
+    for row, name in enumerate(NAMES):
+        value = written.integer(f"kw.crosstalk.position[0].{name}")
+        assert value == round(1e4 * float(found.entries[row, 0]))
+    machine = ListFile.read(folder / "out" / "achsmds3.add.lis")
+    assert machine.integer("lr_param.crosstalk") == 1
+    findings = check([written, machine])
+    assert [each for each in findings if each.level != "info"] == []
+
+
+def test_events_held_out_and_the_file_read_back_prove_it(tmp_path: Path) -> None:
+    log(tmp_path, moves=30, along=True)
+    found = run(tmp_path, keys='adaptation = "Y"')
+    assert found.fit.mode == 2
+    before, predicted, file = (
+        found.error[key].rms for key in ("before", "predicted", "from_file")
+    )
+    # Events scatter by 0.2 µm; 15 µm are there before.
+    assert before > 0.01
+    assert predicted < 0.04 * before
+    assert file < 0.04 * before
+    # What the file holds is what the controller adds: the law with the other sign.
+    back = crosstalk_from_list(listing(tmp_path), Conventions())
+    assert isinstance(back, Crosstalk)
+    y = np.linspace(0.0, 400.0, 9)
+    added = back.offset(np.full(9, FULL), np.ones(9), y[:, None])
+    # 0.2 µm of an event over some ten per test, and tests beside the planted bend.
+    np.testing.assert_allclose(added, -BY_QUADRANT[0] * bend(y), atol=8e-4)
+    assert found.coverage > 0.9
+
+
+def test_motion_of_the_master_is_derived_where_only_its_position_is_there(
+    tmp_path: Path,
+) -> None:
+    log(tmp_path, derived=True)
+    found = run(tmp_path)
+    # The filter of 25 Hz rounds the corners of the acceleration: 5 % of the values.
+    np.testing.assert_allclose(found.entries[:, 0], -BY_QUADRANT, atol=6e-4)
+    assert any("is derived from the position" in r.message for r in found.remarks)
+
+
+def test_slave_that_moves_is_left_out_of_the_readings(tmp_path: Path) -> None:
+    log(tmp_path)
+    path = tmp_path / "log.csv"
+    names = path.read_text().partition("\n")[0].split(",")
+    table = dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
+    error = table.pop("Z.error")
+    own = np.zeros(len(error))
+    # In the last quarter Z moves, and its instrument is 2 ms late.
+    own[3 * len(own) // 4 :] = 0.1 * np.arange(len(own) - 3 * len(own) // 4)
+    table |= {"Z.position": own, "Z.encoder": own, "Z.actual": own + error - 0.05}
+    header, values = ",".join(table), np.column_stack(list(table.values()))
+    np.savetxt(path, values, "%.7f", ",", header=header, comments="")
+    found = run(tmp_path)
+    # Three quarters of the events as above: 0.2 µm each.
+    np.testing.assert_allclose(found.entries[:, 0], -BY_QUADRANT, atol=3e-4)
+    assert any("Z itself moves in 25%" in r.message for r in found.remarks)
+
+
+def test_delay_of_the_instrument_is_found_and_taken_off(tmp_path: Path) -> None:
+    log(tmp_path, late=2)
+    found = run(tmp_path)
+    # As without the delay: 0.2 µm per event, some 40 of each kind.
+    np.testing.assert_allclose(found.entries[:, 0], -BY_QUADRANT, atol=2e-4)
+    assert any("comes 8 ms late" in r.message for r in found.remarks)
+
+
+def test_no_delay_is_found_where_there_is_none(
+    plain: tuple[Path, CrosstalkResult],
+) -> None:
+    _, found = plain
+    assert not any("ms late against" in r.message for r in found.remarks)
+
+
+def test_several_logs_are_joined_without_seeing_each_other(tmp_path: Path) -> None:
+    log(tmp_path, moves=4)
+    (tmp_path / "log2.csv").write_text((tmp_path / "log.csv").read_text())
+    one = run(tmp_path)
+    path = tmp_path / "job.toml"
+    text = path.read_text().replace(
+        'measurement = "log"', 'measurements = ["log", "more"]'
+    )
+    more = '[measurements.more]\nfile = "log2.csv"\n[[fits]]'
+    path.write_text(text.replace("[[fits]]", more))
+    both = run_job(path, tmp_path / "out").fits[0]
+    assert isinstance(both, CrosstalkResult)
+    # The same events twice.
+    twice = np.tile(one.view.before, 2)
+    np.testing.assert_allclose(both.view.before, twice, atol=1e-12)
+
+
+def test_accelerations_beyond_the_stated_one_are_named(tmp_path: Path) -> None:
+    log(tmp_path, moves=10)
+    path = tmp_path / "job.toml"
+    text = JOB.format(axis="", active="[]", keys="", columns="")
+    path.write_text(text.replace("2000.0", "1500.0"))
+    found = run_job(path, tmp_path / "out").fits[0]
+    assert any("up to 13" in remark.message for remark in found.remarks)
+
+
+def test_one_direction_only_writes_nothing_and_fails(tmp_path: Path) -> None:
+    log(tmp_path, ways=(1,), moves=8)
+    found = run(tmp_path)
+    assert not (tmp_path / "out" / "achskw3.lis").exists()
+    errors = [r.message for r in found.remarks if r.level == "error"]
+    assert any("Nothing is known for acceleration in negative" in e for e in errors)
+    assert not passed(tmp_path)
+
+
+def test_report_of_what_is_not_known_says_so(tmp_path: Path) -> None:
+    log(tmp_path, ways=(1,), moves=8)
+    path = tmp_path / "job.toml"
+    path.write_text(JOB.format(axis="", active="[]", keys="", columns=""))
+    page, *plots = write_report(run_job(path, tmp_path / "out"), tmp_path / "out")
+    text = page.read_text()
+    assert "Not known: acceleration in negative direction" in text
+    assert "NaN" not in text
+    assert len(plots) == 2
+
+
+def test_a_test_without_events_is_left_out_and_named(tmp_path: Path) -> None:
+    log(tmp_path, along=True, places=(0.0, 100.0, 200.0))
+    keys = 'adaptation = "Y"\npositions = [[0.0], [100.0], [200.0], [400.0]]'
+    found = run(tmp_path, keys=keys)
+    assert found.points[:, 0].tolist() == [0.0, 100.0, 200.0]
+    assert listing(tmp_path).integer("kw.crosstalk.max_points") == 3
+    errors = [r.message for r in found.remarks if r.level == "error"]
+    assert any("The test at (400) mm is left out" in each for each in errors)
+    assert any("cover 51%" in r.message for r in found.remarks)
+    assert not passed(tmp_path)
+
+
+def test_no_crosstalk_writes_nothing_and_says_so(tmp_path: Path) -> None:
+    log(tmp_path, size=0.0)
+    found = run(tmp_path)
+    assert not (tmp_path / "out" / "achskw3.lis").exists()
+    assert any("No crosstalk from X shows" in r.message for r in found.remarks)
+
+
+OLD = (
+    "kopf.achs_nr 3\nkw.crosstalk.mode 1\nkw.crosstalk.master_dyn_ax_nr 1\n"
+    "kw.crosstalk.velocity_dependent 1\nkw.crosstalk.n_cycles 9\n"
+    "kw.crosstalk.acceleration 2000\nkw.crosstalk.deceleration -2000\n"
+    + "".join(f"kw.crosstalk.position[0].{name} -40\n" for name in NAMES)
+)
+
+
+def test_active_crosstalk_is_added_to_and_its_filter_stays(tmp_path: Path) -> None:
+    log(tmp_path)
+    (tmp_path / "achskw3.lis").write_text(OLD)
+    found = run(tmp_path, axis='list = "achskw3.lis"', active='["crosstalk"]')
+    # The old entries of −4 µm, and minus what was left; as above.
+    np.testing.assert_allclose(found.entries[:, 0], -0.004 - BY_QUADRANT, atol=3e-4)
+    assert found.cycles == 9
+    assert found.error["from_file"].rms < 0.05 * found.error["before"].rms
+
+
+def test_list_of_the_older_form_is_replaced_and_not_mixed(tmp_path: Path) -> None:
+    log(tmp_path)
+    (tmp_path / "achskw3.lis").write_text(
+        "kopf.achs_nr 3\nkw.crosstalk.master_ax_nr 1\nkw.crosstalk.last_index 2\n"
+        "kw.crosstalk.table[0].acceleration -1000\nkw.crosstalk.table[0].correction 9\n"
+        "kw.crosstalk.table[1].acceleration 0\nkw.crosstalk.table[1].correction 0\n"
+        "kw.crosstalk.table[2].acceleration 1000\nkw.crosstalk.table[2].correction 9\n"
+    )
+    found = run(tmp_path, axis='list = "achskw3.lis"')
+    assert found.passed
+    assert "kw.crosstalk.table" not in listing(tmp_path).dumps().decode()
+    with pytest.raises(JobError, match="active by a list of the older form"):
+        run(tmp_path, axis='list = "achskw3.lis"', active='["crosstalk"]')
+
+
+def test_active_without_a_list_is_refused(tmp_path: Path) -> None:
+    log(tmp_path, moves=3)
+    with pytest.raises(JobError, match="no list with its tests is given"):
+        run(tmp_path, active='["crosstalk"]')
+
+
+def test_gate_keeps_a_large_correction_back(tmp_path: Path) -> None:
+    log(tmp_path)
+    found = run(tmp_path, keys="[gate]\nmax_reversal = 0.001")
+    lines = {each.name: each for each in found.gate}
+    # From accelerating + (10 µm) to accelerating − (12 µm) where the master turns.
+    assert lines["max_reversal"].value == pytest.approx(0.002, abs=3e-4)
+    assert not found.passed
+    assert (tmp_path / "out" / "rejected" / "achskw3.lis").exists()
+
+
+def test_list_is_marked_as_assumed_until_a_log_has_shown_the_quadrants(
+    plain: tuple[Path, CrosstalkResult],
+) -> None:
+    _, found = plain
+    states = {each.name: each.state for each in found.conventions}
+    assert states["crosstalk_accelerate"] == states["crosstalk_sign"] == "assumed"
+    assert any("CROSSTALK::end_offset" in r.message for r in found.remarks)
+
+
+def test_result_and_report_show_tests_and_events(tmp_path: Path) -> None:
+    log(tmp_path, moves=16, along=True)
+    path = tmp_path / "job.toml"
+    keys = 'adaptation = "Y"\nmode = 2'
+    path.write_text(JOB.format(axis="", active="[]", keys=keys, columns=""))
+    result = run_job(path, tmp_path / "out")
+    tree = json.loads((tmp_path / "out" / "result.json").read_text())["fits"][0]
+    assert len(tree["events"]) == 64
+    assert len(tree["parameters"]["table"]["acceleration_in_positive_direction"]) > 1
+    page, *plots = write_report(result, tmp_path / "out")
+    text = page.read_text()
+    assert "Crosstalk of Z over X, Y" in text
+    assert "accelerating +" in text
+    assert "NaN" not in text
+    assert len(plots) == 3
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("mode = 2", "found 0 axes for mode 2, expected 1"),
+        ('adaptation = "B"', "found 'B', expected an axis"),
+        ('adaptation = "Y"\npositions = [[1.0, 2.0]]', "found 2 numbers per test, ex"),
+        ("smoothness = 2.0", "crosstalk has no such entry"),
+        ("max_points = 15", "found 15 tests, expected at most 14"),
+    ],
+)
+def test_keys_that_cannot_be_meant_are_refused(
+    tmp_path: Path, keys: str, message: str
+) -> None:
+    log(tmp_path, moves=2)
+    with pytest.raises(JobError, match=message):
+        run(tmp_path, keys=keys)
