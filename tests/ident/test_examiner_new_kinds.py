@@ -128,6 +128,21 @@ def test_every_kind_of_fit_has_the_keys_that_the_interface_promises(
     assert set(found["error"]) == {"before", "predicted", "from_file"}
 
 
+def test_temperature_in_kelvin_without_its_unit_is_asked_about(tmp_path: Path) -> None:
+    warm = np.linspace(293.0, 308.0, 60)
+    noise = 1e-4 * np.random.default_rng(6).normal(size=60)
+    table = np.column_stack([0.002 * (warm - 293.0) + noise, warm])
+    np.savetxt(tmp_path / "w.csv", table, "%.6f", ",", header="e,f", comments="")
+    (tmp_path / "job.toml").write_text(
+        "[axes.X]\nnumber = 1\n[measurements.w]\nfile = 'w.csv'\n"
+        "[measurements.w.columns]\n'X.error' = 'e'\n'temperature.f' = 'f'\n"
+        "[[fits]]\ncompensation = 'temperature'\naxis = 'X'\nmeasurement = 'w'\n"
+        "sensors = { offset = 'f' }\nlaw = { offset = 'linear' }\nlag = 'none'\n"
+    )
+    found = run_job(tmp_path / "job.toml", tmp_path / "out").fits[0]
+    assert any('unit = "K"' in remark.message for remark in found.remarks)
+
+
 def test_lines_that_are_flat_at_zero_meet_nowhere() -> None:
     warm = np.linspace(20.0, 35.0, 60)
     place = np.tile(np.linspace(0.0, 500.0, 6), 10)
@@ -148,6 +163,13 @@ def test_friction_table_never_has_more_entries_than_asked_for(entries: int) -> N
     assert knots.out[-1] == knots.out[-2]
     # Where nobody measured: no more than at the slowest speed, to half a list unit.
     assert knots.out[0] * knots.unit <= curve[0] + 0.5 * knots.unit
+
+
+def test_friction_that_was_driven_down_to_the_slowest_speed_has_whole_entries() -> None:
+    speed = np.geomspace(0.001, 200.0, 100)
+    knots = place_knots(speed, 2.0 + 0.002 * speed, np.ones(100), unit=0.01)
+    assert knots.velocity.dtype.kind == knots.out.dtype.kind == "i"
+    assert knots.velocity[0] == 1
 
 
 def test_nothing_is_said_of_rejected_lists_where_none_was(

@@ -90,7 +90,7 @@ def place_knots(
     if places[0] < curve.place[0] and heights[0] > curve.height[0]:
         heights[0] = math.floor(curve.height[0])
         whole = list(zip(places.tolist(), heights.tolist(), strict=True))
-    places = np.concatenate([[1] * before, places, [beyond]])
+    places = np.concatenate([np.ones(before, np.int64), places, [beyond]])
     heights = np.concatenate([heights[:1]] * before + [heights, heights[-1:]])
     keep = _needed(places, heights)
     return Knots(

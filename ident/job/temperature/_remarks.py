@@ -14,6 +14,8 @@ from ._recording import ThermalRecording
 _ONE_WAY = 0.95
 """Correlation of temperature and time from which nothing but the clock may be seen."""
 _FEW = 8.0
+_HOT = 200.0
+"""°C that no structure of a machine tool reaches."""
 _SIGN = Remark(
     "warning",
     "Whether the controller adds the line or takes it off is the least certain sign of"
@@ -51,6 +53,15 @@ def remarks_of(
         if "cannot tell the" not in words
     ]
     remarks += _not_told(axis, recording, found.fit)
+    hottest = float(np.max(recording.readings.temperature[found.fit.used]))
+    if hottest > _HOT:
+        remarks.append(
+            Remark(
+                "warning",
+                f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
+                ' unit = "K".',
+            )
+        )
     if written:
         remarks += _state(axis, recording, found.fit, zero)
         if not sign_known:
