@@ -182,8 +182,8 @@ class PositionController(eqx.Module):
         `Motion.direction`, and the one to start from where it is 0 or missing.
         """
         self._check(motion)
-        unknown = jnp.zeros_like(motion.position)
-        direction = unknown if motion.direction is None else motion.direction
+        known = motion.direction
+        direction = jnp.zeros_like(motion.position) if known is None else known
         state = self._start(settled=True)
         return self._step(
             state, motion, direction.T, motion.velocity[:0], settled=True
@@ -278,10 +278,8 @@ class PositionController(eqx.Module):
             frictions.append(past_friction)
         if groups:
             tables["friction"] = assembled(groups, parts, count)
-        columns = {name: found.T for name, found in tables.items()}
-        return Offsets(
-            offset=total.T, **{name: columns.get(name) for name in COMPENSATIONS}
-        ), ControllerState(
+        parted = dict.fromkeys(COMPENSATIONS) | {n: r.T for n, r in tables.items()}
+        return Offsets(offset=total.T, **parted), ControllerState(
             begun=jnp.ones((), dtype=bool),
             direction=state.direction,
             spread=spread,
@@ -294,8 +292,7 @@ class PositionController(eqx.Module):
     ) -> tuple[Float[Array, "a t"], DirectionState]:
         if motion.direction is not None:
             return motion.direction.T, state
-        source = motion.position
-        if self.conventions.direction_source == "actual":
-            source = actual(motion)
+        by_actual = self.conventions.direction_source == "actual"
+        source = actual(motion) if by_actual else motion.position
         found, _, after = lax.map(lambda given: directions(*given), (state, source.T))
         return found, after
