@@ -197,9 +197,12 @@ def _run(
             where=error.where, reason=f"{error.reason}; {_what_is_done(stand)}"
         ) from None
     except OSError as error:
+        # A broken connection is an OSError too; only files have a number of their own.
+        lost = error.errno is None or isinstance(error, ConnectionError)
+        what = "the scheduler was lost" if lost else f"cannot write: {error.strerror}"
         raise BatchError(
-            where=order.out,
-            reason=f"cannot write: {error.strerror or error}; {_what_is_done(stand)}",
+            where=(scheduler or "scheduler") if lost else order.out,
+            reason=f"{what}; {_what_is_done(stand)}",
         ) from None
 
 
