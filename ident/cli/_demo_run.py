@@ -100,24 +100,19 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     job = run_job(out / "job.toml", out / "result", say)
     say("loading the lists and measuring again")
     loaded = machine.with_lists(
-        ListFile.read(out / "result" / fit.files[0]) for fit in tables_of(job)
+        ListFile.read(out / "result" / fit.files[0]) for fit in job.tables
     )
     seconds = _measure_again(out, loaded, say)
     say("drawing the report")
     page, *_ = write_report(job, out / "result", second=dict(enumerate(seconds)))
     files.seal_folder(out)
     return DemoResult(
-        outcomes=tuple(map(Outcome, tables_of(job), seconds)),
+        outcomes=tuple(map(Outcome, job.tables, seconds)),
         spikes=_spikes(job, out / "result"),
         job=job,
         report=page,
         wall_time=time.perf_counter() - start,
     )
-
-
-def tables_of(result: JobResult) -> list[TableResult]:
-    """Return the fits of a job that are tables, in order."""
-    return [fit for fit in result.fits if isinstance(fit, TableResult)]
 
 
 def _spikes(job: JobResult, folder: Path) -> Spikes:
@@ -153,7 +148,7 @@ def _measure_again(
     write_atomically(folder / "job.toml", files.second_job().encode())
     result = run_job(folder / "job.toml", folder / "result", say)
     found = []
-    for fit, path in zip(tables_of(result), paths, strict=True):
+    for fit, path in zip(result.tables, paths, strict=True):
         view = fit.samples
         found.append(
             SecondMeasurement(

@@ -225,6 +225,11 @@ class JobResult:
     job: Mapping[str, Any]
 
     @property
+    def tables(self) -> tuple[TableResult, ...]:
+        """The fits that are tables, in order."""
+        return tuple(fit for fit in self.fits if isinstance(fit, TableResult))
+
+    @property
     def passed(self) -> bool:
         """Whether every list passed its gate and nothing requested is missing."""
         return all(fit.passed for fit in self.fits) and not any(

@@ -87,7 +87,7 @@ def test_without_wild_readings_both_figures_are_the_same(tmp_path: Path) -> None
     tree = json.loads((tmp_path / "out" / "result.json").read_text())
     figures = tree["fits"][0]["error"]["before"]
     assert figures["rms_without_wild"] == figures["rms"]
-    assert result.fits[0].error["before"].sound is result.fits[0].error["before"]
+    assert result.tables[0].error["before"].sound is result.tables[0].error["before"]
 
 
 def test_node_whose_only_readings_are_wild_is_not_called_unmeasured(
@@ -101,8 +101,8 @@ def test_node_whose_only_readings_are_wild_is_not_called_unmeasured(
     for row in (6, 7, 8):
         spoil(tmp_path, row, f"{0.5 + row / 10}")
     result = run_job(job, tmp_path / "out")
-    said = [r.message for r in result.fits[0].remarks if "support 0" in r.message]
-    empty = int((result.fits[0].fit.support == 0).sum())
+    said = [r.message for r in result.tables[0].remarks if "support 0" in r.message]
+    empty = int((result.tables[0].fit.support == 0).sum())
     assert bool(said) == (empty > 0)
     assert all("not measured, or only wild ones" in text for text in said)
 
@@ -116,7 +116,7 @@ def test_stretch_that_its_neighbours_do_not_tell_is_not_called_scatter(
     error = np.interp(x, NODES, [0.02, -0.02, 0.02, -0.02, 0.02])
     rows = (f"{a!r},{b!r}" for a, b in zip(x.tolist(), error.tolist(), strict=True))
     (tmp_path / "laser.csv").write_text("\n".join(["x,e", *rows]) + "\n")
-    fit = run_job(job, tmp_path / "out").fits[0]
+    fit = run_job(job, tmp_path / "out").tables[0]
     assert fit.held_out == "block"
     assert fit.error["predicted"].rms > fit.error["before"].rms
     text = " ".join(remark.message for remark in fit.remarks)
@@ -181,7 +181,7 @@ def test_old_table_in_unknown_increments_is_replaced_where_it_was_off(
 ) -> None:
     job = write_job(tmp_path, axis='list = "old.lis"')
     (tmp_path / "old.lis").write_text(OLD)
-    fit = run_job(job, tmp_path / "out").fits[0]
+    fit = run_job(job, tmp_path / "out").tables[0]
     assert fit.old_table is None
     assert any("cannot be compared" in remark.message for remark in fit.remarks)
     # 0.1 µm noise on some 12 readings per node, and 0.05 µm of rounding.
@@ -292,7 +292,7 @@ def mesh_job(folder: Path, profile: str = "") -> Path:
 def test_mesh_gives_the_nodes_and_its_axes_are_those_of_the_fit(
     tmp_path: Path,
 ) -> None:
-    fit = run_job(mesh_job(tmp_path), tmp_path / "out").fits[0]
+    fit = run_job(mesh_job(tmp_path), tmp_path / "out").tables[0]
     assert [nodes.tolist() for nodes in fit.nodes] == [
         [10.0, 30.0, 50.0, 70.0],
         [5.0, 35.0, 65.0],
@@ -304,7 +304,7 @@ def test_mesh_gives_the_nodes_and_its_axes_are_those_of_the_fit(
 
 def test_profile_of_a_mesh_is_chosen_in_the_job(tmp_path: Path) -> None:
     job = mesh_job(tmp_path, 'profile = "warm"')
-    fit = run_job(job, tmp_path / "out").fits[0]
+    fit = run_job(job, tmp_path / "out").tables[0]
     assert fit.table[""][0, 1] == pytest.approx(-0.02)
 
 

@@ -116,9 +116,9 @@ def test_length_is_reduced_to_twenty_degrees(tmp_path: Path) -> None:
     keys = "expansion = 11.5\nmaterial_temperature = 23.0"
     reduced = run(tmp_path, PLACE, warm, measurement=keys)
     np.testing.assert_array_equal(
-        reduced.fits[0].table["pos"], plain.fits[0].table["pos"]
+        reduced.tables[0].table["pos"], plain.tables[0].table["pos"]
     )
-    assert any("reduced to 20 °C" in r.message for r in reduced.fits[0].remarks)
+    assert any("reduced to 20 °C" in r.message for r in reduced.tables[0].remarks)
 
 
 def test_temperature_of_the_material_may_be_a_column(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_temperature_of_the_material_may_be_a_column(tmp_path: Path) -> None:
         measurement='expansion = 11.5\nmaterial_temperature = "temperature.bed"',
     )  # fmt: skip
     np.testing.assert_array_equal(
-        reduced.fits[0].table["pos"], plain.fits[0].table["pos"]
+        reduced.tables[0].table["pos"], plain.tables[0].table["pos"]
     )
 
 
@@ -142,9 +142,9 @@ def test_line_of_the_instrument_is_removed(tmp_path: Path) -> None:
     level = run(tmp_path, PLACE, BOW, measurement='remove = "line"')
     # Rounding of each to 0.1 µm.
     np.testing.assert_allclose(
-        tilted.fits[0].table["pos"], level.fits[0].table["pos"], atol=1.01e-4
+        tilted.tables[0].table["pos"], level.tables[0].table["pos"], atol=1.01e-4
     )
-    assert np.ptp(tilted.fits[0].table["pos"]) > 2e-3  # the bow is still there
+    assert np.ptp(tilted.tables[0].table["pos"]) > 2e-3  # the bow is still there
 
 
 def test_joined_measurements_keep_their_runs_apart(tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ columns = { "X.position" = "x", "X.error" = "e" }
         tmp_path, PLACE, BOW + 1e-5 * rng.standard_normal(len(PLACE)),
         measurement=second, source='measurements = ["a", "b"]',
     )  # fmt: skip
-    found = result.fits[0]
+    found = result.tables[0]
     assert len(found.fit.runs) == 2
     # ± 10 µm about the mean of the two, which the table keeps.
     assert found.fit.runs[1].offset == pytest.approx(0.01, abs=1e-4)
@@ -207,17 +207,17 @@ def test_unmeasured_nodes_are_marked_and_named(tmp_path: Path) -> None:
     keep = PLACE < 250
     place, error = np.tile(PLACE[keep], 2), np.tile(BOW[keep], 2)
     result = run(tmp_path, place, error)
-    support = result.fits[0].support["pos"]
+    support = result.tables[0].support["pos"]
     assert support[4] == 0
     assert support[0] > 0
     assert any("not measured" in r.message and r.level == "warning"
-               for r in result.fits[0].remarks)  # fmt: skip
+               for r in result.tables[0].remarks)  # fmt: skip
 
 
 def test_readings_beyond_the_table_are_counted(tmp_path: Path) -> None:
     place = np.concatenate([PLACE, [450.0, -20.0]])
     result = run(tmp_path, place, np.zeros(len(place)) + 1e-3 * (place > 200))
-    assert any("2 readings lie outside" in r.message for r in result.fits[0].remarks)
+    assert any("2 readings lie outside" in r.message for r in result.tables[0].remarks)
 
 
 def test_list_that_would_not_help_is_named(tmp_path: Path) -> None:
@@ -227,5 +227,5 @@ def test_list_that_would_not_help_is_named(tmp_path: Path) -> None:
     scatter = 1e-3 * rng.standard_normal(len(place))
     result = run(tmp_path, place, scatter, cycle, header="x,e,r", more=', "run" = "r"')
     # Five means of pure noise: they predict the third run worse than nothing does.
-    assert any("leaves no less error" in r.message for r in result.fits[0].remarks)
+    assert any("leaves no less error" in r.message for r in result.tables[0].remarks)
     assert result.passed

@@ -93,7 +93,7 @@ def offsets(folder: Path, axis: int, **positions: np.ndarray) -> np.ndarray:
 
 
 def grade(result: JobResult) -> dict[str, float]:
-    return {name: figures.rms for name, figures in result.fits[0].error.items()}
+    return {name: figures.rms for name, figures in result.tables[0].error.items()}
 
 
 def test_defaults_find_the_same_table_as_plain_means(tmp_path: Path) -> None:
@@ -104,9 +104,9 @@ def test_defaults_find_the_same_table_as_plain_means(tmp_path: Path) -> None:
     job.write_text(text)
     auto = run_job(job, tmp_path / "out")
     for name in ("pos", "neg"):
-        shift = auto.fits[0].table[name] - plain.fits[0].table[name]
+        shift = auto.tables[0].table[name] - plain.tables[0].table[name]
         # Inside two standard errors, and rounding of both.
-        allowed = 2 * auto.fits[0].standard_deviation[name] + LIST_UNIT
+        allowed = 2 * auto.tables[0].standard_deviation[name] + LIST_UNIT
         assert np.all(np.abs(shift) < allowed)
 
 
@@ -235,8 +235,8 @@ interval = 30.0
 points = 13
 """)
     result = run_job(tmp_path / "job.toml", tmp_path / "out")
-    values = result.fits[0].table["pos"]
-    assert result.fits[0].unit == "deg"
+    values = result.tables[0].table["pos"]
+    assert result.tables[0].unit == "deg"
     assert values[0] == values[-1]
     at = np.array([-1.0, 0.0, 359.0, 361.0, 719.0])
     added = offsets(tmp_path / "out", 6, A6=at)
@@ -326,7 +326,7 @@ def test_active_table_is_added_to_and_an_inactive_one_replaced(
     nodes = np.arange(0.0, 401.0, 100.0)
     ones = np.ones(5, dtype=np.int64)
     residual = 0.5 * screw_error(nodes, ones), 0.5 * screw_error(nodes, -ones)
-    found = result.fits[0].table
+    found = result.tables[0].table
     old = (OLD_POS, OLD_NEG) if active else (0.0, 0.0)
     # Leadscrew entries are errors, so old + residual; noise and rounding as above.
     np.testing.assert_allclose(found["pos"], old[0] + residual[0], atol=5e-4)
@@ -377,7 +377,7 @@ smoothness = 10
     j, i = np.mgrid[0:4, 0:5]
     expected = (10 * i - 20 * j) * LIST_UNIT - (2e-3 * i + 1e-3 * j)
     # Plane entries are offsets: old − residual. 0.05 µm noise, 0.05 µm rounding.
-    np.testing.assert_allclose(result.fits[0].table[""], expected, atol=3e-4)
+    np.testing.assert_allclose(result.tables[0].table[""], expected, atol=3e-4)
     assert grade(result)["from_file"] < 0.05 * grade(result)["before"]
 
 
@@ -444,9 +444,9 @@ def test_axis_list_is_edited_and_its_backlash_switched_off(tmp_path: Path) -> No
     assert "lr_param.anwahl_losekomp 0 # wie gemessen\ngetriebe[0].lose 50\n" in text
     assert "lr_param.ssfk 1\n" in text
     # 6 µm of reversal: 2 cycles of 1 ms make 3 mm/s and 3000 mm/s².
-    assert result.fits[0].cycles == 2
+    assert result.tables[0].cycles == 2
     assert ListFile.parse(text.encode()).integer("lr_param.n_backlash_cyc") == 2
-    assert any("switched off" in r.message for r in result.fits[0].remarks)
+    assert any("switched off" in r.message for r in result.tables[0].remarks)
     assert not (tmp_path / "out" / "achsmds1.add.lis").exists()
     assert (tmp_path / "achsmds1.lis").read_text() == machine
 
@@ -482,10 +482,10 @@ def test_datum_makes_the_table_zero_there(tmp_path: Path) -> None:
     at_zero = run_job(
         screw_job(tmp_path, measurement="datum = { at = 200.0 }"), tmp_path / "out"
     )
-    pos, neg = (at_zero.fits[0].table[name][2] for name in ("pos", "neg"))
+    pos, neg = (at_zero.tables[0].table[name][2] for name in ("pos", "neg"))
     # Mean of both directions, up to rounding of each.
     assert 0.5 * (pos + neg) == pytest.approx(0.0, abs=LIST_UNIT)
-    whole = plain.fits[0].table["pos"] - at_zero.fits[0].table["pos"]
+    whole = plain.tables[0].table["pos"] - at_zero.tables[0].table["pos"]
     # All nodes move by the same constant: 50 µm and the mean of 20 and 14 µm.
     np.testing.assert_allclose(whole, 0.05 + 0.017, atol=3e-4)
 
@@ -510,10 +510,10 @@ def test_run_effects_leave_reversal_and_mean_alone(tmp_path: Path) -> None:
     result = run_job(screw_job(tmp_path), tmp_path / "out")
     nodes = np.arange(0.0, 401.0, 100.0)
     ones = np.ones(5, dtype=np.int64)
-    found = result.fits[0].table
+    found = result.tables[0].table
     np.testing.assert_allclose(found["pos"], screw_error(nodes, ones), atol=5e-4)
     np.testing.assert_allclose(found["neg"], screw_error(nodes, -ones), atol=5e-4)
-    assert len(result.fits[0].fit.runs) == 3
+    assert len(result.tables[0].fit.runs) == 3
 
 
 def test_second_fit_of_an_axis_takes_what_the_first_leaves(tmp_path: Path) -> None:
@@ -558,7 +558,7 @@ points = [3, 2]
     left = truth + offsets(tmp_path / "out", 3, A1=x, A2=y)
     # Both tables together correct once; each alone for all of it would double.
     assert np.max(np.abs(left)) < 4e-4
-    assert any("earlier fit" in r.message for r in result.fits[1].remarks)
+    assert any("earlier fit" in r.message for r in result.tables[1].remarks)
 
 
 def test_result_holds_what_the_interface_promises(tmp_path: Path) -> None:
@@ -591,9 +591,9 @@ def test_conventions_of_the_machine_turn_the_sign(tmp_path: Path) -> None:
     state_conventions(job)
     turned = run_job(job, tmp_path / "out")
     np.testing.assert_array_equal(
-        turned.fits[0].table["pos"], -plain.fits[0].table["pos"]
+        turned.tables[0].table["pos"], -plain.tables[0].table["pos"]
     )
-    states = {rule.name: rule.state for rule in turned.fits[0].conventions}
+    states = {rule.name: rule.state for rule in turned.tables[0].conventions}
     assert states["leadscrew_sign"] == "verified"
     assert states["start_direction"] == "assumed"
 
@@ -633,7 +633,7 @@ interval = 25.0
 points = 5
 """)
     result = run_job(tmp_path / "job.toml", tmp_path / "out")
-    warned = [r.message for r in result.fits[0].remarks if r.level == "warning"]
+    warned = [r.message for r in result.tables[0].remarks if r.level == "warning"]
     assert any(
         "axis 5, gantry partner of axis 2, has no list" in text for text in warned
     )
@@ -648,14 +648,14 @@ def test_table_that_was_off_and_stays_in_the_list_is_named(tmp_path: Path) -> No
     laser(tmp_path / "laser.csv")
     off = run_job(screw_job(tmp_path, axis='list = "achskw1.lis"'), tmp_path / "out")
     assert any("also holds a cross table that was off" in r.message
-               for r in off.fits[0].remarks)  # fmt: skip
+               for r in off.tables[0].remarks)  # fmt: skip
     on = run_job(
         screw_job(
             tmp_path, axis='list = "achskw1.lis"', measurement='active = ["cross"]'
         ),
         tmp_path / "out",
     )
-    assert not any("that was off" in r.message for r in on.fits[0].remarks)
+    assert not any("that was off" in r.message for r in on.tables[0].remarks)
 
 
 def test_load_sheet_tells_files_order_check_and_the_way_back(tmp_path: Path) -> None:
