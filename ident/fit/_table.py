@@ -12,6 +12,7 @@ from ._evidence import choose_smoothness
 from ._gather import in_group
 from ._grid import Grid
 from ._information import touched
+from ._once import judge_once
 from ._readings import Readings
 from ._runs import RunDesign, run_design
 from ._suspects import suspect_nodes, suspect_runs
@@ -111,7 +112,9 @@ def _closely(request: TableRequest) -> TableFit:
                 "these nodes: none of them was left out."
             )
             fit = dataclasses.replace(fit, suspect_runs=apart, message=message)
-    return fit
+    # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
+    judged = isinstance(smoothness, str) and not allow_gaps
+    return judge_once(fit, samples) if judged else fit
 
 
 def _refuse_too_few(count: int, needed: int) -> None:

@@ -89,7 +89,8 @@ class TableFit:
         standard_deviation: Of each node value, same shape and unit.
         support: Number of readings that touch each node, same shape; 0 = not measured, the value
             is what the prior fills in.
-        noise: Standard deviation of one reading (weight 1) in mm or °, wild readings left out.
+        noise: Standard deviation of one reading (weight 1) in mm or °, wild readings left out;
+            the ``line_offset`` is part of it.
         smoothness: Weights of the prior by name (``"order 2, axis 1"`` …), relative to 1/noise².
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
         residual: Reading − table − run effects per sample in mm or °, shape ``(t,)``.
@@ -103,6 +104,8 @@ class TableFit:
             the fit, in mm²; `predict` uses it.
         converged: Whether the iterations reached their tolerance.
         message: One sentence on how the fit went, for the report.
+        line_offset: Standard deviation in mm or ° of an offset of every line of readings that a
+            single probing cannot show, and that is allowed for; else 0.
     """
 
     layout: TableLayout
@@ -121,3 +124,4 @@ class TableFit:
     covariance: Mapping[tuple[int, int], Float[Array, "l s"]]
     converged: bool
     message: str
+    line_offset: float = 0.0

@@ -82,12 +82,19 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
         )
     elif not one.run_effects or one.run_effects == "none":
         if len(fit.residual) <= _SPARSE * fit.support.size:
+            known = "is not in the standard deviations"
+            if fit.line_offset:
+                unit = "µm" if linear else "0.001°"
+                known = (
+                    "stands in the standard deviations only as an assumed offset of every"
+                    f" line of readings, {1e3 * fit.line_offset:.1f} {unit} (1 sd)"
+                )
             found.append(
                 Remark(
                     "info",
                     "Nothing was measured twice: what changes from one measurement to the"
-                    " next is not in the standard deviations. A second measurement, given"
-                    " together with the first, brings it in.",
+                    f" next {known}. A second measurement, given together with the first,"
+                    " brings it in.",
                 )
             )
     if not fit.converged or fit.loss != one.plan.fit.loss:

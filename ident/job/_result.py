@@ -176,6 +176,7 @@ class TableResult(AbstractResult):
             "standard_deviations": {"table": _values(self.standard_deviation)},
             "support": _values(self.support),
             "noise": self.fit.noise,
+            "line_offset": self.fit.line_offset,
             "smoothness": dict(self.fit.smoothness),
             "loss": self.fit.loss,
             "runs": [vars(run) for run in self.fit.runs],

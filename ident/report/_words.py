@@ -16,12 +16,21 @@ def how_it_was_made(
     """Return pairs of a heading and a plain sentence on how the table was found."""
     own = fit.fit
     unit = scale.error
+    noise = (
+        f"A single reading scatters by {number(own.noise * scale.factor)} {unit} "
+        "(1 sd) about the table, wild readings left out."
+    )
+    if own.line_offset:
+        # The scatter that is seen, and what one probing cannot show of it.
+        seen = np.sqrt(own.noise**2 - own.line_offset**2)
+        noise = (
+            f"A single reading scatters by {number(seen * scale.factor)} {unit} (1 sd) about "
+            "a smooth surface, wild readings left out. An offset of every line of readings, "
+            f"{number(own.line_offset * scale.factor)} {unit} (1 sd), is assumed on top: one "
+            "probing cannot show it. Probe twice to know."
+        )
     facts = [
-        (
-            "Noise",
-            f"A single reading scatters by {number(own.noise * scale.factor)} {unit} "
-            "(1 sd) about the table, wild readings left out.",
-        ),
+        ("Noise", noise),
         ("Wild readings", _loss(own.loss, readings)),
         ("Smoothness", smoothness_sentence(fit, scale)),
         (

@@ -1,0 +1,130 @@
+"""A surface probed once: what its own readings cannot tell about their noise.
+
+Where every node has one reading, the scatter about a smooth table may be noise, or structure
+of the surface that comes back with the next probing. As long as the surface is smooth from
+line to line the difference does not matter much. Where its lines differ by far more than
+readings scatter, the surface has structure as fine as the nodes, and two assumptions of a
+table fit fail:
+
+* an offset of each scan line (the probe touches off anew, the guide settles) hides in the
+  structure between the lines. It is taken to be as large as the scatter of a reading. On three
+  probings of one printer bed, 13 × 13 nodes, it was 1.1 to 1.4 times that.
+* the scatter within a line may be structure. Between "all of it" and "none" the table goes half
+  way to the reading, which is the choice with the least loss in the worse of the two cases.
+
+Two probings settle both; this file then has nothing to say.
+"""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._grid import Grid
+from ._types import Samples, TableFit
+
+_NEAR = 1e-3
+"""Distance in node spacings at which a reading is one of the node."""
+_MOST = 0.9
+"""Share of the nodes that must have their reading."""
+_FEWEST = 5
+"""Lines from which on their scatter can be judged."""
+
+
+def judge_once(fit: TableFit, samples: Samples) -> TableFit:
+    """Return the fit, with what a single probing cannot tell added to its uncertainty.
+
+    A fit whose lines differ by no more than readings scatter comes back as it is, and so does
+    one with repeated readings, with runs, or without a reading at nearly every node.
+    """
+    if len(fit.layout.nodes) != 2 or samples.run is not None or fit.noise <= 0.0:
+        return fit
+    place = _nodes_read(fit, samples)
+    if place is None:
+        return fit
+    readings = fit.values.copy()
+    readings[place] += np.where(fit.wild, 0.0, fit.residual)
+    across, rough = max(enumerate(_roughness(readings)), key=lambda pair: pair[1])
+    # Below the scatter of a reading no offset can hide; from twice that on, all of it can.
+    share = float(np.clip(rough / fit.noise - 1.0, 0.0, 1.0))
+    return _half_way(fit, place, across, share) if share else fit
+
+
+def _nodes_read(
+    fit: TableFit, samples: Samples
+) -> tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]] | None:
+    """Return the node of every reading in the table's array; None unless each has its own."""
+    place = []
+    for column, nodes in enumerate(fit.layout.nodes):
+        position = samples.positions[:, column]
+        middles = 0.5 * (nodes[1:] + nodes[:-1])
+        nearest = np.searchsorted(middles, position)
+        away = np.abs(position - nodes[nearest])
+        if np.any(away > _NEAR * np.diff(nodes).min()):
+            return None
+        place.append(nearest)
+    first, second = place
+    visits = np.zeros(fit.values.shape, int)
+    np.add.at(visits, (second, first), 1)
+    once = visits.max() == 1 and visits.mean() >= _MOST
+    return (second, first) if once else None
+
+
+def _roughness(readings: Float[np.ndarray, "n m"]) -> tuple[float, float]:
+    """Return how much the mean of a line differs from those beside it, per array axis.
+
+    As a standard deviation per line, were it all independent from line to line: what is smooth
+    cancels in the second differences of the means.
+    """
+    found = []
+    for axis in (0, 1):
+        if readings.shape[axis] < _FEWEST:
+            found.append(0.0)
+            continue
+        bend = np.diff(readings.mean(axis=1 - axis), 2)
+        found.append(float(np.sqrt(np.mean(np.square(bend)) / 6.0)))
+    return found[0], found[1]
+
+
+def _half_way(
+    fit: TableFit,
+    place: tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]],
+    across: int,
+    share: float,
+) -> TableFit:
+    """Return the table half way to its readings, with an offset of every line in its noise."""
+    toward, offset = 0.5 * share, share * fit.noise
+    kept = np.where(fit.wild, 0.0, toward)
+    moved = np.zeros_like(fit.values)
+    moved[place] = kept * fit.residual
+    # If all scatter is noise the table takes over a part of it; if all is structure, it misses
+    # no more than that.
+    weight = np.zeros_like(fit.values)
+    weight[place] = kept
+    before = np.square(fit.standard_deviation)
+    gain = np.square(weight * fit.noise) - np.square(weight) * before
+    grid = Grid(fit.layout)
+    covariance = {}
+    for step, known in fit.covariance.items():
+        # Columns of the positions run against the axes of the array.
+        between_lines = step[0] if grid.slow_column == 1 - across else step[1]
+        covariance[step] = known + (offset**2 if between_lines == 0 else 0.0)
+    covariance[0, 0] = covariance[0, 0] + grid.from_table(gain)
+    message = (
+        f"{fit.message} Every node was read once, and the lines of readings differ by more "
+        "than readings scatter: an offset of every line and structure as fine as the nodes "
+        "cannot be told from noise. The standard deviations allow for such an offset, as "
+        f"large as {'the scatter' if share == 1.0 else f'{share:.0%} of the scatter'} of a "
+        f"reading, and the table goes {toward:.0%} of the way from the smooth surface to "
+        "each reading. A second probing would tell."
+    )
+    return dataclasses.replace(
+        fit,
+        values=fit.values + moved,
+        standard_deviation=np.sqrt(np.maximum(before + gain, 0.0) + offset**2),
+        noise=float(np.hypot(fit.noise, offset)),
+        line_offset=offset,
+        residual=fit.residual * (1.0 - kept),
+        covariance=covariance,
+        message=message,
+    )
