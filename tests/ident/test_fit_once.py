@@ -26,8 +26,7 @@ def probed(seed: int, *, rough: float, line: float, noise: float) -> np.ndarray:
     x, y = np.meshgrid(NODES, NODES)
     bowl = 2e-5 * (x - 60.0) ** 2 / 6.0 + 1e-5 * (y - 60.0) ** 2 / 6.0
     lines = rng.normal(0.0, line, (13, 1))
-    reading: np.ndarray = bowl + shape + lines + rng.normal(0.0, noise, (13, 13))
-    return reading
+    return np.asarray(bowl + shape + lines + rng.normal(0.0, noise, (13, 13)))
 
 
 def fit(z: np.ndarray) -> TableFit:
@@ -44,7 +43,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-@pytest.mark.parametrize(("name", "other"), itertools.permutations(MESHES, 2))
+@pytest.mark.parametrize(("name", "other"), list(itertools.permutations(MESHES, 2)))
 def test_a_bed_mesh_predicts_its_repeat_and_how_far_it_will_be_off(
     name: str, other: str
 ) -> None:
