@@ -20,6 +20,7 @@ Kind = Literal[
     "current opposes the motion",
     "sign of the current unknown",
     "saturated",
+    "held at a limit",
     "clock jumps",
 ]
 """What can be wrong with a recording."""
@@ -28,6 +29,9 @@ _SLOW = 0.02
 """Share of the fastest speed below which a sample is slow, where no speed is given."""
 _FEW = 20
 """Fewer samples than that count as none."""
+_HELD = 0.2
+"""Share of the motion with the current at its limit from which on no law can be told: what
+is left are the samples with the least friction, not a fair choice of them."""
 _DROP = ("breakaway", "stribeck_velocity", "stribeck_shape")
 _LAW = ("coulomb", "viscous", *_DROP)
 
@@ -102,11 +106,14 @@ def examine(
     sure = np.where(motion.settled & ~saturation.rows, phases.direction, 0)
     polarity = find_polarity(current, sure, motion.acceleration)
     usable: Bool[np.ndarray, " t"] = sure != 0
+    moving = motion.settled & (phases.direction != 0)
+    held = _held_at_limit(saturation, moving)
     findings = [
-        *_directions(sure),
+        # With the current held all the time no sample is sure, though the axis moves.
+        *(held or _directions(sure)),
         *_slow_samples(motion, sure, slow, unit),
         *_sign(current, sure, polarity),
-        *_limits(saturation, motion, sure),
+        *([] if held else _limits(saturation, motion, sure)),
     ]
     if clock.jumps:
         findings.append(Finding("clock jumps", f"The clock has {clock.statement}."))
@@ -181,6 +188,20 @@ def _sign(
         )
         findings.append(Finding("current opposes the motion", sentence))
     return findings
+
+
+def _held_at_limit(
+    saturation: Saturation, moving: Bool[np.ndarray, " t"]
+) -> list[Finding]:
+    share = float(saturation.rows[moving].mean()) if moving.any() else 0.0
+    if share <= _HELD:
+        return []
+    sentence = (
+        f"The current is held at its limit in {share:.0%} of the motion"
+        f" ({saturation.statement}): what the rest shows is not what friction takes."
+        " Record at a lower acceleration or with a higher limit."
+    )
+    return [Finding("held at a limit", sentence, ("inertia", "offset", *_LAW))]
 
 
 def _limits(

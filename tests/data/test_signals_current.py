@@ -143,7 +143,8 @@ def test_saturated_current_is_found_and_left_out(limit: float | None) -> None:
     motion, current = record(wave())
     held = np.clip(current, -1.2, 1.2)
     found = examine(motion, held, limit=limit)
-    assert "saturated" in kinds(found)
+    # Half of the motion in positive direction is at the limit.
+    assert kinds(found)[0] == "held at a limit"
     assert found.saturation.upper == pytest.approx(1.2)
     truth = np.abs(current) >= 1.2
     # Held for fewer than five samples at a stretch it looks like a peak.
@@ -151,6 +152,22 @@ def test_saturated_current_is_found_and_left_out(limit: float | None) -> None:
     # Within a thousandth of the limit counts as at it.
     assert not found.saturation.rows[np.abs(current) < 0.998 * 1.2].any()
     assert not found.usable[found.saturation.rows].any()
+
+
+def test_current_at_its_limit_now_and_then_leaves_the_law_told() -> None:
+    motion, current = record(wave())
+    limit = float(np.quantile(current, 0.95))
+    found = examine(motion, np.clip(current, -limit, limit), limit=limit)
+    assert kinds(found) == ["saturated"]
+    assert "coulomb" not in found.undetermined
+
+
+def test_constant_current_of_a_moving_axis_is_named_as_held() -> None:
+    motion, _ = record(wave())
+    found = examine(motion, np.full(TIME.size, 0.7), limit=0.7)
+    assert kinds(found)[0] == "held at a limit"
+    assert "in 100% of the motion" in found.findings[0].sentence
+    assert {"coulomb", "viscous"} <= set(found.undetermined)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1])

@@ -50,12 +50,14 @@ def record(
     sign: float = 1.0,
     velocity: np.ndarray | None = None,
     law: AbstractFriction = LAW,
+    limit: float = np.inf,
 ) -> None:
     rng = np.random.default_rng(8)
     v = motion() if velocity is None else velocity
     step = 0.002
     x, a = np.cumsum(v) * step, np.gradient(v, step)
     i = INERTIA * a + np.asarray(law(v)) + OFFSET + NOISE * rng.normal(size=v.size)
+    i = np.clip(i, -limit, limit)
     table = np.column_stack([np.arange(v.size) * step, x, sign * i])
     np.savetxt(folder / "trace.csv", table, "%.7f", ",", header="t,x,i", comments="")
 
@@ -208,3 +210,14 @@ def test_axis_that_never_moves_is_refused(tmp_path: Path) -> None:
     record(tmp_path, velocity=np.zeros(3000))
     with pytest.raises(MeasurementError, match="does not move"):
         run(tmp_path)
+
+
+def test_current_held_at_its_limit_writes_no_list(tmp_path: Path) -> None:
+    record(tmp_path, limit=float(np.asarray(LAW(np.array([4.0])))[0]))
+    result = run(tmp_path)
+    assert not list((tmp_path / "out").glob("achskw*.lis"))
+    words = [remark.message for remark in friction(result).remarks]
+    assert any(
+        "No list is written. The current is held at its limit" in w for w in words
+    )
+    assert not result.passed

@@ -17,7 +17,12 @@ from .._fit_schema import FrictionSpec
 from .._result import Remark
 from .._source import Tables, measured_for
 
-_NO_LIST = ("no motion", "one direction", "sign of the current unknown")
+_NO_LIST = (
+    "no motion",
+    "one direction",
+    "sign of the current unknown",
+    "held at a limit",
+)
 """Shortcomings with which a list would be a guess."""
 _SURE = 0.999
 """Probability from which on a current that opposes the motion is turned round."""

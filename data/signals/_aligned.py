@@ -1,0 +1,117 @@
+"""The error of a moving axis: an instrument that is late, against the encoder."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ._noise import noise_of
+
+_FOURTH = 0.05
+"""Error of a cubic spline between samples, per fourth difference, at a jump of jerk."""
+_SHARE = 0.5
+"""Of the noise that this error may be."""
+
+
+@dataclasses.dataclass(frozen=True)
+class InstrumentClock:
+    """How an instrument's clock stands to that of the encoder.
+
+    Attributes:
+        delay: In s at `middle`; positive where the instrument is late.
+        rate: Growth of the delay in s per s.
+        middle: Time in s.
+        standard_deviation: Of the delay in s.
+        rate_deviation: Of the rate in s per s.
+        determined: Whether the record tells the delay.
+        statement: In words.
+    """
+
+    delay: float
+    rate: float
+    middle: float
+    standard_deviation: float
+    rate_deviation: float
+    determined: bool
+    statement: str
+
+    def instants(self, time: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        """Return when in s what the instrument shows at each time was so."""
+        return time - self.delay - self.rate * (time - self.middle)
+
+
+@dataclasses.dataclass(frozen=True)
+class AlignedError:
+    """Reference − encoder at the same instants.
+
+    Attributes:
+        instants: In s, those that the instrument's readings belong to.
+        error: In mm or °; NaN where it is not known.
+        valid: Where it is known: the encoder can be told between its samples.
+    """
+
+    instants: Float[np.ndarray, " t"]
+    error: Float[np.ndarray, " t"]
+    valid: Bool[np.ndarray, " t"]
+
+
+def encoder_spline(
+    time: Float[np.ndarray, " t"], encoder: Float[np.ndarray, " t"]
+) -> Any | None:
+    """Return the cubic spline through an encoder's samples; None where it stands still."""
+    from scipy.interpolate import CubicSpline
+
+    if np.ptp(encoder) == 0.0:
+        return None
+    return CubicSpline(time, encoder)
+
+
+def aligned_error(
+    time: Float[np.ndarray, " t"],
+    encoder: Float[np.ndarray, " t"],
+    reference: Float[np.ndarray, " t"],
+    clock: InstrumentClock,
+    *,
+    spline: Any | None = None,
+) -> AlignedError:
+    """Return reference − encoder with the delay of the instrument taken out.
+
+    The encoder, which is hardly noisy, is taken between its samples at the instants that
+    the readings belong to. Where its samples are too far apart for that, in hard
+    accelerations of a thinned log, there is no error, rather than a wrong one.
+
+    Args:
+        time: In s, ascending.
+        encoder: In mm or °.
+        reference: Same unit; NaN = missed.
+        clock: Of the instrument.
+        spline: Of the encoder, where it has been made.
+    """
+    at = clock.instants(time)
+    spline = encoder_spline(time, encoder) if spline is None else spline
+    if spline is None:
+        error = reference - encoder
+        return AlignedError(at, error, np.isfinite(error))
+    error = reference - np.asarray(spline(at))
+    after = np.clip(np.searchsorted(time, at), 1, time.size - 1)
+    step = time[after] - time[after - 1]
+    share = np.clip((at - time[after - 1]) / step, 0.0, 1.0)
+    # None at the samples themselves, most halfway between.
+    between = 16.0 * (share * (1.0 - share)) ** 2
+    rough = _roughness(encoder)
+    doubt = _FOURTH * between * np.maximum(rough[after], rough[after - 1])
+    usual = float(np.median(np.diff(time)))
+    valid = np.isfinite(error) & (at >= time[0]) & (at <= time[-1])
+    valid &= step <= 3.0 * usual
+    level = noise_of(error[valid]) if valid.sum() >= 8 else 0.0
+    valid &= doubt <= max(_SHARE * level, 1e-9)
+    return AlignedError(at, np.where(valid, error, np.nan), valid)
+
+
+def _roughness(encoder: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    """Return the largest fourth difference of the samples about each one."""
+    fourth = np.zeros(encoder.size)
+    fourth[2:-2] = np.abs(np.diff(encoder, 4))
+    padded = np.pad(fourth, 1, mode="edge")
+    return np.asarray(np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0))
