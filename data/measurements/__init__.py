@@ -27,7 +27,11 @@ from ._errors import (
     RoleError as RoleError,
     UnitError as UnitError,
 )
-from ._iso230 import EDITION as EDITION, iso230 as iso230
+from ._iso230 import (
+    EDITION as EDITION,
+    iso230 as iso230,
+    iso230_figures as iso230_figures,
+)
 from ._iso230_types import (
     Iso230 as Iso230,
     Iso230Position as Iso230Position,
@@ -40,6 +44,12 @@ from ._iso230_words import (
     widest_reversal as widest_reversal,
     with_arrows as with_arrows,
 )
+from ._join import (
+    CLOCK as CLOCK,
+    TimedTable as TimedTable,
+    join_tables as join_tables,
+    joined_name as joined_name,
+)
 from ._log import (
     ControllerLog as ControllerLog,
     LoggedOffset as LoggedOffset,
@@ -50,6 +60,11 @@ from ._measurement import (
     Measurement as Measurement,
     RoleValues as RoleValues,
     measurement as measurement,
+)
+from ._moving import (
+    is_log as is_log,
+    with_error as with_error,
+    without_motion as without_motion,
 )
 from ._read import read_table as read_table
 from ._roles import (

@@ -21,6 +21,8 @@ from ._table import BadCell, Column, Skipped, Table
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
 _COMMENT_OR_SEMICOLON = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!|;).*$")
+_SHORT = 1 << 15
+"""Characters up to which a body is short."""
 _SMALL = 1 << 20
 """Bytes up to which one thread reads a file."""
 _NULLS = [
@@ -47,7 +49,11 @@ def read_csv(path: Path, text: str) -> Table:
             the others; names the line.
     """
     layout = find_layout(path, text)
-    read = _read_fast(layout, text) or _read_slow(path, layout, text)
+    read = (
+        _read_short(layout, text)
+        or _read_fast(layout, text)
+        or _read_slow(path, layout, text)
+    )
     columns, lines, skipped = read
     if not lines.size:
         reason = "found no rows, expected at least one line of numbers"
@@ -65,6 +71,32 @@ def read_csv(path: Path, text: str) -> Table:
 
 
 _Read = tuple[list[Column], Int[np.ndarray, " t"], list[Skipped]]
+
+
+def _read_short(layout: Layout, text: str) -> _Read | None:
+    """Read a short body of plain numbers; None where it is not that.
+
+    Setting up pyarrow takes longer than that.
+    """
+    dialect, width = layout.dialect, len(layout.names)
+    if len(text) - layout.body > _SHORT or dialect.separator == " ":
+        return None
+    if dialect.decimal != "." or not all(layout.numeric):
+        return None
+    body = text[layout.body :].split("\n")
+    rows = [line.split(dialect.separator) for line in body if line]
+    cells = [cell for row in rows for cell in row]
+    if any(len(row) != width for row in rows) or not dialect.all_plain(cells):
+        return None
+    values = np.array(list(map(float, cells))).reshape(-1, width)
+    if not np.isfinite(values).all():
+        return None  # beyond floating point: where it stands is to be said
+    lines = np.array([at for at, line in enumerate(body) if line], dtype=np.int64)
+    columns = [
+        _number_column(name, np.ascontiguousarray(values[:, at]), None)
+        for at, name in enumerate(layout.names)
+    ]
+    return columns, lines + layout.body_line, []
 
 
 def _read_fast(layout: Layout, text: str) -> _Read | None:

@@ -12,6 +12,15 @@ _NUMBER = {
     ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"),
     ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
 }
+# Lines of short numbers: one look at all of them.
+_MANY = {
+    ".": re.compile(
+        r"(?:[+-]?+(?:\d{1,40}+\.?+\d{0,40}+|\.\d{1,40}+)(?:[eE][+-]?+\d{1,9}+)?+(?:\n|\Z))++"
+    ),
+    ",": re.compile(
+        r"(?:[+-]?+(?:\d{1,40}+(?:,\d{1,40}+)?+|,\d{1,40}+)(?:[eE][+-]?+\d{1,9}+)?+(?:\n|\Z))++"
+    ),
+}
 # Cells that stand for a number which is not there.
 _NO_NUMBER = re.compile(
     r"[+-]?(?:nan|inf|infinity)|n/?a|#n/a|null|none|-", re.IGNORECASE
@@ -54,6 +63,16 @@ class Dialect:
         """Return the number in a cell (NaN where it says so), or None for text."""
         return None if len(cell) > _LONGEST else _number(cell, self.decimal)
 
+    def count_numbers(self, cells: Sequence[str]) -> int:
+        """Return how many cells hold a number, or say that one is not there."""
+        if self.all_plain(cells):
+            return len(cells)
+        return sum(self.number(cell) is not None for cell in cells)
+
+    def all_plain(self, cells: Sequence[str]) -> bool:
+        """Whether every cell is a finite number of ordinary length, and nothing else."""
+        return _MANY[self.decimal].fullmatch("\n".join(cells)) is not None
+
     def is_number(self, cell: str) -> bool:
         """Whether a cell holds a finite number."""
         return (
@@ -87,12 +106,17 @@ def sniff(lines: Sequence[str]) -> Dialect:
     best, best_score = Dialect(",", "."), (False, -1.0, False, 0)
     lines = lines[1:] if stated else lines
     text = "\n".join(line.strip() for line in lines)
+    plain = '"' not in text
     whole: dict[str, tuple[bool, float, bool, int]] = {}
     for separator, decimal in _CANDIDATES:
         if stated is not None and separator != stated.group(1):
             continue
         dialect = Dialect(separator, decimal)
         parts = separator in text or (separator == " " and "\t" in text)
+        if best_score[0] and (not parts or (separator == "," == decimal and plain)):
+            # A single column does not beat several; nor do, without quotes, numbers
+            # that a decimal comma must not split, which are numbers without one too.
+            continue
         # All separators that occur nowhere leave the same single column.
         score = None if parts else whole.get(decimal)
         if score is None:
@@ -111,7 +135,9 @@ def _score(dialect: Dialect, lines: Sequence[str]) -> tuple[bool, float, bool, i
         return (False, 0.0, False, 0)
     width, alike = Counter(map(len, rows)).most_common(1)[0]
     cells = [cell for row in rows if len(row) == width for cell in row]
-    numbers = sum(dialect.number(cell) is not None for cell in cells)
+    head = len(rows[0]) if len(rows[0]) == width else 0
+    # The first row may be a header; all below it are mostly numbers through and through.
+    numbers = dialect.count_numbers(cells[:head]) + dialect.count_numbers(cells[head:])
     share = alike / len(rows) * numbers / len(cells)
     # A header that splits like the rows settles "1,5" against "1" and "5"; and several
     # columns that are mostly whole beat a single one, or one short line of few would

@@ -5,8 +5,10 @@ compute.
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,6 +17,7 @@ from ._errors import MeasurementError
 from ._iso230_types import Iso230, Iso230Position, Iso230Run
 
 EDITION = "ISO 230-2:2014"
+_Approach = tuple[float, int, int, float]  # target, run, side, deviation
 _SAME_TARGET = 6  # decimals: targets closer than 1 nm are one
 
 
@@ -41,22 +44,55 @@ def iso230(
     Raises:
         MeasurementError: If there are no readings.
     """
+    rows = _rows(target, error, run, direction)
+    positions = _positions(rows)
+    remarks: list[str] = []
+    if direction is None:
+        remarks.append("No direction given: all readings are taken as from one side.")
+    remarks += _gaps(positions, [item for item in positions if item.B is not None])
+    return Iso230(
+        **_overall(positions),
+        positions=positions,
+        runs=_runs(rows),
+        run_offsets=_offsets(rows),
+        remarks=tuple(remarks),
+    )
+
+
+def iso230_figures(
+    target: Float[np.ndarray, " t"],
+    error: Float[np.ndarray, " t"],
+    run: Int[np.ndarray, " t"] | None,
+    direction: Int[np.ndarray, " t"] | None,
+) -> dict[str, float | None]:
+    """Return the overall figures alone, by name; arguments and errors as `iso230`."""
+    return _overall(_positions(_rows(target, error, run, direction)))
+
+
+def _rows(
+    target: Float[np.ndarray, " t"],
+    error: Float[np.ndarray, " t"],
+    run: Int[np.ndarray, " t"] | None,
+    direction: Int[np.ndarray, " t"] | None,
+) -> list[_Approach]:
     if not target.size:
         reason = "found no readings, expected at least one"
         raise MeasurementError(EDITION, reason)
-    remarks: list[str] = []
     sides = np.ones(target.size, np.int64) if direction is None else direction
-    if direction is None:
-        remarks.append("No direction given: all readings are taken as from one side.")
     runs = _enumerated(target, sides) if run is None else run
-    rows = _approaches(target, error, runs, sides)
+    return _approaches(target, error, runs, sides)
+
+
+def _positions(rows: Sequence[_Approach]) -> tuple[Iso230Position, ...]:
     by_side = {side: _by_target(rows, side) for side in (1, -1)}
     places = sorted({place for side in by_side.values() for place in side})
-    positions = tuple(
+    return tuple(
         _position(at, by_side[1].get(at), by_side[-1].get(at)) for at in places
     )
+
+
+def _overall(positions: Sequence[Iso230Position]) -> dict[str, float | None]:
     both = [item for item in positions if item.B is not None]
-    remarks += _gaps(positions, both)
     up, down = _one_side(positions, "up"), _one_side(positions, "down")
     reversal = [item.B for item in both if item.B is not None]
     means = [item.mean for item in both if item.mean is not None]
@@ -65,27 +101,20 @@ def iso230(
     upper = max(up.high, down.high)
     lower = min(up.low, down.low)
     known = bool(both) and math.isfinite(up.high) and math.isfinite(down.high)
-    return Iso230(
-        A=upper - lower if known else None,
-        R=max(repeat) if repeat else None,
-        B=max(map(abs, reversal)) if both else None,
-        B_mean=float(np.mean(reversal)) if both else None,
-        E=_range([value for value in sided if value is not None]),
-        M=_range(means),
-        R_up=up.repeatability,
-        R_down=down.repeatability,
-        A_up=up.accuracy,
-        A_down=down.accuracy,
-        E_up=up.systematic,
-        E_down=down.systematic,
-        positions=positions,
-        runs=_runs(rows),
-        run_offsets=_offsets(rows),
-        remarks=tuple(remarks),
-    )
-
-
-_Approach = tuple[float, int, int, float]  # target, run, side, deviation
+    return {
+        "A": upper - lower if known else None,
+        "R": max(repeat) if repeat else None,
+        "B": max(map(abs, reversal)) if both else None,
+        "B_mean": float(np.mean(reversal)) if both else None,
+        "E": _range([value for value in sided if value is not None]),
+        "M": _range(means),
+        "R_up": up.repeatability,
+        "R_down": down.repeatability,
+        "A_up": up.accuracy,
+        "A_down": down.accuracy,
+        "E_up": up.systematic,
+        "E_down": down.systematic,
+    }
 
 
 def _enumerated(
@@ -108,12 +137,38 @@ def _approaches(
     sides: Int[np.ndarray, " t"],
 ) -> list[_Approach]:
     """Return one deviation per target, run and side: the mean of its readings."""
-    found: dict[tuple[float, int, int], list[float]] = {}
-    columns = (np.round(target, _SAME_TARGET), runs, sides, error)
-    for place, run, side, value in zip(*(c.tolist() for c in columns), strict=True):
-        found.setdefault((place + 0.0, run, side), []).append(value)
+    keys = [np.asarray(column) for column in (target, runs, sides)]
+    groups = _groups(*(column.tobytes() for column in keys), *(c.dtype for c in keys))
+    values = error.tolist()
     # Exact sums: the figures do not depend on the order of the rows.
-    return [(*key, math.fsum(found[key]) / len(found[key])) for key in sorted(found)]
+    return [
+        (*key, values[at[0]])
+        if len(at) == 1
+        else (*key, math.fsum(values[row] for row in at) / len(at))
+        for key, at in groups
+    ]
+
+
+@functools.lru_cache(maxsize=8)
+def _groups(
+    target: bytes,
+    runs: bytes,
+    sides: bytes,
+    *kinds: np.dtype[Any],
+) -> list[tuple[tuple[float, int, int], list[int]]]:
+    """Return target, run and side of every approach, and its readings, ascending.
+
+    The same readings are judged before and after: they are sorted once.
+    """
+    found: dict[tuple[float, int, int], list[int]] = {}
+    columns = [
+        np.frombuffer(content, kind)
+        for content, kind in zip((target, runs, sides), kinds, strict=True)
+    ]
+    columns[0] = np.round(columns[0], _SAME_TARGET)
+    for row, key in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
+        found.setdefault((key[0] + 0.0, *key[1:]), []).append(row)
+    return [(key, found[key]) for key in sorted(found)]
 
 
 def _by_target(rows: Sequence[_Approach], side: int) -> dict[float, list[float]]:
@@ -220,14 +275,15 @@ def _gaps(
 
 
 def _runs(rows: Sequence[_Approach]) -> tuple[Iso230Run, ...]:
-    keys = sorted(
-        {(run, side) for _, run, side, _ in rows}, key=lambda k: (k[0], -k[1])
+    own: dict[tuple[int, int], tuple[list[float], list[float]]] = {}
+    for place, run, side, value in rows:
+        places, values = own.setdefault((run, side), ([], []))
+        places.append(place)
+        values.append(value)
+    return tuple(
+        Iso230Run(run, side, np.array(own[run, side][0]), np.array(own[run, side][1]))
+        for run, side in sorted(own, key=lambda k: (k[0], -k[1]))
     )
-    found = []
-    for run, side in keys:
-        own = np.array([(row[0], row[3]) for row in rows if row[1:3] == (run, side)])
-        found.append(Iso230Run(run, side, own[:, 0].copy(), own[:, 1].copy()))
-    return tuple(found)
 
 
 def _offsets(rows: Sequence[_Approach]) -> dict[int, float]:

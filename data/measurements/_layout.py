@@ -112,9 +112,7 @@ def _is_header(dialect: Dialect, rows: Sequence[Sequence[str]]) -> bool:
     for at, cell in enumerate(top):
         column = [row[at] for row in below if at < len(row)]
         # "nan" is meant as a number: a column with one is no column of words.
-        numbers = sum(
-            cell != "" and dialect.number(cell) is not None for cell in column
-        )
+        numbers = dialect.count_numbers([cell for cell in column if cell != ""])
         if 2 * numbers < len(column) or not numbers:
             continue
         # A word: "24 -1448819" above numbers is a row that does not fit, not a name.
@@ -130,7 +128,7 @@ def _is_unit_row(cells: Sequence[str], width: int) -> bool:
 
 def _is_numeric(dialect: Dialect, rows: Sequence[Sequence[str]], at: int) -> bool:
     cells = [row[at] for row in rows if at < len(row) and row[at]]
-    return 2 * sum(dialect.number(cell) is not None for cell in cells) >= len(cells)
+    return 2 * dialect.count_numbers(cells) >= len(cells)
 
 
 def _names_from_comment(

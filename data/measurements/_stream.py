@@ -40,15 +40,25 @@ class LogPart:
             MeasurementError: If a column is missing, or a cell holds no finite number; names
                 the row of the part.
         """
+        for columns in self.columns_of(rows):
+            yield np.stack(columns, axis=1)
+
+    def columns_of(self, rows: int = ROWS) -> Iterator[list[Float[np.ndarray, " t"]]]:
+        """Yield the same, column by column, without a copy where the file allows it.
+
+        Raises:
+            MeasurementError: As `pieces`.
+        """
         row = 0
         for batch in self._batches(rows):
-            found = np.empty((batch.num_rows, len(self.columns)))
-            for k, name in enumerate(self.columns):
-                found[:, k] = self._numbers(batch.column(k), name)
+            found = [
+                self._numbers(batch.column(k), name)
+                for k, name in enumerate(self.columns)
+            ]
             # Summing up finds any bad cell; looking for it is for when there is one.
-            if not np.isfinite(found.sum()):
-                self._refuse_gaps(found, row)
-            row += len(found)
+            if not all(np.isfinite(column.sum()) for column in found):
+                self._refuse_gaps(np.stack(found, axis=1), row)
+            row += batch.num_rows
             yield found
 
     def _batches(self, rows: int) -> Iterator[Any]:

@@ -8,10 +8,21 @@ in mm or °, times in s, currents in any unit.
 * `filtered_motion`, `smoothed_motion`: velocity and acceleration with their noise.
 * `zero_phase`, `central_differences`, `decimate`: the same steps for all columns of a fit.
 * `estimate_delay`, `advanced`: channels that are late.
+* `estimate_instrument`, `aligned_error`: an external instrument beside the encoder of a
+  moving axis; `standing`: where it does not move.
 * `find_phases`: rest, constant speed, reversals.
 * `find_polarity`, `find_saturation`, `examine`: what a recording of a current is worth.
 """
 
+from ._aligned import (
+    AlignedError as AlignedError,
+    InstrumentClock as InstrumentClock,
+    aligned_error as aligned_error,
+    encoder_spline as encoder_spline,
+    first_motion as first_motion,
+    last_direction as last_direction,
+    standing as standing,
+)
 from ._clock import Clock as Clock, Jump as Jump, read_clock as read_clock
 from ._current import (
     Polarity as Polarity,
@@ -38,6 +49,7 @@ from ._filter import (
     decimate as decimate,
     zero_phase as zero_phase,
 )
+from ._instrument import estimate_instrument as estimate_instrument
 from ._motion import (
     Motion as Motion,
     filtered_motion as filtered_motion,

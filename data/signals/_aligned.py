@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ._noise import noise_of
-
 _FOURTH = 0.05
 """Error of a cubic spline between samples, per fourth difference, at a jump of jerk."""
 _SHARE = 0.5
 """Of the noise that this error may be."""
+_HALF = 1.4826
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,9 +103,22 @@ def aligned_error(
     usual = float(np.median(np.diff(time)))
     valid = np.isfinite(error) & (at >= time[0]) & (at <= time[-1])
     valid &= step <= 3.0 * usual
-    level = noise_of(error[valid]) if valid.sum() >= 8 else 0.0
-    valid &= doubt <= max(_SHARE * level, 1e-9)
+    valid &= doubt <= max(_SHARE * _scatter(error, doubt, valid), 1e-9)
     return AlignedError(at, np.where(valid, error, np.nan), valid)
+
+
+def _scatter(
+    error: Float[np.ndarray, " t"],
+    doubt: Float[np.ndarray, " t"],
+    valid: Bool[np.ndarray, " t"],
+) -> float:
+    """Return how far neighbouring errors scatter where the encoder is known best."""
+    if valid.sum() < 8:
+        return 0.0
+    good = valid & (doubt <= np.percentile(doubt[valid], 20.0))
+    pairs = good[1:] & good[:-1]
+    steps = np.abs(np.diff(error))[pairs]
+    return _HALF * float(np.median(steps)) / 2.0**0.5 if steps.size else 0.0
 
 
 def _roughness(encoder: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
@@ -115,3 +127,56 @@ def _roughness(encoder: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     fourth[2:-2] = np.abs(np.diff(encoder, 4))
     padded = np.pad(fourth, 1, mode="edge")
     return np.asarray(np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0))
+
+
+def standing(
+    time: Float[np.ndarray, " t"],
+    position: Float[np.ndarray, " t"],
+    *,
+    settled: float = 0.3,
+) -> Bool[np.ndarray, " t"]:
+    """Return where an axis has stood for a while and stays until the next sample.
+
+    Args:
+        time: In s, ascending.
+        position: In mm or °.
+        settled: In s; until then a loop may still settle, and a late instrument show it.
+    """
+    moving = _moving(time, position)
+    last = np.concatenate([[-np.inf], np.where(moving, time[1:], -np.inf)])
+    quiet = time - np.maximum.accumulate(last) >= settled
+    quiet &= time - time[0] >= settled
+    return np.asarray(quiet & ~np.concatenate([moving, [False]]))
+
+
+def last_direction(
+    speed: Float[np.ndarray, " t"], slow: float
+) -> Float[np.ndarray, " t"]:
+    """Return the direction of the last motion, ±1, in the order of time.
+
+    What is not faster than ``slow`` is no motion; before the first one its direction
+    counts.
+    """
+    moving = np.flatnonzero(np.abs(speed) > slow)
+    if not moving.size:
+        return np.ones(len(speed))
+    last = np.searchsorted(moving, np.arange(len(speed)), side="right") - 1
+    return np.asarray(np.sign(speed[moving[np.maximum(last, 0)]]))
+
+
+def first_motion(
+    time: Float[np.ndarray, " t"], position: Float[np.ndarray, " t"]
+) -> int:
+    """Return the row in which an axis moves for the first time; 0 where it never does."""
+    return int(np.argmax(_moving(time, position)))
+
+
+def _moving(
+    time: Float[np.ndarray, " t"], position: Float[np.ndarray, " t"]
+) -> Bool[np.ndarray, " n"]:
+    """Return from which rows on to the next an axis moves."""
+    # How an encoder flickers; third differences of a steady motion do not show the motion.
+    third = np.abs(np.diff(position, 3)) if position.size > 3 else np.zeros(1)
+    flicker = float(np.percentile(third, 20.0))
+    slow = max(1e-3, 3.0 * flicker / float(np.median(np.diff(time))))
+    return np.asarray(np.abs(np.diff(position)) > slow * np.diff(time))

@@ -1,0 +1,184 @@
+"""Delay and rate of an instrument by regression in windows of a second or two."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ._aligned import AlignedError, last_direction
+
+_WINDOW = 1.5
+"""s: within it the true error is linear in the positions, as far as a delay goes."""
+_LEAST_ROWS = 8
+_HALF = 1.4826
+_HEAVY = 2.5
+"""Robust standard deviations beyond which a reading counts less and less."""
+_REWEIGHTED = 8
+
+
+@dataclasses.dataclass(frozen=True)
+class Solution:
+    """One step towards delay and rate, and how sure it is.
+
+    Attributes:
+        delay: In s.
+        rate: In s per half the record.
+        deviation: Of the delay.
+        rate_deviation: Of the rate.
+        scatter: Of what is left of the error.
+        speed: At which the axis moves fast.
+        independent: Share of the delay's column that the others cannot express.
+    """
+
+    delay: float
+    rate: float
+    deviation: float
+    rate_deviation: float
+    scatter: float
+    speed: float
+    independent: float
+
+
+@dataclasses.dataclass(frozen=True)
+class _Pass:
+    """One weighted regression.
+
+    Attributes:
+        own: Columns less the lines of the windows.
+        normal: Their normal matrix.
+        values: Per column.
+        residual: Of the error.
+        scatter: Of that, robust.
+        weight: For the next one.
+    """
+
+    own: Float[np.ndarray, "n k"]
+    normal: Float[np.ndarray, "k k"]
+    values: Float[np.ndarray, " k"]
+    residual: Float[np.ndarray, " n"]
+    scatter: float
+    weight: Float[np.ndarray, " n"]
+
+
+class Windows:
+    """Sums of a regression in windows, in each a line over all positions of its own."""
+
+    def __init__(
+        self,
+        seen: AlignedError,
+        known: Bool[np.ndarray, " t"],
+        spline: Any,
+        beside: Sequence[Any],
+        middle: float,
+        half: float,
+    ) -> None:
+        rows = np.flatnonzero(known)
+        at = seen.instants[rows]
+        speed = np.asarray(spline(at, 1))
+        way = last_direction(speed, 1e-3 * float(np.abs(speed).max(initial=0.0)))
+        number = np.floor((at - at[:1]) / _WINDOW).astype(np.int64)
+        number = np.unique(number, return_inverse=True)[1].reshape(-1)
+        keep = _changing(number, speed)
+        rows, at, speed, way = (each[keep] for each in (rows, at, speed, way))
+        self.number = np.unique(number[keep], return_inverse=True)[1].reshape(-1)
+        self.count = int(self.number.max(initial=-1)) + 1
+        self.speed = float(np.percentile(np.abs(speed), 90)) if rows.size else 0.0
+        self.error = seen.error[rows]
+        axes = [spline, *beside]
+        self.places = [np.asarray(axis(at)) for axis in axes]
+        place = self.places[0]
+        span = max(float(np.ptp(place)), 1e-12) if rows.size else 1.0
+        away = (place - place.mean()) / span if rows.size else place
+        late = (at - middle) / half
+        rates = [np.asarray(axis(at, 2)) for axis in axes]
+        # The first two are what is asked for; e = −τ v.
+        self.columns = np.stack(
+            [-speed, -speed * late, way, way * away, *rates], axis=1
+        )
+
+    def solve(self, with_rate: bool) -> "Solution":
+        """Return the change of delay and rate that the errors ask for."""
+        use = [k for k in range(self.columns.shape[1]) if with_rate or k != 1]
+        columns = self.columns[:, use]
+        scale = np.maximum(np.sqrt((columns**2).mean(axis=0)), 1e-300)
+        columns = columns / scale
+        found = self._weighted(columns, np.ones(len(self.error)))
+        for _ in range(_REWEIGHTED):
+            found = self._weighted(columns, found.weight)
+        own, residual, weight = found.own, found.residual, found.weight
+        scores = np.stack(
+            [
+                np.bincount(self.number, weight * residual * c, self.count)
+                for c in own.T
+            ],
+            axis=1,
+        )
+        inverse = np.linalg.inv(found.normal)
+        spread = np.diag(inverse @ (scores.T @ scores) @ inverse)
+        deviation = np.sqrt(np.maximum(spread, 0.0)) / scale
+        values = found.values / scale
+        return Solution(
+            delay=float(values[0]),
+            rate=float(values[1]) if with_rate else 0.0,
+            deviation=float(deviation[0]),
+            rate_deviation=float(deviation[1]) if with_rate else np.inf,
+            scatter=found.scatter,
+            speed=self.speed,
+            independent=float(1.0 / (inverse[0, 0] * found.normal[0, 0])),
+        )
+
+    def _weighted(
+        self, columns: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
+    ) -> "_Pass":
+        """Return one weighted regression, and the weights that its residuals ask for."""
+        flat, own = self._without_lines(columns, weight)
+        normal = (own * weight[:, None]).T @ own
+        normal += 1e-12 * np.trace(normal) * np.eye(columns.shape[1])
+        values = np.linalg.solve(normal, own.T @ (weight * flat))
+        residual = flat - own @ values
+        scatter = _HALF * float(np.median(np.abs(residual)))
+        new = 1.0 / (1.0 + (residual / max(_HEAVY * scatter, 1e-15)) ** 2)
+        return _Pass(own, normal, values, residual, scatter, new)
+
+    def _without_lines(
+        self, columns: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n k"]]:
+        """Return error and columns less each window's line over the positions."""
+        whole = np.maximum(np.bincount(self.number, weight, self.count), 1e-12)
+
+        def mean(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+            sums = np.bincount(self.number, weight * values, self.count)
+            return np.asarray((sums / whole)[self.number])
+
+        def flat(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+            left = values - mean(values)
+            for base, power in lines:
+                left = left - base * mean(base * left) / power
+            return np.asarray(left)
+
+        lines: list[tuple[np.ndarray, np.ndarray]] = []
+        for place in self.places:
+            before = place - mean(place)
+            base = flat(place)
+            # What moves along with another axis has no line of its own.
+            own = mean(base * base)
+            tiny = own <= 1e-6 * mean(before * before) + 1e-12
+            lines.append((np.where(tiny, 0.0, base), np.where(tiny, 1.0, own)))
+        return flat(self.error), np.stack([flat(c) for c in columns.T], axis=1)
+
+
+def _changing(
+    number: Int[np.ndarray, " n"], speed: Float[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Return the rows of windows in which the speed changes, and that are not too few."""
+    if not number.size:
+        return np.zeros(0, dtype=bool)
+    count = int(number.max()) + 1
+    size = np.bincount(number, minlength=count)
+    mean = np.bincount(number, speed, count) / np.maximum(size, 1)
+    spread = np.bincount(number, (speed - mean[number]) ** 2, count)
+    most = np.abs(speed).max()
+    good = (size >= _LEAST_ROWS) & (spread / np.maximum(size, 1) > (0.02 * most) ** 2)
+    return np.asarray(good[number] & (most > 0))

@@ -1,0 +1,195 @@
+"""How late an instrument is, told from the true error by changes of speed."""
+
+import numpy as np
+import pytest
+
+from axcomp.data.measurements import (
+    MeasurementError,
+    measurement,
+    read_table,
+    with_error,
+    without_motion,
+)
+from axcomp.data.signals import (
+    InstrumentClock,
+    aligned_error,
+    encoder_spline,
+    estimate_instrument,
+    last_direction,
+    standing,
+)
+
+STEP = 0.002
+NOISE = 0.0005
+LATE, RATE = 0.0037, 2e-6
+
+
+def path(time: np.ndarray) -> np.ndarray:
+    """Return positions in mm of an axis that goes to and fro at changing speeds."""
+    slow = 1.0 + 0.4 * np.sin(2 * np.pi * time / 17.0)
+    return 150.0 + 120.0 * np.sin(2 * np.pi * time / 3.7) * slow
+
+
+def true_error(time: np.ndarray) -> np.ndarray:
+    """Return a pitch error and a backlash of 8 µm."""
+    place = path(time)
+    way = np.sign(path(time + 1e-5) - path(time - 1e-5))
+    pitch = 4e-5 * place + 0.004 * np.sin(2 * np.pi * place / 300.0)
+    return np.asarray(pitch - 0.004 * way)
+
+
+def record(
+    seed: int, seconds: float = 120.0, every: int = 1
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time, encoder and a late reference with outliers."""
+    rng = np.random.default_rng(seed)
+    time = STEP * every * np.arange(round(seconds / STEP / every))
+    at = time - LATE - RATE * time
+    reference = path(at) + true_error(at) + NOISE * rng.standard_normal(time.size)
+    wrong = rng.random(time.size) < 0.005
+    reference[wrong] += rng.uniform(-0.05, 0.05, int(wrong.sum()))
+    return time, path(time), reference
+
+
+def test_delay_and_rate_lie_within_their_deviations_beside_error_and_backlash() -> None:
+    scores, rates = [], []
+    for seed in range(5):
+        found = estimate_instrument(*record(seed))
+        assert found.determined
+        true = LATE + RATE * found.middle
+        scores.append((found.delay - true) / found.standard_deviation)
+        rates.append((found.rate - RATE) / found.rate_deviation)
+        # 0.4 µm at 200 mm/s; the bow of the pitch within a window is most of it.
+        assert found.standard_deviation < 2e-6
+    # The bow counts as chance, so that the deviations are rather too large.
+    assert np.sqrt(np.mean(np.square(scores))) < 2.0
+    assert np.sqrt(np.mean(np.square(rates))) < 2.0
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_error_that_is_left_is_the_true_one_with_its_noise(every: int) -> None:
+    time, encoder, reference = record(3, every=every)
+    clock = estimate_instrument(time, encoder, reference)
+    found = aligned_error(time, encoder, reference, clock)
+    assert found.valid.mean() > 0.95
+    left = (found.error - true_error(found.instants))[found.valid]
+    # The outliers stand apart; the rest scatters as the instrument does.
+    spread = 1.4826 * np.median(np.abs(left - np.median(left)))
+    assert spread == pytest.approx(NOISE, rel=0.05)
+
+
+def test_backlash_at_one_speed_is_not_told_from_a_delay() -> None:
+    time = STEP * np.arange(30_000)
+    phase = np.mod(time, 4.0)
+    encoder = 50.0 * np.where(phase < 2.0, phase, 4.0 - phase)
+    rng = np.random.default_rng(1)
+    reference = encoder + NOISE * rng.standard_normal(time.size)
+    found = estimate_instrument(time, encoder, reference)
+    assert not found.determined
+    assert found.statement.startswith("the delay of the instrument cannot be told")
+
+
+def test_axis_that_stands_tells_no_delay() -> None:
+    time = STEP * np.arange(1000)
+    found = estimate_instrument(time, np.full(1000, 3.0), np.full(1000, 3.001))
+    assert not found.determined
+    assert "nothing moves" in found.statement
+
+
+def test_samples_too_far_apart_give_no_error_rather_than_a_wrong_one() -> None:
+    time = 0.12 * np.arange(1000)
+    hard = 40.0 * np.abs(np.sin(2 * np.pi * time / 5.0)) ** 3  # its jerk jumps
+    rng = np.random.default_rng(5)
+    dense = np.abs(np.sin(2 * np.pi * (time - 0.06) / 5.0)) ** 3
+    reference = 40.0 * dense + NOISE * rng.standard_normal(time.size)
+    clock = InstrumentClock(0.06, 0.0, 60.0, 0.0, 0.0, True, "late by half a sample")
+    found = aligned_error(time, hard, reference, clock)
+    spline = encoder_spline(time, hard)
+    assert spline is not None
+    raw = np.abs(reference - np.asarray(spline(clock.instants(time))))
+    assert np.max(raw[1:]) > 0.01  # what a spline would make of the turns
+    # Half the scatter at most is allowed for; the largest of 1000 readings is 3.5 times.
+    assert np.abs(found.error[found.valid]).max(initial=0.0) < 5 * NOISE
+    assert found.valid.mean() < 0.9
+
+
+def test_direction_is_held_at_rest_and_taken_back_to_the_start() -> None:
+    speed = np.array([0.0, 0.0, 5.0, 0.001, -3.0, 0.0, 2.0])
+    found = last_direction(speed, 0.01)
+    np.testing.assert_array_equal(found, [1, 1, 1, 1, -1, -1, 1])
+
+
+def test_standing_begins_when_the_loop_has_settled() -> None:
+    time = 0.1 * np.arange(20)
+    place = np.where(np.arange(20) < 5, 10.0 * np.arange(20), 40.0)
+    found = standing(time, place, settled=0.3)
+    np.testing.assert_array_equal(np.flatnonzero(found), np.arange(7, 20))
+
+
+def written(tmp_path, columns: dict[str, np.ndarray]):  # type: ignore[no-untyped-def]
+    target = tmp_path / "log.csv"
+    np.savetxt(
+        target,
+        np.column_stack(list(columns.values())),
+        "%.7f",
+        ",",
+        header=",".join(columns),
+        comments="",
+    )
+    return measurement(read_table(target))
+
+
+def test_following_error_is_no_error_of_the_axis(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    time, encoder, reference = record(8, seconds=60.0, every=2)
+    command = path(time + 0.02)  # the axis lags 20 ms behind it: up to 6 mm
+    log = written(
+        tmp_path,
+        {
+            "time": time,
+            "X.position": command,
+            "X.encoder": encoder,
+            "X.actual": reference,
+        },
+    )
+    found = with_error(without_motion(log, ["X"]), "X")
+    at = found.values["time"]
+    left = found.values["X.error"] - true_error(at)
+    assert np.median(np.abs(left)) < NOISE
+    # Tables meet the axis where it is, not where it is wanted to be.
+    np.testing.assert_allclose(found.values["X.position"], path(at), atol=2e-4)
+    assert any("which was taken off" in words for words in found.remarks)
+
+
+def test_without_an_encoder_only_standstill_counts(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    time = 0.05 * np.arange(2000)
+    phase = np.mod(time, 4.0)
+    command = 20.0 * np.floor(time / 4.0) + 20.0 * np.clip(phase, 0.0, 1.0)
+    lag = np.where(phase < 1.2, 0.5, 0.0)
+    log = written(
+        tmp_path,
+        {"time": time, "X.position": command, "X.actual": command - lag + 0.003},
+    )
+    found = with_error(without_motion(log, ["X"]), "X")
+    # The lag of half a millimetre is seen nowhere.
+    np.testing.assert_allclose(found.values["X.error"], 0.003, atol=2e-7)
+    assert found.rows > 1000
+    assert any("at standstill count" in words for words in found.remarks)
+
+
+def test_motion_without_encoder_or_pause_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    time = 0.05 * np.arange(2000)
+    log = written(
+        tmp_path,
+        {"time": time, "X.position": path(time), "X.actual": path(time - 0.01)},
+    )
+    with pytest.raises(MeasurementError, match="contains the following error"):
+        without_motion(log, ["X"])
+
+
+def test_readings_at_standstill_stay_as_they_are(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    time = 5.0 * np.arange(60)
+    place = np.linspace(0.0, 300.0, 60)
+    log = written(
+        tmp_path, {"time": time, "X.position": place, "X.actual": place + 0.01}
+    )
+    assert without_motion(log, ["X"]) is log
