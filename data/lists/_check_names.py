@@ -45,6 +45,8 @@ def check_names(view: ListView) -> None:
     """Report entries that no manual names, with the nearest name that one does."""
     known = registry()
     unknown = [key for key in view.columns if key not in known.by_key]
+    if not unknown:
+        return
     is_compensation = view.file.kind == "compensation"
     candidates = [
         key for key, row in known.by_key.items() if row.kind == view.file.kind

@@ -5,6 +5,7 @@ and S-03, S-04, S-07, S-09): ``name blank value [blank comment]``. A comment beh
 number needs a blank only; behind a text it opens with ``(``. It ends with its line.
 """
 
+import functools
 import re
 from typing import Literal, NamedTuple
 
@@ -15,6 +16,8 @@ QUOTES = '"\u2033\u201c\u201d\u201e\u201f\x84\x93\x94'
 """The plain quote, and what typography makes of it; the last three are its Windows
 codes, which Latin-1 shows as control characters."""
 
+_SHORT = 200
+"""Characters up to which a line is looked up among the last ones."""
 _BLANK_RUN = re.compile(f"[{BLANKS}]*")
 _TOKEN = re.compile(f"[^{BLANKS}]+")
 _BITS = re.compile(rf"\w+(?:[{BLANKS}]*\|[{BLANKS}]*\w+)*")
@@ -52,6 +55,16 @@ class Line(NamedTuple):
 
 def read_line(text: str) -> Line:
     """Return the parts of one line; never raises, whatever the line holds."""
+    return _kept(text) if len(text) <= _SHORT else _read(text)
+
+
+@functools.lru_cache(maxsize=4096)
+def _kept(text: str) -> Line:
+    # Lists of a kind of machine share most of their lines outside tables.
+    return _read(text)
+
+
+def _read(text: str) -> Line:
     body = text.rstrip("\r\n")
     start = _skip(body, 1 if body.startswith("\ufeff") else 0)
     if start == len(body):

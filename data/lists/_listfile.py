@@ -21,6 +21,8 @@ Value: TypeAlias = str | int | float | bool
 """What an entry can be set to."""
 Encoding: TypeAlias = Literal["ascii", "utf-8", "latin-1"]
 
+_SHORT = 2048
+"""Lines up to which a list is looked up among the last ones."""
 _NOT_ASCII = re.compile(r"[^\x00-\x7f]")
 
 
@@ -66,7 +68,8 @@ class ListFile:
 
     @functools.cached_property
     def _scan(self) -> Scan:
-        return scan(self.lines)
+        short = len(self.lines) <= _SHORT
+        return _kept_scan(self.lines) if short else scan(self.lines)
 
     @property
     def columns(self) -> Mapping[str, Rows]:
@@ -143,8 +146,11 @@ class ListFile:
 
     def boolean(self, name: str) -> bool | None:
         """Return the value of an entry that is 0, 1, TRUE or FALSE, else None."""
-        entry = self.get(name)
-        return None if entry is None else parse_boolean(entry.value)
+        place = locate(name)
+        if place is None or (rows := self._scan.columns.get(place[0])) is None:
+            return None
+        row = rows.last.get(place[1])
+        return None if row is None else parse_boolean(rows.texts[row])
 
     def text(self, name: str) -> str | None:
         """Return the text of an entry without quotes, or None where it has none."""
@@ -266,3 +272,10 @@ class ListFile:
 
     def _with(self, lines: tuple[str, ...]) -> "ListFile":
         return dataclasses.replace(self, lines=lines)
+
+
+@functools.lru_cache(maxsize=8)
+def _kept_scan(lines: tuple[str, ...]) -> Scan:
+    # A list is written, read back, checked and read from the disk: the same text then
+    # says the same.
+    return scan(lines)

@@ -108,6 +108,7 @@ def _refuse_repeated(columns: Mapping[str, Mapping[str, str]]) -> None:
             seen.add(full)
 
 
+@functools.lru_cache(maxsize=4096)
 def _canonical(name: str) -> tuple[str, str]:
     """Return the canonical key and name, or refuse what no manual names."""
     place = locate(name)

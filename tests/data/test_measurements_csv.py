@@ -323,3 +323,21 @@ def test_any_bytes_give_a_table_or_one_clear_line(
         rows, message = table.lines.size, table.format
     assert rows > 0
     assert message
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("cells", ["1.5,-2e-3", "+.5,7.", "1,nan", "1,", "1e999,2"])
+def test_a_short_table_reads_as_a_long_one(
+    tmp_path: Path, separator: str, cells: str
+) -> None:
+    rows = ["a,b", "0.1,1e5", cells, "", "3,-4"]
+    short = "\n".join(rows).replace(",", separator) + "\n"
+    more = 8_000 * f"2.5{separator}-1.25\n"
+    one, other = (
+        read_table(write(tmp_path, text, name))
+        for name, text in (("one", short), ("other", short + more))
+    )
+    for few, many in zip(one.columns, other.columns, strict=True):
+        assert (few.name, few.bad) == (many.name, many.bad)
+        np.testing.assert_array_equal(few.values, many.values[: one.rows])
+    assert np.array_equal(one.lines, other.lines[: one.rows])
