@@ -16,6 +16,7 @@ from ._controller_groups import Group, assembled, group
 from ._conventions import Conventions
 from ._direction import DirectionState, directions
 from ._friction_compensation import FrictionState
+from ._kept import kept, run_again
 from ._motion import (
     COMPENSATIONS,
     Motion,
@@ -137,9 +138,7 @@ class PositionController(eqx.Module):
             return state, found
 
         # Backwards the chunk is run again: what it needs fits the cache, not memory.
-        state, found = lax.scan(
-            jax.checkpoint(body, prevent_cse=False), state, (pieces, velocities[after])
-        )
+        state, found = lax.scan(run_again(body), state, (pieces, velocities[after]))
         offsets = jax.tree.map(lambda rows: rows.reshape(whole, *rows.shape[2:]), found)
         if whole == count:
             return offsets, state
@@ -260,7 +259,7 @@ class PositionController(eqx.Module):
                 members = np.array(like.members)
                 place = picked(rows.position, members)
                 if like.sees_offsets:
-                    place = place + picked(total, members)
+                    place = kept(place + picked(total, members))
                 way = jnp.stack([ways[like.way][member] for member in like.members])
                 value, past = like.switched(
                     like.law(rows, way, place), next(carried), state.begun, motion

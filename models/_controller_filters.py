@@ -10,7 +10,9 @@ from jaxtyping import Array, Bool, Float
 
 from ._controller_axis import AxisCompensations
 from ._conventions import Conventions
-from ._filter import smooth, step_response
+from ._filter import step_response
+from ._kept import kept
+from ._smoothing import smooth
 
 Filtered = Float[Array, "k t"]
 
@@ -82,7 +84,8 @@ class Spread:
         """
         own = direction[np.array(self.members)]
         own = jnp.where(own == 0.0, self._starts, own)
-        return filtered(own, past, begun, self._response)
+        rows, after = filtered(own, past, begun, self._response)
+        return kept(rows), after
 
 
 def spreads(

@@ -4,21 +4,22 @@ Axes whose tables have the same structure are worked on side by side: six axes t
 the time to compile of one.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, final
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from ._controller_axis import AxisCompensations, Coupled
 from ._controller_filters import Filtered, filtered
+from ._controller_lanes import columns, one_by_one, side_by_side
 from ._conventions import Conventions
 from ._filter import step_response
 from ._friction_compensation import FrictionCompensation, FrictionState
-from ._motion import COMPENSATIONS, Motion, Rows, actual
+from ._motion import COMPENSATIONS, Motion, Rows, actual, actual_rates
 
 
 @final
@@ -90,16 +91,16 @@ class Group:
         """
         laws = [_law(getattr(axis, self.name)) for axis in self.axes]
         if self.name == "backlash":
-            return _found(_one_by_one(lambda law, d: law.offset(d), laws, way))
+            return _found(one_by_one(lambda law, d: law.offset(d), laws, way))
         if self.name == "temperature":
             sensors = rows.temperature.T
             return _found(
-                _one_by_one(lambda law, x: law.offset(x, sensors), laws, place)
+                one_by_one(lambda law, x: law.offset(x, sensors), laws, place)
             )
         if self.name == "leadscrew":
             back = 0.5 * (1.0 - way)
             return _found(
-                _one_by_one(
+                one_by_one(
                     lambda law, x, b: law.blended_offset(x, b), laws, place, back
                 )
             )
@@ -110,21 +111,26 @@ class Group:
         masters = np.array([getattr(axis, self.name).masters for axis in self.axes])
         place, speed, change = rows.position, rows.velocity, rows.acceleration
         if self.name == "cross":
-            found = _one_by_one(lambda law, m: law.offset(place[m[0]]), laws, masters)
+            found = side_by_side(lambda law, m: law.offset(place[m[0]]), laws, masters)
         elif self.name == "plane":
             seen = place
             if self.rules.plane_input == "actual":
                 seen = actual(rows)
-            found = _one_by_one(
-                lambda law, m: law.offset(_columns(seen, m)), laws, masters
+            found = side_by_side(
+                lambda law, m: law.offset(columns(seen, m)), laws, masters
             )
         else:
-            found = _one_by_one(
-                lambda law, m: law.offset(
-                    change[m[0]], speed[m[0]], _columns(place, m[1:])
+            if self.rules.crosstalk_input == "actual":
+                speed, change = actual_rates(rows)
+            by_slave = self.rules.crosstalk_velocity == "slave"
+            turning = np.array(self.members) if by_slave else masters[:, 0]
+            found = side_by_side(
+                lambda law, m, axis: law.offset(
+                    change[m[0]], speed[axis], columns(place, m[1:])
                 ),
                 laws,
                 masters,
+                turning,
             )
         return _found(found)
 
@@ -135,11 +141,11 @@ class Group:
         members = np.array(self.members)
         laws = [_friction(axis) for axis in self.axes]
         if self.settled:
-            current = _one_by_one(
+            current = one_by_one(
                 lambda law, m: law.current(rows.velocity[m]), laws, members
             )
         else:
-            current, state = _one_by_one(
+            current, state = one_by_one(
                 lambda law, m, s: law.run(
                     s, rows.position[m], rows.velocity[m], ahead[:, m]
                 ),
@@ -241,28 +247,6 @@ def assembled(
         for member, row in zip(like.members, part, strict=True):
             rows[member] = row
     return jnp.stack(rows)
-
-
-def _one_by_one(
-    evaluate: Callable[..., Any], laws: Sequence[Any], *arguments: Any
-) -> Any:
-    """Return what each law makes of its row of the arguments, one below the other."""
-    if len(laws) == 1:
-        rows = [jax.tree.map(lambda leaf: leaf[0], argument) for argument in arguments]
-        return jax.tree.map(lambda leaf: leaf[None], evaluate(laws[0], *rows))
-    # A loop and not `vmap`: what one axis needs at a time fits the cache, and no table
-    # has to be told from those of the others, sample by sample.
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *laws)
-    return lax.map(lambda given: evaluate(*given), (stacked, *arguments))
-
-
-def _columns(
-    rows: Float[Array, "a t"], numbers: Int[Array | np.ndarray, " m"]
-) -> Float[Array, "t m"]:
-    """Return some of the rows as columns."""
-    # Row by row, as XLA then sees through to the row when a law takes a column.
-    found = [rows[numbers[place]] for place in range(numbers.shape[0])]
-    return jnp.stack(found, axis=1) if found else jnp.zeros((rows.shape[1], 0))
 
 
 def _law(whole: Any) -> Any:

@@ -178,12 +178,15 @@ class Crosstalk(AbstractCrosstalk):
         a = jnp.asarray(acceleration, dtype=jnp.float64)
         v = jnp.asarray(velocity, dtype=jnp.float64)
         slows = a * v < 0.0 if self.by_speed else a < 0.0
-        share = jnp.abs(a) / jnp.where(slows, -self.deceleration, self.acceleration)
-        if not self.by_speed:
-            # The same number, but its derivative at 0 is that of positive ones.
-            share = a / jnp.where(slows, self.deceleration, self.acceleration)
+        full = jnp.where(slows, self.deceleration, self.acceleration)
+        # Not a division per sample: that of the two specified ones serves all.
+        inverse = jnp.where(slows, 1.0 / self.deceleration, 1.0 / self.acceleration)
+        # By the sign both are negative together, and the derivative at 0 is that of
+        # positive ones.
+        share = jnp.abs(a) * jnp.abs(inverse) if self.by_speed else a * inverse
         if self.held_above:
-            share = jnp.where(share < 1.0, share, 1.0)
+            reached = jnp.abs(a) >= jnp.abs(full)
+            share = jnp.where(reached, 1.0, share)
         if self.velocity_dependent:
             back = v < 0.0 if self.rest_direction > 0 else v <= 0.0
             branch = 2 * slows.astype(jnp.int32) + back.astype(jnp.int32)

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._nodes import float_array
+from ._smoothing import smooth
 
 
 @final
@@ -90,24 +91,6 @@ def step_response(cycles: int, late: int = 0) -> Float[np.ndarray, " m"]:
     shares = np.sin(0.5 * np.pi * np.arange(1, count + 1) / count) ** 2
     shares[-1] = 1.0
     return np.concatenate([np.zeros(late), shares])
-
-
-def smooth(
-    values: Float[Array, " n"], response: Float[np.ndarray, " m"]
-) -> Float[Array, " t"]:
-    """Return the values with each change spread as `response` says, from cycle m on."""
-    before = response.size - 1
-    count = values.size - before
-    if before == 0:
-        return values
-    change = values[1:] - values[:-1]
-    # The oldest value and the part of each change since: summed in this order, a
-    # constant stays itself and a step from 0 takes exactly the values of the response.
-    found = values[:count]
-    for back, share in enumerate(response[::-1][1:]):
-        if share != 0.0:
-            found = found + float(share) * change[back : back + count]
-    return found
 
 
 def _constant(value: Float[Array, ""] | float, count: int) -> Past:

@@ -12,6 +12,7 @@ from ._direction import last_of
 from ._filter import Delay, Past
 from ._friction import AbstractFriction
 from ._friction_hold import HoldState, ReversalHold
+from ._kept import kept
 from ._kernels import take
 from ._nodes import float_array, is_known
 from ._running import last_flagged
@@ -147,7 +148,8 @@ class FrictionCompensation(eqx.Module):
 
         way = direction[:count]
         active = way if self.held_at_rest else jnp.where(now, way, 0.0)
-        found = self.sign * (weight * active * self.law.level(jnp.abs(speed), way))
+        share = kept(weight * active)
+        found = self.sign * (share * self.law.level(jnp.abs(speed), way))
         delayed, past = self._delay(state.past, found, reverses[:count])
         return delayed, FrictionState(
             direction=way[-1],

@@ -65,6 +65,14 @@ class Motion(eqx.Module):
         default=None, converter=_optional_floats
     )
     """Actual positions, for the conventions that take them instead of commands."""
+    actual_velocity: Float[Array, "t a"] | None = eqx.field(
+        default=None, converter=_optional_floats
+    )
+    """Actual velocities, likewise: crosstalk (S-61)."""
+    actual_acceleration: Float[Array, "t a"] | None = eqx.field(
+        default=None, converter=_optional_floats
+    )
+    """Actual accelerations, likewise."""
 
     @property
     def cycles(self) -> int:
@@ -109,6 +117,10 @@ class Rows(eqx.Module):
     """Command accelerations."""
     actual: Float[Array, "a t"] | None
     """Actual positions, if any."""
+    actual_velocity: Float[Array, "a t"] | None
+    """Actual velocities, if any."""
+    actual_acceleration: Float[Array, "a t"] | None
+    """Actual accelerations, if any."""
     temperature: Float[Array, "s t"]
     """Temperatures of all sensors."""
 
@@ -122,9 +134,15 @@ def rows_of(motion: Motion) -> Rows:
         position=motion.position.T,
         velocity=motion.velocity.T,
         acceleration=motion.acceleration.T,
-        actual=None if motion.actual is None else motion.actual.T,
+        actual=_turned(motion.actual),
+        actual_velocity=_turned(motion.actual_velocity),
+        actual_acceleration=_turned(motion.actual_acceleration),
         temperature=heat.T,
     )
+
+
+def _turned(rows: Float[Array, "t a"] | None) -> Float[Array, "a t"] | None:
+    return None if rows is None else rows.T
 
 
 def actual(motion: Motion | Rows) -> Float[Array, "_ _"]:
@@ -137,6 +155,21 @@ def actual(motion: Motion | Rows) -> Float[Array, "_ _"]:
         msg = "The conventions take actual positions, but Motion.actual is None."
         raise ValueError(msg)
     return motion.actual
+
+
+def actual_rates(rows: Rows) -> tuple[Float[Array, "a t"], Float[Array, "a t"]]:
+    """Return actual velocities and accelerations of all axes, likewise.
+
+    Raises:
+        ValueError: If there are none.
+    """
+    if rows.actual_velocity is None or rows.actual_acceleration is None:
+        msg = (
+            "The conventions take actual velocities and accelerations, but "
+            "Motion.actual_velocity or Motion.actual_acceleration is None."
+        )
+        raise ValueError(msg)
+    return rows.actual_velocity, rows.actual_acceleration
 
 
 def picked(rows: Float[Array, "a t"], numbers: Int[np.ndarray, " k"]) -> Array:

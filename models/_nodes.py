@@ -12,16 +12,17 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
+from ._cells import FEWEST, among_few, cell_of
 from ._kernels import take, whole
 
-_FEW = 12
-"""Up to so many points, comparing with each of them is faster than a search."""
 _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """A position may miss the node it was computed for by a few roundings of this size."""
 
 
 def float_array(value: Any) -> Array:
     """Return the value as an array of 64-bit floats (converter of all model fields)."""
+    if isinstance(value, Array) and value.dtype == jnp.float64:
+        return value
     return jnp.asarray(value, dtype=jnp.float64)
 
 
@@ -161,10 +162,18 @@ class Setpoints(AbstractNodes):
         """Return the place of each position counted in nodes, from 0 to count − 1."""
         if self.count == 1:
             return jnp.zeros_like(position)
-        cell = _cell(lax.stop_gradient(self.points), lax.stop_gradient(position))
-        left = take(self.points[:-1], cell)
-        width = take(jnp.diff(self.points), cell)
-        place = cell.astype(jnp.float64) + (position - left) / width
+        widths = jnp.diff(self.points)
+        if self.count <= FEWEST:
+            cell, left, width = among_few(self.points, widths, position)
+        else:
+            number = cell_of(
+                lax.stop_gradient(self.points), lax.stop_gradient(position)
+            )
+            left, width = take(self.points[:-1], number), take(widths, number)
+            cell = number.astype(jnp.float64)
+        # A division and not a product: that would be fused with the sum or not, rounded
+        # once or twice, depending on how many positions there are.
+        place = cell + (position - left) / width
         return _hold(float(self.count - 1), place, jnp.zeros(()))
 
     def covers(self, position: Float[Array, " t"]) -> Bool[Array, " t"]:
@@ -222,42 +231,6 @@ class ModuloNodes(AbstractNodes):
     def covers(self, position: Float[Array, " t"]) -> Bool[Array, " t"]:
         """Return whether each wrapped position lies in the table."""
         return self.nodes.covers(self.wrap(position))
-
-
-def _cell(points: Float[Array, " p"], position: Float[Array, " t"]) -> Int[Array, " t"]:
-    """Return the cell of each position, from 0 to the number of points − 2.
-
-    Equal buckets over the table tell where to begin, and only as many steps follow as
-    the fullest bucket asks for: a third of the time of a search.
-    """
-    last = points.size - 2
-    if points.size <= _FEW:
-        few = jnp.zeros_like(position)
-        for number in range(1, last + 1):
-            few = jnp.where(position >= points[number], float(number), few)
-        return whole(few)
-    buckets = 2 * points.size
-    reach = points[-1] - points[0]
-    # Relative to the first point, so that only roundings of the reach itself matter;
-    # those of a position are far below the slack.
-    inner = (points[1:-1] - points[0])[:, None]
-    edges = jnp.arange(buckets + 1, dtype=jnp.float64) * (reach / buckets)
-    slack = 1e-9 * reach
-    low = jnp.sum(inner < edges[None, :-1] - slack, axis=0, dtype=jnp.int32)
-    high = jnp.sum(inner <= edges[None, 1:] + slack, axis=0, dtype=jnp.int32)
-    most = jnp.max(high - low)
-    step = jnp.where(most > 0, 1 << (31 - lax.clz(jnp.maximum(most, 1))), 0)
-    bucket = jnp.floor((position - points[0]) * (buckets / reach))
-    cell = take(low, whole(jnp.clip(bucket, 0.0, float(buckets - 1))))
-    beyond = jnp.concatenate([points[:-1], jnp.full(1, jnp.inf)])
-
-    def advance(state: tuple[Array, Array]) -> tuple[Array, Array]:
-        cell, step = state
-        there = cell + step
-        reached = take(beyond, jnp.minimum(there, last + 1)) <= position
-        return jnp.where(reached, there, cell), step >> 1
-
-    return lax.while_loop(lambda state: state[1] > 0, advance, (cell, step))[0]
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))

@@ -80,6 +80,13 @@ def controller_motion(
 
     spans = [_span(ranges, n) for n in numbers]
     pairs = list(zip(numbers, spans, strict=True))
+    actual = _actuals(motion, numbers, conventions)
+    velocities: Float[Array, "t a"] | None = None
+    accelerations: Float[Array, "t a"] | None = None
+    if conventions.crosstalk_input == "actual":
+        rates = [motion.actual_rates(n, span) for n, span in pairs]
+        velocities = table([one[0] for one in rates])
+        accelerations = table([one[1] for one in rates])
     return ControllerMotion(
         position=table([motion.positions.get(n) for n in numbers]),
         velocity=table([motion.velocity(n, span) for n, span in pairs]),
@@ -88,7 +95,9 @@ def controller_motion(
             table(list(motion.temperatures.values())) if motion.temperatures else None
         ),
         direction=_directions(motion, numbers, conventions, ranges),
-        actual=_actuals(motion, numbers, conventions),
+        actual=actual,
+        actual_velocity=velocities,
+        actual_acceleration=accelerations,
     )
 
 

@@ -59,6 +59,9 @@ def optional(listing: ListFile, name: str) -> int:
     Raises:
         ExchangeError: If it stands there and is unreadable.
     """
+    value = listing.integer(name)
+    if value is not None:
+        return value
     return 0 if listing.get(name) is None else required(listing, name)
 
 
@@ -68,8 +71,8 @@ def flag(listing: ListFile, name: str) -> bool:
     Raises:
         ExchangeError: If it stands there and is none.
     """
-    entry, value = listing.get(name), listing.boolean(name)
-    if entry is not None and value is None:
+    value = listing.boolean(name)
+    if value is None and (entry := listing.get(name)) is not None:
         raise ExchangeError(
             where=f"{listing.source}:{entry.line}: {name}",
             found=repr(entry.value),

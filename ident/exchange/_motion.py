@@ -155,6 +155,22 @@ class Motion:
         velocity = self.velocity(axis, span)
         return None if self.time is None or velocity is None else self._rate(velocity)
 
+    def actual_rates(
+        self, axis: int, span: float | None
+    ) -> tuple[Float[np.ndarray, " t"] | None, Float[np.ndarray, " t"] | None]:
+        """Return velocity and acceleration as they were: of the actual positions.
+
+        An axis without its own moves as it is commanded.
+
+        Args:
+            axis: Logical number.
+            span: Length of the modulo range of the axis, or None.
+        """
+        if self.time is None or axis not in self.actuals:
+            return self.velocity(axis, span), self.acceleration(axis, span)
+        velocity = self._rate(unwrapped(self.actuals[axis], span))
+        return velocity, self._rate(velocity)
+
     def _rate(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         assert self.time is not None
         steps = np.diff(self.time)

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -11,11 +11,22 @@ from ...models import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints
 from ._errors import ExchangeError
 from ._units import LIST_UNITS, exact_in_list
 
+_FEW = 1024
+"""Numbers up to which an array is looked up among the last ones."""
+
 
 def as_array(values: Float[np.ndarray, "..."] | float) -> Float[Array, "..."]:
     """Return numbers as the 64-bit array that a model holds."""
-    found: Array = jax.device_put(np.asarray(values, dtype=np.float64))
-    return found
+    given = np.asarray(values, dtype=np.float64)
+    if given.size > _FEW:
+        return jnp.array(given)
+    return _kept_array(given.tobytes(), given.shape)
+
+
+@functools.lru_cache(maxsize=64)
+def _kept_array(content: bytes, shape: tuple[int, ...]) -> Float[Array, "..."]:
+    # A table is made, written and read back twice: the same numbers are the same array.
+    return jnp.array(np.frombuffer(content).reshape(shape))
 
 
 @dataclasses.dataclass(frozen=True)

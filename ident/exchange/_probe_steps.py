@@ -187,6 +187,11 @@ def _of_crosstalk(axis: ProbeAxis, master: ProbeAxis, rate: int) -> tuple[Outcom
             {"crosstalk_accelerate": "speed", "crosstalk_sign": 1},
         ),
         Outcome(
+            f"+{first} µm for a > 0 and +{third} for a < 0, whichever way {name} moves",
+            f"the direction of {axis.name} decides, which stands",
+            {"crosstalk_velocity": "slave"},
+        ),
+        Outcome(
             "the same with the other sign",
             f"entries are subtracted from {axis.name}",
             {"crosstalk_sign": -1},

@@ -147,6 +147,8 @@ def _padded(motion: ControllerMotion) -> ControllerMotion:
     return ControllerMotion(
         longer.position, *still, longer.temperature,
         direction=longer.direction, actual=longer.actual,
+        actual_velocity=longer.actual_velocity,
+        actual_acceleration=longer.actual_acceleration,
     )  # fmt: skip
 
 

@@ -150,7 +150,9 @@ class AbstractTable(abc.ABC):
         """
         direction = None if branch is None else 1 - 2 * branch
         entries = from_list_units(integers).reshape(len(integers), -1)
-        return offsets_at(self.model(integers[0]), entries, positions, direction)
+        # Only its nodes count, not its entries.
+        model = self.model(np.zeros_like(integers[0]))
+        return offsets_at(model, entries, positions, direction)
 
     def at_nodes(self, model: Model) -> Float[np.ndarray, "..."]:
         """Return the offset of a model at the nodes, shaped like `layout`."""

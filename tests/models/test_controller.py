@@ -210,6 +210,36 @@ def test_actual_positions_count_where_the_conventions_say_so() -> None:
         run(controller, MOVE)
 
 
+def test_the_slave_may_tell_the_direction_for_crosstalk() -> None:
+    moving = motion(
+        [0.0] * 4,
+        [0.0] * 4,
+        velocity=np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]]),
+        acceleration=np.array([[1000.0, 0.0]] * 4),
+    )
+    shaken = (AxisCompensations(), AxisCompensations(crosstalk=Coupled(SHAKE, (0,))))
+    # Entries 0.01 and 0.02 for either direction, of the master or of the slave.
+    by_master = run(machine(*shaken), moving).offset[:, 1]
+    assert_close(by_master, [0.01, 0.01, 0.02, 0.02])
+    by_slave = run(machine(*shaken, crosstalk_velocity="slave"), moving).offset[:, 1]
+    assert_close(by_slave, [0.01, 0.02, 0.01, 0.02])
+
+
+def test_crosstalk_may_follow_the_actual_motion() -> None:
+    controller = machine(
+        AxisCompensations(crosstalk=Coupled(SHAKE, (0,))), crosstalk_input="actual"
+    )
+    actual = {
+        "actual_velocity": np.array([[1.0], [-1.0], [1.0]]),
+        "actual_acceleration": np.array([[1000.0], [500.0], [-500.0]]),
+    }
+    # Full acceleration, half of it backwards, full deceleration; the command stands.
+    found = run(controller, motion([0.0] * 3, **actual)).offset[:, 0]
+    assert_close(found, [0.01, 0.01, -0.03])
+    with pytest.raises(ValueError, match=r"Motion\.actual_acceleration is None"):
+        run(controller, motion([0.0]))
+
+
 def test_friction_looks_ahead_into_the_motion_that_follows() -> None:
     controller = machine(AxisCompensations(friction=FrictionCompensation(DRAG.law, 2)))
     speeds = np.array([[5.0], [5.0], [5.0], [-5.0]])

@@ -117,3 +117,27 @@ def test_negative_numbers_of_cycles_are_refused() -> None:
         SineSquaredFilter(3, late=-2)
     with pytest.raises(ValueError, match="cannot be negative, got -1"):
         Delay(-1)
+
+
+def test_what_goes_back_through_the_filter_is_the_transpose_of_what_it_does() -> None:
+    filtering = SineSquaredFilter(5)
+    rng = np.random.default_rng(4)
+    values, amounts = rng.normal(size=(3, 30)), rng.normal(size=(3, 30))
+
+    def run(row: jax.Array) -> jax.Array:
+        return filtering.run(filtering.start(), row)[0]
+
+    forward = jax.vmap(run)(jnp.asarray(values))
+    looped = jnp.stack([run(jnp.asarray(row)) for row in values])
+    np.testing.assert_array_equal(forward, looped)
+    back = jax.vmap(lambda row, amount: jax.vjp(run, row)[1](amount)[0])(
+        jnp.asarray(values), jnp.asarray(amounts)
+    )
+    # Thirty products of numbers near 1, summed up in two orders.
+    assert float(jnp.vdot(forward, amounts) - jnp.vdot(values, back)) == pytest.approx(
+        0.0, abs=1e-13
+    )
+    matrix = jax.jacfwd(run)(jnp.asarray(values[0]))
+    np.testing.assert_allclose(
+        jax.jacrev(run)(jnp.asarray(values[0])), matrix, rtol=0, atol=1e-15
+    )
