@@ -41,7 +41,7 @@ def doctor(
     """
     from ...data.lists import ListFile
     from ..job import load_job, read_outside, use_compilation_cache
-    from ..proof import diagnose
+    from ..proof import diagnose, not_judged
 
     use_compilation_cache()
     old, new = (load_job(path, needs_fits=False) for path in (before, after))
@@ -61,6 +61,8 @@ def doctor(
         },
         names=names,
     )
+    for line in not_judged(lists, new.conventions, names):
+        typer.echo(line, err=True)
     shown = [(names.get(one.axis, f"A{one.axis}"), one) for one in found]
     if as_json:
         result = [

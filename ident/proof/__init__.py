@@ -14,6 +14,7 @@ from ._figures import (
 from ._gate import (
     GateCheck as GateCheck,
     GateLimits as GateLimits,
+    gate_check as gate_check,
     judge as judge,
 )
 from ._heldout import HeldOut as HeldOut, held_out as held_out
@@ -26,6 +27,7 @@ from .doctor import (
     Diagnosis as Diagnosis,
     Measured as Measured,
     diagnose as diagnose,
+    not_judged as not_judged,
 )
 from .verify import (
     Verdict as Verdict,

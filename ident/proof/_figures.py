@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...data.measurements import iso230
+from ...data.measurements import iso230_figures
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +39,16 @@ class ErrorFigures:
             return self
         return ErrorFigures(self.rms_without_wild, self.max_without_wild, self.iso230)
 
+    def as_tree(self) -> dict[str, float]:
+        """Return all figures by name, as result.json gives them."""
+        return {
+            "rms": self.rms,
+            "max": self.max,
+            "rms_without_wild": self.sound.rms,
+            "max_without_wild": self.sound.max,
+            **(self.iso230 or {}),
+        }
+
 
 @dataclasses.dataclass(frozen=True)
 class RunTable:
@@ -70,7 +80,7 @@ def error_figures(
     """
     figures: dict[str, float] | None = None
     if runs is not None:
-        found = iso230(runs.target, error, runs.run, runs.direction).figures()
+        found = iso230_figures(runs.target, error, runs.run, runs.direction)
         figures = {key: value for key, value in found.items() if value is not None}
     rms, largest = _size(error)
     if wild is None or not wild.any() or wild.all():

@@ -83,17 +83,17 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     per = "µm/mm" if table.unit == "mm" else "0.001°/°"
     lines = [
         _largest(table, "max_correction", table.offset, limits.max_correction, unit),
-        _check("max_slope", 1e3 * steepest, limits.max_slope, per, at_slope),
-        _check("max_step", largest_step, limits.max_step, unit, at_step),
-        _check(
+        gate_check("max_slope", 1e3 * steepest, limits.max_slope, per, at_slope),
+        gate_check("max_step", largest_step, limits.max_step, unit, at_step),
+        gate_check(
             "max_velocity",
             gradient(table) * feed,
             limits.max_velocity,
             f"{unit}/s",
             at_slope,
         ),
-        _check("max_kink", sharpest * feed, limits.max_kink, f"{unit}/s", at_kink),
-        _check(
+        gate_check("max_kink", sharpest * feed, limits.max_kink, f"{unit}/s", at_kink),
+        gate_check(
             "max_acceleration",
             fastest,
             limits.max_acceleration,
@@ -110,7 +110,10 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     return tuple(lines)
 
 
-def _check(name: str, value: float, limit: float, unit: str, where: str) -> GateCheck:
+def gate_check(
+    name: str, value: float, limit: float, unit: str, where: str
+) -> GateCheck:
+    """Return one line of the gate, passed where the value stays within the limit."""
     # The noise of floating point must not fail a table that lies on the limit.
     passed = bool(value <= limit * (1 + 1e-9))
     return GateCheck(name, float(value), float(limit), unit, passed, where)
@@ -126,7 +129,7 @@ def _largest(
     branch = max(branches, key=lambda values: float(np.max(np.abs(values))))
     index = np.unravel_index(np.argmax(np.abs(branch)), branch.shape)
     where = f"at {place_of(table, [int(k) for k in index])}"
-    return _check(name, float(np.max(np.abs(branch))), limit, unit, where)
+    return gate_check(name, float(np.max(np.abs(branch))), limit, unit, where)
 
 
 def _reversal(table: GateTable, limits: GateLimits, unit: str) -> list[GateCheck]:
@@ -136,11 +139,11 @@ def _reversal(table: GateTable, limits: GateLimits, unit: str) -> list[GateCheck
     spread = f"{where}, spread over {table.cycles} cycles"
     fast, hard = reversal_dynamics(float(jump[k]), table.cycles, table.cycle_time)
     return [
-        _check("max_reversal", float(jump[k]), limits.max_reversal, unit, where),
-        _check(
+        gate_check("max_reversal", float(jump[k]), limits.max_reversal, unit, where),
+        gate_check(
             "max_velocity at reversal", fast, limits.max_velocity, f"{unit}/s", spread
         ),
-        _check(
+        gate_check(
             "max_acceleration at reversal",
             hard,
             limits.max_acceleration,

@@ -8,7 +8,7 @@ import pytest
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.exchange import ExchangeError
-from axcomp.ident.proof import Diagnosis, Measured, diagnose
+from axcomp.ident.proof import Diagnosis, Measured, diagnose, not_judged
 from axcomp.models import Conventions
 
 NODES = np.arange(0.0, 801.0, 20.0)
@@ -136,6 +136,38 @@ def test_places_of_the_second_measurement_may_be_others() -> None:
     after = [Measured(1, {1: places}, 2 * error(places) + noise, None)]
     one = diagnose([LIST], before, after, Conventions())[0]
     assert one.verdict == "sign"
+
+
+@pytest.mark.parametrize("shift", [0.0, 12.0])
+def test_few_readings_that_cannot_tell_a_shift_say_so(shift: float) -> None:
+    rng = np.random.default_rng(1)
+    places = np.sort(rng.choice(TARGETS, 12, replace=False))
+    noise = SIZE / 3 * rng.normal(size=(2, places.size))
+    before = [Measured(1, {1: places}, error(places) + noise[0], None)]
+    left = error(places) - error(places - shift)
+    after = [Measured(1, {1: places}, left + noise[1], None)]
+    one = diagnose([LIST], before, after, Conventions())[0]
+    # Of 12 places 60 mm apart none has a neighbour within the 20 mm of the nodes.
+    assert one.verdict == "cannot tell"
+    assert "or shifted by up to" in one.sentence
+
+
+def test_lists_that_act_in_motion_are_named_as_not_judged() -> None:
+    lines = (
+        "kopf.achs_nr 1", "kw.crosstalk.mode 1", "kw.crosstalk.master_dyn_ax_nr 2",
+        "kw.crosstalk.acceleration 2000", "kw.crosstalk.deceleration -2000",
+        "kw.crosstalk.position[0].correction_accelerate_dir_pos 300",
+        "frict_comp.mode 3", "frict_comp.table_entries 1",
+        "frict_comp.table[0].in 1000", "frict_comp.table[0].out 40",
+    )  # fmt: skip
+    other = ListFile.parse(("\n".join(lines) + "\n").encode(), "achskw1.lis")
+    told = not_judged([other], Conventions(), {1: "X"})
+    assert [line.split(": ")[:2] for line in told] == [
+        ["X crosstalk", "not judged"],
+        ["X friction", "not judged"],
+    ]
+    assert "another axis accelerates" in told[0]
+    assert "current and no position" in told[1]
 
 
 def test_an_axis_that_was_not_measured_is_refused() -> None:

@@ -255,6 +255,15 @@ def test_a_pair_of_faults_is_found(tmp_path: Path, compensation: str) -> None:
     assert not wrong
 
 
+def test_a_delay_that_looks_like_a_filter_is_said_to(tmp_path: Path) -> None:
+    log = plain_log(tmp_path, {"A3.plane": plane(("lag",))}, seed=5)
+    one = only(verified(log, *lists_of("plane")))
+    # A filter of n cycles is half of n − 1 cycles late, on a surface without steps.
+    alike = "looks the same when filtered over 5 cycles"
+    assert one.verdict == ("lag",)
+    assert one.sentence.startswith("two cycles later; on this table it " + alike)
+
+
 def test_sentences_are_those_of_the_issue(tmp_path: Path) -> None:
     def sentence(*faults: str) -> str:
         log = plain_log(tmp_path, {"A3.leadscrew": screw(faults)}, seed=5)

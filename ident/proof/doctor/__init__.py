@@ -5,5 +5,10 @@ how likely it is beforehand, and with noise and zero of the instrument fitted, e
 its probability. Below `SURE` nothing is said.
 """
 
-from ._diagnose import SURE as SURE, Diagnosis as Diagnosis, diagnose as diagnose
+from ._diagnose import (
+    SURE as SURE,
+    Diagnosis as Diagnosis,
+    diagnose as diagnose,
+    not_judged as not_judged,
+)
 from ._measured import Measured as Measured

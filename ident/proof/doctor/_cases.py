@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ....models import Conventions
 from ...exchange import Increments, InUse, Motion, Ranges
-from ..verify import AbstractChannel, Change, LogMotion, channel_of
+from ..verify import AbstractChannel, LogMotion, channel_of
 from ._likelihood import BAND, Fitted, fit_changes, mean_likelihood
 from ._measured import Difference
 
@@ -25,6 +25,12 @@ _SCALES = {
 """Factor of the offset: its word, and how likely it is beforehand."""
 
 _SHIFTED, _ELSEWHERE, _UNKNOWN = 0.08, 0.08, 0.02
+
+_MATTERS = 0.3
+"""Share of the effect of a list that a shift must change to matter."""
+
+_EXCLUDED = float(np.log(100.0))
+"""Difference of log likelihoods from which on a shift is excluded."""
 
 _LARGEST = 20.0
 """Factor of the offset up to which anything is thought possible."""
@@ -50,6 +56,22 @@ class Case:
     likelihood: float
     prior: float
     note: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Explained:
+    """What may have made a change.
+
+    Attributes:
+        cases: Every explanation.
+        factor: Factor of the offset that fits best.
+        blind: Shift in mm or ° that the readings cannot exclude and that would matter;
+            None where there is none.
+    """
+
+    cases: Sequence[Case]
+    factor: float
+    blind: float | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,8 +103,8 @@ def cases_of(
     changes: Mapping[int, Difference],
     columns: Mapping[tuple[int, str], Float[np.ndarray, " g"]],
     setting: Setting,
-) -> tuple[list[Case], float]:
-    """Return every explanation of a change, and the factor of the offset that fits.
+) -> Explained:
+    """Return every explanation of a change, and what else the fits say of it.
 
     Args:
         use: The compensation.
@@ -114,16 +136,21 @@ def cases_of(
         Case(word, scale, float(scaled.likelihood[k]), prior)
         for k, (scale, (word, prior)) in enumerate(_SCALES.items())
     ]
+    blind: float | None = None
     shifts = _shifts(channel)
-    if shifts:
-        sizes = np.array([max(one.shift, key=abs) for one in shifts])
-        moved = np.stack([channel.column(one) for one in shifts])
+    if len(shifts):
+        sizes = shifts[np.arange(len(shifts)), np.argmax(np.abs(shifts), axis=1)]
+        moved = channel.columns_at(channel.plain, shifts, np.arange(len(change)))
         # A shift that changes less than the band of every factor counts as none.
         apart = np.linalg.norm(moved - plain, axis=1)
         seen = apart >= BAND * np.linalg.norm(plain - plain.mean())
         if seen.any():
             tried = fits(list(moved[seen]), [1.0] * int(seen.sum())).likelihood
             value = float(sizes[seen][int(np.argmax(tried))])
+            matters = apart[seen] >= _MATTERS * np.linalg.norm(plain - plain.mean())
+            kept = matters & (tried > float(scaled.likelihood[0]) - _EXCLUDED)
+            if kept.any():
+                blind = float(np.abs(sizes[seen][kept]).max())
             cases.append(Case("shift", value, mean_likelihood(tried), _SHIFTED))
     for swap in channel.swaps:
         column = channel.column(dataclasses.replace(channel.plain, masters=swap))
@@ -137,21 +164,21 @@ def cases_of(
     range_cost = min(0.0, float(np.log(2.5 * width / (2.0 * _LARGEST))))
     free_case = float(scaled.likelihood[-1]) + range_cost
     cases.append(Case("cannot tell", None, free_case, _UNKNOWN))
-    return cases, factor
+    return Explained(cases, factor, blind)
 
 
-def _shifts(channel: AbstractChannel) -> list[Change]:
-    """Return the table at every other place that is worth telling from its own."""
-    found = []
+def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
+    """Return every other place of the table that is worth telling from its own."""
+    found: list[Float[np.ndarray, "s k"]] = [np.zeros((0, len(channel.ways)))]
     for k, way in enumerate(channel.ways):
         length = way.high - way.low
         spacing = max(0.1 * way.step, 2.0 * 0.5 * length / _MOST_SHIFTS)
         count = int(0.5 * length / spacing)
-        for step in (*range(-count, 0), *range(1, count + 1)):
-            shift = [0.0] * len(channel.ways)
-            shift[k] = step * spacing
-            found.append(dataclasses.replace(channel.plain, shift=tuple(shift)))
-    return found
+        steps = np.array([*range(-count, 0), *range(1, count + 1)], dtype=float)
+        shift = np.zeros((len(steps), len(channel.ways)))
+        shift[:, k] = steps * spacing
+        found.append(shift)
+    return np.concatenate(found)
 
 
 def _elsewhere(

@@ -16,6 +16,14 @@ from ._words import sentence_of
 SURE = 0.99
 """Probability from which on a verdict is given."""
 
+_BLIND = {
+    "friction": "it adds current and no position; compare quadrant spikes of a circle, or"
+    " a log of the controller (axcomp verify)",
+    "crosstalk": "it acts while another axis accelerates, and readings at standstill do"
+    " not show it; compare a log of the controller (axcomp verify)",
+}
+"""Compensations that measurements at standstill do not show, and why."""
+
 _FEWEST = 4
 """Places that an axis must have been measured at, both times."""
 
@@ -71,7 +79,7 @@ def diagnose(
     used = [
         one
         for one in machine_lists(lists).in_use(conventions)
-        if one.name not in ("friction", "crosstalk")
+        if one.name not in _BLIND
     ]
     both = sorted({one.axis for one in before} & {one.axis for one in after})
     changes: dict[int, Difference] = {}
@@ -114,6 +122,20 @@ def diagnose(
     return tuple(found)
 
 
+def not_judged(
+    lists: Sequence[ListFile],
+    conventions: Conventions,
+    names: Mapping[int, str] | None = None,
+) -> tuple[str, ...]:
+    """Return a line for each list whose effect no such measurement shows, and why."""
+    known = names or {}
+    return tuple(
+        f"{known.get(one.axis, f'A{one.axis}')} {one.name}: not judged: {_BLIND[one.name]}"
+        for one in machine_lists(lists).in_use(conventions)
+        if one.name in _BLIND
+    )
+
+
 def _state(use: InUse, measured: Sequence[Measured], loaded: bool) -> int:
     """Return whether a compensation was on: as stated, else as lists are loaded."""
     stated = frozenset[str]().union(*(one.active for one in measured))
@@ -128,7 +150,8 @@ def _judged(
     setting: Setting,
     names: Mapping[int, str],
 ) -> Diagnosis:
-    cases, factor = cases_of(use, switched, changes, columns, setting)
+    explained = cases_of(use, switched, changes, columns, setting)
+    cases = explained.cases
     total = np.array([one.likelihood + np.log(one.prior) for one in cases])
     shares = np.exp(total - np.logaddexp.reduce(total))
     by_word: dict[str, float] = {}
@@ -139,13 +162,15 @@ def _judged(
         (k for k, one in enumerate(cases) if one.word == word), key=lambda k: shares[k]
     )
     best = cases[first]
-    sure = by_word[word] >= SURE and word != "cannot tell"
+    blind = explained.blind if word == "right" else None
+    sure = by_word[word] >= SURE and word != "cannot tell" and blind is None
     text = sentence_of(
         word if sure else "cannot tell",
         best.value,
         best.note,
         by_word,
-        factor,
+        explained.factor,
+        blind=blind,
         unit="°" if use.axis in setting.ranges else "mm",
         axis=names.get(use.axis, f"A{use.axis}"),
         other=names.get(int(best.value or 0), f"A{best.value or 0:g}"),

@@ -10,6 +10,9 @@ from scipy.interpolate import LinearNDInterpolator
 _PLACE = 0.01
 """mm or °: readings that near to each other are of one place."""
 
+_SEVERAL = 4
+"""Readings of a place from which on, one more, their median counts and not the mean."""
+
 _MATCHED = 0.5
 """Share of the places of the second measurement that the first must have, too."""
 
@@ -108,22 +111,37 @@ class _Places:
     def __init__(
         self, measured: Sequence[Measured], axes: tuple[int, ...], directed: bool
     ) -> None:
-        self.groups: dict[tuple[int, ...], list[float]] = {}
+        keys, errors = [], []
         for one in measured:
             columns = [np.rint(one.positions[axis] / _PLACE) for axis in axes]
             ways = one.direction if directed else None
             columns.append(np.zeros(len(one.error)) if ways is None else ways)
-            keys = np.stack(columns, axis=1).astype(np.int64).tolist()
-            for key, error in zip(keys, one.error.tolist(), strict=True):
-                self.groups.setdefault(tuple(key), []).append(error)
+            keys.append(np.stack(columns, axis=1).astype(np.int64))
+            errors.append(one.error)
+        rows, values = np.concatenate(keys), np.concatenate(errors)
+        order = np.lexsort((values, *rows.T))
+        rows, values = rows[order], values[order]
+        first = np.any(rows[1:] != rows[:-1], axis=1)
+        starts = np.concatenate([[0], np.flatnonzero(first) + 1])
+        counts = np.diff(np.append(starts, len(rows)))
+        middle = 0.5 * (
+            values[starts + (counts - 1) // 2] + values[starts + counts // 2]
+        )
+        # One wild reading among several must not count.
+        means = np.add.reduceat(values, starts) / counts
+        level = np.where(counts > _SEVERAL, middle, means)
+        self.groups: dict[tuple[int, ...], tuple[float, int]] = {
+            tuple(key): (value, count)
+            for key, value, count in zip(
+                rows[starts].tolist(), level.tolist(), counts.tolist(), strict=True
+            )
+        }
 
     def mean(self, key: tuple[int, ...]) -> float:
-        values = self.groups[key]
-        # One wild reading among several must not count.
-        return float(np.median(values) if len(values) > 4 else np.mean(values))
+        return self.groups[key][0]
 
     def count(self, key: tuple[int, ...]) -> int:
-        return len(self.groups[key])
+        return self.groups[key][1]
 
     def interpolated(
         self, other: "_Places"

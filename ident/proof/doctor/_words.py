@@ -10,6 +10,7 @@ def sentence_of(
     shares: Mapping[str, float],
     factor: float,
     *,
+    blind: float | None = None,
     unit: str,
     axis: str,
     other: str,
@@ -22,6 +23,7 @@ def sentence_of(
         note: Of the case.
         shares: Probability by word.
         factor: What fits best, of the offset that the list gives.
+        blind: Shift that these readings cannot tell from none, in the unit of lengths.
         unit: Of lengths.
         axis: Name of the axis.
         other: Name of the axis on which it acts instead, if it does.
@@ -52,6 +54,11 @@ def sentence_of(
                 f"does nothing to {axis}: it acts on another axis, follows another"
                 " master, or is not active"
             )
+    if blind is not None:
+        return (
+            f"cannot tell: right, or shifted by up to {blind:.1f} {unit}: these readings"
+            " do not show the difference; measure at more places, or with less noise"
+        )
     return _doubt(shares, factor)
 
 

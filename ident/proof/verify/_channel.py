@@ -16,6 +16,11 @@ Edge = Literal["held", "zero", "line"]
 EDGES: tuple[Edge, ...] = ("held", "zero", "line")
 """All of them."""
 
+_SPARSE = 8
+"""Rows per step from which on a filter is applied step by step."""
+_AT_ONCE = 1 << 17
+"""Rows that are evaluated at once."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Change:
@@ -101,8 +106,20 @@ class AbstractChannel(abc.ABC):
     relevant: tuple[str, ...] = ()
 
     @abc.abstractmethod
-    def parts(self, change: Change, rows: Int[np.ndarray, " r"] | slice) -> Parts:
-        """Return what is added at some rows, before any filter."""
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        """Return what is added at some rows, before any filter.
+
+        Args:
+            change: How it is applied.
+            rows: Of the log, each as often as it is wanted.
+            shift: By how much the table lies further at each of them, instead of the
+                shift of the change.
+        """
 
     def edge(self, conventions: Conventions) -> Edge:
         """Return what conventions say of the rows beyond the table."""
@@ -122,7 +139,14 @@ class AbstractChannel(abc.ABC):
         """Return the share of the negative direction, 0 or 1 per row."""
         start = change.conventions.start_direction
         why = f"for the {self.compensation} of A{self.axis}"
-        return (self.motion.direction(self.axis, why, start) < 0).astype(float)
+        actual = change.conventions.direction_source == "actual"
+        ways = self.motion.direction(self.axis, why, start, actual)
+        return (ways < 0).astype(float)
+
+    def told_by_actual(self) -> bool:
+        """Return whether a log can tell directions of the command from actual ones."""
+        own = self.motion.has_actual(self.axis) and self.motion.cycle is not None
+        return own and self.axis not in self.motion.path.directions
 
     def rules(self) -> list[Conventions]:
         """Return the conventions with another choice each of those that matter."""
@@ -152,6 +176,30 @@ class AbstractChannel(abc.ABC):
             return parts.ahead
         return np.asarray(parts.ahead + self.share(change)[rows] * parts.change)
 
+    def columns_at(
+        self,
+        change: Change,
+        shifts: Float[np.ndarray, "s k"],
+        rows: Int[np.ndarray, " r"],
+    ) -> Float[np.ndarray, "s r"]:
+        """Return the same for several places of the table, instead of that of the change.
+
+        All in one evaluation: a table takes longer to call than to look up.
+        """
+        share = None
+        found = []
+        every = max(1, _AT_ONCE // max(len(rows), 1))
+        for start in range(0, len(shifts), every):
+            some = shifts[start : start + every]
+            tiled = np.tile(rows, len(some))
+            parts = self.parts(change, tiled, np.repeat(some, len(rows), axis=0))
+            ahead = parts.ahead.reshape(len(some), len(rows))
+            if parts.change is not None:
+                share = self.share(change)[rows] if share is None else share
+                ahead = ahead + share * parts.change.reshape(ahead.shape)
+            found.append(ahead)
+        return np.concatenate(found)
+
     def over_cycles(self, parts: Parts, change: Change) -> Float[np.ndarray, " t"]:
         """Return what is added per cycle in mm or °, filter included."""
         return delayed(self._filtered(parts, change), self.motion.clock)
@@ -172,10 +220,33 @@ def smoothed(
     values: Float[np.ndarray, " t"], cycles: int, late: int = 0
 ) -> Float[np.ndarray, " t"]:
     """Return values with each change distributed over cycles by sin² (S-06)."""
-    taps = np.diff(np.sin(0.5 * np.pi * np.arange(cycles + 1) / cycles) ** 2)
+    done = np.sin(0.5 * np.pi * np.arange(cycles + 1) / cycles) ** 2
+    steps = np.flatnonzero(np.diff(values)) + 1
+    if len(steps) * _SPARSE < len(values):
+        return _stepped(values, steps, done[1:], late)
+    taps = np.diff(done)
     before = np.full(cycles - 1 + late, values[0])
     found = np.convolve(np.concatenate([before, values]), taps, mode="valid")
     return np.asarray(found[: len(values)])
+
+
+def _stepped(
+    values: Float[np.ndarray, " t"],
+    steps: Int[np.ndarray, " s"],
+    done: Float[np.ndarray, " n"],
+    late: int,
+) -> Float[np.ndarray, " t"]:
+    """Return the same where few rows are steps: each of them is added by itself."""
+    count = len(values)
+    found = np.concatenate([np.full(late, values[0]), values])[:count]
+    if not len(steps):
+        return found
+    # What has not yet come of each step, in the rows while it comes.
+    missing = (values[steps] - values[steps - 1])[:, None] * (1.0 - done)
+    rows = steps[:, None] + late + np.arange(len(done))
+    inside = rows < count
+    np.subtract.at(found, rows[inside], missing[inside])
+    return found
 
 
 def lagged(

@@ -52,6 +52,9 @@ class CrosstalkChannel(AbstractChannel):
                 self.relevant = (*self.relevant, "crosstalk_outside")
             if len(places) == 2:
                 self.relevant = (*self.relevant, "crosstalk_surface")
+        timed = self.motion.cycle is not None
+        if timed and self.motion.has_actual(dynamic, self.axis):
+            self.relevant = (*self.relevant, "crosstalk_input")
         known = sorted(self.motion.path.positions)
         swaps = [(number, *places) for number in known if number != dynamic]
         if len(places) == 2:
@@ -59,18 +62,26 @@ class CrosstalkChannel(AbstractChannel):
         self.swaps = tuple(swaps)
         _ = self.parts(self.plain, slice(0, 1))  # a log without a master is refused
 
-    def parts(self, change: Change, rows: Int[np.ndarray, " r"] | slice) -> Parts:
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
         why = f"for the crosstalk of A{self.axis}"
         dynamic, *places = change.masters or self.masters
-        velocity, acceleration = self.motion.rates(dynamic, why)
+        actual = change.conventions.crosstalk_input == "actual"
+        velocity, acceleration = self.motion.rates(dynamic, why, actual)
         if change.conventions.crosstalk_velocity == "slave":
-            velocity = self.motion.rates(self.axis, why)[0]
+            velocity = self.motion.rates(self.axis, why, actual)[0]
         law = self._law(change.conventions)
         columns = [self.motion.position(axis, why)[rows] for axis in places]
         where: Float[np.ndarray, "r k"] | None = None
         if columns:
             where = np.stack(columns, axis=1)
-            if change.is_shifted:
+            if shift is not None:
+                where = where - shift
+            elif change.is_shifted:
                 where = where - np.asarray(change.shift)
         found = law.offset(acceleration[rows], velocity[rows], where)
         return Parts(np.asarray(found))
@@ -110,7 +121,13 @@ class FrictionChannel(AbstractChannel):
             self.relevant = (*self.relevant, "friction_delay")
         _ = self.motion.rates(self.axis, "for its friction compensation")
 
-    def parts(self, change: Change, rows: Int[np.ndarray, " r"] | slice) -> Parts:
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        del shift
         why = "for its friction compensation"
         velocity, _ = self.motion.rates(self.axis, why)
         law = self.read(change.conventions)

@@ -103,7 +103,8 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
         for word, value in zip(more, sizes, strict=True):
             if word not in words:
                 words, values = (*words, word), (*values, value)
-    return verdict(words, values, text + tail)
+    alike = _looks_alike(channel, found, set(words))
+    return verdict(words, values, text + alike + tail)
 
 
 def _equals(
@@ -129,6 +130,30 @@ def _equals(
             )
         )
     return result
+
+
+def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
+    """Return what would look like a delay, or like a filter, as the end of a sentence.
+
+    On a smooth table both do the same, and which of them is the simpler story says
+    nothing of the controller.
+    """
+    best = found.rivals[0]
+    own = set(best.hypothesis.words(channel))
+    if not {"lag", "filter"} & own:
+        return ""
+    for one in found.rivals[1:]:
+        words = set(one.hypothesis.words(channel))
+        if words ^ own != {"lag", "filter"} or one.misfit > best.misfit + EQUAL:
+            continue
+        texts = [
+            part.text
+            for part in phrases(one.hypothesis, channel)
+            if part.word in ("lag", "filter") and part.word not in told
+        ]
+        if texts:
+            return f"; on this table it looks the same when {joined(texts)}"
+    return ""
 
 
 def _unseen(channel: AbstractChannel, found: Found) -> list[str]:

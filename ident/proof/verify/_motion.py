@@ -29,7 +29,7 @@ class LogMotion:
     cycle: float | None = None
     clock: float = 0.0
     ranges: Ranges = dataclasses.field(default_factory=dict)
-    _directions: dict[tuple[int, int], np.ndarray] = dataclasses.field(
+    _directions: dict[tuple[int, int, bool], np.ndarray] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
 
@@ -61,22 +61,34 @@ class LogMotion:
         """
         return self.path.position(axis, why)
 
-    def direction(self, axis: int, why: str, start: int) -> Int[np.ndarray, " t"]:
+    def has_actual(self, *axes: int) -> bool:
+        """Return whether the log has the actual position of one of the axes."""
+        return any(axis in self.path.actuals for axis in axes)
+
+    def actual(self, axis: int, why: str) -> Float[np.ndarray, " t"]:
+        """Return the actual position of an axis; one without is where it should be."""
+        found = self.path.actuals.get(axis)
+        return self.position(axis, why) if found is None else found
+
+    def direction(
+        self, axis: int, why: str, start: int, actual: bool = False
+    ) -> Int[np.ndarray, " t"]:
         """Return the direction of motion of an axis, ±1 per row (S-21)."""
         if axis in self.path.directions:
             return self.path.directions[axis]
-        place = self.position(axis, why)
+        place = self.actual(axis, why) if actual else self.position(axis, why)
         if self.cycle is None:
             return np.full(self.rows, start, dtype=np.int64)
-        if (axis, start) not in self._directions:
+        key = axis, start, actual
+        if key not in self._directions:
             if axis in self.ranges:
                 low, high = self.ranges[axis]
                 place = np.unwrap(place, period=high - low)
-            self._directions[axis, start] = direction_of_motion(place, start)
-        return self._directions[axis, start]
+            self._directions[key] = direction_of_motion(place, start)
+        return self._directions[key]
 
     def rates(
-        self, axis: int, why: str
+        self, axis: int, why: str, actual: bool = False
     ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
         """Return velocity and acceleration of an axis in mm/s and mm/s², or °.
 
@@ -87,6 +99,8 @@ class LogMotion:
         if axis in self.ranges:
             span = self.ranges[axis][1] - self.ranges[axis][0]
         found = self.path.velocity(axis, span), self.path.acceleration(axis, span)
+        if actual:
+            found = self.path.actual_rates(axis, span)
         if found[0] is None or found[1] is None:
             raise ExchangeError(
                 where=self.path.source,

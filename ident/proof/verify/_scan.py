@@ -1,12 +1,12 @@
 """Where a table may lie, how late it may come, how it may be filtered: the search."""
 
+import bisect
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import minimize_scalar
 
 from ._channel import EDGES, AbstractChannel, Change, Edge, lagged
 from ._hypothesis import FREE_BAND, SCALES, Hypothesis
@@ -20,6 +20,13 @@ _FEW_FILTERS = (1, 2, 3, 4, 5, 8, 12, 20, 40)
 
 _ROWS = 4096
 """Rows that are enough to see where a table lies."""
+_TIMED_ROWS = 4096
+"""Rows that are enough to see which lags and filters come into question."""
+_TIMED = 8
+"""So many of them are looked at on all rows."""
+_SIZES = sorted(SCALES)
+_CLOSER = np.linspace(-1.0, 1.0, 17)
+"""Places that are tried around the best one, in units of the last distance."""
 _SHIFTS = 240
 """Most places of a table that are tried along one master."""
 
@@ -49,7 +56,10 @@ def scaled(
         return [Scored(Hypothesis(change, lag), target.power)]
     best = inner / power
     least = target.power - best * inner
-    near = sorted(SCALES, key=lambda scale: abs(scale - best))[:2]
+    at = bisect.bisect(_SIZES, best)
+    near = sorted(_SIZES[max(at - 2, 0) : at + 2], key=lambda size: abs(size - best))[
+        :2
+    ]
     found = [
         Scored(Hypothesis(change, lag, scale), least + (scale - best) ** 2 * power)
         for scale in near
@@ -96,13 +106,16 @@ def place(
     rows = few_rows(channel.motion.judged)
     part = target.at(rows)
 
-    def left(shift: Sequence[float]) -> float:
+    def left(shifts: Float[np.ndarray, "s k"]) -> Float[np.ndarray, " s"]:
+        columns = channel.columns_at(change, shifts, rows)
+        return least_squares(part, columns) / len(rows)
+
+    def tried(*shift: float) -> tuple[Change, float]:
         moved = dataclasses.replace(change, shift=tuple(shift))
-        column = channel.column_at(moved, rows)
-        return min(one.squares for one in scaled(part, moved, 0, column)) / len(rows)
+        return moved, float(left(np.array([shift]))[0])
 
     start = [0.0] * len(channel.ways)
-    found = [(change, left(start))]
+    found = [(change, tried(*start)[1])]
     several = change.masters is not None and change.edge is not None
     if several or change.conventions != channel.conventions:
         return found  # and another place on top of it: too far off
@@ -110,18 +123,37 @@ def place(
     for k, way in enumerate(channel.ways):
         best = _along(left, start, k, way.high - way.low, way.step)
         singles.append(best)
-        found.append((dataclasses.replace(change, shift=tuple(best)), left(best)))
+        found.append(tried(*best))
     if len(singles) == 2:
-        both = singles[0] if left(singles[0]) < left(singles[1]) else singles[1]
+        both = singles[0] if found[-2][1] < found[-1][1] else singles[1]
         for k in (0, 1, 0, 1):
             way = channel.ways[k]
             both = _along(left, both, k, way.high - way.low, way.step)
-        found.append((dataclasses.replace(change, shift=tuple(both)), left(both)))
+        found.append(tried(*both))
     return found
 
 
+def least_squares(
+    target: Target, columns: Float[np.ndarray, "s r"]
+) -> Float[np.ndarray, " s"]:
+    """Return the least that each column leaves, by any factor that `scaled` tries."""
+    inner = columns @ target.values
+    power = np.einsum("sr,sr->s", columns, columns)
+    if target.basis.shape[1]:
+        power = power - np.square(columns @ target.basis).sum(axis=1)
+    seen = power > 1e-18 * columns.shape[1]
+    best = inner / np.where(seen, power, 1.0)
+    left = target.power - best * inner
+    # A factor near one of a fault is that one: what it leaves is what that one leaves.
+    sizes = np.array(_SIZES)
+    near = sizes[np.argmin(np.abs(best[:, None] - sizes), axis=1)]
+    named = np.abs(best - near) <= FREE_BAND * np.abs(near)
+    left = left + np.where(named, np.square(near - best) * power, 0.0)
+    return np.where(seen, left, target.power)
+
+
 def _along(
-    left: Callable[[Sequence[float]], float],
+    left: Callable[[Float[np.ndarray, "s k"]], Float[np.ndarray, " s"]],
     start: Sequence[float],
     at: int,
     length: float,
@@ -132,22 +164,22 @@ def _along(
     spacing = max(0.5 * step, 2.0 * reach / _SHIFTS)
     grid = np.arange(-reach, reach + spacing, spacing)
 
-    def moved(value: float) -> list[float]:
-        return [*start[:at], float(value), *start[at + 1 :]]
+    def moved(values: Float[np.ndarray, " s"]) -> Float[np.ndarray, "s k"]:
+        shifts = np.tile(np.array(start, dtype=float), (len(values), 1))
+        shifts[:, at] = values
+        return shifts
 
-    values = [left(moved(value)) for value in grid]
-    best = grid[int(np.argmin(values))]
-    found = minimize_scalar(
-        lambda value: left(moved(value)),
-        bounds=(best - spacing, best + spacing),
-        method="bounded",
-        options={"xatol": 1e-3 * step},
-    )
-    return moved(found.x)
+    best = float(grid[int(np.argmin(left(moved(grid))))])
+    # Ever closer around the best one, each time with all places at once.
+    while spacing > 1e-3 * step:
+        closer = best + spacing * _CLOSER
+        best = float(closer[int(np.argmin(left(moved(closer))))])
+        spacing *= 2.0 / (len(_CLOSER) - 1)
+    return [float(one) for one in moved(np.array([best]))[0]]
 
 
-def timed(channel: AbstractChannel, change: Change, target: Target) -> Iterable[Scored]:
-    """Yield every lag and every length of the filter, with the factors that fit.
+def timed(channel: AbstractChannel, change: Change, target: Target) -> list[Scored]:
+    """Return every lag and length of the filter that may win, with factors that fit.
 
     Args:
         channel: The compensation.
@@ -158,12 +190,34 @@ def timed(channel: AbstractChannel, change: Change, target: Target) -> Iterable[
     parts = channel.parts(change, slice(None))
     if motion.cycle is None:
         column = channel.over_cycles(parts, change)[motion.judged]
-        yield from scaled(target, change, 0, column)
-        return
+        return scaled(target, change, 0, column)
     own = max(channel.cycles_under(change.conventions), 1)
     tried = FILTERS if own > 1 else (*_FEW_FILTERS, max(channel.listed, 1))
+    rows = np.arange(motion.judged.start, motion.judged.stop)
+    rows = rows[:: max(1, len(rows) // _TIMED_ROWS)]
+    part = target.at(rows - motion.judged.start)
+    columns: dict[int, Float[np.ndarray, " t"]] = {}
+    guesses: list[tuple[float, int, int]] = []
     for cycles in dict.fromkeys((*tried, own)):
         one = change if cycles == own else dataclasses.replace(change, cycles=cycles)
-        column = channel.over_cycles(parts, one)
-        for lag in range(-motion.reach, motion.reach + 1):
-            yield from scaled(target, one, lag, lagged(column, motion.judged, lag))
+        columns[cycles] = channel.over_cycles(parts, one)
+        lags = np.arange(-motion.reach, motion.reach + 1)
+        late = columns[cycles][rows - lags[:, None]]
+        least = least_squares(part, late).tolist()
+        guesses += [
+            (left, cycles, int(lag)) for left, lag in zip(least, lags, strict=True)
+        ]
+    found: list[Scored] = []
+    for cycles, lag in _likely(guesses, own):
+        one = change if cycles == own else dataclasses.replace(change, cycles=cycles)
+        found += scaled(target, one, lag, lagged(columns[cycles], motion.judged, lag))
+    return found
+
+
+def _likely(guesses: list[tuple[float, int, int]], own: int) -> list[tuple[int, int]]:
+    """Return the best lengths and lags, those among them that keep either, and both."""
+    guesses = sorted(guesses)
+    same = [one for one in guesses if one[1] == own]
+    soon = [one for one in guesses if one[2] == 0]
+    kept = [*guesses[:_TIMED], *same[:_TIMED], *soon[:_TIMED]]
+    return list(dict.fromkeys([(own, 0), *((cycles, lag) for _, cycles, lag in kept)]))

@@ -127,7 +127,7 @@ def _promising(channel: AbstractChannel, target: Target) -> list[Change]:
 
 def _closely(channel: AbstractChannel, change: Change, judged: Target) -> list[Scored]:
     """Return a structure with and without a lag, with and without another filter."""
-    every = list(timed(channel, change, judged))
+    every = timed(channel, change, judged)
     found: list[Scored] = []
     for late, other in itertools.product((False, True), repeat=2):
         some = [

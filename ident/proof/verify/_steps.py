@@ -30,8 +30,16 @@ class BacklashChannel(AbstractChannel):
     def __post_init__(self) -> None:
         self.masters = (self.axis,)
         self.cycles = self._law(self.conventions).cycles
+        if self.told_by_actual():
+            self.relevant = (*self.relevant, "direction_source")
 
-    def parts(self, change: Change, rows: Int[np.ndarray, " r"] | slice) -> Parts:
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        del shift
         count = len(self.motion.position(self.axis, "for its backlash")[rows])
         law = self._law(change.conventions)
         ways = np.asarray(law.offset(jnp.array([1.0, -1.0])))
@@ -67,7 +75,13 @@ class TemperatureChannel(AbstractChannel):
     def cycles_under(self, conventions: Conventions) -> int:
         return self.listed if conventions.temperature_filter == "values" else 0
 
-    def parts(self, change: Change, rows: Int[np.ndarray, " r"] | slice) -> Parts:
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        del shift
         place = self.motion.position(self.axis, "for its temperature compensation")
         line = self.read(change.conventions)
         assert line is not None

@@ -49,12 +49,18 @@ class TableChannel(AbstractChannel):
 
     def __post_init__(self) -> None:
         self._models: dict[Conventions, Model] = {}
-        self._stacked: dict[tuple[int, ...], np.ndarray] = {}
+        self._stacked: dict[tuple[tuple[int, ...], bool], np.ndarray] = {}
         self.ways = ways_of(self.model(self.conventions))
         if self.listed <= 1 and self.compensation != "leadscrew":
             self.relevant = tuple(n for n in self.relevant if n != "table_filter")
         if self.cycles > 1:
             self.relevant = (*self.relevant, "filter_delay")
+        if self.compensation == "plane" and self.motion.has_actual(*self.masters):
+            self.relevant = (*self.relevant, "plane_input")
+        model = self.model(self.conventions)
+        bilateral = isinstance(model, Leadscrew) and model.neg is not None
+        if bilateral and self.told_by_actual():
+            self.relevant = (*self.relevant, "direction_source")
         self._places(self.masters)  # a log without a master is refused at once
 
     def model(self, conventions: Conventions) -> Model:
@@ -73,14 +79,24 @@ class TableChannel(AbstractChannel):
             return self.cycles
         return self.listed if conventions.table_filter == "values" else 0
 
-    def parts(self, change: Change, rows: Int[np.ndarray, " r"] | slice) -> Parts:
-        places = self._places(change.masters or self.masters)
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        actual = (
+            self.compensation == "plane" and change.conventions.plane_input == "actual"
+        )
+        places = self._places(change.masters or self.masters, actual)
         if self.added is not None:
             extra = self.added(change.conventions)
             if extra is not None:
                 places = places + extra[:, None]
         places = places[rows]
-        if change.is_shifted:
+        if shift is not None:
+            places = places - shift
+        elif change.is_shifted:
             places = places - np.asarray(change.shift)
         model = self.model(change.conventions)
         edge = change.edge or self.edge(change.conventions)
@@ -89,12 +105,15 @@ class TableChannel(AbstractChannel):
             return Parts(ahead)
         return Parts(ahead, self._beyond(model, places, -1, edge) - ahead)
 
-    def _places(self, masters: tuple[int, ...]) -> Float[np.ndarray, "t d"]:
-        if masters not in self._stacked:
+    def _places(
+        self, masters: tuple[int, ...], actual: bool = False
+    ) -> Float[np.ndarray, "t d"]:
+        if (masters, actual) not in self._stacked:
             why = f"for the {self.compensation} table of A{self.axis}"
-            columns = [self.motion.position(axis, why) for axis in masters]
-            self._stacked[masters] = np.stack(columns, axis=1)
-        return self._stacked[masters]
+            place = self.motion.actual if actual else self.motion.position
+            columns = [place(axis, why) for axis in masters]
+            self._stacked[masters, actual] = np.stack(columns, axis=1)
+        return self._stacked[masters, actual]
 
     def _beyond(
         self, model: Model, places: Float[np.ndarray, "r d"], way: int, edge: Edge
@@ -113,9 +132,12 @@ class TableChannel(AbstractChannel):
         for k, one in enumerate(self.ways):
             rows = np.flatnonzero(out[:, k])
             if rows.size:
-                inner = held[rows]
-                inner[:, k] -= np.sign(out[rows, k]) * 0.5 * one.step
-                slope = (found[rows] - self._at(model, inner, way)) / (0.5 * one.step)
+                # All rows once more and not these alone: another number of rows would
+                # be another program to compile.
+                inner = held.copy()
+                inner[rows, k] -= np.sign(out[rows, k]) * 0.5 * one.step
+                nearby = self._at(model, inner, way)[rows]
+                slope = (found[rows] - nearby) / (0.5 * one.step)
                 found[rows] += np.abs(out[rows, k]) * slope
         return found
 

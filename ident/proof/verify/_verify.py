@@ -13,6 +13,7 @@ from ._clock import clock_cost, clock_of, worth
 from ._judge import Verdict, judge_found
 from ._lists import at_clock, channels_of, unfiltered
 from ._motion import LogMotion
+from ._owner import cross_owner
 from ._reports import axis_names, motion_of, number_of, reports_of
 from ._search import search
 from ._target import Target
@@ -76,8 +77,16 @@ def _verify(
 ) -> Verification:
     names = axis_names(lists)
     motion = motion_of(log, names, ranges)
+    assumed = conventions.cross_list
+    conventions, owned = cross_owner(lists, log, names, motion, conventions, increment)
     channels = channels_of(lists, motion, conventions, increment)
     reports, remarks = reports_of(log, names, channels)
+    if conventions.cross_list != assumed:
+        remarks.append(
+            "Cross tables stand in the list of the"
+            f" {'master' if assumed == 'slave' else 'slave'} axis"
+            f" (cross_list = {conventions.cross_list})."
+        )
     targets = {
         key: Target.of(one.values, step=one.step) for key, one in reports.items()
     }
@@ -120,7 +129,11 @@ def _verify(
             expected="columns such as A3.cross, CROSSC::actual_offset or"
             " A3.drive_position",
         )
-    return _summary(verdicts, channels, driven, conventions, remarks)
+    found_all = _summary(verdicts, channels, driven, conventions, remarks)
+    if owned:
+        settled = found_all.settled | {"cross_list"}
+        found_all = dataclasses.replace(found_all, settled=settled)
+    return found_all
 
 
 def _channel(

@@ -1,0 +1,80 @@
+"""In whose list the data of a cross table stand, where a log tells it (S-10)."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ....data.lists import ListFile
+from ....data.measurements import ControllerLog, LoggedOffset
+from ....models import Conventions
+from ...exchange import ExchangeError, Increments
+from ._channel import AbstractChannel
+from ._judge import SETTLED
+from ._lists import channels_of
+from ._motion import LogMotion
+from ._reports import number_of
+from ._scan import few_rows, least_squares
+from ._target import Target
+
+_CHOICES = ("slave", "master")
+
+
+def cross_owner(
+    lists: Sequence[ListFile],
+    log: ControllerLog,
+    names: Mapping[str, int],
+    motion: LogMotion,
+    conventions: Conventions,
+    increment: Increments,
+) -> tuple[Conventions, bool]:
+    """Return the conventions with the axis that fits, and whether the log settles it.
+
+    A controller that reports what it adds to an axis says with it which one of the two
+    axes of a table is compensated. Where both readings explain the log as well, that
+    which is assumed stays.
+    """
+    reported = {
+        number_of(one.axis, names, str(log.source)): one
+        for one in log.offsets
+        if one.compensation == "cross" and one.axis is not None
+    }
+    has_table = any(one.table("kw.crosscomp", "setpoint") for one in lists)
+    if not reported or not has_table:
+        return conventions, False
+    scores: dict[str, float] = {}
+    for owner in _CHOICES:
+        rules = _with_owner(conventions, owner)
+        try:
+            channels = channels_of(lists, motion, rules, increment)
+        except ExchangeError:
+            continue  # the log lacks a position, or an axis has two tables
+        parts = {axis: own.get("cross") for axis, own in channels.items()}
+        scores[owner] = sum(
+            _left(parts.get(axis), one, motion) for axis, one in reported.items()
+        )
+    assumed = conventions.cross_list
+    best = min(scores, key=lambda owner: scores[owner], default=assumed)
+    if len(scores) < len(_CHOICES):
+        return conventions, False
+    margin = max(scores.values()) - scores[best]
+    if margin < SETTLED:
+        return conventions, False
+    return _with_owner(conventions, best), True
+
+
+def _with_owner(conventions: Conventions, owner: str) -> Conventions:
+    return conventions.from_dict({**conventions.to_dict(), "cross_list": owner})
+
+
+def _left(
+    channel: AbstractChannel | None, reported: LoggedOffset, motion: LogMotion
+) -> float:
+    """Return the criterion of what a table leaves of a column by any factor."""
+    rows = few_rows(motion.judged)
+    part = Target.of(reported.values, step=reported.step).at(rows)
+    squares = part.power
+    if channel is not None:
+        none = np.zeros((1, len(channel.ways)))
+        column = channel.columns_at(channel.plain, none, rows)
+        squares = float(least_squares(part, column)[0])
+    return part.criterion(squares, float(len(rows)))
