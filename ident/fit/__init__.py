@@ -1,7 +1,12 @@
 """Estimators: arrays in, model and uncertainty out; this floor knows no files."""
 
+from ._drift import DriftNoise as DriftNoise
 from ._errors import FitError as FitError
-from ._gather import Gathering as Gathering, in_group as in_group
+from ._gather import (
+    Gathering as Gathering,
+    in_group as in_group,
+    waiting as waiting,
+)
 from ._predict import (
     leave_out as leave_out,
     predict as predict,

@@ -12,11 +12,11 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ...models import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints
 
-CHUNK, CHUNKS = 32_768, 4
+CHUNK, CHUNKS = 4_096, 32
 BLOCK = CHUNK * CHUNKS
 """Readings per compiled call; the last block is filled up with readings of weight 0."""
 
@@ -124,8 +124,11 @@ def plane_moments(
     slow: AbstractNodes,
     fast: AbstractNodes,
     columns: tuple[int, int],
-) -> tuple[Float[Array, "p c"], Float[Array, "q c"]]:
+) -> tuple[Float[Array, "p c"], Float[Array, "q c"], Bool[Array, ""]]:
     """Return the moments of a plane and those of its readings, located and summed at once.
+
+    Last comes whether any reading lies on the edge of its cell, and so does not touch all
+    of the cell's nodes.
 
     Args:
         positions: Columns as measured.
@@ -151,7 +154,8 @@ def plane_moments(
     cells = (slow.count - 1) * (fast.count - 1)
     arrays = (*places, error) if weight is None else (*places, error, weight)
     total = _scan(terms, arrays, cells, 13)
-    return jnp.stack(total[:9]), jnp.stack(total[9:])
+    edge = jnp.any((u <= 0) | (u >= 1) | (v <= 0) | (v >= 1))
+    return jnp.stack(total[:9]), jnp.stack(total[9:]), edge
 
 
 @partial(jax.jit, static_argnames=("columns",))

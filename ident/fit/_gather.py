@@ -5,15 +5,20 @@ one `Gathering`, and each fit waits until no job can go on without one; then all
 handed to their group function at once. Outside a gathering a fit is a group of its own.
 """
 
+import contextlib
 import contextvars
 import dataclasses
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 _Request = TypeVar("_Request")
 _Result = TypeVar("_Result")
+
+_SIDE_BY_SIDE = 2
+"""Calls that run at a time: one computes while the other waits for the disk. More would
+only take the interpreter from each other, which costs as much as the work itself."""
 
 _CURRENT: contextvars.ContextVar["tuple[Gathering, int] | None"] = (
     contextvars.ContextVar("gathering", default=None)
@@ -44,11 +49,14 @@ class Gathering:
         self._changed = threading.Condition()
         self._waiting: list[_Ticket] = []
         self._busy: set[int] = set()
+        self._turns = threading.Semaphore(_SIDE_BY_SIDE)
+        self._running: set[int] = set()
 
     @property
     def busy(self) -> list[int]:
         """Calls that the others wait for, by number."""
-        return sorted(self._busy)
+        with self._changed:
+            return sorted(self._running)
 
     def run(
         self, calls: Sequence[Callable[[], _Result]]
@@ -60,6 +68,7 @@ class Gathering:
 
         def work(k: int) -> None:
             _CURRENT.set((self, k))
+            self._take_turn(k)
             try:
                 results[k] = calls[k]()
             except BaseException as error:
@@ -101,15 +110,33 @@ class Gathering:
             self._waiting.append(ticket)
         self._rest(caller)
         ticket.done.wait()
+        self._take_turn(caller)
         if ticket.error is not None:
             raise ticket.error
         return ticket.results
+
+    @contextlib.contextmanager
+    def away(self) -> Iterator[None]:
+        """Give the turn of the calling call to another one meanwhile."""
+        self._turns.release()
+        try:
+            yield
+        finally:
+            self._turns.acquire()
+
+    def _take_turn(self, caller: int) -> None:
+        self._turns.acquire()
+        with self._changed:
+            self._running.add(caller)
 
     def _rest(self, caller: int) -> None:
         with self._changed:
             self.moved = time.monotonic()
             self._busy.discard(caller)
-            self._changed.notify_all()
+            self._running.discard(caller)
+            if not self._busy:
+                self._changed.notify_all()
+        self._turns.release()
 
 
 def _serve(tickets: Sequence[_Ticket]) -> None:
@@ -134,6 +161,17 @@ def _serve_one(ticket: _Ticket) -> None:
         ticket.results = ticket.group(ticket.requests)
     except Exception as error:  # its caller must hear of it
         ticket.error = error
+
+
+@contextlib.contextmanager
+def waiting() -> Iterator[None]:
+    """Let other calls of the gathering run while this one waits for the disk."""
+    current = _CURRENT.get()
+    if current is None:
+        yield
+        return
+    with current[0].away():
+        yield
 
 
 def in_group(

@@ -42,7 +42,7 @@ class Grid:
 
     layout: TableLayout
 
-    @property
+    @cached_property
     def planar(self) -> bool:
         """Whether the fast axis carries positions (a plane) and not branches."""
         return len(self.layout.nodes) == 2
@@ -65,17 +65,17 @@ class Grid:
         """Node positions along the fast axis of a plane."""
         return np.asarray(self.layout.nodes[1 - self.slow_column], float)
 
-    @property
+    @cached_property
     def slow(self) -> int:
         """Number of different nodes along the slow axis."""
         return len(self.slow_nodes) - int(self.layout.periodic)
 
-    @property
+    @cached_property
     def fast(self) -> int:
         """Number of nodes along the fast axis, or of branches."""
         return len(self.fast_nodes) if self.planar else self.layout.branches
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of unknown node values."""
         return self.slow * self.fast

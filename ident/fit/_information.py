@@ -199,7 +199,7 @@ def _moments_of_many(
     return add_up(call(*block) for block in blocks)
 
 
-def add_up(blocks: Iterable[Any]) -> Float[np.ndarray, "p c"]:
+def add_up(blocks: Iterable[Any]) -> Float[np.ndarray, "..."]:
     """Return the sum of arrays that are still being computed side by side."""
     return np.asarray(sum(np.asarray(block) for block in list(blocks)))
 

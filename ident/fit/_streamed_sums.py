@@ -17,8 +17,8 @@ from ._information import (
     vector_from_moments,
 )
 from ._loss import AbstractLoss
+from ._plane_sums import sums_and_support
 from ._types import Samples
-from ._values import sums_of, touched_by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -183,10 +183,11 @@ def _plain(grid: Grid, samples: Samples, values: Float[np.ndarray, "l s"]) -> Su
     left = samples.error - centre
     if not (values == centre).all():
         left = samples.error - evaluate(grid, grid.locate(samples), values)
-    normal, vector = sums_of(grid, dataclasses.replace(samples, error=left))
+    normal, vector, support = sums_and_support(
+        grid, dataclasses.replace(samples, error=left)
+    )
     square = float((left if samples.weight is None else samples.weight * left) @ left)
     count = len(left)
-    support = touched_by(grid, samples)
     half = Half(normal, vector, square, square, float(count), count, support)
     return Sums(half, half, 0)
 

@@ -13,24 +13,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, ArrayLike, Float
 
-from ._compiled import BLOCK, axis_nodes, blocks_of, plane_classes, plane_moments
 from ._conjugate import conjugate_solve
 from ._errors import FitError
 from ._estimate import table_prior
-from ._grid import MANY, Grid, Located
-from ._information import (
-    Normal,
-    add_up,
-    cells_of,
-    evaluate,
-    moment_sums,
-    normal_from_moments,
-    touched,
-    vector_from_moments,
-)
+from ._grid import Grid, Located
+from ._information import Normal, evaluate
 from ._logs import fixed_smoothness
+from ._plane_sums import sums_of
 from ._posterior import Problem, solve
 from ._threads import one_blas_thread
 from ._types import Samples, TableLayout
@@ -233,62 +224,3 @@ def _solved(
         msg = "the readings do not determine the table: the normal matrix is singular."
         raise FitError(msg)
     return posterior.values
-
-
-def sums_of(grid: Grid, samples: Samples) -> tuple[Normal, Float[np.ndarray, "l s"]]:
-    """Return normal matrix and right-hand side of the readings, in one pass where it pays."""
-    count = len(samples.error)
-    if not grid.planar or count < MANY or min(grid.slow, grid.fast) < 2:
-        place = grid.locate(samples)
-        weight = np.ones(count) if samples.weight is None else samples.weight
-        return (
-            normal_from_moments(grid, moment_sums(grid, place, weight, 2)),
-            vector_from_moments(
-                grid, moment_sums(grid, place, weight * samples.error, 1)
-            ),
-        )
-    shape = cells_of(grid)
-    call = partial(
-        plane_moments,
-        slow=axis_nodes(grid.slow_nodes),
-        fast=axis_nodes(grid.fast_nodes),
-        columns=(grid.slow_column, 1 - grid.slow_column),
-    )
-    arrays = (samples.positions, samples.error)
-    if samples.weight is not None:
-        sums = [call(*block) for block in blocks_of(*arrays, samples.weight)]
-    else:
-        # Equal weights need not be read; only what fills up the last block must not count.
-        full = count - count % BLOCK
-        blocks = blocks_of(*(array[:full] for array in arrays))
-        sums = [call(*block, None) for block in blocks]
-        rest = (*(array[full:] for array in arrays), np.ones(count - full))
-        sums += [call(*block) for block in blocks_of(*rest)]
-    squares = add_up(each[0] for each in sums).reshape(3, 3, *shape)
-    products = add_up(each[1] for each in sums).reshape(2, 2, *shape)
-    return normal_from_moments(grid, squares), vector_from_moments(grid, products)
-
-
-def touched_by(grid: Grid, samples: Samples) -> Int[np.ndarray, "l s"]:
-    """Count the readings that reach each node with a weight above zero.
-
-    `touched` with the readings located and counted at once, where that pays.
-    """
-    count = len(samples.error)
-    if not grid.planar or count < MANY or min(grid.slow, grid.fast) < 2:
-        return touched(grid, grid.locate(samples))
-    call = partial(
-        plane_classes,
-        slow=axis_nodes(grid.slow_nodes),
-        fast=axis_nodes(grid.fast_nodes),
-        columns=(grid.slow_column, 1 - grid.slow_column),
-    )
-    found = add_up(
-        call(*block) for block in blocks_of(samples.positions, np.ones(count))
-    )
-    classes = np.rint(found).astype(np.int64).reshape(*cells_of(grid), 3, 3)
-    result = np.zeros((grid.slow, grid.fast), np.int64)
-    for end, slow in ((slice(0, -1), slice(0, 2)), (slice(1, None), slice(1, 3))):
-        for side, fast in ((slice(0, -1), slice(0, 2)), (slice(1, None), slice(1, 3))):
-            result[end, side] += classes[:, :, slow, fast].sum(axis=(2, 3))
-    return result

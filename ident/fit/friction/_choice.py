@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .._errors import FitError
-from ._inverse import fit_problem
+from ._inverse import fit_problem, solve_problem
 from ._lowpass import default_factor
 from ._problem import Known, Problem, make_problem
 from ._result import FrictionFit
@@ -170,15 +170,15 @@ def _candidate(
         out = window == number
         # Rows near the window share samples with it through the filter.
         near = np.convolve(out, np.ones(2 * reach + 1), mode="same") > 0.5
-        fit = fit_problem(problem.restricted(~near), loss, None, "held out")
+        used, fit = solve_problem(problem.restricted(~near), loss)
         other = problem.restricted(out)
-        if fit.structure != structure:
-            other = other.with_structure(fit.structure)
-        residual = _row_error(fit, other)
+        if used.structure != structure:
+            other = other.with_structure(used.structure)
+        residual = _row_error(fit.factors, fit.shape, other)
         # A wild sample says nothing of the law: no more than where the fit lets go.
-        limit = 4.0 * fit.noise if loss != "gauss" else np.inf
+        limit = 4.0 * fit.loss.scale if loss != "gauss" else np.inf
         errors.append(np.sqrt(np.mean(np.clip(residual, -limit, limit) ** 2)) / size)
-        own = np.clip(fit.residual, -limit, limit)
+        own = np.clip(fit.residual[used.usable], -limit, limit)
         fitted.append(np.mean(own**2) / size**2)
     window_error = np.asarray(errors)
     error = float(np.sqrt(np.mean(window_error**2)))
@@ -194,8 +194,10 @@ def _candidate(
     )
 
 
-def _row_error(fit: FrictionFit, problem: Problem) -> Float[np.ndarray, " s"]:
-    error = problem.target - problem.design(fit.shape) @ fit.state
+def _row_error(
+    factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " h"], problem: Problem
+) -> Float[np.ndarray, " s"]:
+    error = problem.target - problem.design(shape) @ factors
     return np.asarray(error[problem.usable])
 
 
@@ -207,9 +209,8 @@ def force_error(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " 
         samples: A recording, the one fitted or another; its samples in motion count.
     """
     check_samples(samples)
-    return _row_error(
-        fit, make_problem(samples, fit.structure, fit.known, fit.decimate)
-    )
+    problem = make_problem(samples, fit.structure, fit.known, fit.decimate)
+    return _row_error(fit.state, fit.shape, problem)
 
 
 def _sentence(

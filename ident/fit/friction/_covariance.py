@@ -30,10 +30,20 @@ def score_covariance(
     lag = _lag(scores, piece, count)
     total = scores.T @ scores
     for step in range(1, lag + 1):
-        same = piece[step:] == piece[:-step]
-        cross = scores[step:][same].T @ scores[:-step][same]
+        now, before = _pairs(scores, piece, step)
+        cross = now.T @ before
         total = total + (1.0 - step / (lag + 1)) * (cross + cross.T)
     return total, lag
+
+
+def _pairs(
+    scores: np.ndarray, piece: np.ndarray, step: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and those some steps before them in the same piece."""
+    if piece[0] == piece[-1]:
+        return scores[step:], scores[:-step]
+    same = piece[step:] == piece[:-step]
+    return scores[step:][same], scores[:-step][same]
 
 
 def _lag(scores: np.ndarray, piece: np.ndarray, count: int) -> int:
@@ -41,8 +51,8 @@ def _lag(scores: np.ndarray, piece: np.ndarray, count: int) -> int:
     used = size > 0
     if not used.any():
         return 0
-    same = piece[1:] == piece[:-1]
-    now, before = scores[1:][same][:, used], scores[:-1][same][:, used]
+    now, before = _pairs(scores, piece, 1)
+    now, before = now[:, used], before[:, used]
     rho = (now * before).sum(axis=0) / size[used]
     rho = np.clip(rho, 0.0, _STRONGEST)
     alpha = np.mean(4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.mean(

@@ -74,27 +74,49 @@ def fit_problem(
 def _fit(
     problem: Problem, loss: str, smoothness: float | None, method: str
 ) -> FrictionFit:
+    problem, solution, missing = _solved(problem, loss, smoothness, certain=True)
+    return assemble(problem, solution, missing, method)
+
+
+def solve_problem(problem: Problem, loss: str) -> tuple[Problem, Solution]:
+    """Return what `fit_problem` finds before it is put into words, for predictions only.
+
+    Returns:
+        The problem, of a simpler law where the data do not carry the asked one, and its
+        solution; the covariance is there where the choice of that law needs it.
+    """
+    with one_blas_thread():
+        problem, solution, _ = _solved(problem, loss, None, certain=False)
+    return problem, solution
+
+
+def _solved(
+    problem: Problem, loss: str, smoothness: float | None, *, certain: bool
+) -> tuple[Problem, Solution, dict[str, str]]:
     asked = problem.structure
     missing: dict[str, str] = {}
-    solution = _solution(problem, loss, smoothness)
+    # Whether a drop from break-away is one is judged by its standard deviation.
+    judged = certain or bool(asked.shapes)
+    solution = _solution(problem, loss, smoothness, judged)
     reason = shape_reason(problem, solution)
     if reason is not None and drop_reason(problem, solution) is None:
         missing["stribeck_shape"] = reason
         problem = problem.with_structure(Stribeck(asked.directional, 2.0))
-        solution = _solution(problem, loss, smoothness)
+        solution = _solution(problem, loss, smoothness, judged)
     reason = drop_reason(problem, solution)
     if reason is not None:
         ways = ("_positive", "_negative") if asked.directional else ("",)
         names = [f"breakaway{way}" for way in ways] + list(asked.shapes)
         missing |= dict.fromkeys(names, reason)
         problem = problem.with_structure(CoulombViscous(asked.directional))
-        solution = _solution(problem, loss, smoothness)
-    return assemble(problem, solution, missing, method)
+        solution = _solution(problem, loss, smoothness, certain)
+    return problem, solution, missing
 
 
-def _solution(problem: Problem, loss: str, smoothness: float | None) -> Solution:
+def _solution(
+    problem: Problem, loss: str, smoothness: float | None, certain: bool
+) -> Solution:
     if problem.structure.penalty() is None:
-        return separable(problem, loss)
-    if smoothness is not None:
-        return separable(problem, loss, smoothness)
-    return separable(problem, loss, choose_weight(problem, loss))
+        return separable(problem, loss, certain=certain)
+    weight = choose_weight(problem, loss) if smoothness is None else smoothness
+    return separable(problem, loss, weight, certain=certain)

@@ -34,10 +34,12 @@ def solve_linear(
     """Solve ZᵀW(Xβ − y) + Pβ = 0, least norm in directions that no sample moves."""
     size = np.sqrt(np.mean(design**2, axis=0))
     size = np.where(size > 0, size, 1.0)
-    x, z = design / size, instrument / size
-    weighted = z * share[:, None]
-    own = (x * share[:, None]).T @ x
-    matrix = weighted.T @ x
+    x = design / size
+    weighted = x * share[:, None]
+    own = matrix = weighted.T @ x
+    if instrument is not design:
+        weighted = instrument / size * share[:, None]
+        matrix = weighted.T @ x
     if penalty is not None:
         scaled = penalty / size / size[:, None]
         own, matrix = own + scaled, matrix + scaled

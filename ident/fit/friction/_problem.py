@@ -12,6 +12,8 @@ from ._structure import AbstractStructure
 
 _KEPT = 3
 """Designs that are kept beside the newest."""
+_ROOM = 1 << 24
+"""Bytes that designs may take beyond these."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -181,10 +183,13 @@ class Problem:
         if key not in self._designs:
             fixed = self._fixed_instrument if instrument else self._fixed_measured
             own = self.structure.columns(self._velocity(instrument), shape)
+            found = np.concatenate([fixed, self._rows(own)], axis=1)
             # The last few serve every step of the search; more would only fill memory.
-            for old in list(self._designs)[:-_KEPT]:
+            # Of short recordings all starts are kept: every window held out asks again.
+            kept = max(_KEPT, _ROOM // max(found.nbytes, 1))
+            for old in list(self._designs)[:-kept]:
                 del self._designs[old]
-            self._designs[key] = np.concatenate([fixed, self._rows(own)], axis=1)
+            self._designs[key] = found
         return self._designs[key]
 
     def tangents(

@@ -107,13 +107,17 @@ def _shares(
     return np.where(usable, loss.share(residual / loss.scale), 0.0), loss
 
 
-def separable(problem: Problem, loss: str, weight: float = 0.0) -> Solution:
+def separable(
+    problem: Problem, loss: str, weight: float = 0.0, *, certain: bool = True
+) -> Solution:
     """Fit factors and shapes of a problem.
 
     Args:
         problem: The equation.
         loss: Name of the loss.
         weight: Of the smoothness prior, relative to 1/noise².
+        certain: Whether the covariance is wanted; without it there are zeros, for laws
+            that are only to predict.
 
     Raises:
         FitError: If hardly any sample is left.
@@ -151,9 +155,12 @@ def separable(problem: Problem, loss: str, weight: float = 0.0) -> Solution:
             shape = _next_shape(problem, shape, share, penalty)
     assert chosen is not None
     _, _, solved, residual = _at(problem, shape, share, penalty)
-    covariance, lag, sizes = _uncertainty(
-        problem, shape, solved, residual, share, chosen, penalty
-    )
+    width = len(solved.factors) + len(shape)
+    covariance, lag, sizes = np.zeros((width, width)), 0, np.ones(width)
+    if certain:
+        covariance, lag, sizes = _uncertainty(
+            problem, shape, solved, residual, share, chosen, penalty
+        )
     return Solution(
         solved.factors,
         shape,

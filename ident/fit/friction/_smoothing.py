@@ -7,6 +7,8 @@ from ._problem import Problem
 from ._separable import scout
 
 _WEIGHTS = np.geomspace(1e-2, 1e8, 31)
+_NULL = 1e-12
+"""Share of the largest eigenvalue below which no sample moves a direction."""
 
 
 def choose_weight(problem: Problem, loss: str) -> float:
@@ -26,18 +28,22 @@ def choose_weight(problem: Problem, loss: str) -> float:
     # A knot that no sample touches has only its neighbours to hold on to.
     size = np.where(size > 1e-6 * size.max(), size, size.max())
     x, prior = x / size, penalty / size / size[:, None]
-    free = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    gram, moment = x.T @ x, x.T @ y
+    spectrum, vectors = np.linalg.eigh(gram)
+    seen = spectrum > _NULL * spectrum[-1]
+    inner = vectors[:, seen].T @ moment
+    free = y - x @ (vectors[:, seen] @ (inner / spectrum[seen]))
     every = 1 + _lag(free[:, None], problem.piece, len(free))
     count = max(int((share > 0).sum()) // every, len(penalty) + 2)
     thin = count / max(int((share > 0).sum()), 1)
-    gram, moment, total = thin * x.T @ x, thin * x.T @ y, thin * y @ y
+    gram, moment, total = thin * gram, thin * moment, thin * (y @ y)
     values = np.linalg.eigvalsh(prior)
     rank = int((values > 1e-10 * values.max()).sum())
     flat = len(prior) - rank
     best, chosen = np.inf, float(_WEIGHTS[0])
-    for weight in _WEIGHTS * thin:
-        matrix = gram + weight * prior
-        spectrum, vectors = np.linalg.eigh(matrix)
+    weights = _WEIGHTS * thin
+    both = np.linalg.eigh(gram + weights[:, None, None] * prior)
+    for weight, spectrum, vectors in zip(weights, *both, strict=True):
         seen = spectrum > 1e-12 * spectrum[-1]
         inner = vectors[:, seen].T @ moment
         rest = max(total - float(inner**2 @ (1 / spectrum[seen])), 1e-300)

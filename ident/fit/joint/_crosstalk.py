@@ -1,0 +1,181 @@
+"""Crosstalk as an effect: entries of the tests over the acceleration of another axis."""
+
+import dataclasses
+from typing import final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ....models import Conventions, Crosstalk, surface_through
+from .._errors import FitError
+from ..crosstalk._types import BRANCHES, MOST_TESTS
+from ._data import JointData
+from ._effect import AbstractEffect, Block, sparse_rows
+
+_LEAST_ROWS = 1024
+"""Rows are filled up to powers of two from here on, so that compiled code is used again."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class CrosstalkEffect(AbstractEffect):
+    """Error of an axis from the acceleration of another: entries of the tests in mm.
+
+    Values: rows of `BRANCHES`, each with one value per test; where the directions do not
+    differ, only the rows for acceleration and for deceleration.
+
+    Attributes:
+        master: Axis that accelerates.
+        acceleration: Specified, in mm/s², above 0.
+        deceleration: Specified, in mm/s², below 0.
+        adaptation: Axes on whose position the entries depend (mode − 1 of them).
+        positions: Of the tests in mm, shape ``(p, k)``; None = one test.
+        mode: 1, 2 or 3.
+        velocity_dependent: Each direction has entries of its own.
+        conventions: How signs and directions are told apart; None = the defaults.
+    """
+
+    master: str
+    acceleration: float
+    deceleration: float
+    adaptation: tuple[str, ...] = ()
+    positions: Float[np.ndarray, "p k"] | None = None
+    mode: int = 1
+    velocity_dependent: bool = False
+    conventions: Conventions | None = None
+
+    def __post_init__(self) -> None:
+        if self.mode != 1 + len(self.adaptation) or self.mode not in (1, 2, 3):
+            msg = (
+                f"{self.name}: found mode {self.mode} with {len(self.adaptation)} "
+                "adaptation axes, expected one axis less than the mode (1, 2 or 3)."
+            )
+            raise FitError(msg)
+        if not (self.acceleration > 0 > self.deceleration):
+            msg = (
+                f"{self.name}: found acceleration {self.acceleration:g} and deceleration "
+                f"{self.deceleration:g} mm/s², expected one above and one below 0."
+            )
+            raise FitError(msg)
+        points = self.points
+        if (
+            points.shape[1] != len(self.adaptation)
+            or not 1 <= len(points) <= MOST_TESTS
+        ):
+            msg = (
+                f"{self.name}: found positions of shape {points.shape}, expected 1 to "
+                f"{MOST_TESTS} tests along {len(self.adaptation)} adaptation axes."
+            )
+            raise FitError(msg)
+
+    @property
+    def compensation(self) -> str:
+        """See `AbstractEffect`."""
+        return "crosstalk"
+
+    @property
+    def masters(self) -> tuple[str, ...]:
+        """The axis that accelerates, then the adaptation axes."""
+        return (self.master, *self.adaptation)
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
+        return ()
+
+    @property
+    def name(self) -> str:
+        """See `AbstractEffect`."""
+        return f"crosstalk of {self.axis} from {self.master}"
+
+    @property
+    def points(self) -> Float[np.ndarray, "p k"]:
+        """Positions of the tests in mm."""
+        if self.positions is None:
+            return np.zeros((1, 0))
+        return np.asarray(self.positions, float)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of values: 4, or 2 where directions do not differ."""
+        return 4 if self.velocity_dependent else 2
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return self.rows * len(self.points)
+
+    def placed(self, data: JointData) -> "CrosstalkEffect":
+        """See `AbstractEffect`."""
+        del data
+        return self
+
+    def model(self, values: Float[np.ndarray, "4 p"]) -> Crosstalk:
+        """Return the controller's model with these entries in mm, their sign left alone.
+
+        Raises:
+            FitError: If the tests span no surface.
+        """
+        rules = Conventions() if self.conventions is None else self.conventions
+        try:
+            surface = surface_through(self.points)
+        except ValueError as error:
+            msg = f"{self.name}: {error}"
+            raise FitError(msg) from error
+        return Crosstalk(
+            surface,
+            jnp.asarray(values),
+            jnp.asarray(float(self.acceleration)),
+            jnp.asarray(float(self.deceleration)),
+            velocity_dependent=self.velocity_dependent,
+            sign=float(rules.crosstalk_sign),
+            by_speed=rules.crosstalk_accelerate == "speed",
+            own_deceleration=True,
+            rest_direction=rules.crosstalk_rest,
+            held_above=rules.crosstalk_above == "hold",
+            held_outside=rules.crosstalk_outside == "hold",
+        )
+
+    def block(self, data: JointData) -> Block:
+        """See `AbstractEffect`."""
+        inputs = [
+            data.column("acceleration", self.master, self.name),
+            data.column("velocity", self.master, self.name),
+        ]
+        inputs += [data.column("position", axis, self.name) for axis in self.adaptation]
+        stacked = np.stack(inputs)
+        known = np.asarray(np.isfinite(stacked).all(axis=0))
+        count = len(known)
+        size = max(_LEAST_ROWS, 1 << max(count - 1, 1).bit_length())
+        padded = np.zeros((len(inputs), size))
+        padded[:, :count] = np.where(known, stacked, 0.0)
+        tests = len(self.points)
+        model = self.model(np.zeros((4, tests)))
+        stencil = model.stencil(
+            padded[0], padded[1], np.ascontiguousarray(padded[2:].T)
+        )
+        index = np.asarray(stencil.nodes)[:count].astype(np.int64)
+        if not self.velocity_dependent:
+            # Branches 0 and 2 only: acceleration and deceleration.
+            index = (index // tests // 2) * tests + index % tests
+        weight = np.asarray(stencil.weights)[:count]
+        columns = sparse_rows(index, weight, known, self.size)
+        words = (
+            BRANCHES if self.velocity_dependent else ("acceleration", "deceleration")
+        )
+        labels = tuple(
+            f"{word}{self._place(point)}" for word in words for point in self.points
+        )
+        return Block(columns, known, labels, ("mm",) * self.size)
+
+    def _place(self, point: Float[np.ndarray, " k"]) -> str:
+        return "".join(
+            f", {axis} = {value:g}"
+            for axis, value in zip(self.adaptation, point, strict=True)
+        )
+
+    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
+        """Return ``(4, p)``, rows as `BRANCHES`; equal rows where directions do not differ."""
+        rows = values.reshape(self.rows, -1)
+        return rows if self.velocity_dependent else rows[[0, 0, 1, 1]]

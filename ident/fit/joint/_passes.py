@@ -1,0 +1,122 @@
+"""Robust passes of a joint fit and the choice of its smoothness, one axis."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._errors import FitError
+from .._estimate import PASSES, SETTLED, THIN
+from .._loss import AbstractLoss, choose_loss
+from .._readings import pseudo_readings
+from ._arrow import Arrow
+from ._null import Pinned
+from ._problem import JointProblem, Solution, solve_joint
+from ._sums import Sums
+from ._weights import Weights
+
+_EXACT = 1e-5
+"""Smallest scatter relative to the spread of the readings."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Stand:
+    """Where the iterations stand.
+
+    Attributes:
+        solution: Of the last pass.
+        loss: With its scale.
+        pseudo: Pseudo-readings of the last pass about the estimate before it.
+        settled: Whether the passes died out.
+    """
+
+    solution: Solution
+    loss: AbstractLoss
+    pseudo: Float[np.ndarray, " r"]
+    settled: bool
+
+    @property
+    def active(self) -> Bool[np.ndarray, " r"]:
+        """Readings that are believed at all."""
+        return self.solution.problem.sums.active
+
+
+def robust_passes(
+    sums: Sums,
+    weights: Weights,
+    pinned: Pinned,
+    error: Float[np.ndarray, " r"],
+    loss: str,
+    logs: Float[np.ndarray, " k"],
+    theta: Float[np.ndarray, " n"],
+    near: bool,
+    tolerance: float = SETTLED,
+) -> Stand:
+    """Iterate pseudo-readings and solution at fixed smoothness.
+
+    Args:
+        sums: Information of the readings believed so far.
+        weights: Smoothness weights.
+        pinned: What nothing else holds.
+        error: Readings.
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        logs: Of the weights.
+        theta: Start.
+        near: Whether the start is near: else large residuals are believed once.
+        tolerance: Last move, in typical deviations of a prediction, at which the passes end.
+
+    Raises:
+        FitError: If the readings do not determine the effects.
+    """
+    columns = sums.design.columns
+    thin = max(1, len(error) // THIN)
+    floor = max(_EXACT * float(np.ptp(np.quantile(error[::thin], (0.05, 0.95)))), 1e-12)
+    inflation = 1.0
+    arrow: Arrow | None = None
+    stand: Stand | None = None
+    for step in range(PASSES):
+        residual = error - columns @ theta
+        chosen = choose_loss(loss, residual[::thin], inflation, floor)
+        ratio = residual / chosen.scale
+        now = ~chosen.wild(ratio)
+        if step <= 8 and int((now != sums.active).sum()) > 1e-4 * len(now):
+            sums, arrow = sums.changed(now), None
+        active = sums.active
+        if step == 0 and not near:
+            limit = np.inf if loss == "gauss" else chosen.limit * chosen.scale
+            pseudo = np.where(active, np.clip(residual, -limit, limit), 0.0)
+        else:
+            pseudo = pseudo_readings(chosen, residual, ratio, active)
+        problem = JointProblem(
+            sums,
+            weights,
+            pinned.pins,
+            theta,
+            np.asarray(columns.T @ pseudo),
+            float(pseudo @ pseudo),
+            max(sums.count - pinned.free, 1),
+        )
+        solution = solve_joint(problem, logs, arrow)
+        if solution is None:
+            msg = (
+                f"axis {sums.design.axis}: the readings do not determine the effects, "
+                "the matrix is singular."
+            )
+            raise FitError(msg)
+        arrow = solution.arrow
+        move = float(np.abs(columns @ (solution.theta - theta)).max())
+        theta = solution.theta
+        # The noise of a prediction, typically: what is small beside that does not matter.
+        spread = np.sqrt(max(solution.variance, floor**2))
+        spread *= np.sqrt(min(1.0, sums.design.size / max(sums.count, 1)))
+        settled = (step > 0 or near) and move <= tolerance * spread
+        stand = Stand(solution, chosen, pseudo, bool(settled) or loss == "gauss")
+        if stand.settled:
+            break
+        if step == 0:
+            plenty = sums.count >= 20 * sums.design.size
+            used = sums.design.size if plenty else solution.used
+            free = max(sums.count - used, 0.05 * sums.count)
+            inflation = float(np.sqrt(sums.count / free))
+    assert stand is not None
+    return stand

@@ -1,0 +1,120 @@
+"""What is known of one axis before its errors are looked at."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool
+
+from .._errors import FitError
+from ._confused import Told, told_by
+from ._confusion_words import confusions_of
+from ._data import JointData
+from ._design import Design, design_of
+from ._effect import AbstractEffect
+from ._gauges import almost, gauges_of
+from ._null import Pinned, pinned
+from ._result import Confusion, Gauge
+from ._rules import Rules, rules_of, with_lost
+from ._sums import Sums, sums_of
+from ._weights import Weights, weights_of
+
+
+@dataclasses.dataclass(frozen=True)
+class Prepared:
+    """One axis, ready to fit or to examine.
+
+    Attributes:
+        sums: Information of all usable readings.
+        weights: Smoothness weights.
+        pinned: What nothing holds.
+        structure: Freedoms of the sum with their rules.
+        rules: Those, and what the data leave open besides.
+        told: What the data tell.
+        gauges: Freedoms of the sum, in words.
+        confusions: What the data do not tell, in words.
+    """
+
+    sums: Sums
+    weights: Weights
+    pinned: Pinned
+    structure: Rules
+    rules: Rules
+    told: Told
+    gauges: tuple[Gauge, ...]
+    confusions: tuple[Confusion, ...]
+
+    @property
+    def design(self) -> Design:
+        """Columns."""
+        return self.sums.design
+
+
+def prepare(
+    axis: str,
+    effects: Sequence[AbstractEffect],
+    data: JointData,
+    drift: int,
+    use: Bool[np.ndarray, " t"] | None,
+    measured: bool,
+    like: "Prepared | None" = None,
+) -> Prepared:
+    """Return what is known of one axis before its errors are looked at.
+
+    Args:
+        axis: Compensated axis.
+        effects: Its effects, nodes placed.
+        data: Rows.
+        drift: Pieces of the drift of each run.
+        use: Rows that may be used; None = all.
+        measured: Only rows with an error count.
+        like: Of more rows of the same: what was found there holds here too.
+
+    Raises:
+        FitError: If no row is complete.
+    """
+    design = design_of(axis, effects, data, drift, use, measured)
+    sums = sums_of(design)
+    weights = weights_of(design, sums.diagonal)
+    held = pinned(sums)
+    if like is not None and like.design.knots == design.knots:
+        return dataclasses.replace(like, sums=sums, weights=weights, pinned=held)
+    reached = sums.reached
+    # Relative, so that functionals of different effects are alike in size.
+    counts = np.asarray(abs(design.columns).sum(axis=0)) / len(design.rows)
+    structure = rules_of(design, data, drift, counts)
+    told = told_by(sums, structure, weights)
+    return Prepared(
+        sums=sums,
+        weights=weights,
+        pinned=held,
+        structure=structure,
+        rules=with_lost(structure, design, held.null, counts),
+        told=told,
+        gauges=(*gauges_of(design, structure), *_almost(design, told)),
+        confusions=confusions_of(design, told, reached),
+    )
+
+
+def _almost(design: Design, told: Told) -> list[Gauge]:
+    return [almost(pair.parts[0], pair.parts[1], design) for pair in told.nearly]
+
+
+def by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[int]]:
+    """Return the numbers of the effects of each compensated axis.
+
+    Raises:
+        FitError: If there is none, or the same one twice.
+    """
+    if not effects:
+        msg = "found no effects, expected one at least."
+        raise FitError(msg)
+    result: dict[str, list[int]] = {}
+    names: set[str] = set()
+    for number, effect in enumerate(effects):
+        if effect.name in names:
+            msg = f"found the {effect.name} twice, expected each effect once."
+            raise FitError(msg)
+        names.add(effect.name)
+        result.setdefault(effect.axis, []).append(number)
+    return result

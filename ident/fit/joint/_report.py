@@ -1,0 +1,153 @@
+"""What is said of a fitted axis: deviations, noise, residuals, runs, parts."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._types import RunEffect
+from .._verdict import fit_message
+from ._axis import AxisFit
+from ._confusion_words import undetermined
+from ._data import JointData
+from ._examine import share_of, touched
+from ._result import Part, RunCurve
+from ._spread import variances
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """What is said of one axis."""
+
+    datum: tuple[float, float]
+    noise: float
+    deviation: Float[np.ndarray, " n"]
+    unknown: Bool[np.ndarray, " n"]
+    residual: Float[np.ndarray, " t"]
+    share: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+    runs: tuple[RunEffect, ...]
+    message: str
+
+
+def report_of(data: JointData, fit: AxisFit) -> Report:
+    ready, stand, solution = fit.ready, fit.stand, fit.stand.solution
+    design, sums = ready.design, solution.problem.sums
+    error = np.asarray(data.error[design.axis], float)[design.rows]
+    left = error - design.columns @ fit.theta
+    active = sums.active
+    free = max(sums.count - solution.used, 1e-9)
+    noise = float(np.sqrt(np.square(left[active]).sum() / free))
+    variance = variances(solution, ready.rules) * solution.variance
+    for found in fit.lags.values():
+        moved = ready.rules.project(found.slope)
+        variance = variance + np.square(moved * found.deviation)
+    deviation = np.sqrt(variance)
+    unknown, confused = undetermined(design, ready.told, ready.sums.reached)
+    deviation = np.where(confused, np.inf, deviation)
+
+    def spread(values: np.ndarray, empty: float | bool) -> np.ndarray:
+        whole = np.full(len(data), empty)
+        whole[design.rows] = values
+        return whole
+
+    ratio = left / stand.loss.scale
+    rejected = int((~active).sum())
+    message = fit_message(len(left), solution.used, rejected, fit.settled)
+    at = design.datum
+    return Report(
+        datum=(float(fit.theta[at]), float(deviation[at])),
+        noise=noise,
+        deviation=deviation,
+        unknown=unknown,
+        residual=spread(left, np.nan),
+        share=spread(np.where(active, stand.loss.share(ratio), 0.0), 0.0),
+        wild=spread(~active, False),
+        runs=_runs(fit, solution.variance),
+        message=message,
+    )
+
+
+def _runs(fit: AxisFit, variance: float) -> tuple[RunEffect, ...]:
+    """Return offset and drift of each run against the datum."""
+    design, rules = fit.ready.design, fit.ready.rules
+    own = [part.places for part in design.components if part.kind == "runs"]
+    if not own:
+        return ()
+    places = own[0]
+    runs = sorted({run for run, _ in design.knots})
+    picks = np.zeros((design.size, 2 * len(runs)))
+    for number, run in enumerate(runs):
+        knots = [k for k, (label, _) in enumerate(design.knots) if label == run]
+        picks[places[knots], 2 * number] = 1.0 / len(knots)
+        picks[places[knots[-1]], 2 * number + 1] += 1.0
+        picks[places[knots[0]], 2 * number + 1] -= 1.0
+    found = picks.T @ fit.theta
+    # Functionals of the values under the rule, as functionals of the values as solved.
+    before = picks - rules.gain.T @ (rules.null.T @ picks)
+    spread = (before * fit.stand.solution.arrow.solve(before)).sum(axis=0)
+    deviation = np.sqrt(np.maximum(variance * spread, 0.0))
+    return tuple(
+        RunEffect(
+            run,
+            float(found[2 * number]),
+            float(deviation[2 * number]),
+            float(found[2 * number + 1]),
+            float(deviation[2 * number + 1]),
+        )
+        for number, run in enumerate(runs)
+    )
+
+
+def part_of(data: JointData, fit: AxisFit, report: Report, place: int) -> Part:
+    design = fit.ready.design
+    effect = design.effects[place]
+    places = design.places_of(place)
+    values = fit.theta[places]
+    block = effect.block(data)
+    contribution = np.where(block.known, block.columns @ values, np.nan)
+    used = contribution[design.rows]
+    final = dataclasses.replace(fit.ready, sums=fit.stand.solution.problem.sums)
+    return Part(
+        effect=effect,
+        values=values,
+        standard_deviation=report.deviation[places],
+        support=touched(final)[places],
+        determined=~report.unknown[places],
+        labels=design.labels[place],
+        share=share_of(fit.ready, place),
+        contribution=contribution,
+        rms=float(np.sqrt(np.mean(np.square(used)))),
+        smoothness=chosen(fit).get(effect.name, {}),
+        lags={
+            sensor: (found.value, found.deviation)
+            for sensor, found in fit.lags.items()
+            if sensor in effect.sensor_names
+        },
+    )
+
+
+def chosen(fit: AxisFit) -> dict[str, dict[str, float]]:
+    """Return the smoothness of each table, and of the drift, by name."""
+    weights = fit.ready.weights
+    named = weights.named(fit.stand.solution.logs)
+    return {table.name: each for table, each in zip(weights.tables, named, strict=True)}
+
+
+def curves_of(fit: AxisFit) -> tuple[RunCurve, ...]:
+    """Return what was taken off each run, over the time."""
+    design = fit.ready.design
+    own = [part.places for part in design.components if part.kind == "runs"]
+    if not own:
+        return ()
+    runs = sorted({run for run, _ in design.knots})
+    result = []
+    for number, run in enumerate(runs):
+        knots = [k for k, (label, _) in enumerate(design.knots) if label == run]
+        value = fit.theta[own[0][knots]]
+        time = np.zeros(0)
+        if design.spans:
+            low, high = design.spans[number]
+            time = np.linspace(low, high, len(knots))
+        result.append(RunCurve(run, time, value))
+    return tuple(result)

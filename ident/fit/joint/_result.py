@@ -1,0 +1,276 @@
+"""What comes out of a joint fit, and what its data can tell."""
+
+import abc
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .._types import RunEffect
+from ._data import JointData
+from ._effect import AbstractEffect
+
+
+@dataclasses.dataclass(frozen=True)
+class Gauge:
+    """What may be moved between effects without changing their sum: harmless.
+
+    Attributes:
+        effects: Names of those between which it may be moved.
+        sentence: That, in words.
+        rule: How it was fixed, in words.
+    """
+
+    effects: tuple[str, ...]
+    sentence: str
+    rule: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Confusion:
+    """What these data cannot tell apart, whatever the errors are: what is lost is not known.
+
+    Attributes:
+        effects: Names of the two (or of one alone, where no reading shows it).
+        parameters: What is lost, in words; not all of a long table.
+        correlation: Of what the two do to the readings, −1 to 1; 0 where one stands alone.
+        sentence: What it is, and what to measure to tell them apart.
+    """
+
+    effects: tuple[str, ...]
+    parameters: tuple[str, ...]
+    correlation: float
+    sentence: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Determination:
+    """What data can tell of one effect, independent of the measured values.
+
+    Attributes:
+        effect: The effect, its nodes placed.
+        share: Information of the effect that is left after all other effects, the run effects
+            and the datum are projected out, relative to what it would have alone: mean over
+            its independent directions, 0 (nothing) to 1 (as if it were alone). Directions that a
+            gauge gives to another effect do not count; values that no reading touches count
+            as 0.
+        deviation: Standard deviation of each value per unit of noise, under the stated gauge
+            and a light smoothness; inf where the data do not tell it.
+        support: Readings that touch each value.
+        determined: Whether the data tell the value.
+    """
+
+    effect: AbstractEffect
+    share: float
+    deviation: Float[np.ndarray, " p"]
+    support: Int[np.ndarray, " p"]
+    determined: Bool[np.ndarray, " p"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Identifiability:
+    """What data can tell of effects; never looks at the measured values.
+
+    Attributes:
+        effects: One per effect, in the order given.
+        gauges: Freedoms of the sum, with the rules that fix them.
+        confusions: What these data cannot tell apart.
+    """
+
+    effects: tuple[Determination, ...]
+    gauges: tuple[Gauge, ...]
+    confusions: tuple[Confusion, ...]
+
+    @property
+    def determined(self) -> bool:
+        """Whether nothing is confused."""
+        return not self.confusions
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """One fitted effect; signs are those of the *error*.
+
+    Attributes:
+        effect: The effect, its nodes placed and its lag fitted: ``effect.block(data)`` works.
+        values: In the order of the block, mm (coefficient of a temperature: mm/mm).
+        standard_deviation: Of the values under the stated gauge, same unit; inf where the data
+            do not tell them.
+        support: Readings that touch each value.
+        determined: Whether the data tell the value: False where no reading reaches it and
+            where it is confused with another effect.
+        labels: What each value is, in words.
+        share: `Determination.share`.
+        contribution: What it adds to each reading in mm or °; NaN where an input is missing.
+        rms: Root mean square of that over the readings of its axis, in mm or °.
+        smoothness: Weights of the prior by name, relative to 1/noise².
+        lags: Time constant in s and its standard deviation, by sensor; empty without.
+    """
+
+    effect: AbstractEffect
+    values: Float[np.ndarray, " p"]
+    standard_deviation: Float[np.ndarray, " p"]
+    support: Int[np.ndarray, " p"]
+    determined: Bool[np.ndarray, " p"]
+    labels: tuple[str, ...]
+    share: float
+    contribution: Float[np.ndarray, " t"]
+    rms: float
+    smoothness: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    lags: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.effect.name
+
+    @property
+    def table(self) -> Float[np.ndarray, "..."]:
+        """Values in the shape in which lists hold them."""
+        return self.effect.table(self.values)
+
+    @property
+    def deviation_table(self) -> Float[np.ndarray, "..."]:
+        """Standard deviations in that shape."""
+        return self.effect.table(self.standard_deviation)
+
+    @property
+    def known(self) -> bool:
+        """Whether all values that any reading reaches are determined, and there are some."""
+        reached = self.support > 0
+        return bool(reached.any() and self.determined[reached].all())
+
+    def curve(self, data: JointData) -> Float[np.ndarray, " t"]:
+        """Return what the effect adds in mm or ° in other rows; NaN where an input is missing."""
+        block = self.effect.block(data)
+        return np.where(block.known, block.columns @ self.values, np.nan)
+
+
+@dataclasses.dataclass(frozen=True)
+class RunCurve:
+    """What was taken off one run: linear between instants.
+
+    Attributes:
+        run: Its number.
+        time: In s; empty for an offset alone.
+        value: At these instants in mm or °, or the offset.
+    """
+
+    run: int
+    time: Float[np.ndarray, " _k"]
+    value: Float[np.ndarray, " _n"]
+
+
+class AbstractAlignment(abc.ABC):
+    """Moves what may be moved between effects to where the rules of a fit put it."""
+
+    @abc.abstractmethod
+    def moved(
+        self, values: Sequence[Float[np.ndarray, " _p"]], datum: Mapping[str, float]
+    ) -> tuple[list[Float[np.ndarray, " _p"]], dict[str, float]]:
+        """Return values of all parts and the datum of each axis under the rules."""
+
+
+@dataclasses.dataclass(frozen=True)
+class JointFit:
+    """Effects fitted together; signs are those of the *error*.
+
+    error = datum + sum of the effects + run effects + noise, per compensated axis.
+
+    Attributes:
+        parts: One per effect, in the order given.
+        datum: Constant of each axis in mm or °, and its standard deviation.
+        noise: Standard deviation of one reading by axis in mm or °, wild ones left out.
+        residual: Error − fit (run effects included) by axis; NaN where it was not used.
+        share: Weight that the loss left each reading, 0 to 1, by axis.
+        wild: Readings that the loss rejected outright, by axis.
+        runs: Offset and drift of each run against the datum, by axis.
+        run_curves: The same in full: what `predict` adds for rows of these runs if asked.
+        gauges: What may be moved between effects without changing the sum.
+        confusions: What these data cannot tell apart.
+        converged: Whether the iterations reached their tolerance.
+        message: One sentence or more on how the fit went.
+        align: Brings values of all parts and the datum to the gauge of this fit (`in_gauge`).
+    """
+
+    parts: tuple[Part, ...]
+    datum: Mapping[str, tuple[float, float]]
+    noise: Mapping[str, float]
+    residual: Mapping[str, Float[np.ndarray, " t"]]
+    share: Mapping[str, Float[np.ndarray, " t"]]
+    wild: Mapping[str, Bool[np.ndarray, " t"]]
+    runs: Mapping[str, tuple[RunEffect, ...]]
+    run_curves: Mapping[str, tuple[RunCurve, ...]]
+    gauges: tuple[Gauge, ...]
+    confusions: tuple[Confusion, ...]
+    converged: bool
+    message: str
+    align: AbstractAlignment
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Compensated axes."""
+        return tuple(self.noise)
+
+    @property
+    def determined(self) -> bool:
+        """Whether nothing is confused."""
+        return not self.confusions
+
+    def part(self, name: str) -> Part:
+        """Return the part with this name.
+
+        Raises:
+            KeyError: If there is none.
+        """
+        for part in self.parts:
+            if part.name == name:
+                return part
+        raise KeyError(name)
+
+    def predict(
+        self, data: JointData, *, runs: bool = False
+    ) -> dict[str, Float[np.ndarray, " t"]]:
+        """Return datum and sum of all effects by axis, in mm or °.
+
+        A lag needs the whole recording: predict all of it, then take the rows.
+
+        Args:
+            data: Rows.
+            runs: Add what was taken off the runs, drift included, by run and time.
+        """
+        result = {
+            axis: np.full(len(data), value) for axis, (value, _) in self.datum.items()
+        }
+        for part in self.parts:
+            result[part.effect.axis] = result[part.effect.axis] + part.curve(data)
+        if not runs:
+            return result
+        for axis, curves in self.run_curves.items():
+            for curve in curves:
+                own = np.ones(len(data), bool)
+                if data.run is not None:
+                    own = data.run == curve.run
+                if len(curve.time) and data.time is not None:
+                    result[axis][own] += np.interp(
+                        data.time[own], curve.time, curve.value
+                    )
+                else:
+                    result[axis][own] += curve.value[0]
+        return result
+
+    def in_gauge(
+        self,
+        values: Sequence[Float[np.ndarray, " _p"]],
+        datum: Mapping[str, float] | None = None,
+    ) -> tuple[list[Float[np.ndarray, " _p"]], dict[str, float]]:
+        """Return other values of the same parts, moved to the gauge of this fit.
+
+        Their sum stays as it is. So a truth, or another fit, can be compared value by value.
+
+        Args:
+            values: One array per part.
+            datum: Constant of each axis in mm or °; 0 where not given.
+        """
+        return self.align.moved(values, datum or {})

@@ -1,0 +1,228 @@
+"""The thermal line as an effect: offset and coefficient as functions of temperature."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from .._errors import FitError
+from ..thermal._lag import lagged
+from ..thermal._laws import hats
+from ._data import JointData
+from ._effect import AbstractEffect, Block
+
+Nodes = str | int | Float[np.ndarray, " _n"]
+"""``"constant"``, ``"linear"``, a number of nodes over the measured range, or °C."""
+
+LAWS = ("offset", "coefficient")
+"""Parameters of the line, in the order of the values."""
+_COUNTS = {"constant": 1, "linear": 2}
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class TemperatureEffect(AbstractEffect):
+    r"""Thermal line of an axis: $e = o(T) + c(T)\,(s - s_0)$.
+
+    Values: the offset in mm at its temperatures, then the coefficient in mm/mm at its own;
+    linear between, held outside. Nothing is corrected at the reference temperature: what does
+    not depend on the temperature belongs to the datum and to the leadscrew.
+
+    Attributes:
+        sensors: Sensor of ``"offset"`` and of ``"coefficient"``; what is absent is not there.
+        reference: Position $s_0$ in mm (P-AXIS-00272).
+        law: How each depends on the temperature; ``"linear"`` where not given.
+        lag: Time constant in s by which the structure follows its sensors, or ``"fit"``; or
+            by sensor.
+        reference_temperature: In °C, where nothing is to be corrected; the nearest measured
+            one counts.
+    """
+
+    sensors: Mapping[str, str]
+    reference: float = 0.0
+    law: Mapping[str, Nodes] = dataclasses.field(default_factory=dict)
+    lag: float | str | Mapping[str, float | str] = 0.0
+    reference_temperature: float = 20.0
+
+    def __post_init__(self) -> None:
+        wrong = [name for name in (*self.sensors, *self.law) if name not in LAWS]
+        if wrong or not self.sensors:
+            msg = (
+                f"temperature of {self.axis}: found {', '.join(wrong) or 'no sensor'}, "
+                "expected sensors of 'offset', 'coefficient' or both."
+            )
+            raise FitError(msg)
+        for value in self.lags.values():
+            if not (value == "fit" if isinstance(value, str) else value >= 0.0):
+                msg = (
+                    f"{self.name}: found lag {value!r}, expected 'fit' or seconds >= 0."
+                )
+                raise FitError(msg)
+        for nodes in self.law.values():
+            if isinstance(nodes, str) and nodes not in _COUNTS:
+                msg = (
+                    f"{self.name}: found law {nodes!r}, expected 'constant', 'linear' or "
+                    "a number of temperatures."
+                )
+                raise FitError(msg)
+
+    @property
+    def compensation(self) -> str:
+        """See `AbstractEffect`."""
+        return "temperature"
+
+    @property
+    def masters(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
+        return (self.axis,) if "coefficient" in self.sensors else ()
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
+        own = [self.sensors[law] for law in LAWS if law in self.sensors]
+        return tuple(dict.fromkeys(own))
+
+    @property
+    def name(self) -> str:
+        """See `AbstractEffect`."""
+        return f"temperature of {self.axis} ({' and '.join(self.sensor_names)})"
+
+    @property
+    def lags(self) -> dict[str, float | str]:
+        """Time constant in s or ``"fit"``, by sensor."""
+        if isinstance(self.lag, Mapping):
+            return {sensor: self.lag.get(sensor, 0.0) for sensor in self.sensor_names}
+        return dict.fromkeys(self.sensor_names, self.lag)
+
+    @property
+    def nodes(self) -> dict[str, Float[np.ndarray, " _n"]]:
+        """Temperatures of the values in °C, by parameter.
+
+        Raises:
+            FitError: Where they are still to be read off the data (`placed`).
+        """
+        result = {}
+        for law in self.sensors:
+            nodes = self.law.get(law, "linear")
+            if not isinstance(nodes, np.ndarray):
+                msg = f"{self.name}: its temperatures are not placed on data yet."
+                raise FitError(msg)
+            result[law] = nodes
+        return result
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return sum(_count(self.law.get(law, "linear")) for law in self.sensors)
+
+    def placed(self, data: JointData) -> "TemperatureEffect":
+        """Return the effect with its temperatures spread over those of the data."""
+        law: dict[str, Nodes] = {}
+        for name, sensor in self.sensors.items():
+            nodes = self.law.get(name, "linear")
+            if not isinstance(nodes, np.ndarray):
+                values = data.column("temperature", sensor, self.name)
+                values = values[np.isfinite(values)]
+                if not len(values):
+                    msg = f"{self.name}: sensor {sensor} has no readings."
+                    raise FitError(msg)
+                nodes = _spread(float(values.min()), float(values.max()), _count(nodes))
+            law[name] = nodes
+        return dataclasses.replace(self, law=law)
+
+    def lagging(self, lags: Mapping[str, float]) -> "TemperatureEffect":
+        """Return the effect with these time constants in s, by sensor."""
+        return dataclasses.replace(self, lag={**self.lags, **lags})
+
+    def block(self, data: JointData) -> Block:
+        """See `AbstractEffect`; a lag to be fitted counts as none."""
+        placed = self.placed(data)
+        parts: list[np.ndarray] = []
+        labels: list[str] = []
+        unit: list[str] = []
+        known = np.ones(len(data), bool)
+        for law in LAWS:
+            if law not in self.sensors:
+                continue
+            nodes = placed.nodes[law]
+            warm = self.structure(data, self.sensors[law])
+            known &= np.isfinite(warm)
+            part = hats(np.where(np.isfinite(warm), warm, nodes[0]), nodes)
+            if law == "coefficient":
+                place = data.column("position", self.axis, self.name)
+                known &= np.isfinite(place)
+                part = (
+                    part
+                    * (np.where(np.isfinite(place), place, 0.0) - self.reference)[
+                        :, None
+                    ]
+                )
+            parts.append(part)
+            labels += [f"{law} at {node:.4g} °C" for node in nodes]
+            unit += ["mm" if law == "offset" else "mm/mm"] * len(nodes)
+        dense = np.where(known[:, None], np.hstack(parts), 0.0)
+        return Block(sp.csr_array(dense), known, tuple(labels), tuple(unit))
+
+    def structure(self, data: JointData, sensor: str) -> Float[np.ndarray, " t"]:
+        """Return the temperature of the structure behind a sensor in °C, per row.
+
+        Raises:
+            FitError: If a lag needs a clock and there is none.
+        """
+        values = data.column("temperature", sensor, self.name)
+        lag = self.lags[sensor]
+        if isinstance(lag, str) or lag == 0.0:
+            return values
+        if data.time is None:
+            msg = f"{self.name}: a lag needs the time of every reading, found none."
+            raise FitError(msg)
+        return _lagged(data.time, values, lag)
+
+    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
+        """Return ``(p,)``: offset values, then coefficient values."""
+        return values
+
+    def split(
+        self, values: Float[np.ndarray, " p"]
+    ) -> dict[str, Float[np.ndarray, " _n"]]:
+        """Return the values by parameter."""
+        result, first = {}, 0
+        for law in LAWS:
+            if law in self.sensors:
+                count = _count(self.law.get(law, "linear"))
+                result[law] = values[first : first + count]
+                first += count
+        return result
+
+
+def _count(nodes: Nodes) -> int:
+    if isinstance(nodes, str):
+        return _COUNTS[nodes]
+    return nodes if isinstance(nodes, int) else len(nodes)
+
+
+def _spread(low: float, high: float, count: int) -> Float[np.ndarray, " _n"]:
+    if count == 1:
+        return np.array([0.5 * (low + high)])
+    if not high > low:
+        # A temperature that never changed: the nodes exist, but nothing tells them apart.
+        low, high = low - 0.5, high + 0.5
+    return np.linspace(low, high, count)
+
+
+def _lagged(
+    time: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"], lag: float
+) -> Float[np.ndarray, " t"]:
+    """Return the structure temperature; rows need not be in order of time."""
+    known = np.isfinite(time) & np.isfinite(values)
+    result: Float[np.ndarray, " t"] = np.full(len(values), np.nan)
+    if not known.any():
+        return result
+    clock, back = np.unique(time[known], return_inverse=True)
+    share = np.bincount(back)
+    mean = np.bincount(back, values[known]) / share
+    result[known] = lagged(clock, mean, lag)[back]
+    return result

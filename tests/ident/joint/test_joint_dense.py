@@ -1,0 +1,137 @@
+"""The joint fit against dense algebra that knows nothing of bands, pins or rules."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from axcomp.ident.fit import Samples, TableLayout, fit_table
+from axcomp.ident.fit.joint import (
+    AbstractEffect,
+    BacklashEffect,
+    CrossEffect,
+    JointData,
+    LeadscrewEffect,
+    PlaneEffect,
+    fit_joint,
+    refit_joint,
+)
+
+NOISE = 5e-4  # mm
+
+
+def _rows(effect: Any, data: JointData, weights: Any) -> np.ndarray:
+    """Return the rows √weight · differences of one effect's prior over its values."""
+    block: Any = effect.block(data)
+    if block.prior is None:
+        return np.zeros((0, effect.size))
+    slow, fast = block.prior.slow, block.prior.fast
+    other = block.prior.branches if fast is None else fast.size
+    names = {"slow": "axis 1", "fast": "axis 2"}
+    if fast is not None and block.order[1] == 1:
+        names = {"slow": "axis 2", "fast": "axis 1"}
+    parts = []
+    for order, chain in ((2, slow.second), (4, slow.fourth)):
+        weight = weights.get(f"order {order}, {names['slow']}", 0.0)
+        parts.append(np.sqrt(weight) * np.kron(chain.toarray(), np.eye(other)))
+    if fast is not None:
+        for order, chain in ((2, fast.second), (4, fast.fourth)):
+            weight = weights.get(f"order {order}, {names['fast']}", 0.0)
+            parts.append(np.sqrt(weight) * np.kron(np.eye(slow.size), chain.toarray()))
+    grid = np.vstack(parts)
+    result = np.zeros_like(grid)
+    result[:, block.order] = grid
+    return result
+
+
+def _dense(data: JointData, effects: Any, smoothness: Any) -> np.ndarray:
+    """Return the fitted sum per reading by one dense least squares problem."""
+    blocks = [effect.block(data).columns.toarray() for effect in effects]
+    columns = np.asarray(np.hstack([*blocks, np.ones((len(data), 1))]))
+    priors = [_rows(effect, data, smoothness[effect.name]) for effect in effects]
+    prior = np.asarray(scipy.linalg.block_diag(*priors, np.zeros((0, 1))))
+    target = np.concatenate([data.error["X"], np.zeros(len(prior))])
+    found: Any = scipy.linalg.lstsq(np.vstack([columns, prior]), target, cond=1e-13)
+    return np.asarray(columns @ found[0])
+
+
+@pytest.mark.parametrize("nodes", [9, 21])
+def test_the_sum_is_that_of_one_dense_least_squares_problem(
+    mixed: Any, effects: Any, nodes: int
+) -> None:
+    case = mixed(2, count=1000, outliers=0.0)
+    # 9 × 9 nodes are solved densely, 21 × 21 as a band beside the rest.
+    plane = PlaneEffect(
+        "X", ("X", "Y"), (np.linspace(0, 1000, nodes), np.linspace(0, 500, nodes))
+    )
+    stack = [each for each in effects() if each.compensation != "plane"] + [plane]
+    fit = fit_joint(case.data, stack, loss="gauss")
+    smoothness = {part.name: part.smoothness for part in fit.parts}
+    reference = _dense(case.data, [part.effect for part in fit.parts], smoothness)
+    found = fit.predict(case.data)["X"]
+    # Relative to errors of some 0.02 mm; the normal equations square a condition of about 1e3.
+    assert np.abs(found - reference).max() < 1e-9 * np.abs(reference).max()
+
+
+def test_one_leadscrew_alone_is_what_the_table_fit_gives() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0.0, 1000.0, 600)
+    error = 0.01 * np.sin(x / 150.0) + rng.normal(0.0, NOISE, 600)
+    nodes = np.linspace(0.0, 1000.0, 41)
+    data = JointData(position={"X": x}, error={"X": error})
+    joint = fit_joint(data, [LeadscrewEffect("X", nodes)])
+    alone = fit_table(TableLayout((nodes,)), Samples(x[:, None], error))
+    total = joint.parts[0].values + joint.datum["X"][0]
+    # Both choose the smoothness by the same evidence, each to within its own tolerance.
+    assert np.abs(total - alone.values).max() < 0.3 * alone.standard_deviation.max()
+    # The joint fit's deviations leave out that of the constant.
+    assert joint.parts[0].standard_deviation == pytest.approx(
+        alone.standard_deviation, rel=0.15
+    )
+
+
+def test_deviations_are_those_of_dense_algebra(mixed: Any) -> None:
+    case = mixed(3, count=800, outliers=0.0)
+    stack: list[AbstractEffect] = [
+        LeadscrewEffect("X", np.linspace(0, 1000, 9), bilateral=True),
+        CrossEffect("X", "Y", np.linspace(0, 500, 7)),
+        PlaneEffect("X", ("X", "Y"), (np.linspace(0, 1000, 5), np.linspace(0, 500, 4))),
+        BacklashEffect("X"),
+    ]
+    whole = fit_joint(case.data, stack, loss="gauss")
+    smoothness = {part.name: part.smoothness for part in whole.parts}
+    fit = fit_joint(case.data, stack, loss="gauss", smoothness=smoothness)
+    effects = [part.effect for part in fit.parts]
+    blocks = [effect.block(case.data).columns.toarray() for effect in effects]
+    columns = np.hstack([*blocks, np.ones((800, 1))])
+    rows = [_rows(each, case.data, smoothness[each.name]) for each in effects]
+    prior = np.asarray(scipy.linalg.block_diag(*rows, np.zeros((0, 1))))
+    whole_matrix = np.vstack([columns, prior])
+    # Random errors of the readings and of the prior, moved to the rule one by one.
+    rng = np.random.default_rng(0)
+    inverse = np.linalg.pinv(whole_matrix, rcond=1e-12)
+    sizes = np.cumsum([effect.size for effect in effects])
+    moved = []
+    for _ in range(400):
+        draw = inverse @ rng.normal(size=len(whole_matrix))
+        values, datum = fit.in_gauge(
+            np.split(draw[:-1], sizes[:-1]), {"X": float(draw[-1])}
+        )
+        moved.append(np.concatenate([*values, [datum["X"]]]))
+    scatter = np.std(moved, axis=0)
+    expected = np.concatenate([p.standard_deviation for p in fit.parts])
+    unit = fit.noise["X"]
+    # 400 draws: 3.5 % each, four of these over 50 values.
+    assert scatter[:-1] == pytest.approx(expected / unit, rel=0.17)
+
+
+def test_a_fold_without_new_evidence_is_a_plain_solution(
+    mixed: Any, effects: Any
+) -> None:
+    case = mixed(4, count=1500, outliers=0.0)
+    fit = fit_joint(case.data, effects(), loss="gauss")
+    again = refit_joint(fit, case.data)
+    for one, other in zip(fit.parts, again.parts, strict=True):
+        # The same readings and weights: nothing but rounding and the last pass.
+        assert np.abs(one.values - other.values).max() < 1e-8
