@@ -20,7 +20,6 @@ from ._example import (
     example_machine as example_machine,
 )
 from ._instrument import Instrument as Instrument
-from ._loaded import LoadedTable as LoadedTable
 from ._machine import MachineError as MachineError, VirtualMachine as VirtualMachine
 from ._measure import (
     Reading as Reading,
@@ -31,6 +30,11 @@ from ._measure import (
     write_straightness as write_straightness,
     write_surface as write_surface,
 )
+from ._moving_sources import (
+    Nodding as Nodding,
+    PartGrowth as PartGrowth,
+    Play as Play,
+)
 from ._sources import (
     AbstractErrorSource as AbstractErrorSource,
     BeamBow as BeamBow,
@@ -38,3 +42,4 @@ from ._sources import (
     ScrewPitch as ScrewPitch,
     TableFlatness as TableFlatness,
 )
+from ._state import Positions as Positions, State as State

@@ -3,14 +3,16 @@
 import dataclasses
 from collections.abc import Iterable, Mapping
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...data.errors import AxcompError
 from ...data.lists import ListFile
-from ...models import Conventions
-from ._loaded import LoadedTable, load
-from ._sources import AbstractErrorSource, Positions
+from ...models import Conventions, Motion, PositionController, TemperatureLine
+from ..exchange import axes_in_use, controller_from_lists, machine_lists
+from ._sources import AbstractErrorSource
+from ._state import Positions, State
 
 
 class MachineError(AxcompError):
@@ -24,67 +26,103 @@ class MachineError(AxcompError):
         return f"virtual machine: found {self.asked}, expected {self.expected}"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class VirtualMachine:
     """Axes with known errors behind a controller that applies lists.
 
-    A new compensation needs one more source of error, and one more line in ``load``.
+    A new compensation needs one more source of error; what its list does, the
+    controller model knows.
 
     Attributes:
         axes: Logical number by axis name.
         sources: Causes of error; those of one axis add up.
-        tables: Tables that the controller applies at the moment.
+        controller: Has the lists that are loaded, a column per axis; None: no list.
         conventions: Rules that the controller follows.
     """
 
     axes: Mapping[str, int]
     sources: tuple[AbstractErrorSource, ...]
-    tables: tuple[LoadedTable, ...] = ()
+    controller: PositionController | None = None
     conventions: Conventions = dataclasses.field(default_factory=Conventions)
 
-    def with_lists(self, listings: Iterable[ListFile]) -> "VirtualMachine":
-        """Return the machine with these compensation lists active, and no others.
+    def with_lists(
+        self,
+        listings: Iterable[ListFile],
+        lines: Mapping[int, TemperatureLine] | None = None,
+    ) -> "VirtualMachine":
+        """Return the machine with these lists loaded and active, and no others.
+
+        Args:
+            listings: Compensation lists and axis lists; without an axis list everything
+                in a compensation list is active.
+            lines: Temperature lines as a PLC makes them, by axis number.
 
         Raises:
             MachineError: If a list names an axis that the machine does not have.
+            ExchangeError: If a list makes no table.
         """
-        tables = [
-            table for listing in listings for table in load(listing, self.conventions)
-        ]
-        for table in tables:
-            for number in (table.axis, *table.masters):
-                if number not in self.axes.values():
-                    known = ", ".join(f"{n} ({a})" for a, n in self.axes.items())
-                    asked, expected = f"a list for axis {number}", f"one of {known}"
-                    raise MachineError(asked, expected)
-        return dataclasses.replace(self, tables=tuple(tables))
+        lists = list(listings)
+        if not lists and not lines:
+            return dataclasses.replace(self, controller=None)
+        sorted_lists = machine_lists(lists)
+        used = sorted_lists.in_use(self.conventions, lines or ())
+        for number in axes_in_use(used, sorted_lists):
+            if number not in self.axes.values():
+                known = ", ".join(f"{n} ({a})" for a, n in self.axes.items())
+                asked, expected = f"a list for axis {number}", f"one of {known}"
+                raise MachineError(asked, expected)
+        controller = controller_from_lists(
+            lists,
+            self.conventions,
+            axes=tuple(self.axes.values()),
+            lines=lines,
+            commanded=True,
+        )
+        return dataclasses.replace(self, controller=controller)
 
     def true_error(
         self, axis: str, positions: Positions, direction: Int[np.ndarray, " t"]
     ) -> Float[np.ndarray, " t"]:
-        """Return the error of the bare machine in mm, whatever lists are active.
+        """Return the error of the bare machine at standstill in mm.
 
         Args:
             axis: Axis whose error is asked for.
             positions: Commanded positions in mm of all axes that matter to it.
             direction: Of the last motion of ``axis``, ±1.
         """
-        total = np.zeros(len(direction))
+        return self.error_in(axis, State(positions, {axis: direction}))
+
+    def error_in(self, axis: str, state: State) -> Float[np.ndarray, " t"]:
+        """Return the error of the bare machine in a state in mm."""
+        total = np.zeros(state.rows)
+        for each in self.causes(axis, state).values():
+            total += each
+        return total
+
+    def causes(self, axis: str, state: State) -> dict[str, Float[np.ndarray, " t"]]:
+        """Return the error of the bare machine in mm by the compensation it asks for."""
+        found: dict[str, Float[np.ndarray, " t"]] = {}
         for source in self.sources:
             if source.axis == self._known(axis):
-                total += source.error(positions, direction)
-        return total
+                kind = source.compensation
+                found[kind] = found.get(kind, 0.0) + source.error(state)
+        return found
 
     def error(
         self, axis: str, positions: Positions, direction: Int[np.ndarray, " t"]
     ) -> Float[np.ndarray, " t"]:
-        """Return the error in mm with the active lists: what they add included."""
+        """Return the error at standstill in mm with the active lists."""
         total = self.true_error(axis, positions, direction)
-        by_number = {self.axes[name]: where for name, where in positions.items()}
-        for table in self.tables:
-            if table.axis == self.axes[axis]:
-                total += table.offset(by_number, direction)
-        return total
+        if self.controller is None:
+            return total
+        none = np.zeros(len(direction))
+        where = np.stack([positions.get(name, none) for name in self.axes], axis=1)
+        ways = np.repeat(np.asarray(direction, dtype=float)[:, None], len(self.axes), 1)
+        still = jnp.zeros(where.shape)
+        motion = Motion(jnp.asarray(where), still, still, direction=jnp.asarray(ways))
+        column = list(self.axes).index(axis)
+        added = np.asarray(self.controller.settled(motion).offset)[:, column]
+        return np.asarray(total + added)
 
     def _known(self, axis: str) -> str:
         if axis not in self.axes:

@@ -2,14 +2,12 @@
 
 import abc
 import dataclasses
-from collections.abc import Mapping
 from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-Positions = Mapping[str, Float[np.ndarray, " t"]]
-"""Commanded position per axis in mm."""
+from ._state import State
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,18 +22,25 @@ class AbstractErrorSource(abc.ABC):
 
     @property
     @abc.abstractmethod
+    def compensation(self) -> str:
+        """Compensation of the controller that is meant for it."""
+
+    @property
+    @abc.abstractmethod
     def inputs(self) -> tuple[str, ...]:
         """Axes whose positions the error depends on."""
 
+    @property
+    def masters(self) -> tuple[str, ...]:
+        """Axes that the compensation looks at, other than the axis itself."""
+        return tuple(axis for axis in self.inputs if axis != self.axis)
+
     @abc.abstractmethod
-    def error(
-        self, positions: Positions, direction: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
-        """Return actual − commanded in mm at standstill.
+    def error(self, at: State) -> Float[np.ndarray, " t"]:
+        """Return actual − encoder in mm, at standstill actual − commanded.
 
         Args:
-            positions: At least the axes in `inputs`.
-            direction: Of the last motion of `axis`, ±1.
+            at: State of the machine, with the positions of at least the axes in `inputs`.
         """
 
 
@@ -59,15 +64,17 @@ class ScrewPitch(AbstractErrorSource):
     lead: float
 
     @property
+    def compensation(self) -> str:
+        return "leadscrew"
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         return (self.axis,)
 
-    def error(
-        self, positions: Positions, direction: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
-        at = positions[self.axis]
-        long = self.slope * at + self.bow * np.sin(np.pi * at / self.length)
-        return long + self.periodic * np.sin(2 * np.pi * at / self.lead)
+    def error(self, at: State) -> Float[np.ndarray, " t"]:
+        place = at.position[self.axis]
+        long = self.slope * place + self.bow * np.sin(np.pi * place / self.length)
+        return long + self.periodic * np.sin(2 * np.pi * place / self.lead)
 
 
 @final
@@ -88,16 +95,18 @@ class Reversal(AbstractErrorSource):
     length: float
 
     @property
+    def compensation(self) -> str:
+        return "leadscrew"
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         return (self.axis,)
 
-    def error(
-        self, positions: Positions, direction: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
-        share = np.clip(positions[self.axis] / self.length, 0.0, 1.0)
+    def error(self, at: State) -> Float[np.ndarray, " t"]:
+        share = np.clip(at.position[self.axis] / self.length, 0.0, 1.0)
         lost = self.at_start + (self.at_end - self.at_start) * share
         # Half on either side: the mean of both directions is not shifted.
-        return -direction * lost / 2
+        return -at.direction[self.axis] * lost / 2
 
 
 @final
@@ -120,17 +129,18 @@ class BeamBow(AbstractErrorSource):
     wavelength: float
 
     @property
+    def compensation(self) -> str:
+        return "cross"
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         return (self.along,)
 
-    def error(
-        self, positions: Positions, direction: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
-        share = positions[self.along] / self.length
+    def error(self, at: State) -> Float[np.ndarray, " t"]:
+        place = at.position[self.along]
+        share = place / self.length
         arc = 4 * self.bow * share * (1 - share)
-        return arc + self.wave * np.sin(
-            2 * np.pi * positions[self.along] / self.wavelength
-        )
+        return arc + self.wave * np.sin(2 * np.pi * place / self.wavelength)
 
 
 @final
@@ -154,14 +164,16 @@ class TableFlatness(AbstractErrorSource):
     dent: float
 
     @property
+    def compensation(self) -> str:
+        return "plane"
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         return self.across
 
-    def error(
-        self, positions: Positions, direction: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
+    def error(self, at: State) -> Float[np.ndarray, " t"]:
         first, second = (
-            2 * positions[axis] / size - 1
+            2 * at.position[axis] / size - 1
             for axis, size in zip(self.across, self.size, strict=True)
         )
         twist = self.twist * first * second

@@ -14,6 +14,7 @@ from axcomp.ident.machine import (
     MachineError,
     Reversal,
     ScrewPitch,
+    State,
     TableFlatness,
     VirtualMachine,
     example_machine,
@@ -49,14 +50,14 @@ def test_screw_error_has_slope_bow_and_a_wave_per_turn() -> None:
     bow = 0.01 * np.sin(np.pi * at["X"] / 800)
     # Sines of whole turns are exact to rounding.
     np.testing.assert_allclose(
-        screw.error(at, UP), 1e-5 * at["X"] + bow + wave, atol=1e-15
+        screw.error(State(at, {"X": UP})), 1e-5 * at["X"] + bow + wave, atol=1e-15
     )
 
 
 def test_reversal_is_the_difference_of_the_directions_and_leaves_the_mean() -> None:
     lost = Reversal("X", 0.004, 0.008, 100.0)
     at = {"X": np.array([0.0, 50.0, 100.0])}
-    up, down = lost.error(at, UP), lost.error(at, -UP)
+    up, down = (lost.error(State(at, {"X": way})) for way in (UP, -UP))
     np.testing.assert_allclose(down - up, [0.004, 0.006, 0.008])
     np.testing.assert_allclose(down + up, 0.0, atol=1e-18)
 
@@ -64,13 +65,13 @@ def test_reversal_is_the_difference_of_the_directions_and_leaves_the_mean() -> N
 def test_beam_is_straight_at_its_ends_and_highest_in_the_middle() -> None:
     beam = BeamBow("Y", "X", 0.02, 800.0, 0.0, 1.0)
     at = {"X": np.array([0.0, 400.0, 800.0])}
-    np.testing.assert_allclose(beam.error(at, UP), [0.0, 0.02, 0.0], atol=1e-18)
+    np.testing.assert_allclose(beam.error(State(at, {})), [0.0, 0.02, 0.0], atol=1e-18)
 
 
 def test_table_is_twisted_at_its_corners() -> None:
     table = TableFlatness("Z", ("X", "Y"), (800.0, 400.0), 0.01, 0.0, 0.0)
     at = {"X": np.array([0.0, 800.0, 800.0]), "Y": np.array([0.0, 0.0, 400.0])}
-    np.testing.assert_allclose(table.error(at, UP), [0.01, -0.01, 0.01])
+    np.testing.assert_allclose(table.error(State(at, {})), [0.01, -0.01, 0.01])
 
 
 def test_errors_of_one_axis_add_up_and_others_stay_out() -> None:
@@ -97,7 +98,7 @@ def test_loaded_list_is_added_to_the_error_of_its_axis_alone() -> None:
 
 def test_lists_replace_each_other_when_loaded_again() -> None:
     loaded = example_machine().with_lists([CROSS_OF_Y])
-    assert loaded.with_lists([]).tables == ()
+    assert loaded.with_lists([]).controller is None
 
 
 def test_list_for_an_unknown_axis_is_refused() -> None:

@@ -1,0 +1,220 @@
+"""A machine at work, and the log of its motion with the truth behind it."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ....models import Motion, PositionController
+from .._drive import Drive
+from .._machine import VirtualMachine
+from .._state import State
+from ._heat import HeatedPart, following
+from ._loop import AxisLoop, directions
+from ._programme import CYCLE, Programme
+from ._tracker import Tracker
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class WorkingMachine:
+    """A machine with loops and drives, observed by instruments while it moves.
+
+    Attributes:
+        machine: Its errors and its lists.
+        loops: By axis.
+        drives: By axis.
+        parts: That warm up, each with a sensor of the same name.
+        trackers: One instrument per axis.
+        encoder_noise: Standard deviation of an encoder reading in mm.
+        plc_lags: By sensor, the time constant in s with which the PLC follows it before
+            it sets the temperature compensation.
+    """
+
+    machine: VirtualMachine
+    loops: Mapping[str, AxisLoop]
+    drives: Mapping[str, Drive]
+    parts: tuple[HeatedPart, ...]
+    trackers: Mapping[str, Tracker]
+    encoder_noise: float = 2e-5
+    plc_lags: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors, as columns of the controller's temperatures."""
+        return tuple(part.name for part in self.parts)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MotionLog:
+    """What was recorded while a machine moved, with the truth; one row per sample.
+
+    Attributes:
+        time: Of the controller in s.
+        position: Commanded, by axis in mm.
+        velocity: Commanded, in mm/s.
+        acceleration: Commanded, in mm/s².
+        encoder: As the controller displays it, what lists add taken off, in mm.
+        actual: As the external instrument has it, in mm; late by its delay.
+        current: Torque feedback in A; it opposes the motion.
+        temperature: By sensor in °C.
+        state: Truth: of the machine.
+        truth: Truth: actual − encoder in mm, with the lists that are loaded.
+        wrong: Truth: readings of the instruments that are wrong.
+    """
+
+    time: Float[np.ndarray, " t"]
+    position: Mapping[str, Float[np.ndarray, " t"]]
+    velocity: Mapping[str, Float[np.ndarray, " t"]]
+    acceleration: Mapping[str, Float[np.ndarray, " t"]]
+    encoder: Mapping[str, Float[np.ndarray, " t"]]
+    actual: Mapping[str, Float[np.ndarray, " t"]]
+    current: Mapping[str, Float[np.ndarray, " t"]]
+    temperature: Mapping[str, Float[np.ndarray, " t"]]
+    state: State
+    truth: Mapping[str, Float[np.ndarray, " t"]]
+    wrong: Mapping[str, Bool[np.ndarray, " t"]]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def take(self, rows: slice | np.ndarray) -> "MotionLog":
+        """Return some of the rows."""
+
+        def of(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+            return {name: each[rows] for name, each in values.items()}
+
+        return MotionLog(
+            time=self.time[rows],
+            position=of(self.position),
+            velocity=of(self.velocity),
+            acceleration=of(self.acceleration),
+            encoder=of(self.encoder),
+            actual=of(self.actual),
+            current=of(self.current),
+            temperature=of(self.temperature),
+            state=self.state.take(rows),
+            truth=of(self.truth),
+            wrong=of(self.wrong),
+        )
+
+    def every(self, step: int) -> "MotionLog":
+        """Return each row of so many, as one thins a log that is too long."""
+        return self.take(slice(None, None, step))
+
+
+def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
+    """Run a programme on a machine and record everything, cycle by cycle."""
+    rng = np.random.default_rng(seed)
+    sensors, warmth = {}, {}
+    for part in work.parts:
+        sensors[part.name], warmth[part.name] = part.warm(programme.time, rng)
+    axes = tuple(work.machine.axes)
+    added, fed = _compensated(work, programme, sensors)
+    raw, direction, acceleration, current = {}, {}, {}, {}
+    for axis in axes:
+        loop, drive = work.loops[axis], work.drives[axis]
+        speed = loop.follow(programme.velocity[axis])
+        rate = loop.follow(programme.acceleration[axis])
+        friction = _friction(drive, speed)
+        shown = drive.inertia * rate + friction + drive.load
+        noise = drive.noise * rng.standard_normal(len(speed))
+        current[axis] = -(shown + noise)
+        pushed = loop.yielding(friction - fed[axis])
+        raw[axis] = loop.follow(programme.position[axis] + added[axis]) + pushed
+        direction[axis] = directions(speed)
+        acceleration[axis] = rate
+    state = State(raw, direction, acceleration, warmth)
+    encoder, actual, truth, wrong = {}, {}, {}, {}
+    for axis in axes:
+        fault = work.machine.error_in(axis, state)
+        noise = work.encoder_noise * rng.standard_normal(len(fault))
+        encoder[axis] = raw[axis] - added[axis] + noise
+        truth[axis] = fault + added[axis]
+        actual[axis], wrong[axis] = work.trackers[axis].read(raw[axis] + fault, rng)
+    return MotionLog(
+        time=programme.time,
+        position=programme.position,
+        velocity=programme.velocity,
+        acceleration=programme.acceleration,
+        encoder=encoder,
+        actual=actual,
+        current=current,
+        temperature=sensors,
+        state=state,
+        truth=truth,
+        wrong=wrong,
+    )
+
+
+def _friction(
+    drive: Drive, velocity: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, " t"]:
+    """Return the friction in A; an axis that creeps to rest keeps what it had."""
+    held = directions(velocity, slow=0.05) * np.maximum(np.abs(velocity), 0.05)
+    return np.asarray(drive.law(held))
+
+
+def _compensated(
+    work: WorkingMachine,
+    programme: Programme,
+    sensors: Mapping[str, Float[np.ndarray, " t"]],
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return what the controller adds to positions in mm and to currents in A."""
+    axes = tuple(work.machine.axes)
+    none = {axis: np.zeros(len(programme.time)) for axis in axes}
+    controller = work.machine.controller
+    if controller is None:
+        return none, none
+    followed = {
+        name: following(values, work.plc_lags.get(name, 0.0), CYCLE)
+        for name, values in sensors.items()
+    }
+    found = _run(controller, axes, programme, followed)
+    moved, friction = np.asarray(found[0]), found[1]
+    added = {axis: moved[:, k] for k, axis in enumerate(axes)}
+    if friction is None:
+        return added, none
+    fed = np.asarray(friction)
+    units = {a: work.drives[a].rated_current * work.drives[a].torque_unit for a in axes}
+    return added, {axis: units[axis] * fed[:, k] for k, axis in enumerate(axes)}
+
+
+def _run(
+    controller: PositionController,
+    axes: tuple[str, ...],
+    programme: Programme,
+    sensors: Mapping[str, Float[np.ndarray, " t"]],
+) -> tuple[Float[Array, "t a"], Float[Array, "t a"] | None]:
+    def columns(values: Mapping[str, Float[np.ndarray, " t"]]) -> Float[Array, "t a"]:
+        return jnp.asarray(np.stack([values[axis] for axis in axes], axis=1))
+
+    heat = np.stack(list(sensors.values()), axis=1) if sensors else None
+    motion = Motion(
+        columns(programme.position),
+        columns(programme.velocity),
+        columns(programme.acceleration),
+        temperature=None if heat is None else jnp.asarray(heat),
+    )
+    offsets, _ = controller.run(controller.start(), motion)
+    return offsets.offset, offsets.friction
+
+
+def write_motion_log(path: Path, log: MotionLog, decimals: int = 6) -> None:
+    """Write a log with roles as column names: mm, s, °C, A."""
+    columns: dict[str, np.ndarray] = {"time": log.time}
+    for axis in log.position:
+        columns |= {
+            f"{axis}.position": log.position[axis],
+            f"{axis}.velocity": log.velocity[axis],
+            f"{axis}.acceleration": log.acceleration[axis],
+            f"{axis}.encoder": log.encoder[axis],
+            f"{axis}.actual": log.actual[axis],
+            f"{axis}.current": log.current[axis],
+        }
+    columns |= {f"temperature.{name}": each for name, each in log.temperature.items()}
+    table = np.column_stack(list(columns.values()))
+    header = ",".join(columns)
+    np.savetxt(path, table, f"%.{decimals}f", ",", header=header, comments="")

@@ -1,0 +1,163 @@
+"""A small machine with every fault: its log as a job reads it, a fit, and the truth."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.measurements import (
+    Measurement,
+    measurement,
+    read_table,
+    without_motion,
+)
+from axcomp.ident.fit.joint import (
+    AbstractEffect,
+    BacklashEffect,
+    CrossEffect,
+    CrosstalkEffect,
+    DelayEffect,
+    JointData,
+    JointFit,
+    LeadscrewEffect,
+    PlaneEffect,
+    TemperatureEffect,
+    fit_joint,
+)
+from axcomp.ident.machine import State
+from axcomp.ident.machine.motion import (
+    SPACE,
+    MotionLog,
+    WorkingMachine,
+    machine_with_everything,
+    record,
+    work_programme,
+    write_motion_log,
+)
+
+AXES = tuple(SPACE)
+NOISE = 0.0005
+PACE = 0.2
+
+
+@pytest.fixture(scope="package")
+def machine() -> WorkingMachine:
+    return machine_with_everything(pace=PACE)
+
+
+@pytest.fixture(scope="package")
+def log(machine: WorkingMachine) -> MotionLog:
+    """Four minutes of work, thinned to 50 rows a second."""
+    return record(machine, work_programme(200.0, seed=3), seed=7).every(20)
+
+
+@pytest.fixture(scope="package")
+def measured(log: MotionLog, tmp_path_factory: pytest.TempPathFactory) -> Measurement:
+    path: Path = tmp_path_factory.mktemp("whole") / "work.csv"
+    write_motion_log(path, log)
+    return measurement(read_table(path))
+
+
+@pytest.fixture(scope="package")
+def readings(measured: Measurement) -> JointData:
+    """The log with the delays of its instruments found and taken off."""
+    return joint(without_motion(measured, AXES))
+
+
+@pytest.fixture(scope="package")
+def kept(readings: JointData) -> np.ndarray:
+    """Rows that are fitted; every fifth second is held out."""
+    assert readings.time is not None
+    return np.asarray(np.floor(readings.time) % 5 != 0)
+
+
+@pytest.fixture(scope="package")
+def fit(readings: JointData, kept: np.ndarray) -> JointFit:
+    return fit_joint(readings, effects(), use=kept, drift=2)
+
+
+@pytest.fixture(scope="package")
+def everywhere() -> tuple[JointData, State]:
+    """Places all over the machine, warm and cold, for a fit and for the truth."""
+    return workspace(1)
+
+
+def joint(found: Measurement) -> JointData:
+    """Return a measurement in which nothing moves any more as data of a joint fit."""
+
+    def of(kind: str) -> dict[str, np.ndarray]:
+        return {
+            axis: np.asarray(found.values[f"{axis}.{kind}"], dtype=float)
+            for axis in AXES
+        }
+
+    return JointData(
+        position=of("position"),
+        error=of("error"),
+        direction=of("direction"),
+        velocity=of("velocity"),
+        acceleration=of("acceleration"),
+        temperature={
+            name: np.asarray(found.values[f"temperature.{name}"], dtype=float)
+            for name in ("scale", "spindle")
+        },
+        time=np.asarray(found.values["time"], dtype=float),
+    )
+
+
+def effects(fine: float = 1.0) -> list[AbstractEffect]:
+    """Return what the machine has, with nodes as dense as asked for."""
+
+    def nodes(axis: str, step: float) -> np.ndarray:
+        return np.linspace(0.0, SPACE[axis], round(SPACE[axis] / step * fine) + 1)
+
+    heights = np.array([[0.0], [100.0], [200.0]])
+    return [
+        LeadscrewEffect("X", nodes("X", 40.0), bilateral=True),
+        TemperatureEffect(
+            "X", {"coefficient": "scale"}, reference=250.0, lag=90.0 * PACE
+        ),
+        DelayEffect("X"),
+        LeadscrewEffect("Y", nodes("Y", 40.0)),
+        BacklashEffect("Y"),
+        CrossEffect("Y", "X", nodes("X", 20.0)),
+        CrosstalkEffect("Y", "X", 1500.0, -1500.0, ("Z",), heights, mode=2),
+        DelayEffect("Y"),
+        LeadscrewEffect("Z", nodes("Z", 40.0)),
+        BacklashEffect("Z"),
+        PlaneEffect("Z", ("X", "Y"), (nodes("X", 25.0), nodes("Y", 25.0))),
+        TemperatureEffect("Z", {"offset": "spindle"}, lag=45.0 * PACE),
+        DelayEffect("Z"),
+    ]
+
+
+def workspace(seed: int, count: int = 4000) -> tuple[JointData, State]:
+    """Return places all over the machine, warm and cold, for a fit and for the truth."""
+    rng = np.random.default_rng(seed)
+    place = {axis: rng.uniform(0.0, most, count) for axis, most in SPACE.items()}
+    way = {axis: rng.choice([-1.0, 1.0], count) for axis in AXES}
+    rate = {"X": rng.uniform(-1500.0, 1500.0, count)}
+    none = np.zeros(count)
+    rate |= {"Y": none, "Z": none}
+    heat = {
+        "scale": rng.uniform(20.5, 23.5, count),
+        "spindle": rng.uniform(21.0, 28.0, count),
+    }
+    data = JointData(
+        position=place,
+        error={},
+        direction=way,
+        velocity={axis: none for axis in AXES},
+        acceleration=rate,
+        temperature=heat,
+        time=np.arange(count, dtype=float),
+    )
+    return data, State(place, way, rate, heat)
+
+
+def at_once(effect: AbstractEffect) -> AbstractEffect:
+    """Return an effect for places that have been as warm as they are for long."""
+    if isinstance(effect, TemperatureEffect):
+        return dataclasses.replace(effect, lag=0.0)
+    return effect
