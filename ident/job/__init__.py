@@ -16,7 +16,10 @@ from ._load import (
     load_conventions as load_conventions,
     load_job as load_job,
 )
-from ._output import write_atomically as write_atomically
+from ._output import (
+    sync_folder as sync_folder,
+    write_atomically as write_atomically,
+)
 from ._outside import read_outside as read_outside
 from ._result import (
     AbstractResult as AbstractResult,
@@ -27,9 +30,11 @@ from ._result import (
     SampleView as SampleView,
     TableResult as TableResult,
 )
-from ._run import run_job as run_job
+from ._run import input_hashes as input_hashes, run_job as run_job
 
 if TYPE_CHECKING:
+    from ._found_fits import job_with_fits as job_with_fits
+    from ._observe import Observation as Observation, observe as observe
     from .backlash import BacklashResult as BacklashResult
     from .crosstalk import (
         CrosstalkResult as CrosstalkResult,
@@ -41,6 +46,14 @@ if TYPE_CHECKING:
         FrictionView as FrictionView,
         LawCurve as LawCurve,
     )
+    from .joint import (
+        AxisSum as AxisSum,
+        EffectShare as EffectShare,
+        Freedom as Freedom,
+        GroupResult as GroupResult,
+        LeftOutResult as LeftOutResult,
+        LostPair as LostPair,
+    )
     from .temperature import (
         TemperatureResult as TemperatureResult,
         ThermalLaw as ThermalLaw,
@@ -48,13 +61,22 @@ if TYPE_CHECKING:
     )
 
 _HOMES = {
+    "Observation": "_observe",
+    "job_with_fits": "_found_fits",
+    "observe": "_observe",
+    "AxisSum": "joint",
     "BacklashResult": "backlash",
     "CrosstalkResult": "crosstalk",
     "CrosstalkView": "crosstalk",
+    "EffectShare": "joint",
     "EventCourse": "crosstalk",
+    "Freedom": "joint",
     "FrictionResult": "friction",
     "FrictionView": "friction",
+    "GroupResult": "joint",
     "LawCurve": "friction",
+    "LeftOutResult": "joint",
+    "LostPair": "joint",
     "TemperatureResult": "temperature",
     "ThermalLaw": "temperature",
     "ThermalView": "temperature",

@@ -16,8 +16,9 @@ from ._fit_schema import (
     PlaneSpec,
     TemperatureSpec,
 )
+from ._group_faults import group_faults
 from ._lines import Path as KeyPath
-from ._schema import JobFile
+from ._schema import JobFile, MeasurementSpec
 
 Fault = tuple[KeyPath, str]
 """A key and what is wrong with it."""
@@ -68,14 +69,7 @@ def _axes(job: JobFile) -> Iterator[Fault]:
 def _measurements(job: JobFile) -> Iterator[Fault]:
     for name, measured in job.measurements.items():
         where: KeyPath = ("measurements", name)
-        if measured.files is not None:
-            yield (
-                (*where, "files"),
-                "several files on one clock are not built in this version,"
-                " expected one file",
-            )
-        if measured.file is None:
-            yield (*where, "file"), "found nothing, expected this key"
+        yield from _files(measured, where)
         if measured.axis is not None and measured.axis not in job.axes:
             yield (*where, "axis"), _unknown(measured.axis, job.axes, "an axis")
         if measured.expansion is None and measured.material_temperature is not None:
@@ -93,6 +87,37 @@ def _measurements(job: JobFile) -> Iterator[Fault]:
                 "found no material_temperature, expected it in °C or as a role"
                 " temperature.<sensor>",
             )
+
+
+def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
+    files = measured.files
+    if files is None:
+        if measured.file is None:
+            yield (*where, "file"), "found nothing, expected this key"
+        if measured.offsets is not None:
+            reason = "found without files, expected it beside several files"
+            yield (*where, "offsets"), reason
+    else:
+        if measured.file is not None:
+            yield (*where, "files"), "found beside file, expected one of them"
+        if len(set(files)) < len(files):
+            yield (*where, "files"), f"found {files}, expected each once"
+        if measured.profile is not None:
+            reason = "found beside files, expected a single file"
+            yield (*where, "profile"), reason
+        offsets = measured.offsets
+        if offsets is not None and len(offsets) != len(files) - 1:
+            yield (
+                (*where, "offsets"),
+                f"found {len(offsets)} for {len(files)} files, expected one for each"
+                " file after the first",
+            )
+    for role, column in measured.columns.items():
+        if isinstance(column, str) or column.file is None:
+            continue
+        if column.file not in (files or ()):
+            reason = _unknown(column.file, files or (), "one of files")
+            yield (*where, "columns", role, "file"), reason
 
 
 def _fits(job: JobFile) -> Iterator[Fault]:
@@ -126,20 +151,15 @@ def _fits(job: JobFile) -> Iterator[Fault]:
                 " cross, leadscrew, temperature, friction, backlash or crosstalk",
             )
             continue
-        if fit.group is not None:
-            yield (
-                (*where, "group"),
-                "fits that are identified jointly are not built in this version,"
-                " expected no group",
-            )
         yield from _nodes(fit, where)
         if isinstance(fit, LeadscrewSpec):
             yield from _leadscrew(job, fit, where)
         else:
             yield from _masters(job, fit, where)
+    yield from group_faults(job)
 
 
-_OF_TABLES = ("smoothness", "max_points", "n_cycles", "manual_activation", "group")
+_OF_TABLES = ("smoothness", "max_points", "n_cycles", "manual_activation")
 
 
 def _without(fit: FitSpec, keys: Iterable[str], where: KeyPath) -> Iterator[Fault]:
@@ -150,7 +170,7 @@ def _without(fit: FitSpec, keys: Iterable[str], where: KeyPath) -> Iterator[Faul
 
 
 def _friction(fit: FrictionSpec, where: KeyPath) -> Iterator[Fault]:
-    yield from _without(fit, ("smoothness", "n_cycles", "group"), where)
+    yield from _without(fit, ("smoothness", "n_cycles"), where)
     if fit.rated_current is not None and fit.rated_torque is not None:
         reason = "found beside rated_current, expected the one that suits the recording"
         yield (*where, "rated_torque"), reason
@@ -169,7 +189,7 @@ def _backlash(job: JobFile, fit: BacklashSpec, where: KeyPath) -> Iterator[Fault
 
 
 def _temperature(job: JobFile, fit: TemperatureSpec, where: KeyPath) -> Iterator[Fault]:
-    yield from _without(fit, ("smoothness", "max_points", "group"), where)
+    yield from _without(fit, ("smoothness", "max_points"), where)
     axis = job.axes.get(fit.axis)
     if axis is not None and axis.kind != "linear":
         yield (
@@ -208,7 +228,7 @@ def _temperature(job: JobFile, fit: TemperatureSpec, where: KeyPath) -> Iterator
 
 
 def _crosstalk(job: JobFile, fit: CrosstalkSpec, where: KeyPath) -> Iterator[Fault]:
-    yield from _without(fit, ("smoothness", "group"), where)
+    yield from _without(fit, ("smoothness",), where)
     for key, name in named_axes(fit):
         if name not in job.axes:
             yield (*where, key), _unknown(name, job.axes, "an axis")

@@ -4,12 +4,13 @@ import abc
 import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...data.lists import ListFile, Value
 from ..proof import GateCheck
+from ._conventions import convention_states
 from ._fit_schema import FitSpec
 from ._load import Job
 from ._result import AbstractResult, Remark
@@ -130,6 +131,32 @@ class AbstractDraft(abc.ABC):
     def left_by(self) -> Leftovers:
         """Return what the new table adds to the readings of its measurements."""
         return {}
+
+    def frame(
+        self,
+        job: Job,
+        gate: tuple[GateCheck, ...],
+        files: "AxisFiles",
+        conventions: tuple[str, ...],
+    ) -> dict[str, Any]:
+        """Return what every result says alike, as arguments of its class.
+
+        Args:
+            job: The job.
+            gate: What the gate said.
+            files: The lists of the axis.
+            conventions: Beginnings of the names of the rules that were used.
+        """
+        axis = job.spec.axes[self.axis]
+        return {
+            "compensation": self.compensation,
+            "axis": self.axis,
+            "axis_number": axis.number,
+            "unit": "mm" if axis.kind == "linear" else "deg",
+            "gate": gate,
+            "conventions": convention_states(job, conventions),
+            "findings": tuple(dataclasses.asdict(item) for item in files.findings),
+        }
 
     @abc.abstractmethod
     def prove(

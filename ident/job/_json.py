@@ -9,23 +9,49 @@ from typing import Any
 
 import numpy as np
 
-from ..proof import ErrorFigures
 from ._result import AbstractResult, JobResult
 
-_TEXT = json.JSONEncoder(allow_nan=False).encode
 _DEPTH = 3
 """Down to the entries of a fit."""
 
 
+def _known(value: Any) -> Any:
+    """Return a value in terms that JSON knows, what it holds left as it is."""
+    if isinstance(value, dict | list | int | float | None):
+        return value
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, tuple):
+        return list(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path | datetime.date):
+        return str(value)
+    msg = (
+        f"found {type(value).__name__}, expected a number, a text, a list or a mapping"
+    )
+    raise TypeError(msg)
+
+
+_TEXT = json.JSONEncoder(allow_nan=False, default=_known).encode
+
+
 def result_json(result: JobResult) -> str:
     """Return ``result.json`` as text; it holds no NaN and no infinity."""
-    return _lines(plain(as_tree(result)), _DEPTH) + "\n"
+    tree = as_tree(result)
+    try:
+        return _lines(tree, _DEPTH) + "\n"
+    except (TypeError, ValueError):
+        # Something that JSON does not know, such as a NaN: look at every number then.
+        return _lines(plain(tree), _DEPTH) + "\n"
 
 
 def _lines(value: Any, depth: int) -> str:
     """Return JSON with an entry per line down to a depth; tables stay on one line."""
+    if depth and not isinstance(value, str):
+        value = _known(value)
     if depth and value and isinstance(value, dict):
-        parts = [f"{_TEXT(k)}: {_lines(v, depth - 1)}" for k, v in value.items()]
+        parts = [f"{_TEXT(str(k))}: {_lines(v, depth - 1)}" for k, v in value.items()]
         return "{\n" + ",\n".join(parts) + "\n}"
     if depth and value and isinstance(value, list):
         return "[\n" + ",\n".join(_lines(v, depth - 1) for v in value) + "\n]"
@@ -39,9 +65,11 @@ def as_tree(result: JobResult) -> dict[str, Any]:
         "machine": dict(result.machine),
         "passed": result.passed,
         "fits": [_fit(fit) for fit in result.fits],
+        "groups": [group.as_tree() for group in result.groups],
         "remarks": [vars(remark) for remark in result.remarks],
         "load_sheet": [vars(step) for step in result.load_sheet],
         "files": [str(file) for file in result.files],
+        "clocks": [vars(clock) for clock in result.clocks],
         "inputs": dict(result.inputs),
         "versions": dict(result.versions),
         "wall_time": result.wall_time,
@@ -55,10 +83,11 @@ def _fit(fit: AbstractResult) -> dict[str, Any]:
         "axis": fit.axis,
         "axis_number": fit.axis_number,
         "unit": fit.unit,
+        "group": fit.group,
         # Tables alone have a prior; the key is there for all.
         "smoothness": None,
         **fit.details(),
-        "error": {name: _figures(error) for name, error in fit.error.items()},
+        "error": {name: error.as_tree() for name, error in fit.error.items()},
         "held_out": fit.held_out,
         "passed": fit.passed,
         "gate": [vars(check) for check in fit.gate],
@@ -67,16 +96,6 @@ def _fit(fit: AbstractResult) -> dict[str, Any]:
         "conventions": [vars(convention) for convention in fit.conventions],
         "files": [str(file) for file in fit.files],
         "verified_by": fit.verified_by,
-    }
-
-
-def _figures(error: ErrorFigures) -> dict[str, float]:
-    return {
-        "rms": error.rms,
-        "max": error.max,
-        "rms_without_wild": error.sound.rms,
-        "max_without_wild": error.sound.max,
-        **(error.iso230 or {}),
     }
 
 

@@ -139,3 +139,5 @@ def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:
     for name, measured in spec.measurements.items():
         if measured.file is not None:
             yield ("measurements", name, "file"), measured.file
+        for file in measured.files or ():
+            yield ("measurements", name, "files"), file

@@ -19,14 +19,23 @@ KEPT = "kept"
 """Where files go that lay in the folder and are not of an earlier run."""
 
 
-def write_atomically(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes, *, sync: bool = True) -> None:
     """Write a file so that readers, and a crash, see the old one or the new one.
+
+    Args:
+        path: The file.
+        content: Of it.
+        sync: False where nobody looks into the folder before `sync_folder`: then the
+            file is written as it comes.
 
     Raises:
         OSError: If it cannot be written; the old file is as it was.
     """
     if not path.name:  # "." or "/": no name of a file, and none to make a draft's of
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not sync:
+        path.write_bytes(content)
+        return
     draft = path.with_name(_draft_name(path.name))
     try:
         with draft.open("wb") as file:
@@ -42,6 +51,22 @@ def write_atomically(path: Path, content: bytes) -> None:
             raise OSError(error.errno, error.strerror, str(path)) from None
         raise
     _sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make a folder of written files survive a power cut.
+
+    Raises:
+        OSError: If the disk does not take them.
+    """
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            handle = os.open(os.path.join(parent, name), os.O_RDWR)  # noqa: PTH118
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+        _sync_folder(Path(parent))
 
 
 def _draft_name(name: str) -> str:
@@ -77,27 +102,33 @@ class OutFolder:
     Args:
         root: The folder; made where it does not exist.
         sources: Files of the user that must never be written onto.
+        sync: Every file survives a power cut from the moment it is there. False for a
+            folder that nobody looks at before `sync_folder` was called.
 
     Raises:
         OutputError: If it cannot be made or written to.
     """
 
-    def __init__(self, root: Path, sources: Iterable[Path]) -> None:
+    def __init__(
+        self, root: Path, sources: Iterable[Path], *, sync: bool = True
+    ) -> None:
         self.root = root
+        self._sync = sync
         self.written: list[Path] = []
         self.remarks: list[str] = []
         self._sources = [source.resolve() for source in sources]
         self._made = not root.exists()
         try:
             root.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=root):
-                pass
+            if not self._made:
+                with tempfile.TemporaryFile(dir=root):
+                    pass
         except OSError as error:
             reason = error.strerror or str(error)
             raise OutputError(
                 path=str(root), reason=f"cannot write into the output folder: {reason}"
             ) from None
-        self._earlier = _files_of(root / "result.json")
+        self._earlier = frozenset() if self._made else _files_of(root / "result.json")
 
     def drop(self) -> None:
         """Remove the folder where it was made for nothing."""
@@ -107,7 +138,11 @@ class OutFolder:
 
     def _is_strange(self, name: str) -> bool:
         """Return whether a file lies in the folder that no earlier run wrote."""
-        return (self.root / name).is_file() and name not in self._earlier
+        return (
+            not self._made
+            and (self.root / name).is_file()
+            and name not in self._earlier
+        )
 
     def refuse_sources(self, names: Iterable[str]) -> None:
         """Raise where a file to be written is one that the job reads.
@@ -115,6 +150,8 @@ class OutFolder:
         Raises:
             OutputError: Naming the file and what to do.
         """
+        if self._made:
+            return  # nothing could lie in it before
         for name in names:
             target = self.root / name
             if target.resolve() in self._sources:
@@ -132,8 +169,9 @@ class OutFolder:
         """
         target = self.root / name
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(target, content)
+            if target.parent != self.root or not self._made:
+                target.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(target, content, sync=self._sync)
         except OSError as error:
             reason = f"cannot write: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
@@ -150,6 +188,8 @@ class OutFolder:
         if self._is_strange(name) and (self.root / name).read_bytes() != content:
             self._keep(name)
         written = self.write(name, content)
+        if self._made:
+            return written  # no earlier run has rejected anything here
         with contextlib.suppress(OSError):
             (self.root / REJECTED / name).unlink()
         return written
@@ -192,6 +232,8 @@ class OutFolder:
         Returns:
             Its new name, or None where there was none.
         """
+        if self._made and Path(name) not in self.written:
+            return None
         target = self.root / name
         if self._is_strange(name):
             self.remarks.append(

@@ -3,7 +3,6 @@
 import numpy as np
 
 from ...data.measurements import (
-    ColumnSpec,
     DirectionUnknown,
     Measurement,
     MissingRole,
@@ -40,16 +39,10 @@ def read_outside(job: Job) -> tuple[Measured, ...]:
 
 def _measurement(tables: Tables, name: str, spec: MeasurementSpec) -> Measurement:
     axes = tables.job.spec.axes
-    columns = {
-        role: ColumnSpec(column)
-        if isinstance(column, str)
-        else ColumnSpec(column.column, column.unit)
-        for role, column in spec.columns.items()
-    }
     only = next(iter(axes)) if len(axes) == 1 else None
     return measurement(
         tables.table(name),
-        columns,
+        tables.columns(name),
         axis=spec.axis or only,
         increments={
             key: axis.increment
@@ -82,7 +75,7 @@ def _outside(
             place = low + np.mod(place - low, high - low)
         positions[one.number] = place
     if spec.expansion is not None and axes[axis].number in positions:
-        error = _at_reference(measured, spec, positions[axes[axis].number], error)
+        error = length_at_reference(measured, spec, positions[axes[axis].number], error)
     if positions:
         error = without_zero(
             error, np.stack(list(positions.values()), axis=1), spec.remove
@@ -102,7 +95,7 @@ def _outside(
     )
 
 
-def _at_reference(
+def length_at_reference(
     measured: Measurement,
     spec: MeasurementSpec,
     position: np.ndarray,

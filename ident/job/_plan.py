@@ -13,6 +13,7 @@ from ..exchange import (
     Model,
     refuse_lost_nodes,
 )
+from ._active import was_active
 from ._draft import AxisLists
 from ._fit_schema import CrossSpec, LeadscrewSpec, TableSpec
 from ._layout import empty_table, has_nodes, refuse_short_cross, table_of
@@ -63,17 +64,11 @@ def plan_fit(
     existing, axis_list = lists.compensation, lists.machine
     where = ("fits", index)
     used = {name: set(job.spec.measurements[name].active) for name in fit.sources}
-    active = {fit.compensation in names for names in used.values()}
-    if len(active) > 1:
-        raise job.error(
-            where,
-            f"found measurements with {fit.compensation} on and off (active),"
-            " expected one state for all that are joined",
-        )
+    active = was_active(job, index, fit)
     try:
-        old, unread = _old_table(job, fit, existing, True in active)
+        old, unread = _old_table(job, fit, existing, active)
         table = table_of(job, tables, index, fit, old)
-        if True in active:
+        if active:
             if existing is None or old is None:
                 raise job.error(
                     ("axes", fit.axis, "list"),
@@ -113,8 +108,8 @@ def plan_fit(
         existing=existing,
         axis_list=axis_list,
         old=old,
-        active=True in active,
-        remarks=(*unread, *_remarks(job, fit, existing, old, True in active)),
+        active=active,
+        remarks=(*unread, *_remarks(job, fit, existing, old, active)),
     )
 
 

@@ -1,16 +1,15 @@
 """The proof of one fit: its file, read back and evaluated by the controller's rules."""
 
-import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ..exchange import Model, by_branch
-from ..proof import ErrorFigures, GateCheck, error_figures
-from ._conventions import convention_states
+from ..proof import ErrorFigures, error_figures
 from ._fitting import Fitted
 from ._lists import AxisFiles
 from ._load import Job
@@ -22,12 +21,6 @@ from ._result import (
     TableResult,
 )
 from ._source import masters_of
-
-_CONVENTIONS = {
-    "plane": ("plane_",),
-    "cross": ("cross_",),
-    "leadscrew": ("leadscrew_", "direction_source", "start_direction"),
-}
 
 
 def offset_at_readings(one: Fitted, model: Model) -> Float[np.ndarray, " t"]:
@@ -43,7 +36,7 @@ def prove(
     job: Job,
     folder: OutFolder,
     one: Fitted,
-    gate: tuple[GateCheck, ...],
+    frame: dict[str, Any],
     files: AxisFiles,
     written: tuple[Path, ...],
     cycles: int | None,
@@ -54,7 +47,7 @@ def prove(
         job: The job.
         folder: Where the files lie.
         one: The fit.
-        gate: What the gate said.
+        frame: What every result says alike (`AbstractDraft.frame`).
         files: The lists of the axis.
         written: Their names in the folder, the compensation list first.
         cycles: Value of P-AXIS-00243, where a table of the axis has two directions.
@@ -73,11 +66,8 @@ def prove(
         "from_file": error_figures(from_file, runs, one.fit.wild),
     }
     return TableResult(
-        compensation=spec.compensation,
-        axis=spec.axis,
-        axis_number=table.axis,
+        **frame,
         masters=masters_of(spec),
-        unit="mm" if linear else "deg",
         nodes=tuple(nodes.positions for nodes in table.nodes),
         table=by_branch(table, entries),
         old_table=None if old is None else by_branch(table, table.sign * old),
@@ -97,7 +87,6 @@ def prove(
         ),
         error=error,
         rounding=one.rounding,
-        gate=gate,
         remarks=(
             *plan.remarks,
             *readings.remarks,
@@ -105,10 +94,8 @@ def prove(
             *_without_use(error, one.held_out.by_run),
             *files.remarks,
         ),
-        conventions=convention_states(job, _CONVENTIONS[spec.compensation]),
         files=files.of_lists(written),
         cycles=cycles if table.branches == 2 else None,
-        findings=tuple(dataclasses.asdict(item) for item in files.findings),
         held_out="run" if one.held_out.by_run else "block",
     )
 

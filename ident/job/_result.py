@@ -4,13 +4,17 @@ import abc
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..fit import TableFit
 from ..proof import ErrorFigures, GateCheck
+from ._clocks import ClockState
+
+if TYPE_CHECKING:
+    from .joint import GroupResult
 
 Array = np.ndarray
 
@@ -88,6 +92,8 @@ class AbstractResult(abc.ABC):
         findings: What `axcomp check` says of the files, in its JSON shape.
         held_out: What the prediction left out together: ``run``, ``block``, …
         verified_by: Name of a second measurement that confirmed it, or None.
+        group: Fits that it was identified together with, by the name of their group:
+            the error before is then what these leave; None = alone.
     """
 
     compensation: str
@@ -102,6 +108,7 @@ class AbstractResult(abc.ABC):
     findings: tuple[Mapping[str, Any], ...] = ()
     held_out: str = "block"
     verified_by: str | None = None
+    group: str | None = None
 
     @property
     def passed(self) -> bool:
@@ -112,6 +119,11 @@ class AbstractResult(abc.ABC):
     def over(self) -> tuple[str, ...]:
         """Axes over whose positions it acts, where these are others than its own."""
         return ()
+
+    @property
+    def left_out(self) -> bool:
+        """Whether the readings do not tell it, so that nothing of it is written."""
+        return False
 
     @property
     def shown(self) -> tuple[str, float]:
@@ -212,6 +224,8 @@ class JobResult:
         files: All files written, relative to the output folder.
         wall_time: Seconds.
         job: The job as resolved (defaults filled in), for the record.
+        clocks: How files of one measurement were put onto one clock.
+        groups: Fits that were identified together.
     """
 
     title: str
@@ -224,6 +238,8 @@ class JobResult:
     files: tuple[Path, ...]
     wall_time: float
     job: Mapping[str, Any]
+    clocks: tuple[ClockState, ...] = ()
+    groups: tuple["GroupResult", ...] = ()
 
     @property
     def tables(self) -> tuple[TableResult, ...]:
@@ -238,5 +254,6 @@ class JobResult:
             for remark in (
                 *self.remarks,
                 *(r for fit in self.fits for r in fit.remarks),
+                *(r for group in self.groups for r in group.remarks),
             )
         )

@@ -1,5 +1,9 @@
 """Which room of a job fits which compensation, and the lists that are there already."""
 
+import dataclasses
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 from ...data.lists import ListFile
 from ..exchange import ExchangeError, axis_number
 from ._draft import AxisLists, Planned
@@ -13,25 +17,51 @@ from ._fit_schema import (
     PlaneSpec,
     TemperatureSpec,
 )
+from ._group_faults import groups_of
 from ._load import Job
 from ._source import Tables
 from ._table_draft import plan_table
+
+if TYPE_CHECKING:
+    from .joint import GroupPlan
 
 _TABLES = ("kw.", "frict_comp.")
 """What only a compensation list holds."""
 
 
-def plan_all(job: Job, tables: Tables) -> tuple[Planned, ...]:
-    """Return every fit of a job, planned: nothing is measured or fitted yet.
+@dataclasses.dataclass(frozen=True)
+class Plans:
+    """Every fit of a job, planned.
+
+    Attributes:
+        single: Those that are fitted alone, by index.
+        groups: Those that are identified together.
+    """
+
+    single: Mapping[int, Planned]
+    groups: tuple["GroupPlan", ...]
+
+
+def plan_all(job: Job, tables: Tables) -> Plans:
+    """Return every fit of a job, planned: nothing is fitted yet.
 
     Raises:
         JobError: If keys, nodes, masters or existing lists do not suit.
     """
     lists = existing_lists(job)
-    return tuple(
-        _plan(job, tables, index, fit, lists[fit.axis])
+    grouped = groups_of(job.spec)
+    groups: tuple[GroupPlan, ...] = ()
+    if grouped:
+        from .joint import plan_groups
+
+        groups = plan_groups(job, tables, lists)
+    together = {index for own in grouped.values() for index in own}
+    single = {
+        index: _plan(job, tables, index, fit, lists[fit.axis])
         for index, fit in enumerate(job.spec.fits)
-    )
+        if index not in together
+    }
+    return Plans(single, groups)
 
 
 def _plan(

@@ -8,6 +8,7 @@ import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..proof import GateCheck
 from ._draft import AbstractDraft, Leftovers
@@ -28,11 +29,18 @@ from ._result import (
 from ._rooms import plan_all
 from ._source import Tables
 
+if TYPE_CHECKING:
+    from .joint import GroupDraft
+
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
 
 
 def run_job(
-    path: Path, out: Path, progress: Callable[[str], None] | None = None
+    path: Path,
+    out: Path,
+    progress: Callable[[str], None] | None = None,
+    *,
+    sync: bool = True,
 ) -> JobResult:
     """Run a job file and write lists and ``result.json`` into a folder.
 
@@ -42,6 +50,8 @@ def run_job(
         path: The job file.
         out: Folder to write into; made where it does not exist.
         progress: Called with a short line before each longer step.
+        sync: Whether every file survives a power cut once it is there; False where the
+            caller sees to it (`sync_folder`) before anybody looks.
 
     Returns:
         What was found; `JobResult.passed` tells whether everything is fit for use.
@@ -54,10 +64,11 @@ def run_job(
     start = time.perf_counter()
     say = progress or (lambda line: None)
     job = load_job(path)
-    folder = OutFolder(out, [path, *job.inputs])
+    folder = OutFolder(out, [path, *job.inputs], sync=sync)
     try:
         folder.refuse_sources(_names(job))
-        drafts = _fit_all(job, say)
+        tables = Tables(job)
+        drafts, groups = _fit_all(job, tables, say)
     except BaseException:
         folder.drop()
         raise
@@ -82,22 +93,45 @@ def run_job(
         results.append(
             one.prove(job, folder, gate, own, written[one.axis], cycles.get(one.axis))
         )
+    proven = {one.index: each for one, each in zip(drafts, results, strict=True)}
+    by_axis = {one.axis: one for one in files}
+    sums = [group.prove(job, folder, by_axis, written, proven) for group in groups]
+    together = {index: one.name for one in sums for index in one.fits}
+    results = [
+        dataclasses.replace(each, group=together.get(one.index))
+        for one, each in zip(drafts, results, strict=True)
+    ]
     result = JobResult(
         title=job.spec.title or path.stem,
         machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
         fits=tuple(results),
-        inputs={
-            str(_relative(job, file)): sha256(file) for file in (path, *job.inputs)
-        },
+        inputs=_hashes(job),
         versions=_versions(),
         load_sheet=load_sheet(job, files, drafts, failed),
         remarks=(*remarks, *moved),
         files=(*folder.written, Path("result.json")),
         wall_time=time.perf_counter() - start,
         job=job.spec.resolved() | {"gate": dataclasses.asdict(limits_of(job))},
+        clocks=tables.clocks,
+        groups=tuple(sums),
     )
     folder.write("result.json", result_json(result).encode())
     return result
+
+
+def input_hashes(path: Path) -> dict[str, str]:
+    """Return the hash of every file that a job reads, as ``result.json`` has them.
+
+    Raises:
+        AxcompError: If the job cannot run.
+        OSError: If a file cannot be read.
+    """
+    return _hashes(load_job(path))
+
+
+def _hashes(job: Job) -> dict[str, str]:
+    files = (job.path, *job.inputs)
+    return {str(_relative(job, file)): sha256(file) for file in files}
 
 
 def _names(job: Job) -> list[str]:
@@ -120,26 +154,34 @@ def _for_the_plc(fit: FitSpec) -> tuple[str, ...]:
     return temperature_names(fit.axis) if named else ()
 
 
-def _fit_all(job: Job, say: Callable[[str], None]) -> list[AbstractDraft]:
+def _fit_all(
+    job: Job, tables: Tables, say: Callable[[str], None]
+) -> tuple[list[AbstractDraft], list["GroupDraft"]]:
     """Fit one after the other; a later table takes what earlier ones leave.
 
-    Backlash comes first: it leaves the readings of both directions on the reference
-    flank, where a table of one direction belongs.
+    Groups come first: each explains the whole error of its measurements. Then backlash:
+    it leaves the readings of both directions on the reference flank, where a table of
+    one direction belongs.
     """
-    tables = Tables(job)
     left: Leftovers = {}
     drafts: dict[int, AbstractDraft] = {}
     fits = job.spec.fits
-    planned = plan_all(job, tables)
-    order = sorted(range(len(fits)), key=lambda k: fits[k].compensation != "backlash")
+    plans = plan_all(job, tables)
+    groups = []
+    for plan in plans.groups:
+        say(f"fitting {plan.words}")
+        group = plan.fit(job, tables)
+        groups.append(group)
+        drafts |= {one.index: one for one in group.drafts}
+    order = sorted(plans.single, key=lambda k: fits[k].compensation != "backlash")
     for place, k in enumerate(order):
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
-        drafts[k] = one = planned[k](left)
+        drafts[k] = one = plans.single[k](left)
         if one.axis not in [fits[later].axis for later in order[place + 1 :]]:
             continue
         for key, added in one.left_by().items():
             left[key] = left[key] + added if key in left else added
-    return [drafts[k] for k in range(len(fits))]
+    return [drafts[k] for k in range(len(fits))], groups
 
 
 def _failed(

@@ -67,9 +67,10 @@ def runs_overlap(
         cell = cell * len(own) + np.searchsorted(middle, positions[:, k])
     if direction is not None:
         cell = 2 * cell + (direction < 0)
-    pairs = np.unique(np.stack([cell, index.reshape(-1)]), axis=1)
-    visits = np.bincount(pairs[0])
-    shared = visits[pairs[0]] > 1
-    total = np.bincount(pairs[1], minlength=len(labels))
-    common = np.bincount(pairs[1], weights=shared, minlength=len(labels))
+    place, visitor = np.divmod(
+        np.unique(cell * len(labels) + index.reshape(-1)), len(labels)
+    )
+    shared = np.bincount(place)[place] > 1
+    total = np.bincount(visitor, minlength=len(labels))
+    common = np.bincount(visitor, weights=shared, minlength=len(labels))
     return bool(np.all(common >= _COMMON * total))

@@ -53,10 +53,11 @@ class Axis(JobPart, frozen=True):
 
 
 class ColumnChoice(JobPart, frozen=True):
-    """A column of a measurement file and its unit."""
+    """A column of a measurement file and its unit; which file, where there are several."""
 
     column: str
     unit: str | None = None
+    file: str | None = None
 
 
 class Datum(JobPart, frozen=True):
@@ -70,12 +71,14 @@ class MeasurementSpec(JobPart, frozen=True):
 
     file: str | None = None
     profile: str | None = None
-    files: Annotated[list[str], Field(min_length=1)] | None = None
+    files: Annotated[list[str], Field(min_length=2)] | None = None
+    offsets: list[float] | None = None
     axis: str | None = None
     active: list[Compensation] = Field(default_factory=list)
     columns: dict[str, str | ColumnChoice] = Field(default_factory=dict)
     datum: Datum | None = None
     remove: Literal["none", "offset", "line"] = "none"
+    drift: Annotated[int, Field(ge=0, le=100)] = 0
     expansion: float | None = None
     material_temperature: float | str | None = None
     reference_temperature: float = 20.0

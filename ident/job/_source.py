@@ -16,8 +16,11 @@ from ...data.measurements import (
     measurement,
     read_table,
     reduce_length,
+    with_error,
+    without_motion,
 )
 from ..exchange import AbstractTable
+from ._clocks import ClockState
 from ._fit_schema import (
     CrossSpec,
     FitSpec,
@@ -25,6 +28,7 @@ from ._fit_schema import (
     PlaneSpec,
     TableSpec,
 )
+from ._joined import JoinedFiles, join_files
 from ._load import Job
 from ._remove import without_zero
 
@@ -53,18 +57,48 @@ class Tables:
     def __init__(self, job: Job) -> None:
         self.job = job
         self._read: dict[str, Table] = {}
+        self._joined: dict[str, JoinedFiles] = {}
+
+    @property
+    def clocks(self) -> tuple[ClockState, ...]:
+        """How the files of each measurement that was read were put onto one clock."""
+        return tuple(each for one in self._joined.values() for each in one.clocks)
+
+    def columns(self, name: str) -> dict[str, ColumnSpec]:
+        """Return the column of each role of a measurement; empty: as the file says.
+
+        Raises:
+            MeasurementError: If there are several files and one holds nothing usable.
+            JobError: If they cannot be put onto one clock.
+        """
+        spec = self.job.spec.measurements[name]
+        if spec.files is not None:
+            self.table(name)
+            return dict(self._joined[name].columns)
+        return {
+            role: ColumnSpec(column)
+            if isinstance(column, str)
+            else ColumnSpec(column.column, column.unit)
+            for role, column in spec.columns.items()
+        }
 
     def table(self, name: str) -> Table:
-        """Return what the file of a measurement holds.
+        """Return what the file of a measurement holds, or its files on one clock.
 
         Raises:
             MeasurementError: If it holds nothing usable.
-            JobError: If the job names a profile and the file knows no such thing.
+            JobError: If the job names a profile and the file knows no such thing, or
+                several files cannot be put onto one clock.
         """
+        spec = self.job.spec.measurements[name]
+        if name not in self._read and spec.files is not None:
+            files = [read_table(self.job.file(file)) for file in spec.files]
+            self._joined[name] = join_files(self.job, name, spec, files)
+            self._read[name] = self._joined[name].table
         if name not in self._read:
-            file = self.job.spec.measurements[name].file
+            file = spec.file
             assert file is not None  # `find_fault` has seen to it
-            profile = self.job.spec.measurements[name].profile
+            profile = spec.profile
             table = read_table(self.job.file(file), profile=profile)
             if profile is not None and table.format not in PROFILE_FORMATS:
                 raise self.job.error(
@@ -116,15 +150,9 @@ def measured_for(
     """
     job = tables.job
     spec, axes = job.spec.measurements[name], job.spec.axes
-    columns = {
-        role: ColumnSpec(column)
-        if isinstance(column, str)
-        else ColumnSpec(column.column, column.unit)
-        for role, column in spec.columns.items()
-    }
     return measurement(
         tables.table(name),
-        columns,
+        tables.columns(name),
         axis=spec.axis or fit.axis,
         masters=masters,
         increments={
@@ -147,6 +175,7 @@ def read_part(tables: Tables, name: str, fit: FitSpec, wanted: Wanted) -> Part:
     spec, axes = job.spec.measurements[name], job.spec.axes
     masters = wanted.masters
     measured = measured_for(tables, name, fit, masters)
+    measured = with_error(without_motion(measured, [fit.axis]), fit.axis)
     why = f"for the {fit.compensation} fit of {fit.axis}"
     columns_of = [measured.require(f"{axis}.position", why) for axis in masters]
     positions = np.stack(columns_of, axis=1).astype(float)
@@ -160,7 +189,7 @@ def read_part(tables: Tables, name: str, fit: FitSpec, wanted: Wanted) -> Part:
             positions[:, k] = span[0] + np.mod(positions[:, k] - span[0], turn)
     remarks = list(measured.remarks)
     if spec.expansion is not None:
-        error, note = _at_reference(job, name, measured, fit, wanted, positions, error)
+        error, note = at_reference(job, name, measured, fit, wanted, positions, error)
         remarks.append(note)
     direction, words = _direction(measured, fit, wanted)
     remarks += words
@@ -188,7 +217,7 @@ def _refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None
         raise MeasurementError(str(measured.source), reason)
 
 
-def _at_reference(
+def at_reference(
     job: Job,
     name: str,
     measured: Measurement,
@@ -197,6 +226,17 @@ def _at_reference(
     positions: np.ndarray,
     error: np.ndarray,
 ) -> tuple[np.ndarray, str]:
+    """Return errors of length at the reference temperature, and what was done.
+
+    Args:
+        job: The job.
+        name: Of the measurement, whose specification states an expansion.
+        measured: The measurement.
+        fit: What it is for.
+        wanted: Whether that is about lengths.
+        positions: Of the masters, the axis itself first.
+        error: As measured.
+    """
     spec = job.spec.measurements[name]
     assert spec.expansion is not None
     if not wanted.lengths:

@@ -20,6 +20,12 @@ from ._result import Remark, TableResult
 from ._source import Tables
 from ._table_entries import refuse_misread, restart_of_table, table_entries
 
+_CONVENTIONS = {
+    "plane": ("plane_",),
+    "cross": ("cross_",),
+    "leadscrew": ("leadscrew_", "direction_source", "start_direction"),
+}
+
 
 def plan_table(
     job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
@@ -122,7 +128,8 @@ class TableDraft(AbstractDraft):
         written: tuple[Path, ...],
         cycles: int | None,
     ) -> TableResult:
-        return prove(job, folder, self.one, gate, files, written, cycles)
+        frame = self.frame(job, gate, files, _CONVENTIONS[self.compensation])
+        return prove(job, folder, self.one, frame, files, written, cycles)
 
     @property
     def _bilateral(self) -> bool:

@@ -17,10 +17,16 @@ def body_of(
     fit: AbstractResult, scale: Scale, second: SecondMeasurement | None
 ) -> Body:
     """Return plots, facts and wild readings of a fit."""
-    if fit.compensation in _ROOMS:
+    if fit.compensation in _ROOMS and not fit.left_out:
         name = fit.compensation
         room = importlib.import_module(f"._{name}_body", __package__)
         draw: Callable[[AbstractResult, Scale], Body] = getattr(room, f"{name}_body")
         return draw(fit, scale)
-    assert isinstance(fit, TableResult)
+    if not isinstance(fit, TableResult):
+        # Whatever kind it was to be: its readings do not tell it.
+        from ..job import LeftOutResult
+        from ._left_out_body import left_out_body
+
+        assert isinstance(fit, LeftOutResult)
+        return left_out_body(fit, scale)
     return table_body(fit, scale, second)

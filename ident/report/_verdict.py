@@ -29,6 +29,8 @@ def verdict_of(
             for check in failed
         )
         return Verdict("bad", f"Do not load: the gate stopped this list. {names}.")
+    if fit.left_out and loud:
+        return Verdict("bad", loud[0].message)
     if loud:
         return Verdict("bad", f"Do not load yet: {loud[0].message}")
     before, after = fit.error.get("before"), fit.error.get("predicted")
@@ -72,7 +74,10 @@ def _fall(fit: AbstractResult, scale: Scale) -> str:
     if before is None:
         return "nothing was predicted"
     before = before.sound
-    start = f"the error of {fit.axis} is {_size(before, scale)}"
+    error = f"the error of {fit.axis}"
+    if fit.group is not None:
+        error = f"what the rest of its group leaves of {error}"
+    start = f"{error} is {_size(before, scale)}"
     if after is None:
         return f"{start}; nothing was predicted"
     after = after.sound
@@ -80,7 +85,7 @@ def _fall(fit: AbstractResult, scale: Scale) -> str:
     end += f"{scale.figure(after.max)} {unit})"
     if before.rms > 0 and after.rms < before.rms:
         return (
-            f"on readings that the fit did not see, the error of {fit.axis} falls from "
+            f"on readings that the fit did not see, {error} falls from "
             f"{_size(before, scale)} to {end}, by {percent(1 - after.rms / before.rms)}"
         )
     return f"{start}, and {end} are predicted with the list"

@@ -1,6 +1,6 @@
 """Writes the report: one HTML page that needs nothing else, and its plots as files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -9,6 +9,7 @@ import markupsafe
 
 from ..job import JobResult, write_atomically
 from . import _style as style
+from ._group_section import GroupSection, group_section
 from ._job_text import job_text
 from ._overview import overview_plot
 from ._plot import Plot
@@ -43,11 +44,15 @@ def write_report(
             section_of(fit, place + 1, second.get(place))
             for place, fit in enumerate(result.fits)
         ]
+        groups = [
+            group_section(group, place + 1, sections)
+            for place, group in enumerate(result.groups)
+        ]
         # A single fit shows its before and after in its own section.
         several = len(result.fits) > 1 or second
         overview = overview_plot(result.fits, second) if several else None
-        files = _svg_files(overview, sections)
-    page = _render(result, overview, sections, files)
+        files = _svg_files(overview, [*groups, *sections])
+    page = _render(result, overview, groups, sections, files)
     plots = out / "plots"
     plots.mkdir(parents=True, exist_ok=True)
     written = []
@@ -60,7 +65,9 @@ def write_report(
     return (out / "report.html", *written)
 
 
-def _svg_files(overview: Plot | None, sections: list[Section]) -> dict[str, str]:
+def _svg_files(
+    overview: Plot | None, sections: Sequence[Section | GroupSection]
+) -> dict[str, str]:
     """Return all plots as SVG texts by file name."""
     plots = {} if overview is None else {overview.name: overview}
     for section in sections:
@@ -71,6 +78,7 @@ def _svg_files(overview: Plot | None, sections: list[Section]) -> dict[str, str]
 def _render(
     result: JobResult,
     overview: Plot | None,
+    groups: list[GroupSection],
     sections: list[Section],
     files: Mapping[str, str],
 ) -> str:
@@ -84,6 +92,7 @@ def _render(
     return environment.from_string(source).render(
         job=result,
         overview=overview,
+        groups=groups,
         sections=sections,
         remarks=sorted(result.remarks, key=lambda r: _LEVELS.get(r.level, 3)),
         summary_row=summary_row,

@@ -5,14 +5,19 @@ from pathlib import Path
 from typing import final
 
 import numpy as np
+from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
-from ....models import Backlash
 from ...exchange import ExchangeError, backlash_from_list, entries_of_backlash
 from ...fit import FitError
 from ...fit.backlash import BacklashFit
-from ...proof import GateCheck, choose_cycles, error_figures, reversal_dynamics
-from .._conventions import convention_states
+from ...proof import (
+    GateCheck,
+    choose_cycles,
+    error_figures,
+    gate_check,
+    reversal_dynamics,
+)
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import BacklashSpec
 from .._gating import limits_of
@@ -20,6 +25,7 @@ from .._lists import AxisFiles
 from .._load import Job
 from .._output import OutFolder
 from .._source import Tables
+from ._known import KnownBacklash, known_backlash
 from ._recording import Recording, read_recording
 from ._remarks import remarks_of
 from ._result import BacklashResult, ReversalView
@@ -33,27 +39,7 @@ def plan_backlash(
     Raises:
         JobError: If existing lists do not suit.
     """
-    where = ("fits", index)
-    states = {"backlash" in job.spec.measurements[name].active for name in fit.sources}
-    if len(states) > 1:
-        raise job.error(
-            where,
-            "found measurements with backlash on and off (active), expected one state"
-            " for all that are joined",
-        )
-    active = states == {True}
-    old: Backlash | None = None
-    if lists.machine is not None:
-        try:
-            old = backlash_from_list(lists.machine, job.conventions)
-        except ExchangeError as error:
-            raise job.error(where, str(error)) from None
-    if active and old is None:
-        raise job.error(
-            ("axes", fit.axis, "machine_data"),
-            "backlash was active while measuring, but no axis list that switches it on"
-            " is given, expected machine_data = the file that was loaded",
-        )
+    known = known_backlash(job, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_recording(tables, fit)
@@ -61,14 +47,8 @@ def plan_backlash(
             found = recording.fit(fit.loss)
         except FitError as error:
             reason = f"backlash of {fit.axis} from {', '.join(fit.sources)}: {error}"
-            raise job.error(where, reason) from None
-        width = found.width
-        if active and old is not None:
-            width += float(old.width)
-        reference = 1 if old is None else old.reference
-        return BacklashDraft(
-            index, fit, lists, recording, found, old, active, width, reference
-        )
+            raise job.error(("fits", index), reason) from None
+        return BacklashDraft(index, fit, lists, recording, found, known)
 
     return draft
 
@@ -81,18 +61,27 @@ class BacklashDraft(AbstractDraft):
     Attributes:
         recording: What was measured.
         found: The estimate.
-        old: What the axis list holds, or None.
-        active: Whether that was active while measuring.
-        width: What is written, in mm or °.
-        reference: Direction in which the axis is right without it.
+        known: What the axis list holds.
+        left: Error per reading under lists that were fitted without it, where a joint
+            fit knows that; else the width is fitted anew without each run or block.
+        left_by_run: Whether these left out whole runs.
     """
 
     recording: Recording
     found: BacklashFit
-    old: Backlash | None
-    active: bool
-    width: float
-    reference: int
+    known: KnownBacklash
+    left: Float[np.ndarray, " t"] | None = None
+    left_by_run: bool = False
+
+    @property
+    def width(self) -> float:
+        """What is written, in mm or °."""
+        return self.found.width + self.known.acting
+
+    @property
+    def reference(self) -> int:
+        """Direction in which the axis is right without it."""
+        return self.known.reference
 
     @property
     def compensation(self) -> str:
@@ -147,17 +136,17 @@ class BacklashDraft(AbstractDraft):
         fast, hard = reversal_dynamics(jump, spread, job.spec.controller.cycle_time)
         unit = "mm" if job.spec.axes[self.axis].kind == "linear" else "°"
         lines = [
-            _check(
+            gate_check(
                 "max_reversal", jump, limits.max_reversal, unit, "at every reversal"
             ),
-            _check(
+            gate_check(
                 "max_velocity at reversal",
                 fast,
                 limits.max_velocity,
                 f"{unit}/s",
                 where,
             ),
-            _check(
+            gate_check(
                 "max_acceleration at reversal",
                 hard,
                 limits.max_acceleration,
@@ -165,10 +154,13 @@ class BacklashDraft(AbstractDraft):
                 where,
             ),
         ]
-        if limits.max_change is not None and self.old is not None:
-            change = abs(self.width - float(self.old.width))
+        old = self.known.old
+        if limits.max_change is not None and old is not None:
+            change = abs(self.width - float(old.width))
             words = "against the axis list"
-            lines.append(_check("max_change", change, limits.max_change, unit, words))
+            lines.append(
+                gate_check("max_change", change, limits.max_change, unit, words)
+            )
         return tuple(lines)
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
@@ -178,7 +170,7 @@ class BacklashDraft(AbstractDraft):
         way = self.recording.direction
         if not self.written or way is None:
             return {}
-        own = 0.0 if not self.active or self.old is None else float(self.old.width)
+        own = self.known.acting
         change = dataclasses.replace(self.found, width=self.width - own)
         offset = change.compensation(self.reference).offset(way.astype(float))
         added = np.asarray(offset, dtype=float)
@@ -197,32 +189,32 @@ class BacklashDraft(AbstractDraft):
         cycles: int | None,
     ) -> BacklashResult:
         way, where, before, group, by_run = self._readings()
-        own = 0.0 if not self.active or self.old is None else float(self.old.width)
-        predicted = before + 0.5 * way * self._held_out(group, by_run)
+        own = self.known.acting
+        predicted = self.left
+        if predicted is None:
+            predicted = before + 0.5 * way * self._held_out(group, by_run)
+        else:
+            by_run = self.left_by_run
         back = self._read_back(job, folder, files, written)
         # About the mean of both directions, which the tables of the axis look after.
         from_file = before + 0.5 * way * (back - own)
-        linear = job.spec.axes[self.axis].kind == "linear"
         return BacklashResult(
-            compensation="backlash",
-            axis=self.axis,
-            axis_number=job.spec.axes[self.axis].number,
-            unit="mm" if linear else "deg",
+            **self.frame(job, gate, files, ("backlash_", "direction_source")),
             error={
                 "before": error_figures(before, wild=self._wild),
                 "predicted": error_figures(predicted, wild=self._wild),
                 "from_file": error_figures(from_file, wild=self._wild),
             },
-            gate=gate,
             remarks=(
                 *remarks_of(
-                    self.recording, self.found, self.old is not None, self.active
+                    self.recording,
+                    self.found,
+                    self.known.old is not None,
+                    self.known.active,
                 ),
                 *files.remarks,
             ),
-            conventions=convention_states(job, ("backlash_", "direction_source")),
             files=tuple(file for file in written if file.name == files.machine_name),
-            findings=tuple(dataclasses.asdict(item) for item in files.findings),
             held_out="run" if by_run else "block",
             width=self.width if self.written else 0.0,
             reference=self.reference,
@@ -288,11 +280,6 @@ class BacklashDraft(AbstractDraft):
         """Return the width that the written file holds."""
         name = next((f for f in written if f.name == files.machine_name), None)
         if name is None:
-            return 0.0 if self.old is None else float(self.old.width)
+            return 0.0 if self.known.old is None else float(self.known.old.width)
         back = backlash_from_list(ListFile.read(folder.root / name), job.conventions)
         return 0.0 if back is None else float(back.width)
-
-
-def _check(name: str, value: float, limit: float, unit: str, where: str) -> GateCheck:
-    passed = bool(value <= limit * (1 + 1e-9))
-    return GateCheck(name, float(value), float(limit), unit, passed, where)

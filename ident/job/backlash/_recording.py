@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
+from ....data.signals import aligned_error, encoder_spline, estimate_instrument
 from ...fit.backlash import BacklashFit, fit_backlash, fit_backlash_trace
 from .._fit_schema import BacklashSpec
 from .._readings import joined, joined_runs
@@ -16,6 +17,8 @@ from .._runs import cycles_of
 from .._source import Tables, Wanted, measured_for, read_part
 
 _GROUPS = 5
+_ROWS = 50
+"""Fewer tell nothing of a delay."""
 _REACH = 0.1
 """Share of the travel, to each side of a reversal, that a trace is judged by."""
 _FARTHEST = 2.0
@@ -143,17 +146,30 @@ def read_recording(tables: Tables, fit: BacklashSpec) -> Recording:
 def _trace(
     encoder: np.ndarray, actual: np.ndarray, time: np.ndarray, kind: str
 ) -> Recording:
-    error = np.asarray(actual - encoder, dtype=float)
+    position = np.asarray(encoder, dtype=float)
+    error, time = np.asarray(actual - position, dtype=float), np.asarray(time, float)
+    late = ""
+    clock = estimate_instrument(time, position, actual) if time.size >= _ROWS else None
+    if clock is not None and clock.determined:
+        # Reversals alone, at one speed, would take the delay for a part of the backlash.
+        aligned = aligned_error(time, position, actual, clock)
+        spline = encoder_spline(time, position)
+        if spline is not None:
+            position = np.asarray(spline(aligned.instants))
+        time, error = aligned.instants, aligned.error
+        late = (
+            f" {clock.statement[:1].upper()}{clock.statement[1:]}; that is taken off."
+        )
     if kind != "linear":
         error = wrap_degrees(error)
-    travel = float(np.ptp(encoder))
+    travel = float(np.ptp(position))
     reach = min(_REACH * travel, _FARTHEST)
     return Recording(
-        position=np.asarray(encoder, dtype=float),
+        position=position,
         error=error,
         direction=None,
         run=None,
-        time=np.asarray(time, dtype=float),
+        time=time,
         reach=reach,
         rotary=kind != "linear",
         slices={},
@@ -161,7 +177,8 @@ def _trace(
             Remark(
                 "info",
                 "The axis was moving: the error is that of the reference against the"
-                f" encoder, over {reach:.3g} mm (or °) on both sides of each reversal.",
+                f" encoder, over {reach:.3g} mm (or °) on both sides of each reversal."
+                f"{late}",
             ),
         ),
     )

@@ -12,7 +12,6 @@ from ....models import Crosstalk, surface_through
 from ...exchange import ExchangeError, entries_of_crosstalk
 from ...fit import FitError
 from ...proof import GateCheck, choose_cycles, error_figures
-from .._conventions import convention_states
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import CrosstalkSpec
 from .._gating import limits_of
@@ -210,7 +209,7 @@ class CrosstalkDraft(AbstractDraft):
         cycles: int | None,
     ) -> CrosstalkResult:
         found, fit = self.found, self.found.fit
-        added = self._added(job, folder, files, written)
+        added = self.added_to_log(job, folder, files, written)
         left = events_under(
             found.readings, added, fit.acceleration, fit.deceleration, fit.conventions
         )
@@ -226,10 +225,7 @@ class CrosstalkDraft(AbstractDraft):
             coverage = coverage_of(model, workspace)
         predicted = view.predicted[judged] if judged.any() else view.before
         return CrosstalkResult(
-            compensation="crosstalk",
-            axis=self.axis,
-            axis_number=job.spec.axes[self.axis].number,
-            unit="mm",
+            **self.frame(job, gate, files, ("crosstalk_",)),
             error={
                 "before": error_figures(view.before, wild=wild),
                 "predicted": error_figures(
@@ -237,7 +233,6 @@ class CrosstalkDraft(AbstractDraft):
                 ),
                 "from_file": error_figures(view.from_file, wild=wild),
             },
-            gate=gate,
             remarks=(
                 *self.recording.remarks,
                 *remarks_of(
@@ -252,9 +247,7 @@ class CrosstalkDraft(AbstractDraft):
                 *self._about_the_old(),
                 *files.remarks,
             ),
-            conventions=convention_states(job, ("crosstalk_",)),
             files=written if self.written else (),
-            findings=tuple(dataclasses.asdict(item) for item in files.findings),
             held_out="event",
             master=self.spec.master,
             adaptation=found.masters,
@@ -269,7 +262,7 @@ class CrosstalkDraft(AbstractDraft):
             view=view,
         )
 
-    def _added(
+    def added_to_log(
         self, job: Job, folder: OutFolder, files: AxisFiles, written: tuple[Path, ...]
     ) -> Float[np.ndarray, " t"]:
         """Return what the written file adds in each row beyond what acted already."""

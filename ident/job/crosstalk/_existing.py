@@ -14,6 +14,7 @@ from ...exchange import (
     has_crosstalk,
 )
 from ...fit import FitError
+from .._active import was_active
 from .._fit_schema import CrosstalkSpec
 from .._load import Job
 from ._quadrants import four_offsets
@@ -106,14 +107,7 @@ def active_in(
         JobError: If it cannot be added to.
     """
     where = ("fits", index)
-    states = {"crosstalk" in job.spec.measurements[name].active for name in fit.sources}
-    if len(states) > 1:
-        raise job.error(
-            where,
-            "found measurements with crosstalk on and off (active), expected one state"
-            " for all that are joined",
-        )
-    if states == {False}:
+    if not was_active(job, index, fit):
         return None
     if existing is None:
         raise job.error(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....models import Crosstalk
-from ...proof import GateCheck, GateLimits, reversal_dynamics
+from ...proof import GateCheck, GateLimits, gate_check, reversal_dynamics
 from ._quadrants import SHORT, four_offsets, full_offsets, largest_jump, reversal_jumps
 
 _STEPS = 60
@@ -33,29 +33,31 @@ def judge_crosstalk(
     row, test = divmod(int(np.argmax(np.abs(full))), full.shape[1])
     where = f"{SHORT[row]}{_at(names, points[test])}"
     checks = [
-        _check(
+        gate_check(
             "max_correction", abs(full[row, test]), limits.max_correction, "mm", where
         )
     ]
     turns = reversal_jumps(full, model.by_speed)
     test = int(np.argmax(turns.max(axis=0)))
     where = f"where the master turns under full acceleration{_at(names, points[test])}"
-    checks.append(_check("max_reversal", turns.max(), limits.max_reversal, "mm", where))
+    checks.append(
+        gate_check("max_reversal", turns.max(), limits.max_reversal, "mm", where)
+    )
     jump = largest_jump(full, model.by_speed)
     fast, hard = reversal_dynamics(jump, model.cycles, cycle_time)
     where = (
         f"if the acceleration of the master steps, spread over {model.cycles} cycles"
     )
     checks += [
-        _check("max_velocity", fast, limits.max_velocity, "mm/s", where),
-        _check("max_acceleration", hard, limits.max_acceleration, "mm/s²", where),
+        gate_check("max_velocity", fast, limits.max_velocity, "mm/s", where),
+        gate_check("max_acceleration", hard, limits.max_acceleration, "mm/s²", where),
     ]
     if names:
         checks += _along(model, names, points, limits)
     if change is not None and limits.max_change is not None:
         value = float(np.max(np.abs(change)))
         words = "against the list that was there"
-        checks.append(_check("max_change", value, limits.max_change, "mm", words))
+        checks.append(gate_check("max_change", value, limits.max_change, "mm", words))
     return tuple(checks)
 
 
@@ -81,16 +83,13 @@ def _along(
     where = f"along {along} under full acceleration"
     added = steepest * limits.feed / 60.0
     return [
-        _check("max_slope", 1e3 * steepest, limits.max_slope, "µm/mm", where),
-        _check("max_velocity by position", added, limits.max_velocity, "mm/s", where),
+        gate_check("max_slope", 1e3 * steepest, limits.max_slope, "µm/mm", where),
+        gate_check(
+            "max_velocity by position", added, limits.max_velocity, "mm/s", where
+        ),
     ]
 
 
 def _at(names: Sequence[str], place: np.ndarray) -> str:
     words = [f"{name} = {value:g}" for name, value in zip(names, place, strict=True)]
     return f" at {', '.join(words)}" if words else ""
-
-
-def _check(name: str, value: float, limit: float, unit: str, where: str) -> GateCheck:
-    passed = bool(value <= limit * (1 + 1e-9))
-    return GateCheck(name, float(value), float(limit), unit, passed, where)

@@ -72,22 +72,43 @@ class Identified:
         return bool((np.abs(value[known]) > limit * spread[known]).any())
 
 
-def identify(
-    recording: CrosstalkRecording,
-    fit: CrosstalkSpec,
-    existing: Existing | None,
-    rules: Conventions,
-) -> Identified:
-    """Fit the tests of a list and hold events out.
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """What a job leaves open of the tests, as the estimator takes it.
+
+    Attributes:
+        mode: 1, 2, 3 or ``auto``.
+        points: Where tests are given, in mm, or None.
+        options: Everything else.
+    """
+
+    mode: int | str
+    points: Float[np.ndarray, "p k"] | None
+    options: dict[str, Any]
+
+    def fit(self, readings: CrosstalkReadings) -> CrosstalkFit:
+        """Return tests from the events of a log.
+
+        Raises:
+            FitError: If there are no events or the keys cannot be met.
+        """
+        return fit_crosstalk(
+            readings, mode=self.mode, positions=self.points, **self.options
+        )
+
+
+def choice_of(
+    fit: CrosstalkSpec, existing: Existing | None, rules: Conventions
+) -> Choice:
+    """Return what is left open: the tests of an active list stay.
 
     Args:
-        recording: What was measured.
         fit: Keys of the job.
         existing: The list that was active while measuring, or None.
         rules: Of the controller.
 
     Raises:
-        FitError: If there are no events or the keys cannot be met.
+        FitError: If keys contradict each other.
     """
     points = None if fit.positions is None else np.array(fit.positions, dtype=float)
     rates = fit.acceleration, fit.deceleration
@@ -108,12 +129,34 @@ def identify(
     if fit.mode not in ("auto", mode):
         msg = f"mode: found {fit.mode}, expected {mode} as the tests that are given."
         raise FitError(msg)
+    return Choice(mode, points, options)
+
+
+def identify(
+    recording: CrosstalkRecording,
+    fit: CrosstalkSpec,
+    existing: Existing | None,
+    rules: Conventions,
+) -> Identified:
+    """Fit the tests of a list and hold events out.
+
+    Args:
+        recording: What was measured.
+        fit: Keys of the job.
+        existing: The list that was active while measuring, or None.
+        rules: Of the controller.
+
+    Raises:
+        FitError: If there are no events or the keys cannot be met.
+    """
+    chosen = choice_of(fit, existing, rules)
+    points, options = chosen.points, chosen.options
     whole = recording.readings
-    found = fit_crosstalk(whole, mode=mode, positions=points, **options)
+    found = chosen.fit(whole)
     late = instrument_delay(whole, found)
     if late:
         whole = without_delay(whole, late)
-        found = fit_crosstalk(whole, mode=mode, positions=points, **options)
+        found = chosen.fit(whole)
     readings = dataclasses.replace(whole, positions=whole.positions[:, found.axes])
     # From here on nothing is chosen anew but where the tests stand.
     options |= {

@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import (
     Measurement,
@@ -38,11 +38,14 @@ class CrosstalkRecording:
         readings: For the estimator; positions have one column per adaptation axis.
         adaptation: Names of these axes.
         remarks: What was taken for granted.
+        rows: Row of the group's recording that each reading is, −1 between logs; None
+            where it is no group.
     """
 
     readings: CrosstalkReadings
     adaptation: tuple[str, ...]
     remarks: tuple[Remark, ...]
+    rows: Int[np.ndarray, " t"] | None = None
 
     @property
     def span(self) -> Float[np.ndarray, "k 2"]:
@@ -76,7 +79,7 @@ def read_crosstalk(tables: Tables, fit: CrosstalkSpec) -> CrosstalkRecording:
         part, words = _part(measured, fit, names, rules)
         parts.append(part)
         remarks += [Remark("info", each) for each in (*measured.remarks, *words)]
-    return CrosstalkRecording(_joined(parts), names, tuple(remarks))
+    return CrosstalkRecording(joined_logs(parts), names, tuple(remarks))
 
 
 def _part(
@@ -179,7 +182,7 @@ def _still(measured: Measurement, axis: str) -> Bool[np.ndarray, " t"]:
     return np.asarray(np.abs(derive_motion(measured, axis).velocity) <= _STILL)
 
 
-def _joined(parts: list[CrosstalkReadings]) -> CrosstalkReadings:
+def joined_logs(parts: list[CrosstalkReadings]) -> CrosstalkReadings:
     """Put logs one after the other, far enough apart that no event sees another log."""
     result = parts[0]
     for part in parts[1:]:

@@ -17,8 +17,13 @@ from ...exchange import (
 )
 from ...fit import FitError
 from ...fit.friction import Knots
-from ...proof import CircularTest, GateCheck, circular_test, error_figures
-from .._conventions import convention_states
+from ...proof import (
+    CircularTest,
+    GateCheck,
+    circular_test,
+    error_figures,
+    gate_check,
+)
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import FrictionSpec
 from .._gating import limits_of
@@ -133,9 +138,8 @@ class FrictionDraft(AbstractDraft):
         largest = int(np.argmax(np.abs(self.knots.out)))
         value = float(abs(self.knots.out[largest]) * self.unit.share)
         speed = self.knots.velocity[largest] / 1000.0
-        passed = value <= limit * (1 + 1e-9)
         where = f"at {speed:g} mm/s"
-        return (GateCheck("max_current", value, limit, "of rated", passed, where),)
+        return (gate_check("max_current", value, limit, "of rated", where),)
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
         if self.knots is None:
@@ -185,21 +189,17 @@ class FrictionDraft(AbstractDraft):
         curve = self.curve
         if curve is not None and self.knots is not None:
             curve = dataclasses.replace(curve, listed=self.knots.current(curve.speed))
+        frame = self.frame(job, gate, files, ("friction_",))
+        frame["unit"] = self.recording.unit or "raw"
         return FrictionResult(
-            compensation="friction",
-            axis=self.axis,
-            axis_number=job.spec.axes[self.axis].number,
-            unit=self.recording.unit or "raw",
+            **frame,
             error={
                 "before": error_figures(before[moving], wild=wild),
                 "predicted": error_figures(predicted[moving], wild=wild),
                 "from_file": error_figures(from_file[moving], wild=wild),
             },
-            gate=gate,
             remarks=(*self._remarks(), *files.remarks),
-            conventions=convention_states(job, ("friction_",)),
             files=files.of_lists(written) if self.knots is not None else (),
-            findings=tuple(dataclasses.asdict(item) for item in files.findings),
             held_out="window",
             fit=found.fit,
             law=found.law,

@@ -14,7 +14,6 @@ from ...exchange import ExchangeError, entries_of_temperature
 from ...fit import FitError
 from ...fit.thermal import TemperatureFit
 from ...proof import GateCheck, choose_cycles, error_figures, reversal_dynamics
-from .._conventions import convention_states
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import TemperatureSpec
 from .._gating import limits_of
@@ -48,13 +47,13 @@ def plan_temperature(
         except FitError as error:
             reason = f"temperature of {fit.axis} from {', '.join(fit.sources)}: {error}"
             raise job.error(("fits", index), reason) from None
-        zero = _zero(recording, found.fit)
+        zero = zero_of(recording, found.fit)
         return TemperatureDraft(index, fit, lists, recording, found, zero)
 
     return draft
 
 
-def _zero(recording: ThermalRecording, fit: TemperatureFit) -> float:
+def zero_of(recording: ThermalRecording, fit: TemperatureFit) -> float:
     """Return the temperature at which nothing is corrected: measured, near the reference."""
     laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
     following = [law for law in laws if len(law.value) > 1] or laws
@@ -169,16 +168,12 @@ class TemperatureDraft(AbstractDraft):
         view = view_of(self.recording, self.found, self.zero, line)
         names = {files.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
-            compensation="temperature",
-            axis=self.axis,
-            axis_number=job.spec.axes[self.axis].number,
-            unit="mm",
+            **self.frame(job, gate, files, ("temperature_",)),
             error={
                 "before": error_figures(view.before, wild=view.wild),
                 "predicted": error_figures(view.predicted, wild=view.wild),
                 "from_file": error_figures(view.from_file, wild=view.wild),
             },
-            gate=gate,
             remarks=(
                 *remarks_of(
                     self.axis,
@@ -191,12 +186,10 @@ class TemperatureDraft(AbstractDraft):
                 *self._switching(job),
                 *files.remarks,
             ),
-            conventions=convention_states(job, ("temperature_",)),
             files=tuple(
                 file for file in written if self.written and file.name in names
             ),
-            findings=tuple(dataclasses.asdict(item) for item in files.findings),
-            held_out="block",
+            held_out=self.found.held_out,
             sensors=self.recording.sensors,
             reference=self._position,
             zero=self.zero,

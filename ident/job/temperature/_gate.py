@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...proof import GateCheck, GateLimits
+from ...proof import GateCheck, GateLimits, gate_check
 from ._table import ThermalLaw
 
 RATE = 0.001
@@ -35,7 +35,7 @@ def judge_law(
     if span is not None:
         where += f", {axis} = {places[column]:g}"
     checks = [
-        _check(
+        gate_check(
             "max_correction",
             float(correction[row, column]), limits.max_correction, "mm", where,
         )
@@ -46,9 +46,9 @@ def judge_law(
     added = 1e-6 * slope * limits.feed / 60.0
     return (
         *checks,
-        _check("max_slope", 1e-3 * slope, limits.max_slope, "µm/mm", where),
-        _check("max_velocity", added, limits.max_velocity, "mm/s", where),
-        _check(
+        gate_check("max_slope", 1e-3 * slope, limits.max_slope, "µm/mm", where),
+        gate_check("max_velocity", added, limits.max_velocity, "mm/s", where),
+        gate_check(
             "max_velocity by the PLC", RATE, limits.max_velocity, "mm/s",
             "while the PLC follows the temperature",
         ),
@@ -74,8 +74,3 @@ def rates(reference: float, span: tuple[float, float] | None) -> tuple[float, fl
         return RATE, _IDLE
     reach = max(abs(place - reference) for place in span)
     return 0.5 * RATE, 0.5 * RATE / (1e-6 * max(reach, 1.0))
-
-
-def _check(name: str, value: float, limit: float, unit: str, where: str) -> GateCheck:
-    passed = bool(value <= limit * (1 + 1e-9))
-    return GateCheck(name, float(value), float(limit), unit, passed, where)

@@ -26,6 +26,7 @@ class Identified:
         dropped: The coefficient was held constant, since only the offset is determined.
         groups: Turn in which each used reading was left out.
         predicted: Error of each used reading in mm less what the other blocks say of it.
+        held_out: What was left out together: ``block`` or ``run``.
     """
 
     fit: TemperatureFit
@@ -34,6 +35,7 @@ class Identified:
     dropped: bool
     groups: Int[np.ndarray, " u"]
     predicted: Float[np.ndarray, " u"]
+    held_out: str = "block"
 
 
 def identify(recording: ThermalRecording, fit: TemperatureSpec) -> Identified:

@@ -11,6 +11,7 @@ from ....data.measurements import (
     MeasurementError,
     MissingRole,
     derive_error,
+    without_motion,
 )
 from ...fit import FitError
 from ...fit.thermal import SensorLog, ThermalReadings, steady
@@ -37,6 +38,8 @@ class ThermalRecording:
         datum: Where the instrument was set to zero at all temperatures, or None.
         reference_temperature: In °C, at which nothing is to be corrected.
         remarks: What was taken for granted.
+        carriers: Tables of the same group, which hold what no temperature moves; None
+            where the line is fitted alone.
     """
 
     readings: ThermalReadings
@@ -47,6 +50,7 @@ class ThermalRecording:
     datum: float | None
     reference_temperature: float
     remarks: tuple[Remark, ...]
+    carriers: tuple[str, ...] | None = None
 
 
 def sensor_name(text: str) -> str:
@@ -66,10 +70,11 @@ def read_thermal(tables: Tables, fit: TemperatureSpec) -> ThermalRecording:
     remarks: list[Remark] = []
     parts = []
     for name in fit.sources:
-        measured = measured_for(tables, name, fit, (fit.axis,)).with_gaps()
+        measured = measured_for(tables, name, fit, (fit.axis,))
+        measured = without_motion(measured, [fit.axis]).with_gaps()
         remarks += [Remark("info", words) for words in measured.remarks]
         if effects is None:
-            only = _only_sensor(measured, fit.axis)
+            only = only_sensor(measured, fit.axis)
             effects = _both(only)
         parts.append(_part(tables, name, measured, fit, effects))
     assert effects is not None  # there is at least one measurement
@@ -159,7 +164,12 @@ def _both(sensor: str) -> dict[Effect, str]:
     return {"offset": sensor, "coefficient": sensor}
 
 
-def _only_sensor(measured: Measurement, axis: str) -> str:
+def only_sensor(measured: Measurement, axis: str) -> str:
+    """Return the role of the only sensor.
+
+    Raises:
+        MeasurementError: If there is none, or several.
+    """
     found = [role for role in measured.values if role.startswith(_SENSOR)]
     if len(found) == 1:
         return found[0]

@@ -169,8 +169,12 @@ def _state(
                 f" the reference of {wished:g} °C, which was not measured itself.",
             )
         )
+    if recording.carriers:
+        words = f"What {axis} shows at {zero:.4g} °C is held by the"
+        words += f" {' and the '.join(recording.carriers)} of the same group."
+        return [*remarks, Remark("info", words)]
     words = f"What {axis} shows at {zero:.4g} °C belongs to its tables, not to this law"
-    if fit.coefficient is not None:
+    if fit.coefficient is not None and recording.carriers is None:
         slope = 1e6 * float(fit.coefficient.at(np.array([zero]))[0])
         words += f" (a slope of {slope:+.4g} µm/m among it)".replace("-", "−")
         words += (

@@ -1,0 +1,167 @@
+"""A job with the fits that were found: the old text, its ``[[fits]]`` replaced."""
+
+import re
+
+import numpy as np
+
+from ..discover import Discovery, Found
+from ._found_nodes import grid_over
+from ._load import Job
+from ._observe import Observation
+
+_HEADER = re.compile(r"^\s*\[\[?\s*([^\]]+?)\s*\]")
+_FITS = re.compile(r"fits(\s*\.|\s*$)")
+
+
+def job_with_fits(job: Job, observation: Observation, found: Discovery) -> str:
+    """Return the text of a job that fits what was found.
+
+    All but the fits stays as it is, byte for byte; only a datum gives way to
+    ``remove = "offset"`` where fits are identified together, since none of them alone is
+    zero there.
+
+    Args:
+        job: In which was looked.
+        observation: Its measurements.
+        found: What they ask for.
+    """
+    text = _without_fits(job.path.read_text(encoding="utf-8"))
+    blocks: list[str] = []
+    together: set[str] = set()
+    for one in found.found:
+        sources = _sources(observation, found, one)
+        if not sources:
+            continue
+        if one.group is not None:
+            together.update(sources)
+        blocks.append(_block(job, observation, one, sources))
+    for name in sorted(together):
+        text = _without_datum(text, job, name)
+    return "\n\n".join([text.rstrip(), *blocks]) + "\n"
+
+
+def _without_fits(text: str) -> str:
+    kept, inside = [], False
+    for line in text.splitlines(keepends=True):
+        header = _HEADER.match(line)
+        if header is not None:
+            inside = _FITS.match(header[1]) is not None
+        if not inside:
+            kept.append(line)
+    return "".join(kept)
+
+
+def _without_datum(text: str, job: Job, name: str) -> str:
+    if job.spec.measurements[name].datum is None:
+        return text
+    result, mine = [], False
+    for line in text.splitlines(keepends=True):
+        header = _HEADER.match(line)
+        if header is not None:
+            mine = header[1].replace('"', "") == f"measurements.{name}"
+        if mine and re.match(r"\s*datum\s*=.*\}\s*(#.*)?$", line):
+            line = 'remove = "offset"\n'
+        result.append(line)
+    return "".join(result)
+
+
+def _sources(observation: Observation, found: Discovery, one: Found) -> tuple[str, ...]:
+    """Return the measurements that hold all that a fit, or its group, needs."""
+    data = observation.data
+    if one.compensation == "friction":
+        known = np.isfinite(data.current[one.axis])
+        counts = np.bincount(data.source[known], minlength=len(observation.names))
+        return (observation.names[int(np.argmax(counts))],)
+    own = [one]
+    if one.group is not None:
+        own = [each for each in found.found if each.group == one.group]
+    known = np.isfinite(data.error[one.axis])
+    for each in own:
+        axes = {*each.masters, each.axis} & set(data.position)
+        for axis in axes:
+            known = known & np.isfinite(data.position[axis])
+        for sensor in _sensors(each):
+            known = known & np.isfinite(data.temperature[sensor])
+    return tuple(
+        name
+        for number, name in enumerate(observation.names)
+        if known[data.source == number].any()
+    )
+
+
+def _sensors(one: Found) -> tuple[str, ...]:
+    sensors = one.keys.get("sensors")
+    if isinstance(sensors, dict):
+        return tuple(dict.fromkeys(map(str, sensors.values())))
+    return () if one.sensor is None else (one.sensor,)
+
+
+def _block(
+    job: Job, observation: Observation, one: Found, sources: tuple[str, ...]
+) -> str:
+    lines = ["[[fits]]", f"compensation = {_text(one.compensation)}"]
+    lines.append(f"axis = {_text(one.axis)}")
+    if len(sources) == 1:
+        lines.append(f"measurement = {_text(sources[0])}")
+    else:
+        lines.append(f"measurements = {_value(list(sources))}")
+    lines += [f"{key} = {_value(value)}" for key, value in one.keys.items()]
+    lines += _nodes(job, observation, one, sources)
+    if one.group is not None:
+        lines.append(f"group = {_text(one.group)}")
+    return "\n".join(lines)
+
+
+def _nodes(
+    job: Job, observation: Observation, one: Found, sources: tuple[str, ...]
+) -> list[str]:
+    over = {
+        "leadscrew": (one.axis,),
+        "cross": one.masters,
+        "plane": one.masters,
+    }.get(one.compensation)
+    if over is None:
+        return []
+    data = observation.data
+    rows = np.isin(data.source, [observation.names.index(name) for name in sources])
+    rows &= np.isfinite(data.error[one.axis])
+    grids = []
+    for axis in over:
+        spec = job.spec.axes[axis]
+        places = data.position[axis][rows]
+        if spec.modulo is not None:
+            low, high = spec.modulo
+            grids.append((low, (high - low) / 72.0, 73))
+            continue
+        # What a cross table does beyond its ends is not documented (S-12).
+        reach = None
+        if one.compensation == "cross" and spec.limits is not None:
+            reach = (spec.limits[0], spec.limits[1])
+        grids.append(grid_over(places, reach, surface=one.compensation == "plane"))
+    start, interval, points = (list(each) for each in zip(*grids, strict=True))
+    single = len(grids) == 1
+    lines = [
+        f"start = {_value(start[0] if single else start)}",
+        f"interval = {_value(interval[0] if single else interval)}",
+        f"points = {_value(points[0] if single else points)}",
+    ]
+    if one.compensation == "leadscrew" and job.spec.axes[one.axis].modulo is not None:
+        lines.append("modulo = true")
+    return lines
+
+
+def _value(value: object) -> str:
+    """Return a value as TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        inside = ", ".join(f"{key} = {_value(each)}" for key, each in value.items())
+        return f"{{ {inside} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return _text(value) if isinstance(value, str) else repr(value)
+
+
+def _text(text: str) -> str:
+    inside = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{inside}"'

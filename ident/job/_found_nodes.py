@@ -1,0 +1,55 @@
+"""Where the nodes of a table would lie that nobody has chosen yet."""
+
+import numpy as np
+from jaxtyping import Float
+
+_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+_LINE, _SURFACE = 80, 20
+"""Intervals of a table over one position, and over each of two."""
+_EACH = 10
+"""Readings per node, at least, where there are no targets."""
+_TARGETS = 250
+"""Different places up to which they are taken for targets."""
+
+
+def grid_over(
+    places: Float[np.ndarray, " t"],
+    reach: tuple[float, float] | None,
+    *,
+    surface: bool,
+) -> tuple[float, float, int]:
+    """Return start, interval and number of nodes, in mm or °.
+
+    Evenly spaced targets become the nodes; else round numbers that cover the readings.
+
+    Args:
+        places: Positions of the readings.
+        reach: Ends that the table must reach, or None.
+        surface: It is one of two positions of a plane.
+    """
+    known = np.unique(np.round(places[np.isfinite(places)], 4))
+    low, high = float(known[0]), float(known[-1])
+    if reach is not None:
+        low, high = min(low, reach[0]), max(high, reach[1])
+    steps = np.diff(known)
+    if 2 <= len(known) <= _TARGETS and np.ptp(steps) < 1e-3 * steps[0]:
+        interval = round(float(steps.mean()), 4)
+        if abs(known[0] + interval * (len(known) - 1) - known[-1]) < 1e-3:
+            before = int(np.ceil((known[0] - low) / interval - 1e-6))
+            after = int(np.ceil((high - known[-1]) / interval - 1e-6))
+            start = float(known[0]) - before * interval
+            return start, interval, len(known) + before + after
+    count = len(places) // _EACH
+    most = min(_SURFACE, int(np.sqrt(count))) if surface else min(_LINE, count)
+    interval = _round_up((high - low) / max(2, min(most, len(known) - 1)))
+    start = np.floor(low / interval + 1e-6) * interval
+    points = int(np.ceil((high - start) / interval - 1e-6)) + 1
+    return round(float(start), 4), interval, max(points, 2)
+
+
+def _round_up(width: float) -> float:
+    """Return the next larger of 1, 2, 2.5, 5, 10, … at every power of ten."""
+    power = 10.0 ** np.floor(np.log10(width))
+    share = width / power
+    step = next(each for each in _STEPS if each >= share - 1e-9)
+    return round(float(step * power), 4)

@@ -1,0 +1,275 @@
+"""The files of one measurement on one clock: which column is where, and the offsets."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from ...data.measurements import (
+    CLOCK,
+    Column,
+    ColumnError,
+    ColumnSpec,
+    MeasurementError,
+    Table,
+    TimedTable,
+    find_role,
+    join_tables,
+    joined_name,
+    measurement,
+)
+from ..fit import FitError
+from ._clocks import ClockState, find_offset
+from ._load import Job
+from ._schema import MeasurementSpec
+
+_PLACES = ("position", "encoder", "actual", "drive_position")
+"""Kinds of role that show the motion of an axis."""
+_OFFSET_WORDS = "or offsets = the known differences of their clocks in s"
+
+
+@dataclasses.dataclass(frozen=True)
+class JoinedFiles:
+    """Several files as one.
+
+    Attributes:
+        table: On the clock of the first file.
+        columns: Column per role.
+        clocks: How each further file was put onto that clock.
+    """
+
+    table: Table
+    columns: Mapping[str, ColumnSpec]
+    clocks: tuple[ClockState, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class _File:
+    """One of the files.
+
+    Attributes:
+        name: As the job names it.
+        table: As read.
+        time: Of its rows in s.
+        roles: Column per role, in this file.
+    """
+
+    name: str
+    table: Table
+    time: Float[np.ndarray, " t"]
+    roles: Mapping[str, ColumnSpec]
+
+    def values(self, role: str) -> Float[np.ndarray, " t"]:
+        """Return a role in the unit of the file, NaN where there is no sample."""
+        column = self.table.column(self.roles[role].column)
+        if column.present is None:
+            return column.values
+        return np.where(column.present, column.values, np.nan)
+
+
+def join_files(
+    job: Job, name: str, spec: MeasurementSpec, tables: Sequence[Table]
+) -> JoinedFiles:
+    """Put the files of a measurement onto the clock of the first one.
+
+    Raises:
+        JobError: If a column is in none of them, or the offset cannot be told.
+        MeasurementError: If a file has no time that ascends.
+    """
+    where = ("measurements", name, "files")
+    assert spec.files is not None  # asked for only then
+    files = [
+        _file(label, table, spec)
+        for label, table in zip(spec.files, tables, strict=True)
+    ]
+    _refuse_missing(files, spec)
+    shifts, clocks = [0.0], list[ClockState]()
+    for k, other in enumerate(files[1:]):
+        if spec.offsets is not None:
+            found = ClockState(name, other.name, spec.offsets[k], None, "the job", None)
+        else:
+            try:
+                found = _offset(name, files[0], other)
+            except FitError as error:
+                reason = (
+                    f"{other.name} beside {files[0].name}: {error} Expected a signal"
+                    f" that tells how far their clocks are apart, {_OFFSET_WORDS}"
+                )
+                raise job.error(where, reason) from None
+        _refuse_apart(job, name, files[0], other, found)
+        shifts.append(found.offset)
+        clocks.append(found)
+    joined = join_tables(
+        [
+            TimedTable(file.table, file.time + shift)
+            for file, shift in zip(files, shifts, strict=True)
+        ]
+    )
+    remarks = (*joined.remarks, *map(_words, clocks))
+    return JoinedFiles(
+        dataclasses.replace(joined, remarks=remarks),
+        _columns(files, joined),
+        tuple(clocks),
+    )
+
+
+def _file(label: str, table: Table, spec: MeasurementSpec) -> _File:
+    roles: dict[str, ColumnSpec] = {}
+    if spec.columns:
+        for role, column in spec.columns.items():
+            wished = ColumnSpec(column) if isinstance(column, str) else None
+            if not isinstance(column, str):
+                if column.file is not None and column.file != label:
+                    continue
+                wished = ColumnSpec(column.column, column.unit)
+            assert wished is not None  # one of the two kinds
+            try:
+                table.column(wished.column)
+            except ColumnError:
+                continue
+            roles[role] = wished
+    else:
+        for each in table.columns:
+            if each.role is not None and find_role(each.role) is not None:
+                roles[each.role] = ColumnSpec(each.header or each.name)
+    clock = roles.pop("time", None) or _own_clock(table)
+    if clock is None:
+        names = ", ".join(column.name for column in table.columns[:12])
+        reason = f"found columns {names}, expected one for the role time in each of the files"
+        raise MeasurementError(str(table.path), reason)
+    time = measurement(table, {"time": clock}).require("time")
+    back = np.flatnonzero(np.diff(time) < 0)
+    if back.size:
+        reason = (
+            f"line {table.lines[int(back[0]) + 1]}: found time that goes back, expected"
+            " a log in the order of time"
+        )
+        raise MeasurementError(str(table.path), reason)
+    return _File(label, table, np.asarray(time, dtype=float), roles)
+
+
+def _own_clock(table: Table) -> ColumnSpec | None:
+    own = next((c for c in table.columns if c.role == "time"), None)
+    return None if own is None else ColumnSpec(own.header or own.name)
+
+
+def _refuse_missing(files: Sequence[_File], spec: MeasurementSpec) -> None:
+    known = {role for file in files for role in file.roles} | {"time"}
+    for role, column in spec.columns.items():
+        if role in known:
+            continue
+        wanted = column if isinstance(column, str) else column.column
+        names = [c.name for file in files for c in file.table.columns]
+        listed = " + ".join(file.name for file in files)
+        raise ColumnError(listed, wanted, names, None)
+
+
+def _offset(name: str, first: _File, other: _File) -> ClockState:
+    """Return the offset of a file, from the first pair of signals that tells it."""
+    pairs = _pairs(first, other)
+    if not pairs:
+        msg = (
+            "found no column that both hold, no position of one axis in both, and no"
+            " error beside a temperature."
+        )
+        raise FitError(msg)
+    failed = []
+    for words, mine, theirs, place in pairs:
+        try:
+            signal = first.values(mine)
+            away = None if place is None else first.values(place)
+            found = find_offset(
+                first.time, signal, other.time, other.values(theirs), away
+            )
+        except FitError as error:
+            failed.append(f"by {words}: {error}")
+            continue
+        return ClockState(
+            name,
+            other.name,
+            found.seconds,
+            found.standard_deviation,
+            words,
+            found.explained,
+        )
+    raise FitError(failed[0])
+
+
+def _pairs(first: _File, other: _File) -> list[tuple[str, str, str, str | None]]:
+    """Return what both files saw, best first: words, role here, role there, place."""
+    found: list[tuple[str, str, str, str | None]] = [
+        (role, role, role, None)
+        for role in first.roles
+        if role in other.roles and role != "run" and not role.endswith(".direction")
+    ]
+    mine, theirs = _by_axis(first), _by_axis(other)
+    for axis in mine.keys() & theirs.keys():
+        a, b = mine[axis], theirs[axis]
+        found.append((f"{a} and {b}", a, b, None))
+    errors = [role for role in first.roles if role.endswith(".error")]
+    warm = [role for role in other.roles if role.startswith("temperature.")]
+    for error in errors:
+        place = error.removesuffix("error") + "position"
+        for sensor in warm:
+            found.append(
+                (
+                    f"{error}, which follows {sensor}",
+                    error,
+                    sensor,
+                    place if place in first.roles else None,
+                )
+            )
+    return found
+
+
+def _by_axis(file: _File) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for kind in _PLACES:
+        for text in file.roles:
+            role = find_role(text)
+            if role is not None and role.axis is not None and role.kind == kind:
+                found.setdefault(role.axis, text)
+    return found
+
+
+def _refuse_apart(
+    job: Job, name: str, first: _File, other: _File, found: ClockState
+) -> None:
+    begin, end = other.time[0] + found.offset, other.time[-1] + found.offset
+    if begin > first.time[-1] or end < first.time[0]:
+        reason = (
+            f"{other.name} beside {first.name}: found no common time ({begin:g} to"
+            f" {end:g} s and {first.time[0]:g} to {first.time[-1]:g} s), expected logs"
+            " taken together"
+        )
+        raise job.error(("measurements", name, "files"), reason)
+
+
+def _columns(files: Sequence[_File], joined: Table) -> dict[str, ColumnSpec]:
+    """Return the column of each role among the joined ones; the first file has it."""
+    found = {"time": ColumnSpec(CLOCK)}
+    names = {column.name for column in joined.columns}
+    for file in files:
+        for role, spec in file.roles.items():
+            if role in found:
+                continue
+            column: Column = file.table.column(spec.column)
+            if column.text is not None:
+                continue
+            own = joined_name(file.table, column)
+            found[role] = ColumnSpec(own if own in names else column.name, spec.unit)
+    return found
+
+
+def _words(clock: ClockState) -> str:
+    if clock.standard_deviation is None:
+        return (
+            f"{clock.file} is put onto the clock of the first file by"
+            f" {clock.offset:+g} s, as the job says (offsets)."
+        )
+    return (
+        f"{clock.file} is put onto the clock of the first file by"
+        f" {clock.offset:+.4g} s ± {clock.standard_deviation:.2g} s (1 sd), from"
+        f" {clock.by}, of whose scatter it explains {100 * (clock.explained or 0):.0f} %."
+    )

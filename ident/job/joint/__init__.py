@@ -1,0 +1,12 @@
+"""Fits that share a group: identified together, then written and proven like any other."""
+
+from ._group import GroupPlan as GroupPlan, plan_groups as plan_groups
+from ._left_out import LeftOutResult as LeftOutResult
+from ._proof import GroupDraft as GroupDraft
+from ._result import (
+    AxisSum as AxisSum,
+    EffectShare as EffectShare,
+    Freedom as Freedom,
+    GroupResult as GroupResult,
+    LostPair as LostPair,
+)

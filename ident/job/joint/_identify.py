@@ -1,0 +1,189 @@
+"""The joint fit of a group, and what readings left out say of it."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fit import FitError
+from ...fit.joint import (
+    AbstractEffect,
+    DelayEffect,
+    JointFit,
+    LeadscrewEffect,
+    Part,
+    fit_joint,
+    refit_joint,
+)
+from .._load import Job
+from ._member import AbstractMember
+from ._recording import GroupRecording
+from ._share import TABLES, lost
+
+
+@dataclasses.dataclass(frozen=True)
+class IdentifiedGroup:
+    """A joint fit with its proof.
+
+    Attributes:
+        fit: The estimate; the parts of the members first, in their order.
+        parts: One per member.
+        helpers: What was fitted beside them and no list of the group holds.
+        written: Whether each member's part may be written.
+        constant: By member, what its table takes over of the axis's datum.
+        left_constant: By axis, the datum that no table of the group holds.
+        held_out: Error less the whole sum as fitted without the reading, by axis.
+    """
+
+    fit: JointFit
+    parts: tuple[Part, ...]
+    helpers: tuple[Part, ...]
+    written: tuple[bool, ...]
+    constant: tuple[float, ...]
+    left_constant: Mapping[str, float]
+    held_out: Mapping[str, Float[np.ndarray, " t"]]
+
+
+def identify_group(
+    job: Job, members: Sequence[AbstractMember], recording: GroupRecording
+) -> IdentifiedGroup:
+    """Fit all members together and hold readings out.
+
+    Raises:
+        FitError: If the readings cannot carry the fit.
+    """
+    effects = _effects(job, members, recording)
+    helpers = _helpers(members, recording)
+    fit = _fit(members, recording, [*effects, *helpers])
+    count = len(effects)
+    parts = fit.parts[:count]
+    written = tuple(_may_be_written(part, fit) for part in parts)
+    constant, left = _datum(members, fit, written)
+    return IdentifiedGroup(
+        fit=fit,
+        parts=parts,
+        helpers=fit.parts[count:],
+        written=written,
+        constant=constant,
+        left_constant=left,
+        held_out=_held_out(recording, fit),
+    )
+
+
+def _may_be_written(part: Part, fit: JointFit) -> bool:
+    if part.effect.compensation == "crosstalk":
+        # Written test by test: those that are told.
+        return bool(part.effect.table(part.determined.astype(float)).all(axis=0).any())
+    return bool(part.determined.any()) and not lost(part, fit)
+
+
+def _effects(
+    job: Job, members: Sequence[AbstractMember], recording: GroupRecording
+) -> list[AbstractEffect]:
+    """Return the effect of each member; some show their form behind the others."""
+    found = [one.effect(job, recording, None) for one in members]
+    if all(effect is not None for effect in found):
+        return [effect for effect in found if effect is not None]
+    known = [effect for effect in found if effect is not None]
+    known += _helpers(members, recording)
+    errors = {one.axis: recording.data.error[one.axis] for one in members}
+    left = dict(errors)
+    if known:
+        first = _fit(members, recording, known)
+        fitted = first.predict(recording.data)
+        left |= {axis: errors[axis] - fitted[axis] for axis in first.axes}
+    result = []
+    for one, effect in zip(members, found, strict=True):
+        chosen = effect
+        if chosen is None:
+            try:
+                chosen = one.effect(job, recording, left[one.axis])
+            except FitError as error:
+                msg = f"{one.name}: {error}"
+                raise FitError(msg) from None
+        assert chosen is not None  # what the others leave is known now
+        result.append(chosen)
+    return result
+
+
+def _helpers(
+    members: Sequence[AbstractMember], recording: GroupRecording
+) -> list[AbstractEffect]:
+    """Return what must stand beside the members, so that they show what is theirs.
+
+    A line over the position that no temperature moves belongs to the leadscrew of its
+    axis; where the group has none, it is fitted and left where it is.
+    """
+    screws = {one.axis for one in members if one.spec.compensation == "leadscrew"}
+    found: list[AbstractEffect] = []
+    for one in members:
+        if one.spec.compensation != "temperature" or not one.positions:
+            continue
+        if one.axis not in screws:
+            place = recording.data.position[one.axis]
+            ends = np.array([np.nanmin(place), np.nanmax(place)], dtype=float)
+            if ends[1] > ends[0]:
+                found.append(LeadscrewEffect(one.axis, ends))
+    if recording.timed:
+        # What is left of the delay of the instrument, and of the rate of its clock.
+        own = dict.fromkeys(one.axis for one in members if one.axis in recording.moving)
+        found += [DelayEffect(axis) for axis in own]
+    return found
+
+
+def _fit(
+    members: Sequence[AbstractMember],
+    recording: GroupRecording,
+    effects: Sequence[AbstractEffect],
+) -> JointFit:
+    tables = [one.spec for one in members if one.holds_constant]
+    return fit_joint(
+        recording.data,
+        effects,
+        loss=members[0].spec.loss,
+        smoothness=tables[0].smoothness if tables else "auto",
+        drift=recording.drift,
+    )
+
+
+def _datum(
+    members: Sequence[AbstractMember], fit: JointFit, written: Sequence[bool]
+) -> tuple[tuple[float, ...], dict[str, float]]:
+    """Return the constant of each axis where a table takes it, and what is left."""
+    left = {axis: float(value) for axis, (value, _) in fit.datum.items()}
+    constant = [0.0] * len(members)
+    for kind in TABLES:
+        for k, one in enumerate(members):
+            if one.spec.compensation == kind and written[k] and left.get(one.axis):
+                constant[k] = left[one.axis]
+                left[one.axis] = 0.0
+    return tuple(constant), left
+
+
+def _held_out(
+    recording: GroupRecording,
+    fit: JointFit,
+) -> dict[str, Float[np.ndarray, " t"]]:
+    """Return each error less the sum that is fitted without its run or block.
+
+    Nodes, lags, forms and smoothness are those of the whole fit; everything else is
+    fitted anew.
+    """
+    data = recording.data
+    result = {axis: np.full(len(data), np.nan) for axis in fit.axes}
+    for turn in np.unique(recording.fold):
+        out = recording.fold == turn
+        try:
+            other = refit_joint(fit, data, use=~out)
+        except FitError:
+            # What is left tells nothing: neither does the prediction.
+            for axis in fit.axes:
+                known = data.error[axis][~out & np.isfinite(data.error[axis])]
+                middle = float(np.median(known)) if known.size else 0.0
+                result[axis][out] = data.error[axis][out] - middle
+            continue
+        predicted = other.predict(data, runs=recording.drifting)
+        for axis in fit.axes:
+            result[axis][out] = (data.error[axis] - predicted[axis])[out]
+    return result

@@ -1,0 +1,234 @@
+"""The proof of a group: how much each effect is, and what all written files leave."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fit.joint import Gauge, Part
+from ...proof import error_figures
+from .._draft import AbstractDraft
+from .._lists import AxisFiles
+from .._load import Job
+from .._output import OutFolder
+from .._result import AbstractResult, Remark
+from ._added import added_by
+from ._identify import IdentifiedGroup
+from ._left_out import LeftOutDraft
+from ._member import AbstractMember
+from ._recording import GroupRecording
+from ._result import AxisSum, EffectShare, Freedom, GroupResult, LostPair
+from ._share import Share, in_words, lost
+
+
+@dataclasses.dataclass(frozen=True)
+class GroupDraft:
+    """A fitted group.
+
+    Attributes:
+        name: In the job.
+        members: Its fits.
+        recording: What was measured.
+        found: The joint fit and its proof.
+        shares: What each member gets of it.
+        drafts: One per member.
+    """
+
+    name: str
+    members: tuple[AbstractMember, ...]
+    recording: GroupRecording
+    found: IdentifiedGroup
+    shares: tuple[Share, ...]
+    drafts: tuple[AbstractDraft, ...]
+
+    def prove(
+        self,
+        job: Job,
+        folder: OutFolder,
+        files: Mapping[str, AxisFiles],
+        written: Mapping[str, tuple[Path, ...]],
+        results: Mapping[int, AbstractResult],
+    ) -> GroupResult:
+        """Return the group with the sum of all its written files, read back.
+
+        Args:
+            job: The job.
+            folder: Where the files lie.
+            files: Lists by axis.
+            written: Names of what was written by axis.
+            results: Of its fits, by their index in the job.
+        """
+        fit = self.found.fit
+        added = [
+            added_by(
+                one, share, job, folder, files[one.axis], written[one.axis],
+                results[one.index],
+            )
+            for one, share in zip(self.drafts, self.shares, strict=True)
+        ]  # fmt: skip
+        return GroupResult(
+            name=self.name,
+            fits=tuple(one.index for one in self.members),
+            effects=self._effects(),
+            freedoms=tuple(
+                Freedom(each.effects, each.sentence, self._rule(each))
+                for each in fit.gauges
+            ),
+            lost=tuple(
+                LostPair(each.effects, each.parameters, each.correlation, each.sentence)
+                for each in fit.confusions
+            ),
+            axes=tuple(self._sum(job, axis, added) for axis in fit.axes),
+            order=self.recording.order,
+            timed=self.recording.timed,
+            held_out=self.recording.held_out,
+            converged=fit.converged,
+            message=fit.message,
+            remarks=tuple(self._remarks()),
+        )
+
+    def _rule(self, gauge: Gauge) -> str:
+        """Return how a freedom was fixed, and where the lists have the datum."""
+        rule = gauge.rule
+        for k, value in enumerate(self.found.constant):
+            part = self.found.parts[k]
+            if value and f"datum of {part.effect.axis}" in gauge.effects:
+                rule += f" In the lists the {part.name} holds the datum."
+        return rule
+
+    def _effects(self) -> tuple[EffectShare, ...]:
+        found = []
+        for k, (part, draft) in enumerate(
+            zip(self.found.parts, self.drafts, strict=True)
+        ):
+            missing = lost(part, self.found.fit)
+            found.append(
+                EffectShare(
+                    index=self.members[k].index,
+                    name=part.name,
+                    axis=part.effect.axis,
+                    compensation=part.effect.compensation,
+                    rms=_size(part),
+                    information=part.share,
+                    determined=not missing,
+                    written=draft.switch is not None,
+                    why=in_words(missing),
+                )
+            )
+        for part in self.found.helpers:
+            late = part.effect.compensation == "delay"
+            own = f"line of {part.effect.axis} over its own position"
+            found.append(
+                EffectShare(
+                    index=None,
+                    name=part.name if late else own,
+                    axis=part.effect.axis,
+                    compensation=part.effect.compensation,
+                    rms=_size(part),
+                    information=part.share,
+                    determined=part.known,
+                    written=False,
+                    why="the instrument's" if late else "no fit of the group holds it",
+                )
+            )
+        return tuple(found)
+
+    def _sum(
+        self, job: Job, axis: str, added: Sequence[Float[np.ndarray, " t"]]
+    ) -> AxisSum:
+        fit, found = self.found.fit, self.found
+        mine = [k for k, one in enumerate(self.members) if one.axis == axis]
+        rows = np.flatnonzero(self.shares[mine[0]].rows)
+        error = self.recording.data.error[axis][rows]
+        if self.recording.drifting:
+            data = self.recording.data
+            drift = fit.predict(data, runs=True)[axis] - fit.predict(data)[axis]
+            error = error - drift[rows]
+        helpers = [part for part in found.helpers if part.effect.axis == axis]
+        for part in helpers:
+            if part.effect.compensation == "delay":
+                error = error - part.contribution[rows]
+        predicted = found.held_out[axis][rows].copy()
+        unwritten = [found.parts[k] for k in mine if self.drafts[k].switch is None] + [
+            part for part in helpers if part.effect.compensation != "delay"
+        ]
+        for part in unwritten:
+            predicted += part.contribution[rows]
+        from_file = error + np.sum([added[k][rows] for k in mine], axis=0)
+        wild = np.asarray(fit.wild[axis][rows])
+        if not any(found.constant[k] for k in mine):
+            # No list takes a constant away: what is left is judged about its middle.
+            error, predicted, from_file = (
+                each - float(np.median(each)) for each in (error, predicted, from_file)
+            )
+        linear = job.spec.axes[axis].kind == "linear"
+        return AxisSum(
+            axis=axis,
+            unit="mm" if linear else "deg",
+            noise=float(fit.noise[axis]),
+            datum=found.left_constant[axis],
+            error={
+                "before": error_figures(error, wild=wild),
+                "predicted": error_figures(predicted, wild=wild),
+                "from_file": error_figures(from_file, wild=wild),
+            },
+            rows=rows,
+            before=error,
+            predicted=predicted,
+            from_file=from_file,
+            wild=wild,
+            runs=tuple(fit.runs.get(axis, ())),
+        )
+
+    def _remarks(self) -> list[Remark]:
+        fit = self.found.fit
+        remarks = [Remark("info", words) for words in _unique(self.recording.remarks)]
+        if not fit.converged:
+            remarks.append(Remark("warning", fit.message))
+        left_out = {
+            share.part.name
+            for share, draft in zip(self.shares, self.drafts, strict=True)
+            if isinstance(draft, LeftOutDraft)
+        }
+        fine = {
+            part.name for part in self.found.parts if not lost(part, self.found.fit)
+        }
+        for each in fit.confusions:
+            own = {part.name for part in self.found.parts} & set(each.effects)
+            if own <= fine:
+                # Only values that hardly any reading reaches: the prior fills them.
+                remarks.append(Remark("info", each.sentence))
+            elif not left_out & own:
+                remarks.append(Remark("error", each.sentence))
+        for axis, value in self.found.left_constant.items():
+            if value:
+                remarks.append(
+                    Remark(
+                        "info",
+                        f"A constant error of {axis} stands in no list of this group:"
+                        " figures of the sum are about their middle.",
+                    )
+                )
+        for part in self.found.helpers:
+            if part.effect.compensation == "delay":
+                continue
+            remarks.append(
+                Remark(
+                    "info",
+                    f"A line over {part.effect.axis} that no temperature moves was"
+                    " fitted beside the group: it belongs to a leadscrew, and no list of"
+                    " this group holds it.",
+                )
+            )
+        return remarks
+
+
+def _unique(remarks: Sequence[Remark]) -> list[str]:
+    return list(dict.fromkeys(each.message for each in remarks))
+
+
+def _size(part: Part) -> float:
+    known = part.contribution[np.isfinite(part.contribution)]
+    return float(np.std(known)) if known.size else 0.0

@@ -1,0 +1,136 @@
+"""What one fit of a group gets of the joint fit: its part, and what the others leave."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...fit.joint import JointFit, Part
+from .._result import Remark
+from ._recording import GroupRecording
+
+TABLES = ("leadscrew", "plane", "cross")
+"""Kinds whose gaps are filled, in the order in which they take a constant."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Share:
+    """One part of a joint fit with the readings that show it.
+
+    Attributes:
+        group: Name of the group.
+        others: Names of the other effects on the same axis.
+        recording: What was measured.
+        fit: The joint fit.
+        part: The part.
+        tables: Names of those of them that are tables and are written.
+        constant: In mm or °, what its table takes over of the axis's datum.
+        predicted: Error of each reading less the whole sum as fitted without it.
+        written: Whether the data tell it, so that it may be written.
+    """
+
+    group: str
+    others: tuple[str, ...]
+    tables: tuple[str, ...]
+    recording: GroupRecording
+    fit: JointFit
+    part: Part
+    constant: float
+    predicted: Float[np.ndarray, " t"]
+    written: bool
+
+    @property
+    def axis(self) -> str:
+        """The compensated axis."""
+        return self.part.effect.axis
+
+    @property
+    def rows(self) -> Bool[np.ndarray, " t"]:
+        """Readings of the axis that have all that the whole sum needs."""
+        return np.asarray(
+            np.isfinite(self.fit.residual[self.axis]) & np.isfinite(self.predicted)
+        )
+
+    @property
+    def left(self) -> Float[np.ndarray, " t"]:
+        """Residual of the whole sum per used reading, offsets of runs included.
+
+        A drift that the job allows for is the instrument's, and taken off.
+        """
+        data = self.recording.data
+        fitted = self.fit.predict(data, runs=self.recording.drifting)[self.axis]
+        error = data.error[self.axis]
+        return np.asarray((error - fitted)[self.rows])
+
+    @property
+    def error(self) -> Float[np.ndarray, " t"]:
+        """Error per used reading that all other effects leave, its own included."""
+        return np.asarray(self.left + self.part.contribution[self.rows] + self.constant)
+
+    @property
+    def message(self) -> str:
+        """How the fit of this axis went."""
+        _, found, rest = self.fit.message.partition(f"Axis {self.axis}: ")
+        return rest.partition(" Axis ")[0] if found else self.fit.message
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of one reading in mm or °."""
+        return float(self.fit.noise[self.axis])
+
+    @property
+    def wild(self) -> Bool[np.ndarray, " t"]:
+        """Used readings that the loss rejected outright."""
+        return np.asarray(self.fit.wild[self.axis][self.rows])
+
+    def column(self, table: str, name: str) -> Float[np.ndarray, " t"]:
+        """Return a column of the recording at the used readings."""
+        values = getattr(self.recording.data, table)[name]
+        return np.asarray(values[self.rows], dtype=float)
+
+    @property
+    def time(self) -> Float[np.ndarray, " t"] | None:
+        """Time of the used readings in s, or None."""
+        time = self.recording.data.time
+        return None if time is None else np.asarray(time[self.rows], dtype=float)
+
+    def slices(self) -> dict[str, slice]:
+        """Return the used rows of each measurement."""
+        kept = np.concatenate([[0], np.cumsum(self.rows)])
+        return {
+            name: slice(int(kept[rows.start]), int(kept[rows.stop]))
+            for name, rows in self.recording.slices.items()
+        }
+
+    def remarks(self) -> list[Remark]:
+        """Return what was taken for granted, and what the figures of this fit are."""
+        beside = ", ".join(self.others)
+        words = (
+            f"Identified together with {beside} (group {self.group!r}): the error before"
+            " is what these leave of the readings, and what is predicted or left from"
+            " the file is the rest of the whole sum."
+            if beside
+            else f"Identified in group {self.group!r}, alone on {self.axis}."
+        )
+        return [Remark("info", words), *self.recording.remarks]
+
+
+def lost(part: Part, fit: JointFit) -> tuple[str, ...]:
+    """Return the values, in words, that readings reach and cannot tell.
+
+    A node that no reading reaches, or that only its neighbours in the same table hide, is
+    a gap, which the prior fills.
+    """
+    named = any(part.name in each.effects for each in fit.confusions)
+    if part.effect.compensation in TABLES and not named:
+        return ()
+    missing = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
+    return tuple(part.labels[int(k)] for k in missing)
+
+
+def in_words(labels: Sequence[str], most: int = 4) -> str:
+    """Return a few of many labels, and how many more there are."""
+    shown = "; ".join(labels[:most])
+    more = len(labels) - most
+    return shown + (f" and {more} more" if more > 0 else "")

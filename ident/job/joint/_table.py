@@ -1,0 +1,160 @@
+"""A plane, cross or leadscrew table of a group."""
+
+import dataclasses
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ...exchange import LIST_UNITS
+from ...fit import Samples, TableFit
+from ...fit.joint import (
+    AbstractEffect,
+    CrossEffect,
+    LeadscrewEffect,
+    Part,
+    PlaneEffect,
+)
+from ...proof import HeldOut
+from .._fit_schema import CrossSpec, PlaneSpec, TableSpec
+from .._fitting import Fitted
+from .._load import Job
+from .._plan import Plan
+from .._readings import Readings
+from .._source import masters_of
+from .._table_draft import TableDraft
+from ._member import AbstractMember
+from ._recording import GroupRecording
+from ._share import Share
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class TableMember(AbstractMember):
+    """A table.
+
+    Attributes:
+        plan: What is written.
+    """
+
+    plan: Plan
+
+    @property
+    def spec(self) -> TableSpec:
+        return self.plan.fit
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        return masters_of(self.spec)
+
+    @property
+    def turning(self) -> tuple[str, ...]:
+        return (self.axis,) if self.plan.table.branches == 2 else ()
+
+    @property
+    def holds_constant(self) -> bool:
+        return True
+
+    def effect(
+        self,
+        job: Job,
+        recording: GroupRecording,
+        left: Float[np.ndarray, " t"] | None,
+    ) -> AbstractEffect:
+        table, spec = self.plan.table, self.spec
+        nodes = tuple(each.positions for each in table.nodes)
+        if isinstance(spec, PlaneSpec):
+            first, second = masters_of(spec)
+            return PlaneEffect(self.axis, (first, second), (nodes[0], nodes[1]))
+        if isinstance(spec, CrossSpec):
+            return CrossEffect(
+                self.axis, spec.master, nodes[0], periodic=table.periodic
+            )
+        return LeadscrewEffect(
+            self.axis, nodes[0], bilateral=spec.bilateral, periodic=table.periodic
+        )
+
+    def draft(self, job: Job, share: Share) -> TableDraft:
+        plan, table = self.plan, self.plan.table
+        part, rows = share.part, share.rows
+        positions = np.stack(
+            [share.column("position", name) for name in masters_of(self.spec)], axis=1
+        )
+        direction, branch = None, None
+        if table.branches == 2:
+            direction = share.column("direction", self.axis).astype(np.int64)
+            branch = (direction < 0).astype(np.int64)
+        run = share.recording.data.run
+        run = None if run is None else run[rows]
+        readings = Readings(
+            positions=positions,
+            error=share.error,
+            direction=direction,
+            run=run,
+            order=share.recording.order[rows],
+            place=None,
+            datum=None,
+            slices=share.slices(),
+            repeated=run is not None,
+            remarks=tuple(share.remarks()),
+        )
+        samples = Samples(
+            positions=positions, error=share.error, branch=branch, run=run
+        )
+        fit = self._table_fit(share, part)
+        old = plan.old_offset if plan.active else None
+        exact = -fit.values if old is None else old - fit.values
+        active = np.zeros(len(share.error))
+        if plan.active and plan.old is not None:
+            active = table.offset(plan.old, positions, branch)
+        integers = table.to_integers(exact)
+        spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
+        return TableDraft(
+            self.index,
+            self.spec,
+            self.lists,
+            Fitted(
+                plan=plan,
+                readings=readings,
+                samples=samples,
+                fit=fit,
+                before=share.error,
+                active=active,
+                integers=integers,
+                rounding=float(np.max(np.abs(table.to_offsets(integers) - exact))),
+                held_out=HeldOut(
+                    residual=share.predicted[rows],
+                    standard_deviation=np.full(len(share.error), spread),
+                    groups=share.recording.fold[rows],
+                    by_run=share.recording.by_run,
+                ),
+                run_effects="offset" if share.fit.runs.get(self.axis) else "none",
+            ),
+        )
+
+    def _table_fit(self, share: Share, part: Part) -> TableFit:
+        """Return the part as the fit of a single table."""
+        deviation = np.array(part.deviation_table, dtype=float)
+        support = np.asarray(part.effect.table(part.support.astype(float)))
+        # What only neighbours of the same table hide is filled like any other gap.
+        hidden = ~np.isfinite(deviation)
+        deviation[hidden] = float(np.std(part.table))
+        support = np.where(hidden, 0.0, support).astype(np.int64)
+        return TableFit(
+            layout=self.plan.table.layout,
+            values=np.asarray(part.table + share.constant),
+            standard_deviation=deviation,
+            support=support,
+            noise=share.noise,
+            smoothness=dict(part.smoothness),
+            loss=self.spec.loss,
+            residual=np.asarray(share.fit.residual[self.axis][share.rows]),
+            share=np.asarray(share.fit.share[self.axis][share.rows], dtype=float),
+            wild=share.wild,
+            runs=tuple(share.fit.runs.get(self.axis, ())),
+            suspect_nodes=(),
+            suspect_runs=(),
+            covariance={},
+            converged=share.fit.converged,
+            message=share.message,
+        )

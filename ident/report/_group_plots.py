@@ -1,0 +1,175 @@
+"""A group in pictures: how much each effect is, and what the whole sum leaves."""
+
+import itertools
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..job import AxisSum, EffectShare, GroupResult
+from . import _style as style
+from ._plot import Plot
+from ._scale import Scale, grouped, number, scale_of
+
+_SLICES = 24
+
+
+def share_plot(group: GroupResult) -> Plot:
+    """Draw the size of each effect and of what the sum leaves, axis by axis."""
+    counts = [len(_effects(group, one)) + 2 for one in group.axes]
+    figure, panels = style.new_figure(
+        0.34 * sum(counts) + 0.75 * len(counts),
+        rows=len(group.axes),
+        gridspec_kw={"height_ratios": counts},
+    )
+    words = []
+    for panel, one in zip(panels, group.axes, strict=True):
+        scale = scale_of(one.unit)
+        effects = _effects(group, one)
+        left = one.error["predicted"].sound.rms
+        names = [_label(each) for each in effects]
+        sizes = [each.rms for each in effects]
+        colors = [style.BLUE if each.written else style.GREY for each in effects]
+        names += ["left over (predicted)", "scatter of a reading"]
+        sizes += [left, one.noise]
+        colors += [style.ORANGE, "white"]
+        places = np.arange(len(names))
+        values = np.array(sizes) * scale.factor
+        bars = panel.barh(places, values, color=colors, height=0.62)
+        bars[-1].set_edgecolor(style.INK)
+        bars[-1].set_linewidth(0.8)
+        for place, value in zip(places, values, strict=True):
+            panel.text(
+                float(value), float(place), f" {number(float(value))}", va="center"
+            )
+        panel.set_yticks(places, names)
+        panel.invert_yaxis()
+        panel.grid(visible=False, axis="y")
+        panel.set_xlim(0, 1.13 * float(values.max(initial=1e-9)))
+        panel.set_title(one.axis)
+        panel.set_xlabel(f"root mean square over the readings in {scale.error}")
+        if effects:
+            largest = max(effects, key=lambda each: each.rms)
+            words.append(
+                f"{one.axis}: most is the {largest.name}"
+                f" ({number(largest.rms * scale.factor)} {scale.error}); what"
+                f" is written leaves {number(left * scale.factor)} {scale.error}"
+            )
+    caption = (
+        f"{'; '.join(words)}. Each bar is what one effect does to the readings, about its"
+        " mean; effects may add up or cancel, so that the bars of an axis need not make"
+        " up its whole error."
+    )
+    if any(not each.written for each in group.effects):
+        caption += " Grey: in no list."
+    return Plot("share", "How much each effect is", figure, caption)
+
+
+def sum_plot(group: GroupResult) -> Plot:
+    """Draw the error before and what the sum leaves, over time or order, axis by axis."""
+    rows = len(group.axes)
+    figure, panels = style.new_figure(
+        2.2 * rows + 0.4, rows=rows, columns=2, width_ratios=[3, 1]
+    )
+    said = []
+    for k, one in enumerate(group.axes):
+        scale = scale_of(one.unit)
+        _over_order(panels[2 * k], group, one, scale, last=k == rows - 1)
+        _spread(panels[2 * k + 1], one, scale, last=k == rows - 1)
+        said.append(_say(one, scale))
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=3, markerscale=2.5)
+    what = "run" if group.held_out == "run" else "stretch of the recording"
+    caption = (
+        f"{' '.join(said)} Each reading is predicted by lists that were fitted without"
+        f" its {what}."
+    )
+    drawn = max(int(one.rows.size) for one in group.axes)
+    if drawn > style.DRAWN_POINTS:
+        caption += (
+            f" {grouped(style.DRAWN_POINTS)} of {grouped(drawn)} readings are drawn; the"
+            " means use all of them."
+        )
+    over = "time" if group.timed else "the order of measuring"
+    return Plot(
+        "sum", f"The whole error over {over}, before and after", figure, caption
+    )
+
+
+def _over_order(
+    panel: Axes, group: GroupResult, one: AxisSum, scale: Scale, last: bool
+) -> None:
+    where = group.order[one.rows]
+    sound = np.flatnonzero(~one.wild)
+    keep = sound[style.thin(sound.size)]
+    size = float(np.clip(90 / np.sqrt(max(keep.size, 1)), 0.8, 3))
+    for values, color, name in (
+        (one.before, style.GREY, "before"),
+        (one.predicted, style.BLUE, "predicted: left by the whole sum"),
+    ):
+        panel.plot(
+            where[keep], values[keep] * scale.factor, linestyle="none", marker="o",
+            markersize=size, markeredgewidth=0, alpha=0.5, color=color, label=name,
+            rasterized=style.as_raster(keep.size),
+        )  # fmt: skip
+    edges = np.quantile(where[sound], np.linspace(0, 1, _SLICES + 1))
+    middle, mean = [], []
+    for low, high in itertools.pairwise(edges):
+        inside = sound[(where[sound] >= low) & (where[sound] <= high)]
+        if inside.size:
+            middle.append(float(np.mean(where[inside])))
+            mean.append(float(np.mean(one.predicted[inside])) * scale.factor)
+    panel.plot(
+        middle, mean, color=style.INK, linewidth=1.1, marker="s", markersize=2.4,
+        label="mean of a slice",
+    )  # fmt: skip
+    panel.axhline(0, color=style.INK, linewidth=0.6)
+    both = np.concatenate([one.before[sound], one.predicted[sound]]) * scale.factor
+    low, high = np.quantile(both, [0.002, 0.998])
+    edge = 0.12 * max(high - low, 1e-9)
+    panel.set_ylim(low - edge, high + edge)
+    panel.set_ylabel(f"error of {one.axis} in {scale.error}")
+    if last:
+        panel.set_xlabel(
+            "time in s" if group.timed else "row, in the order of measuring"
+        )
+
+
+def _spread(panel: Axes, one: AxisSum, scale: Scale, last: bool) -> None:
+    """Draw how the remaining errors are distributed, beside the scatter of a reading."""
+    left = one.predicted[~one.wild] * scale.factor
+    limit = 4.5 * max(one.noise * scale.factor, 1e-9)
+    limit = max(limit, 1.05 * float(np.quantile(np.abs(left), 0.998)))
+    panel.hist(
+        np.clip(left, -limit, limit), bins=41, density=True, color=style.BLUE, alpha=0.6
+    )
+    grid = np.linspace(-limit, limit, 121)
+    sigma = one.noise * scale.factor
+    panel.plot(
+        grid, np.exp(-0.5 * (grid / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi)),
+        color=style.INK, linewidth=1.0,
+    )  # fmt: skip
+    panel.set_yticks([])
+    panel.grid(visible=False)
+    if last:
+        panel.set_xlabel(f"left in {scale.error}")
+
+
+def _say(one: AxisSum, scale: Scale) -> str:
+    before = number(one.error["before"].sound.rms * scale.factor)
+    after = one.error["predicted"].sound.rms
+    ratio = after / one.noise if one.noise > 0 else float("nan")
+    return (
+        f"{one.axis}: {before} {scale.error} rms before,"
+        f" {number(after * scale.factor)} {scale.error} predicted,"
+        f" {ratio:.2f} times the scatter of a reading (line at the right)."
+    )
+
+
+def _effects(group: GroupResult, one: AxisSum) -> list[EffectShare]:
+    own = [each for each in group.effects if each.axis == one.axis]
+    return sorted(own, key=lambda each: -each.rms)
+
+
+def _label(effect: EffectShare) -> str:
+    words = effect.name.replace(f" of {effect.axis}", "", 1)
+    return words if effect.written else f"{words} (in no list)"

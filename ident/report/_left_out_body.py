@@ -1,0 +1,35 @@
+"""What the page says of a fit that its readings do not tell."""
+
+import numpy as np
+
+from ..job import LeftOutResult
+from ._body import Body
+from ._scale import Scale, count, number, percent
+
+_MOST = 8
+
+
+def left_out_body(fit: LeftOutResult, scale: Scale) -> Body:
+    """Return the sentences on a fit that nothing was written of."""
+    told = int(np.sum(fit.determined & (fit.support > 0)))
+    reached = int(np.sum(fit.support > 0))
+    facts = [
+        (
+            "Values",
+            f"{told} of {count(len(fit.values), 'value')} are determined; readings touch"
+            f" {reached} of them.",
+        ),
+        (
+            "Information",
+            f"Beside the other effects of the group {percent(fit.share)} of what these"
+            " readings would tell of it alone is left.",
+        ),
+        ("Scatter of a reading", f"{number(fit.noise * scale.factor)} {scale.error}."),
+    ]
+    lost = np.flatnonzero(~fit.determined & np.isinf(fit.standard_deviation))
+    if lost.size:
+        names = "; ".join(fit.labels[int(k)] for k in lost[:_MOST])
+        more = f" and {lost.size - _MOST} more" if lost.size > _MOST else ""
+        facts.append(("Not determined", f"{names}{more}."))
+    facts.append(("As written", "Nothing: see the remarks above."))
+    return Body(plots=[], facts=facts)
