@@ -19,6 +19,7 @@ from . import (
     _check,
     _demo,
     _diff,
+    _discover,
     _doctor,
     _fit,
     _iso230,
@@ -50,6 +51,7 @@ app.command("probe")(_probe.probe)
 app.command("simulate")(_simulate.simulate)
 app.command("verify")(_verify.verify)
 app.command("doctor")(_doctor.doctor)
+app.command("discover")(_discover.discover)
 
 
 def _print_version(value: bool) -> bool:

@@ -1,0 +1,218 @@
+"""The command ``discover``: which compensations the measurements ask for."""
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ...data.errors import UsageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ..discover import Discovery
+
+_LONG = 10.0
+"""Seconds after which progress is printed as plain lines."""
+
+
+def discover(
+    job: Annotated[
+        Path,
+        typer.Argument(
+            metavar="JOB.toml", help="Job with the measurements; needs no [[fits]]."
+        ),
+    ],
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NEW.toml",
+            help="Write the job that fits what was found, beside JOB.toml, for"
+            " `axcomp fit`.",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was found as JSON.")
+    ] = False,
+) -> None:
+    """Find which compensations the measurements ask for, and from which masters.
+
+    Looks for terms of every compensation and for what the controller has none for.
+    Exit status 1 where the data show an effect and cannot tell which of several it is.
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    if write is not None:
+        _refuse_place(job, write)
+    with console.status("reading the job") as status:
+        from ..discover import discover as look
+        from ..job import job_with_fits, load_job, observe, write_atomically
+
+        start = time.monotonic()
+
+        def progress(line: str) -> None:
+            status.update(line)
+            # Where nobody sees the spinner, plain lines, but only once it takes long.
+            if not console.is_terminal and time.monotonic() - start > _LONG:
+                console.print(line, markup=False)
+
+        loaded = load_job(job, needs_fits=False)
+        progress("reading the measurements")
+        seen = observe(loaded)
+        found = look(
+            seen.data, tuple(loaded.spec.axes), source=str(job), progress=progress
+        )
+    for remark in seen.remarks:
+        console.print(f"info: {remark}", markup=False, soft_wrap=True)
+    if as_json:
+        typer.echo(json.dumps(_json(found), indent=2, ensure_ascii=False))
+    else:
+        _print(Console(highlight=False), found)
+    if write is not None and found.found:
+        write_atomically(write, job_with_fits(loaded, seen, found).encode())
+        console.print(f"Job with {_fits(len(found.found))}: {write}", markup=False)
+    elif write is not None:
+        console.print(
+            f"Nothing to fit was found: {write} was not written.", markup=False
+        )
+    if not found.told:
+        raise typer.Exit(1)
+
+
+def _fits(count: int) -> str:
+    return "one fit" if count == 1 else f"{count} fits"
+
+
+def _refuse_place(job: Path, write: Path) -> None:
+    """Raise where a new job would not find its files, or would replace another."""
+    if write.resolve().parent != job.resolve().parent:
+        message = (
+            f"--write: found {write}, expected a file beside {job}: paths in a job are"
+            " relative to it"
+        )
+        raise UsageError(message)
+    if write.exists():
+        message = f"--write: found {write}, which exists, expected a new file"
+        raise UsageError(message)
+
+
+def _json(found: "Discovery") -> dict[str, object]:
+    return {
+        "axes": [
+            {
+                "axis": one.axis,
+                "channel": one.channel,
+                "rows": one.rows,
+                "rms": one.rms,
+                "noise": one.noise,
+                "unit": one.unit,
+            }
+            for one in found.axes
+        ],
+        "found": [
+            {
+                "compensation": one.compensation,
+                "axis": one.axis,
+                "masters": list(one.masters),
+                "sensor": one.sensor,
+                "share": one.share,
+                "rms": one.rms,
+                "unit": one.unit,
+                "stability": one.stability,
+                "keys": dict(one.keys),
+                "group": one.group,
+                "sentence": one.sentence,
+            }
+            for one in found.found
+        ],
+        "rejected": [
+            {
+                "compensation": one.compensation,
+                "axis": one.axis,
+                "masters": list(one.masters),
+                "sensor": one.sensor,
+                "reason": one.reason,
+            }
+            for one in found.rejected
+        ],
+        "unexplained": [
+            {
+                "axis": one.axis,
+                "what": one.what,
+                "masters": list(one.masters),
+                "share": one.share,
+                "rms": one.rms,
+                "unit": one.unit,
+                "verdict": one.verdict,
+                "sentence": one.sentence,
+            }
+            for one in found.unexplained
+        ],
+    }
+
+
+def _print(console: "Console", found: "Discovery") -> None:
+    """Print what a person wants to know: what to compensate, by how much, what stays."""
+    from rich.table import Table
+
+    def tell(line: str) -> None:
+        console.print(line, markup=False, soft_wrap=True)
+
+    for axis in found.axes:
+        mine = [
+            one
+            for one in found.found
+            if one.axis == axis.axis
+            and (one.compensation == "friction") == (axis.channel == "current")
+        ]
+        title = (
+            f"{axis.channel} of {axis.axis}: {_amount(axis.rms, axis.unit)} rms in"
+            f" {axis.rows} readings, {_amount(axis.noise, axis.unit)} of it scatter"
+        )
+        table = Table()
+        for words in ("compensation", "over", "sensor"):
+            table.add_column(words)
+        for words in ("rms", "share", "stability"):
+            table.add_column(words, justify="right")
+        for one in mine:
+            table.add_row(
+                one.compensation,
+                ", ".join(one.masters) or "–",
+                one.sensor or _sensors(one.keys) or "–",
+                _amount(one.rms, one.unit),
+                f"{one.share:.1%}",
+                f"{one.stability:.0%}",
+            )
+        tell(title if mine else f"{title}: no compensation found")
+        if mine:
+            console.print(table)
+        for one in mine:
+            tell(one.sentence)
+        console.print()
+    if found.unexplained:
+        tell("Unexplained:")
+    for rest in found.unexplained:
+        tell(f"  {rest.verdict}: {rest.sentence}")
+    if found.rejected:
+        tell("Looked for and not taken:")
+    for no in found.rejected:
+        by = [*no.masters, *([no.sensor] if no.sensor else [])]
+        over = f" ({', '.join(by)})" if by else ""
+        name = f"{no.compensation} of {no.axis}{over}"
+        tell(f"  {name}: {no.reason}")
+
+
+def _sensors(keys: object) -> str:
+    sensors = keys.get("sensors") if isinstance(keys, dict) else None
+    if not isinstance(sensors, dict):
+        return ""
+    return ", ".join(dict.fromkeys(map(str, sensors.values())))
+
+
+def _amount(value: float, unit: str) -> str:
+    if unit == "mm":
+        return f"{1e3 * value:.3g} µm"
+    return f"{1e3 * value:.3g} m°" if unit == "°" else f"{value:.3g}"

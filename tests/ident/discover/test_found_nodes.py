@@ -1,0 +1,35 @@
+"""Where the nodes of a table lie that nobody has chosen."""
+
+import numpy as np
+import pytest
+
+from axcomp.ident.job._found_nodes import grid_over
+
+
+def test_targets_become_nodes() -> None:
+    places = np.tile(np.arange(20.0, 301.0, 35.0), 6)
+    assert grid_over(places, None, surface=False) == (20.0, 35.0, 9)
+
+
+def test_targets_become_nodes_and_reach_the_limits() -> None:
+    places = np.tile(np.arange(20.0, 301.0, 35.0), 6)
+    start, interval, points = grid_over(places, (0.0, 310.0), surface=False)
+    assert (start, interval) == (-15.0, 35.0)
+    assert start + interval * (points - 1) >= 310.0
+
+
+@pytest.mark.parametrize("surface", [False, True])
+def test_a_trace_gets_round_numbers_that_cover_it(surface: bool) -> None:
+    places = np.random.default_rng(0).uniform(3.3, 411.7, 4000)
+    start, interval, points = grid_over(places, None, surface=surface)
+    assert start <= 3.3 < start + interval
+    assert start + interval * (points - 2) < 411.7 <= start + interval * (points - 1)
+    assert interval == (25.0 if surface else 10.0)
+
+
+def test_few_readings_get_few_nodes() -> None:
+    places = np.random.default_rng(0).uniform(0.0, 100.0, 60)
+    start, interval, points = grid_over(places, None, surface=False)
+    assert points <= 60 // 10 + 2
+    assert start <= places.min()
+    assert start + interval * (points - 1) >= places.max()
