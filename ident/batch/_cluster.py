@@ -38,6 +38,8 @@ def workers_of(scheduler: str | None, count: int | None) -> Iterator[Any]:
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
         "distributed.comm.timeouts.connect": _CONNECT,
         "distributed.worker.memory.terminate": False,
+        # It would look at the stacks of all jobs of a group a hundred times a second.
+        "distributed.worker.profile.enabled": False,
         "distributed.logging.distributed": "critical",
     }
     with contextlib.ExitStack() as stack:

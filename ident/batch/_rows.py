@@ -1,6 +1,7 @@
 """Rows of the table of results, from what a job wrote or from why it failed."""
 
 import datetime
+import hashlib
 import itertools
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -33,18 +34,28 @@ def rows_of(
         "machine_id": machine.get("id"),
         "measured_at": machine.get("measured_at"),
         "job_sha256": job_hash,
+        "inputs_sha256": hash_of_inputs(result["inputs"]),
         "wall_time": result["wall_time"],
     }
+    remarks = list(result["remarks"])
+    for group in result.get("groups", ()):
+        remarks += group["remarks"]
     general = [
         remark["message"]
-        for remark in result["remarks"]
+        for remark in remarks
         if remark["level"] in ("warning", "error")
     ]
-    whole = not any(remark["level"] == "error" for remark in result["remarks"])
+    whole = not any(remark["level"] == "error" for remark in remarks)
     return [
         common | _fit_row(k, fit, general, whole)
         for k, fit in enumerate(result["fits"])
     ]
+
+
+def hash_of_inputs(inputs: Mapping[str, str]) -> str:
+    """Return one hash for the hashes of all files of a job, by name."""
+    lines = (f"{name} {inputs[name]}\n" for name in sorted(inputs))
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
 def failed_row(name: str, reason: str, **known: Any) -> Row:
@@ -87,6 +98,8 @@ def _flat(table: Any) -> list[Any] | None:
     """Return all numbers of a table in a row; branches follow each other."""
     if table is None:
         return None
+    if isinstance(table, int | float):
+        return [table]
     if isinstance(table, Mapping):
         parts: Iterable[Any] = table.values()
     elif table and isinstance(table[0], list):

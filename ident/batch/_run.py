@@ -21,7 +21,7 @@ from ._rows import Row, failed_row
 from ._shapes import shape_of
 from ._summary import Summary, summarise
 from ._table import write_results
-from ._work import WORK, Order, Outcome, Task
+from ._work import WORK, Order, Outcome, Task, inputs_hash, is_changed
 
 _CHUNK = 64
 """Jobs that go together; more would only wait longer for each other."""
@@ -107,10 +107,11 @@ def run_batch(
                 item.path.parent.mkdir(exist_ok=True)
                 item.path.write_bytes(text)
         order = Order(str(out), secrets.token_hex(4), reports, time_limit)
-        todo = [task for task in tasks if task.name not in done]
         stand = Progress(len(tasks), len(done))
         try:
-            for name, rows in _run(todo, order, scheduler, workers, journal, stand):
+            for name, rows in _run(
+                tasks, done, order, scheduler, workers, journal, stand
+            ):
                 done[name] = rows
                 if progress is not None:
                     progress(stand)
@@ -161,18 +162,28 @@ def _task(item: JobItem, text: bytes) -> Task:
 
 def _run(
     tasks: Sequence[Task],
+    done: dict[str, list[Row]],
     order: Order,
     scheduler: str | None,
     workers: int | None,
     journal: Journal,
     stand: Progress,
 ) -> Iterator[tuple[str, list[Row]]]:
-    """Yield the rows of every job, once they are in the journal."""
+    """Yield the rows of every job still to do, once they are in the journal.
+
+    What was done before with other files than those of now is to do again: it leaves
+    ``done``.
+    """
     if not tasks:
         return
     try:
         with workers_of(scheduler, workers) as client:
-            good, bad = _checked(client, tasks)
+            for name in _changed(client, tasks, done):
+                del done[name]
+            stand.done = len(done)
+            good, bad = _checked(
+                client, [task for task in tasks if task.name not in done]
+            )
             journal.add([(one.name, one.rows) for one in bad])
             for one in bad:
                 stand.count(1)
@@ -218,14 +229,34 @@ def _checked(client: Any, tasks: Sequence[Task]) -> tuple[list[Task], list[Outco
     good: list[tuple[str, int, Task]] = []
     bad: list[Outcome] = []
     for part, found in zip(parts, client.gather(futures), strict=True):
-        for task, (shape, reason) in zip(part, found, strict=True):
+        for task, (shape, reason, inputs) in zip(part, found, strict=True):
             if reason is None:
                 good.append((shape, len(good), task))
             else:
-                row = failed_row(task.name, reason, job_sha256=task.sha256)
-                bad.append(Outcome(task.name, [row]))
+                known = {"job_sha256": task.sha256, "inputs_sha256": inputs}
+                bad.append(Outcome(task.name, [failed_row(task.name, reason, **known)]))
     return [task for _, _, task in sorted(good, key=lambda one: one[:2])], bad
 
 
-def _check_all(tasks: Sequence[Task]) -> list[tuple[str, str | None]]:
-    return [shape_of(Path(task.path)) for task in tasks]
+def _changed(
+    client: Any, tasks: Sequence[Task], done: Mapping[str, list[Row]]
+) -> list[str]:
+    """Return the finished jobs of which a file is not what it was."""
+    pairs = [(task, done[task.name]) for task in tasks if task.name in done]
+    size = max(1, min(500, -(-len(pairs) // 8)))
+    parts = [pairs[k : k + size] for k in range(0, len(pairs), size)]
+    found = client.gather(client.map(_changed_of, parts, pure=False))
+    return [name for names in found for name in names]
+
+
+def _changed_of(pairs: Sequence[tuple[Task, list[Row]]]) -> list[str]:
+    return [task.name for task, rows in pairs if is_changed(task, rows)]
+
+
+def _check_all(tasks: Sequence[Task]) -> list[tuple[str, str | None, str | None]]:
+    """Return shape, why it cannot run, and then a hash of its files, of every job."""
+    found: list[tuple[str, str | None, str | None]] = []
+    for path in (Path(task.path) for task in tasks):
+        shape, reason = shape_of(path)
+        found.append((shape, reason, None if reason is None else inputs_hash(path)))
+    return found

@@ -70,6 +70,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "warnings": ("strings", "remarks of level warning or error"),
     "files": ("strings", "written files, relative to `folder`"),
     "job_sha256": ("string", "hash of the job file"),
+    "inputs_sha256": (
+        "string",
+        "hash of all files that the job reads: itself, measurements, existing lists",
+    ),
     "wall_time": ("float", "seconds that the job took, those of its group included"),
 }
 """Name, type and meaning of every column; lengths in mm, angles in °."""

@@ -15,7 +15,15 @@ def shape_of(path: Path) -> tuple[str, str | None]:
         return "", " ".join(str(error).split())
     parts = []
     for fit in job.spec.fits:
-        keys = ("points", "setpoints", "bilateral", "modulo", "loss", "smoothness")
+        keys = (
+            "points",
+            "setpoints",
+            "bilateral",
+            "modulo",
+            "loss",
+            "smoothness",
+            "group",
+        )
         shown = (f"{key}={_size(getattr(fit, key, None))}" for key in keys)
         parts.append(f"{fit.compensation} {' '.join(shown)}")
     return "; ".join(parts), None

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...data.errors import AxcompError
-from ..fit import Gathering
-from ._rows import Row, failed_row, rows_of
+from ..fit import Gathering, waiting
+from ._rows import Row, failed_row, hash_of_inputs, rows_of
 
 if TYPE_CHECKING:
     from ..job import JobResult
@@ -109,9 +109,7 @@ def _guarded(task: Task, order: Order) -> Outcome:
         return Outcome(task.name, done)
     if (order.work / "late" / task.name).exists():
         words = f"took more than {order.limit:g} s (--time-limit) and was given up"
-        return Outcome(
-            task.name, [failed_row(task.name, words, job_sha256=task.sha256)]
-        )
+        return Outcome(task.name, [_failed(task, words)])
     stage = order.work / task.name
     shutil.rmtree(stage, ignore_errors=True)
     try:
@@ -121,8 +119,33 @@ def _guarded(task: Task, order: Order) -> Outcome:
     except Exception as error:  # a batch goes on, whatever one job meets
         reason, full = f"unexpected {type(error).__name__}: {error}", False
     shutil.rmtree(stage, ignore_errors=True)
-    row = failed_row(task.name, " ".join(reason.split()), job_sha256=task.sha256)
-    return Outcome(task.name, [row], full)
+    return Outcome(task.name, [_failed(task, reason)], full)
+
+
+def _failed(task: Task, reason: str) -> Row:
+    return failed_row(
+        task.name,
+        " ".join(reason.split()),
+        job_sha256=task.sha256,
+        inputs_sha256=inputs_hash(Path(task.path)),
+    )
+
+
+def inputs_hash(path: Path) -> str:
+    """Return one hash for all files that a job reads, as far as they are there."""
+    from ..job import input_hashes
+
+    try:
+        return hash_of_inputs(input_hashes(path))
+    except (AxcompError, OSError) as error:
+        # Once what is missing or wrong has changed, this is another hash.
+        return hash_of_inputs({path.name: " ".join(str(error).split())})
+
+
+def is_changed(task: Task, rows: Sequence[Row]) -> bool:
+    """Whether a file that a finished job reads is not what it was then."""
+    known = rows[0].get("inputs_sha256") if rows else None
+    return known is not None and known != inputs_hash(Path(task.path))
 
 
 def _is_full(error: BaseException | None) -> bool:
@@ -138,11 +161,11 @@ def _is_full(error: BaseException | None) -> bool:
 
 
 def _run(task: Task, order: Order, stage: Path) -> list[Row]:
-    from ..job import run_job
+    from ..job import run_job, sync_folder
 
     out = Path(order.out)
     stage.parent.mkdir(parents=True, exist_ok=True)
-    result = run_job(Path(task.path), stage)
+    result = run_job(Path(task.path), stage, sync=False)
     if not all((stage / file).is_file() for file in result.files):
         # The batch that this worker belonged to ended and took its work away.
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(stage))
@@ -153,6 +176,8 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     )
     place = out / ("lists" if verified else "unverified") / task.name
     place.parent.mkdir(exist_ok=True)
+    with waiting():
+        sync_folder(stage)
     try:
         stage.rename(place)
     except OSError:
@@ -160,7 +185,7 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
         if not place.is_dir():
             raise
         shutil.rmtree(stage, ignore_errors=True)
-    rows = published(task, out)
+    rows = published(task, out, fresh=True)
     assert rows is not None
     return rows
 
@@ -176,15 +201,23 @@ def _report(result: "JobResult", folder: Path) -> None:
         write_report(result, folder)
 
 
-def published(task: Task, out: Path) -> list[Row] | None:
-    """Return the rows of a job whose files lie in their place, or None."""
+def published(task: Task, out: Path, *, fresh: bool = False) -> list[Row] | None:
+    """Return the rows of a job whose files lie in their place, or None.
+
+    Args:
+        task: The job.
+        out: Folder of the batch.
+        fresh: They were put there just now; else what they were made of is looked at.
+    """
     for verified, kind in ((True, "lists"), (False, "unverified")):
         folder = out / kind / task.name
         try:
             result = json.loads((folder / "result.json").read_bytes())
         except (OSError, ValueError):
             continue
-        current = task.sha256 in result["inputs"].values()
+        current = task.sha256 in result["inputs"].values() and (
+            fresh or hash_of_inputs(result["inputs"]) == inputs_hash(Path(task.path))
+        )
         whole = all((folder / file).is_file() for file in result["files"])
         if not (current and whole):
             # Of a job that was changed since, or of a worker that was stopped.

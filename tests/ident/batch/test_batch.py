@@ -24,7 +24,7 @@ from axcomp.ident.batch._journal import Journal
 from axcomp.ident.batch._lock import locked
 from axcomp.ident.batch._rows import failed_row
 from axcomp.ident.batch._table import write_results
-from axcomp.ident.batch._work import Order, Outcome, Task, run_chunk
+from axcomp.ident.batch._work import Order, Outcome, Task, is_changed, run_chunk
 from axcomp.ident.cli import main
 from axcomp.ident.fit import Gathering, in_group
 from axcomp.ident.job import load_job, run_job
@@ -250,7 +250,7 @@ def test_a_disk_without_room_is_no_fault_of_the_job(
 
     from axcomp.ident.job import _output
 
-    def full(path: Path, content: bytes) -> None:
+    def full(path: Path, content: bytes, **options: bool) -> None:
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
     monkeypatch.setattr(_output, "write_atomically", full)
@@ -260,6 +260,26 @@ def test_a_disk_without_room_is_no_fault_of_the_job(
     assert isinstance(found, Outcome)
     assert found.full
     assert not list((tmp_path / "out").rglob("*.lis"))
+
+
+def test_a_job_whose_measurement_changed_is_to_be_done_again(
+    tmp_path: Path, fleet: Fleet, readings: Callable[[int, float], str]
+) -> None:
+    names = fleet(tmp_path / "jobs", 3)
+    (tmp_path / "jobs" / "00002.csv").write_text("x,e\n1,two\n")
+    tasks = tasks_of(tmp_path / "jobs", names)
+    order = Order(str(tmp_path / "out"), "t")
+    done = run_chunk(tasks, order)
+    assert [one.rows[0]["state"] for one in done] == ["done", "done", "failed"]
+    assert not any(is_changed(t, one.rows) for t, one in zip(tasks, done, strict=True))
+    for k in (1, 2):
+        (tmp_path / "jobs" / f"{k:05d}.csv").write_text(readings(7, 1.0))
+    changed = [is_changed(t, one.rows) for t, one in zip(tasks, done, strict=True)]
+    assert changed == [False, True, True]
+    # The folder of the first run must not be taken for the result of this one.
+    again = run_chunk(tasks[1:], order)
+    assert [one.rows[0]["state"] for one in again] == ["done", "done"]
+    assert again[0].rows[0]["table"] != done[1].rows[0]["table"]
 
 
 def test_the_table_carries_its_version_and_the_meaning_of_every_column(
