@@ -4,12 +4,15 @@ Two cores shared with other work: each time is the best of several, and the cont
 turns, so that a busy spell meets all of them. Ratios are what counts.
 """
 
+import dataclasses
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numba
 import numpy as np
 import optimistix as optx
 import pytest
@@ -19,8 +22,10 @@ from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
 
 from axcomp.ident.fit.friction import (
+    AbstractSolver,
     CoulombViscous,
     DriveSamples,
+    Marquardt,
     fit_inverse,
     fit_output_error,
     fit_stribeck_batch,
@@ -36,6 +41,8 @@ SAME = 1e-6
 EMPS = Path(__file__).parent / "../../shared/data/emps/DATA_EMPS.mat"
 BUTTER = np.asarray(butter(4, 0.2, output="sos"))  # 100 Hz at 1 kHz
 COLD, WARM = 3.0, 0.7  # s
+NUMBA_COST = 1e-3
+"""Relative difference of the cost of two solvers of one output-error problem."""
 
 
 def fleet() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -154,6 +161,126 @@ def test_batch(benchmark: BenchmarkFixture) -> None:
     benchmark(lambda: jax.block_until_ready(batch()))
 
 
+@numba.njit
+def travel(
+    parameters: np.ndarray, force: np.ndarray, start: float, small: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Way of one free run after each sample, and its slopes; two substeps per sample.
+
+    The axis is that of `_axis._after`: inertia m, offset o, Coulomb c and viscous b, alike
+    in both directions.
+    """
+    m, o, c, b = parameters
+    gain = small / m
+    by_m = -gain / m
+    count = force.size
+    way, slopes = np.empty(count), np.empty((count, 4))
+    place, v = 0.0, start
+    dv, dx = np.zeros(4), np.zeros(4)
+    ds, dn = np.empty(4), np.empty(4)
+    for k in range(count):
+        push = force[k] - o
+        for _ in range(2):
+            forward = push > 0 if v == 0.0 else v > 0
+            sign = 1.0 if forward else -1.0
+            rate = sign * push - c
+            speed = sign * v + gain * rate
+            for i in range(4):
+                ds[i] = sign * dv[i]
+            ds[0] += by_m * rate
+            ds[1] -= gain * sign
+            ds[2] -= gain
+            if speed > 0:
+                size = 1.0 + gain * b
+                v = sign * speed / size
+                for i in range(4):
+                    dn[i] = sign * ds[i] / size
+                dn[0] -= sign * speed / size**2 * by_m * b
+                dn[3] -= sign * speed / size**2 * gain
+            else:
+                rate = min(rate, -1e-300)
+                left = speed / rate
+                rate_back = -sign * push - c
+                if rate_back > 0:
+                    size = 1.0 + left * b
+                    v = -sign * left * rate_back / size
+                    ds[1] += left * sign
+                    ds[2] += left
+                    for i in range(4):
+                        ds[i] /= rate
+                        dn[i] = -sign * rate_back * ds[i] / size**2
+                    dn[1] -= left / size
+                    dn[2] += sign * left / size
+                    dn[3] += sign * rate_back * left**2 / size**2
+                else:
+                    v = 0.0
+                    dn[:] = 0.0
+            dv[:] = dn
+            place += small * v
+            for i in range(4):
+                dx[i] += small * dv[i]
+        way[k] = place
+        slopes[k] = dx
+    return way, slopes
+
+
+class Plain(AbstractSolver):
+    """The same problem by numba and SciPy; remembers what it was asked."""
+
+    asked: Any = None
+    own_cost = 0.0
+
+    @property
+    def words(self) -> str:
+        return "numba + SciPy"
+
+    def solve(self, shooting: Any) -> Any:
+        self.asked = shooting
+        rows = [0, 1, 2, 4]  # inertia, offset, Coulomb, viscous
+        mixing, constant = shooting.mixing[rows], shooting.constant[rows]
+        small = shooting.step / 2
+        # Where only the guess is known of a direction, rounding may make it negative.
+        sizes, ways = np.linalg.eigh(shooting.belief)
+        known = np.sqrt(np.maximum(sizes, 0.0))[:, None] * ways.T
+        seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+        def both(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            key = values.tobytes()
+            if key not in seen:
+                seen.clear()
+                way, slopes = travel(
+                    constant + mixing @ values,
+                    shooting.force,
+                    float(shooting.velocity[0]),
+                    small,
+                )
+                use = shooting.compared.astype(float)
+                rest = use * (way + shooting.position[0] - shooting.target)
+                off = known @ (values - shooting.centre)
+                jacobian = np.concatenate([use[:, None] * (slopes @ mixing), known])
+                seen[key] = np.concatenate([rest, off]), jacobian
+            return seen[key]
+
+        found = least_squares(
+            lambda values: both(values)[0],
+            shooting.start,
+            lambda values: both(values)[1],  # type: ignore[arg-type,return-value]
+            bounds=(shooting.low, shooting.high),
+            x_scale="jac",
+            ftol=1e-5,
+        )
+        ours = Marquardt(max_passes=1).solve(shooting)
+        count = len(shooting.target)
+        self.own_cost = float(found.cost)
+        return dataclasses.replace(
+            ours,
+            values=found.x,
+            cost=self.own_cost,
+            residual=-found.fun[:count],
+            slopes=found.jac[:count],
+        )
+
+
 def test_output_error_of_emps(benchmark: BenchmarkFixture) -> None:
     if not EMPS.exists():
         pytest.skip("needs ../shared/data/emps/DATA_EMPS.mat")
@@ -180,6 +307,20 @@ def test_output_error_of_emps(benchmark: BenchmarkFixture) -> None:
         "force_error": fit.friction.relative_error,
         "passes": fit.friction.passes,
     }
+    plain = Plain()
+    other = fit_output_error(guess, samples, solver=plain)
+    shooting, own = plain.asked, Marquardt()
+    times: dict[str, list[float]] = {"numba": [], "own": []}
+    for _ in range(ROUNDS):  # in turns; the shooting alone, from the same start
+        times["numba"].append(best_of(lambda: plain.solve(shooting).cost, 1))
+        times["own"].append(best_of(lambda: own.solve(shooting).cost, 1))
+    benchmark.extra_info |= {
+        "cost_mm2": fit.cost,
+        "numba_cost_mm2": other.cost,
+        "shooting_s": min(times["own"]),
+        "numba_shooting_s": min(times["numba"]),
+    }
+    assert fit.cost <= (1.0 + NUMBA_COST) * other.cost
     assert fit.free_run <= 2.71
     assert cold <= COLD
     assert warm <= WARM

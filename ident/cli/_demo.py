@@ -51,7 +51,7 @@ def demo(
     _print(console, out, result)
     if as_json:
         typer.echo(json.dumps(_as_dict(result), indent=2))
-    if not result.job.passed:
+    if not (result.job.passed and result.work.job.passed):
         raise typer.Exit(1)
 
 
@@ -74,6 +74,7 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
     spikes = (f"{1000 * size:.1f}" for size in vars(result.spikes).values())
     table.add_row("X  friction: mark on a circle, largest", *spikes)
     console.print(table)
+    _print_work(console, result)
     lists = ", ".join(outcome.fit.files[0].name for outcome in result.outcomes)
     lines = [
         "",
@@ -81,6 +82,7 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
         "verified   the second measurement, at other positions",
         "",
         f"Lists   {lists} in {out / 'result'}",
+        f"        and in {out / 'work' / 'result'}",
         f"Report  {result.report}  (open it in a browser)",
         f"Next    read {out / 'job.toml'}; copy it there, change it, then",
         "        axcomp fit COPY.toml --out my-result",
@@ -88,6 +90,28 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
     ]
     for line in lines:
         console.print(line, markup=False, soft_wrap=True)
+
+
+def _print_work(console: "Console", result: "DemoResult") -> None:
+    from rich.table import Table
+
+    console.print(
+        "\nThen such a mill worked for two minutes with every fault at once: pitch,\n"
+        "backlash, a bent beam, an uneven table, warmth, and a column that nods. One job\n"
+        "took its log, in motion, apart; the reference was late against the encoders.\n",
+        markup=False,
+    )
+    table = Table(box=None, pad_edge=False)
+    table.add_column("everything at once")
+    for heading in ("before", "predicted", "verified"):
+        table.add_column(f"  {heading}", justify="right")
+    for axis, sizes in result.work.rms.items():
+        found = ", ".join(
+            fit.compensation for fit in result.work.job.fits if fit.axis == axis
+        )
+        numbers = (f"{1000 * size:.1f}" for size in sizes.values())
+        table.add_row(f"{axis}  {found}", *numbers)
+    console.print(table)
 
 
 def _sizes(outcome: "Outcome") -> dict[str, float]:
@@ -118,6 +142,7 @@ def _as_dict(result: "DemoResult") -> dict[str, Any]:
             for outcome in result.outcomes
         ],
         "friction": vars(result.spikes),
+        "work": {axis: dict(sizes) for axis, sizes in result.work.rms.items()},
         "report": str(result.report),
         "wall_time": result.wall_time,
     }

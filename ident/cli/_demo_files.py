@@ -30,7 +30,7 @@ from ..machine import (
 )
 
 _MANIFEST = ".axcomp-demo.json"
-_MADE = ("result/", "second/")
+_MADE = ("result/", "second/", "work/result/", "work/second/")
 
 README = """\
 Made by `axcomp demo`: a portal mill that exists only in the computer.
@@ -43,6 +43,9 @@ job.toml       what to make of it; run it again with
 result/        the new lists, and report.html, which tells how good they are
 second/        the same measurements once more with the new lists loaded, at other
                positions, and the job that evaluates them
+work/          the same kind of machine at work, with every fault at once: one log in
+               motion, one job that finds all compensations together, their lists and
+               report, and the log of a second run with all of them loaded
 """
 
 _TABLES = """\

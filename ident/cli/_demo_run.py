@@ -20,6 +20,7 @@ from ..machine import VirtualMachine, example_drive, example_machine
 from ..proof import circular_test
 from ..report import SecondMeasurement, write_report
 from . import _demo_files as files
+from ._demo_work import WorkResult, run_work
 
 _SEED = 20261120
 
@@ -65,6 +66,7 @@ class DemoResult:
         outcomes: One per table.
         spikes: What friction does to a circle.
         job: Result of the job on the first measurement.
+        work: What was found while the machine worked, all faults at once.
         report: The page.
         wall_time: Of the whole demo in seconds, without starting Python.
     """
@@ -72,6 +74,7 @@ class DemoResult:
     outcomes: tuple[Outcome, ...]
     spikes: Spikes
     job: JobResult
+    work: WorkResult
     report: Path
     wall_time: float
 
@@ -105,11 +108,15 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     seconds = _measure_again(out, loaded, say)
     say("drawing the report")
     page, *_ = write_report(job, out / "result", second=dict(enumerate(seconds)))
+    work = run_work(out / "work", _SEED + 14, say)
+    say("drawing the report of the working machine")
+    write_report(work.job, out / "work" / "result")
     files.seal_folder(out)
     return DemoResult(
         outcomes=tuple(map(Outcome, job.tables, seconds)),
         spikes=_spikes(job, out / "result"),
         job=job,
+        work=work,
         report=page,
         wall_time=time.perf_counter() - start,
     )

@@ -13,7 +13,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from axcomp.data.measurements import LogPart, MeasurementError, log_parts
+from axcomp.ident.batch import fit_log
 from axcomp.ident.fit import FitError, Samples, TableFit, TableLayout, fit_streamed
+from axcomp.ident.fit._grid import Grid
+from axcomp.ident.fit._plane_sums import sums_and_support, sums_of, touched_by
 from axcomp.ident.fit._table import _closely
 from axcomp.ident.fit.lanes import TableRequest
 
@@ -154,3 +157,45 @@ def test_what_a_log_lacks_is_said_with_its_row(tmp_path: Path) -> None:
             list(LogPart(tmp_path / name, ("word",)).pieces())
         with pytest.raises(MeasurementError, match="nothing"):
             list(LogPart(tmp_path / name, ("nothing",)).pieces())
+
+
+def test_a_file_read_ahead_gives_what_it_gives_in_memory(tmp_path: Path) -> None:
+    samples = log(PLANE, 40_000)
+    table = pa.table({"x": samples.positions[:, 0], "e": 1e3 * samples.error})
+    table = table.append_column("y", [samples.positions[:, 1]])
+    pq.write_table(table, tmp_path / "log.parquet", row_group_size=3_000)
+    found = fit_log(
+        tmp_path / "log.parquet", PLANE, ("x", "y"), "e", factor=1e-3, smoothness=0.5
+    )
+    # Sums in another order, and µm turned to mm and back: a few roundings.
+    whole = _closely(TableRequest(PLANE, samples, smoothness=0.5, loss="gauss"))
+    assert_same(found, whole, 1e-12)
+
+
+def test_a_bad_cell_far_on_in_a_file_read_ahead_is_said(tmp_path: Path) -> None:
+    x = np.tile(np.linspace(0.0, 100.0, 1_000), 50)
+    x[45_678] = np.nan
+    table = pa.table({"x": x, "e": np.sin(x)})
+    pq.write_table(table, tmp_path / "log.parquet", row_group_size=1_000)
+    with pytest.raises(
+        MeasurementError, match="x: found nan, expected a finite number"
+    ):
+        fit_log(tmp_path / "log.parquet", LINE, ("x",), "e")
+
+
+@pytest.mark.parametrize("on_nodes", [0.0, 0.2, 1.0])
+def test_readings_summed_and_counted_at_once_are_those_counted_apart(
+    on_nodes: float,
+) -> None:
+    rng = np.random.default_rng(5)
+    samples = log(PLANE, 300_000)
+    place = samples.positions.copy()
+    hit = rng.random(len(place)) < on_nodes
+    place[hit, 0] = 10.0 * rng.integers(0, 11, hit.sum())
+    samples, grid = Samples(place, samples.error), Grid(PLANE)
+    normal, vector, support = sums_and_support(grid, samples)
+    plain, right = sums_of(grid, samples)
+    assert np.array_equal(vector, right)
+    for key, values in plain.diagonals.items():
+        assert np.array_equal(normal.diagonals[key], values)
+    assert np.array_equal(support, touched_by(grid, samples))
