@@ -25,6 +25,8 @@ _EVERY = 20
 """Cycles per row of the log: 50 rows a second."""
 _PACE = 0.15
 """It warms and cools that much faster than in half an hour of work."""
+_SECOND_LOAD = 0.8
+"""Heat of the second run: a thermal law ends where the temperatures of the first one did."""
 _WILD = 6.0
 _AXES = ("X", "Y", "Z")
 
@@ -189,7 +191,10 @@ def _record(mill: WorkingMachine, path: Path, seed: int) -> None:
 
 
 def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachine:
-    """Return the mill with every file loaded that the job wrote, its PLC included."""
+    """Return the mill with every file loaded that the job wrote, its PLC included.
+
+    It is not worked as hard as before, so that it stays within the temperatures measured.
+    """
     names = dict.fromkeys(name for fit in job.fits for name in fit.files)
     lists = [ListFile.read(folder / name) for name in names if name.suffix == ".lis"]
     lines: dict[int, TemperatureLine] = {}
@@ -208,7 +213,10 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
         )
         lags[sensor] = max((lag.time_constant for lag in fit.fit.lags), default=0.0)
     machine = mill.machine.with_lists(lists, lines)
-    return dataclasses.replace(mill, machine=machine, plc_lags=lags)
+    parts = tuple(
+        dataclasses.replace(part, rise=_SECOND_LOAD * part.rise) for part in mill.parts
+    )
+    return dataclasses.replace(mill, machine=machine, parts=parts, plc_lags=lags)
 
 
 def _left(path: Path) -> dict[str, float]:

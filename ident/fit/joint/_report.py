@@ -11,6 +11,7 @@ from ._axis import AxisFit
 from ._confusion_words import undetermined
 from ._data import JointData
 from ._examine import share_of, touched
+from ._memory import memory_of_noise
 from ._result import Part, RunCurve
 from ._spread import variances
 
@@ -39,6 +40,10 @@ def report_of(data: JointData, fit: AxisFit) -> Report:
     free = max(sums.count - solution.used, 1e-9)
     noise = float(np.sqrt(np.square(left[active]).sum() / free))
     variance = variances(solution, ready.rules) * solution.variance
+    order = np.arange(len(left))
+    if data.time is not None:
+        order = np.argsort(np.asarray(data.time)[design.rows], kind="stable")
+    variance *= memory_of_noise(design, solution, ready.rules, stand.pseudo, order)
     for found in fit.lags.values():
         moved = ready.rules.project(found.slope)
         variance = variance + np.square(moved * found.deviation)

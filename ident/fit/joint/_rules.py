@@ -67,8 +67,8 @@ class Rules:
             np.linalg.pinv(self.functionals @ self.null, rcond=1e-9) @ self.functionals
         )
 
-    def project(self, theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return values under the rule; their sum stays what it is."""
+    def project(self, theta: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
+        """Return values, or columns of them, under the rule; their sum stays what it is."""
         return np.asarray(theta - self.null @ (self.gain @ theta))
 
 

@@ -1,5 +1,6 @@
 """The joint fit against dense algebra that knows nothing of bands, pins or rules."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,11 @@ def test_deviations_are_those_of_dense_algebra(mixed: Any) -> None:
     ]
     whole = fit_joint(case.data, stack, loss="gauss")
     smoothness = {part.name: part.smoothness for part in whole.parts}
-    fit = fit_joint(case.data, stack, loss="gauss", smoothness=smoothness)
+    # What these effects do not explain has a memory in time; white noise has none.
+    noise = np.random.default_rng(1).normal(0.0, whole.noise["X"], 800)
+    white = {"X": whole.predict(case.data)["X"] + noise}
+    data = dataclasses.replace(case.data, error=white)
+    fit = fit_joint(data, stack, loss="gauss", smoothness=smoothness)
     effects = [part.effect for part in fit.parts]
     blocks = [effect.block(case.data).columns.toarray() for effect in effects]
     columns = np.hstack([*blocks, np.ones((800, 1))])

@@ -1,0 +1,66 @@
+"""Noise with a memory: what is left in time makes slow effects less certain.
+
+The model has white noise beside a drift of stated pieces. What a reference does between those
+pieces stays in the residual, and looks to a slow effect (a temperature, above all) like its
+own. The scores of stretches of the recording tell how much: their scatter, through the solution,
+is the variance that the values really have (the "sandwich" of robust statistics, clustered in
+time). It is compared per effect with that of the same residual in another order, so that
+values which few stretches touch are judged together.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._design import Design
+from ._problem import Solution
+from ._rules import Rules
+
+_STRETCHES = 24
+"""Of the recording: long against the memory of the noise, and enough to scatter."""
+_FEWEST = 20
+"""Readings of a stretch below which nothing is judged."""
+_DRAWS = 4
+"""Other orders of the residual."""
+_CHANCE = 1.8
+"""Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
+
+
+def memory_of_noise(
+    design: Design,
+    solution: Solution,
+    rules: Rules,
+    pseudo: Float[np.ndarray, " r"],
+    order: Int[np.ndarray, " r"],
+) -> Float[np.ndarray, " n"]:
+    """Return the factor of each unknown's variance that the noise's memory asks for, ≥ 1.
+
+    Args:
+        design: Columns.
+        solution: Of the fit.
+        rules: Under which deviations are stated.
+        pseudo: Residual as the loss takes it, 0 where a reading is not believed.
+        order: Rows in the order of time.
+    """
+    factor = np.ones(design.size)
+    active = order[solution.problem.sums.active[order]]
+    if len(active) < _FEWEST * _STRETCHES:
+        return factor
+    rng = np.random.default_rng(0)
+    orders = [pseudo[active], *(rng.permutation(pseudo[active]) for _ in range(_DRAWS))]
+    places = np.array_split(np.arange(len(active)), _STRETCHES)
+    scores = np.empty((design.size, len(orders) * _STRETCHES))
+    for stretch, where in enumerate(places):
+        own = design.columns[active[where]].T
+        for number, residual in enumerate(orders):
+            scores[:, number * _STRETCHES + stretch] = own @ residual[where]
+    moved = rules.project(solution.arrow.solve(scores))
+    moved = moved.reshape(design.size, len(orders), _STRETCHES)
+    # The prior holds the sum of the scores away from zero: that is no scatter.
+    spread = moved.var(axis=2)
+    for component in design.components:
+        seen, white = spread[component.places, 0], spread[component.places, 1:]
+        typical = float(white.mean())
+        ratio = float(seen.mean()) / typical if typical > 0.0 else 1.0
+        if ratio > _CHANCE:
+            factor[component.places] = ratio
+    return factor

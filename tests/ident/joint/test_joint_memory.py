@@ -1,0 +1,65 @@
+"""Deviations where the noise has a memory that no stated drift describes."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from axcomp.ident.fit.joint import (
+    LeadscrewEffect,
+    Part,
+    TemperatureEffect,
+    fit_joint,
+)
+
+WALK = 1e-3
+"""How far the reference wanders within the recording, in mm."""
+
+
+def grown(mixed: Any, seed: int, walk: float) -> Part:
+    """Return the growth of a screw, fitted to a reference that wanders."""
+    case = mixed(seed, outliers=0.0)
+    rng = np.random.default_rng(seed + 900)
+    count = len(case.data)
+    wander = np.cumsum(rng.normal(0.0, walk / np.sqrt(count), count))
+    error = case.parts["temperature"] + wander + rng.normal(0.0, 5e-4, count)
+    data = dataclasses.replace(case.data, error={"X": error})
+    stack = [
+        LeadscrewEffect("X", np.linspace(0.0, 1000.0, 11)),
+        TemperatureEffect("X", {"offset": "T", "coefficient": "T"}, 200.0, lag=120.0),
+    ]
+    return fit_joint(data, stack, loss="gauss").parts[1]
+
+
+def away(part: Part) -> float:
+    """Return how far the offset at its last node is off, in its deviations."""
+    effect = part.effect
+    assert isinstance(effect, TemperatureEffect)
+    # The mix grows by 1 µm per K at the reference.
+    true = 1e-3 * (effect.nodes["offset"][-1] - 20.0)
+    place = len(effect.nodes["offset"]) - 1
+    return float((part.values[place] - true) / part.standard_deviation[place])
+
+
+def test_a_reference_that_wanders_makes_the_temperature_less_certain(
+    mixed: Any,
+) -> None:
+    found = [away(grown(mixed, seed, WALK)) for seed in range(8)]
+    # Eight of them: their rms scatters by a quarter, and 24 stretches know the memory of a
+    # walk, which has no end, to within a half.
+    assert np.sqrt(np.mean(np.square(found))) < 2.0
+
+
+def test_white_noise_leaves_the_deviations_alone(mixed: Any) -> None:
+    found = [away(grown(mixed, seed, 0.0)) for seed in range(8)]
+    # Eight of them: their rms scatters by a quarter.
+    assert 0.4 < np.sqrt(np.mean(np.square(found))) < 1.75
+
+
+def test_the_deviation_grows_with_what_the_reference_does(mixed: Any) -> None:
+    place = 0
+    still, wandering = (
+        grown(mixed, 3, walk).standard_deviation[place] for walk in (0.0, WALK)
+    )
+    # White noise of 0.5 µm over 4000 readings beside a walk of 1 µm through all of them.
+    assert wandering > 3.0 * still
