@@ -8,6 +8,8 @@ over all data its bottom. On a grid whose $v_s$ shrinks by $\sqrt 2$ the next ex
 the square of the last, so the whole grid needs a single one.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
@@ -18,6 +20,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 LANES = 25
 """Axes that pass through the caches of a processor together."""
+WORTH_A_CORE = 200
+"""Axes from which on another core is worth its start."""
 COARSE_LANES = 200
 """The same for the grid, whose thinned data are much smaller."""
 GRID = 16
@@ -86,7 +90,6 @@ class _Pass(NamedTuple):
     gain: Array
 
 
-@partial(jax.jit, static_argnames=("lanes", "max_passes"))
 def fit_stribeck_batch(
     velocity: Float[Array, "n t"],
     current: Float[Array, "n t"],
@@ -109,6 +112,32 @@ def fit_stribeck_batch(
     if count == 0 or velocity.shape[1] == 0:
         msg = f"fit_stribeck_batch needs axes and samples, got shape {velocity.shape}."
         raise ValueError(msg)
+    cores = min(os.cpu_count() or 1, count // WORTH_A_CORE)
+    if cores < 2 or isinstance(velocity, jax.core.Tracer):
+        return StribeckBatch(*_in_lanes(velocity, current, lanes, max_passes))
+    # The lanes of one call keep one core busy; whole lanes per core leave every sum as it is.
+    size = lanes * -(-count // (cores * lanes))
+    cuts = [slice(first, first + size) for first in range(0, count, size)]
+    with ThreadPoolExecutor(len(cuts)) as pool:
+        found = list(
+            pool.map(
+                lambda cut: _in_lanes(velocity[cut], current[cut], lanes, max_passes),
+                cuts,
+            )
+        )
+    return StribeckBatch(
+        *(jnp.concatenate(parts) for parts in zip(*found, strict=True))
+    )
+
+
+@partial(jax.jit, static_argnames=("lanes", "max_passes"))
+def _in_lanes(
+    velocity: Float[Array, "n t"],
+    current: Float[Array, "n t"],
+    lanes: int,
+    max_passes: int,
+) -> StribeckBatch:
+    count = velocity.shape[0]
     thin = max(1, velocity.shape[1] // THIN)
     start = lax.map(
         lambda row: _coarse(row[0], row[1]),
