@@ -25,6 +25,29 @@ _CHANCE = 1.8
 """Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
 
 
+def memory_along(
+    direction: Float[np.ndarray, " r"],
+    pseudo: Float[np.ndarray, " r"],
+    order: Int[np.ndarray, " r"],
+) -> float:
+    """Return the factor of the variance of one value that moves the readings like this, ≥ 1.
+
+    Args:
+        direction: Change of every reading with the value, all else following.
+        pseudo: Residual as the loss takes it, 0 where a reading is not believed.
+        order: Rows in the order of time.
+    """
+    active = order[pseudo[order] != 0.0]
+    if len(active) < _FEWEST * _STRETCHES:
+        return 1.0
+    rows = np.array_split(active, _STRETCHES)
+    seen = np.var([direction[own] @ pseudo[own] for own in rows])
+    white = float(np.var(pseudo[active]) * np.square(direction[active]).mean())
+    white *= len(active) / _STRETCHES
+    ratio = float(seen) / white if white > 0.0 else 1.0
+    return ratio if ratio > _CHANCE else 1.0
+
+
 def memory_of_noise(
     design: Design,
     solution: Solution,

@@ -1,9 +1,10 @@
 """What is said of a fitted axis: deviations, noise, residuals, runs, parts."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from .._types import RunEffect
 from .._verdict import fit_message
@@ -11,9 +12,14 @@ from ._axis import AxisFit
 from ._confusion_words import undetermined
 from ._data import JointData
 from ._examine import share_of, touched
-from ._memory import memory_of_noise
+from ._lag import FoundLag
+from ._memory import memory_along, memory_of_noise
 from ._result import Part, RunCurve
 from ._spread import variances
+from ._temperature import TemperatureEffect
+
+_STEP = 0.02
+"""Step in a lag for its slope, as a share of it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,6 +35,7 @@ class Report:
     wild: Bool[np.ndarray, " t"]
     runs: tuple[RunEffect, ...]
     message: str
+    lags: Mapping[str, FoundLag]
 
 
 def report_of(data: JointData, fit: AxisFit) -> Report:
@@ -44,7 +51,8 @@ def report_of(data: JointData, fit: AxisFit) -> Report:
     if data.time is not None:
         order = np.argsort(np.asarray(data.time)[design.rows], kind="stable")
     variance *= memory_of_noise(design, solution, ready.rules, stand.pseudo, order)
-    for found in fit.lags.values():
+    lags = _with_memory(data, fit, order)
+    for found in lags.values():
         moved = ready.rules.project(found.slope)
         variance = variance + np.square(moved * found.deviation)
     deviation = np.sqrt(variance)
@@ -70,7 +78,33 @@ def report_of(data: JointData, fit: AxisFit) -> Report:
         wild=spread(~active, False),
         runs=_runs(fit, solution.variance),
         message=message,
+        lags=lags,
     )
+
+
+def _with_memory(
+    data: JointData, fit: AxisFit, order: Int[np.ndarray, " r"]
+) -> dict[str, FoundLag]:
+    """Return the lags, their deviations such as noise with a memory leaves them."""
+    design, result = fit.ready.design, {}
+    for sensor, found in fit.lags.items():
+        direction = design.columns @ found.slope
+        step = _STEP * found.value
+        for place, effect in enumerate(design.effects):
+            if not isinstance(effect, TemperatureEffect) or not step:
+                continue
+            if sensor in effect.sensor_names:
+                values = fit.stand.solution.theta[design.places_of(place)]
+                later, sooner = (
+                    effect.lagging({sensor: lag}).block(data).columns
+                    for lag in (found.value + step, found.value - step)
+                )
+                change = (later - sooner)[design.rows] @ values
+                direction = direction + change / (2.0 * step)
+        factor = memory_along(direction, fit.stand.pseudo, order)
+        deviation = found.deviation * np.sqrt(factor)
+        result[sensor] = dataclasses.replace(found, deviation=float(deviation))
+    return result
 
 
 def _runs(fit: AxisFit, variance: float) -> tuple[RunEffect, ...]:
@@ -126,7 +160,7 @@ def part_of(data: JointData, fit: AxisFit, report: Report, place: int) -> Part:
         smoothness=chosen(fit).get(effect.name, {}),
         lags={
             sensor: (found.value, found.deviation)
-            for sensor, found in fit.lags.items()
+            for sensor, found in report.lags.items()
             if sensor in effect.sensor_names
         },
     )
