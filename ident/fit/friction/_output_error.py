@@ -74,8 +74,8 @@ def fit_output_error(
             run sees some combinations of parameters much better than forces do, and others
             hardly; without the guess it wanders along these. Then the cost has many bottoms
             along one valley, as the axis sticks a little sooner or later: on EMPS at 0,
-            `Marquardt` ends in one 2 % above that of `Ipopt`, and neither leaves its own
-            however long it goes on. With the guess (0.01, 1) both end in the same one.
+            `Marquardt` ends in one 2 % above that of `Ipopt` and does not leave it however
+            long it goes on. With the guess (0.01, 1) both end in the same one.
         solver: `Marquardt` where left out, or `Ipopt`.
 
     Raises:

@@ -8,12 +8,12 @@ from jaxtyping import Float
 
 from .._errors import FitError
 from ._data import JointData
-from ._effect import AbstractEffect, Block, sparse_rows
+from ._effect import AbstractOwnEffect, Block, sparse_rows
 
 
 @final
 @dataclasses.dataclass(frozen=True)
-class BacklashEffect(AbstractEffect):
+class BacklashEffect(AbstractOwnEffect):
     r"""Backlash of an axis; its one value is the width in mm, signed as P-AXIS-00103.
 
     Error moving positive − error moving negative is minus the width:
@@ -35,21 +35,6 @@ class BacklashEffect(AbstractEffect):
     def compensation(self) -> str:
         """See `AbstractEffect`."""
         return "backlash"
-
-    @property
-    def masters(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return (self.axis,)
-
-    @property
-    def sensor_names(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return ()
-
-    @property
-    def name(self) -> str:
-        """See `AbstractEffect`."""
-        return f"backlash of {self.axis}"
 
     @property
     def size(self) -> int:

@@ -9,12 +9,12 @@ from jaxtyping import Float
 
 from .._errors import FitError
 from ._data import JointData
-from ._effect import AbstractEffect, Block
+from ._effect import AbstractOwnEffect, Block
 
 
 @final
 @dataclasses.dataclass(frozen=True)
-class DelayEffect(AbstractEffect):
+class DelayEffect(AbstractOwnEffect):
     r"""Reference late behind the encoder of an axis in motion: $e = -(\tau + \rho\,(t-t_0))\,v$.
 
     No compensation carries it: it stands beside the others so that they are free of it.
@@ -32,21 +32,6 @@ class DelayEffect(AbstractEffect):
     def compensation(self) -> str:
         """``"delay"``: none that a list could hold."""
         return "delay"
-
-    @property
-    def masters(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return (self.axis,)
-
-    @property
-    def sensor_names(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return ()
-
-    @property
-    def name(self) -> str:
-        """See `AbstractEffect`."""
-        return f"delay of {self.axis}"
 
     @property
     def size(self) -> int:

@@ -94,6 +94,26 @@ class AbstractEffect(abc.ABC):
         return self.sensor_names[0] if self.sensor_names else None
 
 
+@dataclasses.dataclass(frozen=True)
+class AbstractOwnEffect(AbstractEffect):
+    """An effect of an axis' own motion on itself: no other master, no temperature."""
+
+    @property
+    def masters(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
+        return (self.axis,)
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
+        return ()
+
+    @property
+    def name(self) -> str:
+        """See `AbstractEffect`."""
+        return f"{self.compensation} of {self.axis}"
+
+
 def sparse_rows(
     index: Int[np.ndarray, "t k"],
     weight: Float[np.ndarray, "t k"],

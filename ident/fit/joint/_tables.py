@@ -12,7 +12,7 @@ from .._estimate import table_prior
 from .._grid import Grid
 from .._types import Samples, TableLayout
 from ._data import JointData
-from ._effect import AbstractEffect, Block, sparse_rows
+from ._effect import AbstractEffect, AbstractOwnEffect, Block, sparse_rows
 
 
 def _ascending(nodes: Float[np.ndarray, " _n"], name: str) -> None:
@@ -89,7 +89,7 @@ def _columns(
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class LeadscrewEffect(AbstractEffect):
+class LeadscrewEffect(AbstractOwnEffect):
     """Error of an axis over its own position, mm.
 
     Values: one per node; bilateral: all for positive direction, then all for negative;
@@ -112,21 +112,6 @@ class LeadscrewEffect(AbstractEffect):
     def compensation(self) -> str:
         """See `AbstractEffect`."""
         return "leadscrew"
-
-    @property
-    def masters(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return (self.axis,)
-
-    @property
-    def sensor_names(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return ()
-
-    @property
-    def name(self) -> str:
-        """See `AbstractEffect`."""
-        return f"leadscrew of {self.axis}"
 
     @property
     def layout(self) -> TableLayout:
