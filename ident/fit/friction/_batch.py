@@ -16,6 +16,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 LANES = 25
@@ -113,7 +114,7 @@ def fit_stribeck_batch(
         msg = f"fit_stribeck_batch needs axes and samples, got shape {velocity.shape}."
         raise ValueError(msg)
     cores = min(os.cpu_count() or 1, count // WORTH_A_CORE)
-    if cores < 2 or isinstance(velocity, jax.core.Tracer):
+    if cores < 2 or isinstance(velocity, Tracer):
         return StribeckBatch(*_in_lanes(velocity, current, lanes, max_passes))
     # The lanes of one call keep one core busy; whole lanes per core leave every sum as it is.
     size = lanes * -(-count // (cores * lanes))
