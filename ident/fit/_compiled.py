@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...models import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints
 
-CHUNK, CHUNKS = 4_096, 32
+CHUNK, CHUNKS = 32_768, 4
 BLOCK = CHUNK * CHUNKS
 """Readings per compiled call; the last block is filled up with readings of weight 0."""
 
@@ -115,7 +115,7 @@ def moments(
     return jnp.stack(_scan(terms, (cell, u, v, weight), cells, count))
 
 
-@partial(jax.jit, static_argnames=("columns",))
+@partial(jax.jit, static_argnames=("columns", "edges"))
 def plane_moments(
     positions: Float[Array, "t 2"],
     error: Float[Array, " t"],
@@ -124,11 +124,12 @@ def plane_moments(
     slow: AbstractNodes,
     fast: AbstractNodes,
     columns: tuple[int, int],
+    edges: bool = False,
 ) -> tuple[Float[Array, "p c"], Float[Array, "q c"], Bool[Array, ""]]:
     """Return the moments of a plane and those of its readings, located and summed at once.
 
-    Last comes whether any reading lies on the edge of its cell, and so does not touch all
-    of the cell's nodes.
+    Last comes whether any reading may lie on the edge of its cell, and so not touch all of
+    the cell's nodes.
 
     Args:
         positions: Columns as measured.
@@ -137,6 +138,7 @@ def plane_moments(
         slow: Nodes along the slow axis.
         fast: Nodes along the fast axis.
         columns: Columns of the positions along the slow and along the fast axis.
+        edges: Whether edges are looked for; else any reading may lie on one.
     """
     l, u = slow.locate(positions[:, columns[0]])
     s, v = fast.locate(positions[:, columns[1]])
@@ -154,7 +156,9 @@ def plane_moments(
     cells = (slow.count - 1) * (fast.count - 1)
     arrays = (*places, error) if weight is None else (*places, error, weight)
     total = _scan(terms, arrays, cells, 13)
-    edge = jnp.any((u <= 0) | (u >= 1) | (v <= 0) | (v >= 1))
+    edge = jnp.ones((), bool)
+    if edges:
+        edge = jnp.any((u <= 0) | (u >= 1) | (v <= 0) | (v >= 1))
     return jnp.stack(total[:9]), jnp.stack(total[9:]), edge
 
 

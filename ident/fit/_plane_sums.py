@@ -46,7 +46,7 @@ def sums_and_support(
     count = len(samples.error)
     if samples.weight is not None or not _is_large_plane(grid, count):
         return (*sums_of(grid, samples), touched_by(grid, samples))
-    blocks = _plane_blocks(grid, samples)
+    blocks = _plane_blocks(grid, samples, edges=True)
     full = count - count % BLOCK
     cells = np.zeros(cells_of(grid))
     result = np.zeros((grid.slow, grid.fast), np.int64)
@@ -67,13 +67,16 @@ def _is_large_plane(grid: Grid, count: int) -> bool:
     return grid.planar and count >= MANY and min(grid.slow, grid.fast) >= 2
 
 
-def _plane_blocks(grid: Grid, samples: Samples) -> list[tuple[Array, Array, Array]]:
+def _plane_blocks(
+    grid: Grid, samples: Samples, edges: bool = False
+) -> list[tuple[Array, Array, Array]]:
     """Return `plane_moments` block by block, still being computed."""
     call = partial(
         plane_moments,
         slow=axis_nodes(grid.slow_nodes),
         fast=axis_nodes(grid.fast_nodes),
         columns=(grid.slow_column, 1 - grid.slow_column),
+        edges=edges,
     )
     arrays = (samples.positions, samples.error)
     if samples.weight is not None:
