@@ -1,5 +1,7 @@
 """Nodes and runs that contradict the rest: named for the user, never dropped."""
 
+from statistics import median
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -48,18 +50,9 @@ def suspect_runs(
     if design is None or len(design.labels) < 3:
         return ()
     scatter = medians(design.index, np.abs(residual), len(design.labels))
-    loud = scatter > _LOUD * _median(scatter)
+    loud = scatter > _LOUD * median(scatter.tolist())
     offset = np.array([effect.offset for effect in effects])
     error = np.array([effect.offset_sd for effect in effects])
-    away = np.abs(offset - _median(offset))
-    far = (away > _FAR * _median(away)) & (away > _FAR * error)
+    away = np.abs(offset - median(offset.tolist()))
+    far = (away > _FAR * median(away.tolist())) & (away > _FAR * error)
     return tuple(int(label) for label in design.labels[loud | far])
-
-
-def _median(values: Float[np.ndarray, " r"]) -> float:
-    """Return the median of a few numbers; NumPy's takes its time for many."""
-    ascending = sorted(values.tolist())
-    middle = len(ascending) // 2
-    if len(ascending) % 2:
-        return float(ascending[middle])
-    return float(0.5 * (ascending[middle - 1] + ascending[middle]))
