@@ -12,7 +12,9 @@ from jaxtyping import Float
 from numpy.lib.stride_tricks import as_strided
 from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
-_PBTRF, _PBTRS, _TRTRI = get_lapack_funcs(("pbtrf", "pbtrs", "trtri"), dtype=np.float64)
+_PBTRF, _PBTRS, _TRTRI, _LAUUM = get_lapack_funcs(
+    ("pbtrf", "pbtrs", "trtri", "lauum"), dtype=np.float64
+)
 _GEMM, _TRMM = get_blas_funcs(("gemm", "trmm"), dtype=np.float64)
 
 
@@ -71,7 +73,10 @@ class BandFactor:
         for k in range(count - 1, -1, -1):
             inverse, info = _TRTRI(np.tril(part(k, k)), lower=1)
             assert info == 0
-            own = _GEMM(1.0, inverse, inverse, trans_a=1)
+            # Column-major throughout: BLAS would copy everything else.
+            own, info = _LAUUM(inverse, lower=1)
+            assert info == 0
+            own += np.triu(own.T, 1)
             if k < count - 1:
                 step_down = _TRMM(
                     1.0, inverse, np.triu(part(k + 1, k)), side=1, lower=1

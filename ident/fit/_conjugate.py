@@ -6,6 +6,7 @@ need more steps; past a few dozen the factor is the better way.
 """
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 
 from ._information import Normal
@@ -37,15 +38,7 @@ def conjugate_solve(
         normal.density + np.outer(bend_slow, fast.size) + np.outer(slow.size, bend_fast)
     )
 
-    pull_slow = prior.slow.matrix(smoothness.slow)
-    pull_fast = prior.fast.matrix(smoothness.fast)
-
-    def apply(values: Float[np.ndarray, "l s"]) -> Float[np.ndarray, "l s"]:
-        image = normal.apply(values)
-        image += pull_slow @ values
-        image += (pull_fast @ values.T).T
-        return image
-
+    matrix = _matrix(normal, prior, smoothness)
     # The preconditioner only has to point the way: half the digits at half the price.
     along, across = slow.vectors.astype(np.float32), fast.vectors.astype(np.float32)
     ease = (1.0 / stiffness).astype(np.float32)
@@ -63,7 +56,7 @@ def conjugate_solve(
     for _ in range(_STEPS):
         if float(np.linalg.norm(residual)) <= goal:
             return values
-        image = apply(direction)
+        image = (matrix @ direction.reshape(-1)).reshape(right.shape)
         step = energy / float(np.vdot(direction, image))
         values += step * direction
         residual -= step * image
@@ -71,3 +64,36 @@ def conjugate_solve(
         before, energy = energy, float(np.vdot(residual, moved))
         direction = moved + (energy / before) * direction
     return None
+
+
+def _matrix(normal: Normal, prior: TablePrior, smoothness: Smoothness) -> sp.dia_array:
+    """Return normal matrix plus prior precision of a plane by diagonals.
+
+    One product of all diagonals reads and writes the table once, and not once for each.
+    """
+    grid = normal.grid
+    assert prior.fast is not None
+    size, fast = grid.size, grid.fast
+    # Above the diagonal, offset by offset; what would couple rows' ends is 0 in each.
+    upper: dict[int, Float[np.ndarray, " n"]] = {}
+
+    def add(offset: int, values: Float[np.ndarray, " n"]) -> None:
+        count = size - offset
+        upper[offset] = upper.get(offset, 0.0) + values[:count]
+
+    for (dl, ds), coupling in normal.diagonals.items():
+        add(dl * fast + ds, coupling.reshape(-1))
+    reach = 4 if smoothness.slow[1] or smoothness.fast[1] else 2
+    pull = prior.slow.matrix(smoothness.slow)
+    for k in range(min(reach, grid.slow - 1) + 1):
+        add(k * fast, np.repeat(pull.diagonal(k), fast))
+    pull = prior.fast.matrix(smoothness.fast)
+    for k in range(min(reach, fast - 1) + 1):
+        add(k, np.tile(np.pad(pull.diagonal(k), (0, k)), grid.slow))
+    offsets = sorted({sign * offset for offset in upper for sign in (-1, 1)})
+    data = np.zeros((len(offsets), size))
+    for row, offset in zip(data, offsets, strict=True):
+        # SciPy keeps the entries of a diagonal at their column.
+        first = max(offset, 0)
+        row[first : first + size - abs(offset)] = upper[abs(offset)]
+    return sp.dia_array((data, offsets), shape=(size, size))

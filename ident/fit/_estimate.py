@@ -122,7 +122,7 @@ def _refined(readings: Readings, prior: TablePrior, state: State, loss: str) -> 
             raise FitError(msg)
         state = _robust(
             readings, prior, choice.smoothness, loss,
-            choice.values, choice.effects, True, SETTLED,
+            choice.values, choice.effects, True, SETTLED, (state.active, choice),
         )  # fmt: skip
         shift = float(np.std(state.posterior.values - choice.values))
         spread = np.sqrt(state.posterior.variance / density)
@@ -140,10 +140,14 @@ def _robust(
     effects: Float[np.ndarray, " r"],
     near: bool,
     tolerance: float,
+    last: tuple[Bool[np.ndarray, " t"], Posterior] | None = None,
 ) -> State:
-    """Iterate pseudo-readings and solution at fixed smoothness, from a start near or far."""
-    active = np.ones(len(readings.error), bool)
-    sums = readings.normal(active)
+    """Iterate pseudo-readings and solution at fixed smoothness, from a start near or far.
+
+    ``last`` says which readings were believed last, and what they gave.
+    """
+    active = np.ones(len(readings.error), bool) if last is None else last[0]
+    like = None if last is None else last[1]
     inflation = 1.0
     thin = readings.error[:: max(1, len(active) // THIN)]
     # Without any noise the prior's own pull would make readings wild.
@@ -160,7 +164,7 @@ def _robust(
         # A few readings at the edge of rejection change nothing but cost a sum over all.
         if step <= 8 and int((now != active).sum()) > 1e-4 * len(active):
             active = now
-            sums = readings.normal(active)
+        sums = readings.normal(active)
         if step == 0 and not near:
             # Far from the table every residual is large: believe all but the hopeless ones.
             limit = np.inf if name == "gauss" else loss.limit * loss.scale
@@ -170,7 +174,7 @@ def _robust(
         problem = readings.problem(
             prior, sums, values, effects, pseudo, int(active.sum())
         )
-        posterior = solved(problem, smoothness)
+        posterior = like = solved(problem, smoothness, like)
         move = float(np.abs(posterior.values - values).max())
         values, effects = posterior.values, posterior.effects
         spread = np.sqrt(max(posterior.variance, floor**2) / sums[0].density)
@@ -187,8 +191,11 @@ def _robust(
     return state
 
 
-def solved(problem: Problem, smoothness: Smoothness) -> Posterior:
-    posterior = solve(problem, smoothness)
+def solved(
+    problem: Problem, smoothness: Smoothness, like: Posterior | None = None
+) -> Posterior:
+    """Return `solve`, which must give something."""
+    posterior = solve(problem, smoothness, like)
     if posterior is None:
         msg = "the readings do not determine the table: the normal matrix is singular."
         raise FitError(msg)

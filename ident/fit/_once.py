@@ -39,6 +39,8 @@ def judge_once(fit: TableFit, samples: Samples) -> TableFit:
     """
     if len(fit.layout.nodes) != 2 or samples.run is not None or fit.noise <= 0.0:
         return fit
+    if len(samples.error) > fit.values.size:
+        return fit
     place = _nodes_read(fit, samples)
     if place is None:
         return fit

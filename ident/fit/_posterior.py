@@ -71,6 +71,14 @@ class Posterior:
     schur_inverse: Float[np.ndarray, "r r"]
     logdet: float
 
+    def has_matrix_of(self, problem: Problem, smoothness: Smoothness) -> bool:
+        """Whether the node values of a problem have the same matrix as these."""
+        return (
+            self.problem.normal is problem.normal
+            and self.problem.prior == problem.prior
+            and self.smoothness == smoothness
+        )
+
     @property
     def variance(self) -> float:
         """Variance of one reading of weight 1, by restricted maximum likelihood."""
@@ -144,10 +152,22 @@ class Posterior:
         return result
 
 
-def solve(problem: Problem, smoothness: Smoothness) -> Posterior | None:
-    """Return the posterior, or None where the matrix is numerically singular."""
+def solve(
+    problem: Problem, smoothness: Smoothness, like: Posterior | None = None
+) -> Posterior | None:
+    """Return the posterior, or None where the matrix is numerically singular.
+
+    Args:
+        problem: Sums about a current estimate.
+        smoothness: Weights of the prior.
+        like: Another solution; where its matrix is the same its factor serves again.
+    """
     grid = problem.normal.grid
-    factor = factorise(assemble(problem.normal, problem.prior, smoothness))
+    factor: BandFactor | None
+    if like is not None and like.has_matrix_of(problem, smoothness):
+        factor = like.factor
+    else:
+        factor = factorise(assemble(problem.normal, problem.prior, smoothness))
     if factor is None or not np.isfinite(factor.logdet):
         return None
     right = problem.vector - problem.prior.apply(smoothness, problem.values)
@@ -192,6 +212,18 @@ def solve(problem: Problem, smoothness: Smoothness) -> Posterior | None:
         gain=gain,
         schur_inverse=schur_inverse,
         logdet=logdet,
+    )
+
+
+def about(posterior: Posterior) -> Problem:
+    """Return the sums of the same readings about the table that they gave, without runs."""
+    problem = posterior.problem
+    move = posterior.values - problem.values
+    return dataclasses.replace(
+        problem,
+        vector=problem.vector - problem.normal.apply(move),
+        square=posterior.residual_square,
+        values=posterior.values,
     )
 
 

@@ -42,6 +42,9 @@ class Readings:
     error: Float[np.ndarray, " t"]
     weight: Float[np.ndarray, " t"]
     design: Float[np.ndarray, "t r"]
+    _summed: list[tuple[np.ndarray, tuple[Normal, np.ndarray, np.ndarray]]] = (
+        dataclasses.field(default_factory=list, init=False, repr=False, compare=False)
+    )
 
     def residual(
         self, values: Float[np.ndarray, "l s"], effects: Float[np.ndarray, " r"]
@@ -53,7 +56,20 @@ class Readings:
     def normal(
         self, active: Bool[np.ndarray, " t"]
     ) -> tuple[Normal, np.ndarray, np.ndarray]:
-        """Return normal matrix, coupling to the run effects and their own matrix."""
+        """Return normal matrix, coupling to the run effects and their own matrix.
+
+        The same readings as the last time give the same object: passes that no longer change
+        what they believe sum and factorise nothing again.
+        """
+        if self._summed and np.array_equal(self._summed[0][0], active):
+            return self._summed[0][1]
+        sums = self._sum(active)
+        self._summed[:] = [(active.copy(), sums)]
+        return sums
+
+    def _sum(
+        self, active: Bool[np.ndarray, " t"]
+    ) -> tuple[Normal, np.ndarray, np.ndarray]:
         weight = np.where(active, self.weight, 0.0)
         normal = normal_from_moments(
             self.grid, moment_sums(self.grid, self.located, weight, 2)

@@ -1,6 +1,7 @@
 """A spectral stand-in for the evidence of a large plane: where to begin, and how it bends."""
 
 import dataclasses
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,6 +14,8 @@ from ._prior import Smoothness
 
 WORTH = 2.0
 """Gain in evidence below which the fourth differences are left out."""
+_NONE = 1e-30
+"""Precision of a mode that no penalty holds."""
 
 
 def spectral_start(
@@ -70,17 +73,27 @@ class Spectrum:
             slow, fast, power, light.residual_square / spare / problem.normal.density
         )
 
-    def _parts(self, log: Float[np.ndarray, " 4"]) -> tuple[np.ndarray, ...]:
-        """Return the precision that each of the four terms gives every mode."""
+    @cached_property
+    def _terms(self) -> Float[np.ndarray, "4 n"]:
+        """Penalty of every mode by each of the four terms, for weight 1."""
+        slow, fast = self.slow, self.fast
+        products = (
+            np.outer(slow.second, fast.size),
+            np.outer(slow.fourth, fast.size),
+            np.outer(slow.size, fast.second),
+            np.outer(slow.size, fast.fourth),
+        )
+        return np.stack([product.reshape(-1) for product in products])
+
+    @cached_property
+    def _power(self) -> Float[np.ndarray, " n"]:
+        return self.power.reshape(-1) / self.variance
+
+    @staticmethod
+    def _weights(log: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
         weights = np.exp(log)
         weights[1::2][log[1::2] <= LOW + 1e-9] = 0.0
-        slow, fast = self.slow, self.fast
-        return (
-            weights[0] * np.outer(slow.second, fast.size),
-            weights[1] * np.outer(slow.fourth, fast.size),
-            weights[2] * np.outer(slow.size, fast.second),
-            weights[3] * np.outer(slow.size, fast.fourth),
-        )
+        return weights
 
     def cost(
         self, log: Float[np.ndarray, " 4"], louder: float
@@ -89,22 +102,23 @@ class Spectrum:
 
         ``louder`` is the log by which uneven density raises the noise of the modes.
         """
-        parts = self._parts(log)
-        precision = np.maximum(sum(parts), 1e-30)
-        free = precision > 1e-30
-        spread = self.variance * np.exp(louder) * (1.0 + 1.0 / precision)
-        excess = np.where(free, 1.0 - self.power / spread, 0.0)
-        cost = float((np.log(spread) + self.power / spread)[free].sum())
+        weights = self._weights(log)
+        precision = np.maximum(weights @ self._terms, _NONE)
+        free = precision > _NONE
+        # Relative to the variance of a coefficient.
+        spread = (1.0 + 1.0 / precision) * np.exp(louder)
+        share = self._power / spread
+        excess = np.where(free, 1.0 - share, 0.0)
+        cost = float((np.log(self.variance * spread) + share).sum(where=free))
         scale = -excess / (1.0 + precision) / precision
-        slope = [float((scale * part).sum()) for part in parts]
-        return cost, np.array([*slope, float(excess.sum())])
+        return cost, np.append(weights * (self._terms @ scale), excess.sum())
 
     def information(self, log: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "4 4"]:
         """Return the expected second derivative of the cost, lifted off zero."""
-        parts = self._parts(log)
-        precision = np.maximum(sum(parts), 1e-30)
-        scale = np.where(precision > 1e-30, 1.0 / (precision * (1.0 + precision)), 0.0)
-        columns = np.stack([(scale * part).reshape(-1) for part in parts])
+        columns = self._weights(log)[:, None] * self._terms
+        precision = np.maximum(columns.sum(axis=0), _NONE)
+        scale = np.where(precision > _NONE, 1.0 / (precision * (1.0 + precision)), 0.0)
+        columns = scale * columns
         return np.asarray(columns @ columns.T + np.eye(4))
 
     def descend(
