@@ -95,7 +95,7 @@ class Group:
         if self.name == "temperature":
             sensors = rows.temperature.T
             return _found(
-                one_by_one(lambda law, x: law.offset(x, sensors), laws, place)
+                side_by_side(lambda law, x: law.offset(x, sensors), laws, place)
             )
         if self.name == "leadscrew":
             back = 0.5 * (1.0 - way)
