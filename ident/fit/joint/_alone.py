@@ -8,6 +8,7 @@ from .._grid import Grid
 from .._information import Normal
 from .._logs import LOW
 from .._posterior import Problem
+from .._prior import TablePrior
 from ._design import Component
 from ._problem import Solution
 from ._tables import CrossEffect, LeadscrewEffect, PlaneEffect
@@ -76,7 +77,7 @@ def _alone(
         at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
         hit = (keys[at] == wanted) & (other.reshape(-1) >= 0)
         diagonals[dl, ds] = np.where(hit, data[at], 0.0).reshape(shape)
-    assert table.prior is not None
+    assert isinstance(table.prior, TablePrior)
     return Problem(
         normal=Normal(grid, diagonals),
         prior=table.prior,

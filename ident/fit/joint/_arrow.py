@@ -15,6 +15,8 @@ from ._weights import Weight, Weights
 
 _SYRK, _TRSM = get_blas_funcs(("syrk", "trsm"), dtype=np.float64)
 _POTRF, _POTRI = get_lapack_funcs(("potrf", "potri"), dtype=np.float64)
+_MANY = 8
+"""Right-hand sides from which on they go through matrix products."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,6 +25,7 @@ class Arrow:
 
     Attributes:
         band: Factor of the leading block; None without one.
+        blocks: The same for very many right-hand sides.
         beside: Coupling of the leading block to the others, shape ``(b, d)``.
         half: Inverse of the band's factor × that coupling.
         schur: Cholesky factor (lower) of the others after the leading block is eliminated.
@@ -30,6 +33,7 @@ class Arrow:
     """
 
     band: BandFactor | None
+    blocks: BandBlocks | None
     beside: Float[np.ndarray, "b d"]
     half: Float[np.ndarray, "b d"]
     schur: Float[np.ndarray, "d d"]
@@ -40,14 +44,27 @@ class Arrow:
         count = len(self.beside)
         if self.band is None:
             return np.asarray(cho_solve((self.schur, True), right, check_finite=False))
-        first = self.band.solve(right[:count])
+        many = right.ndim > 1 and right.shape[1] > _MANY
+        first = self._leading(right[:count], many)
         rest = cho_solve(
             (self.schur, True),
             right[count:] - self.beside.T @ first,
             check_finite=False,
         )
-        first = self.band.solve(right[:count] - self.beside @ rest)
+        if many:
+            return np.concatenate([first - self.gain @ rest, rest])
+        first = self._leading(right[:count] - self.beside @ rest, many)
         return np.concatenate([first, rest])
+
+    def _leading(
+        self, right: Float[np.ndarray, "b *k"], many: bool
+    ) -> Float[np.ndarray, "b *k"]:
+        """Return the solution of the leading block alone."""
+        assert self.band is not None
+        assert self.blocks is not None
+        if many:
+            return self.blocks.backward(self.blocks.forward(right))
+        return self.band.solve(right)
 
     @cached_property
     def inverse(self) -> Float[np.ndarray, "d d"]:
@@ -62,9 +79,9 @@ class Arrow:
     @cached_property
     def gain(self) -> Float[np.ndarray, "b d"]:
         """Response of the leading block to the others."""
-        if self.band is None:
+        if self.blocks is None:
             return self.beside
-        return BandBlocks(self.band).backward(self.half)
+        return self.blocks.backward(self.half)
 
     @cached_property
     def shaped(self) -> Float[np.ndarray, "b d"]:
@@ -77,7 +94,7 @@ class Arrow:
         rest = np.diag(self.inverse)
         if self.band is None:
             return rest
-        own = self.band.inverse_diagonals([0])[0]
+        own = self._diagonals([0])[0]
         return np.concatenate([own + np.square(self.shaped).sum(axis=1), rest])
 
     def traces(self, weights: Weights) -> Float[np.ndarray, " k"]:
@@ -113,7 +130,18 @@ class Arrow:
         for part in leading:
             used = np.flatnonzero(np.abs(part.band).sum(axis=0) > 0)
             offsets |= {int(offset) for offset in used if offset < width}
-        return self.band.inverse_diagonals(sorted(offsets))
+        return self._diagonals(sorted(offsets))
+
+    @cached_property
+    def _known(self) -> dict[int, Float[np.ndarray, " b"]]:
+        """Diagonals of the band's inverse that were asked for."""
+        return {}
+
+    def _diagonals(self, offsets: list[int]) -> dict[int, Float[np.ndarray, " b"]]:
+        assert self.band is not None
+        if any(offset not in self._known for offset in offsets):
+            self._known.update(self.band.inverse_diagonals(offsets))
+        return {offset: self._known[offset] for offset in offsets}
 
 
 def arrow_of(
@@ -144,7 +172,7 @@ def arrow_of(
         entries = part.gram.tocoo()
         row, column = (where[index] - count for index in entries.coords)
         dense[row, column] += value * entries.data
-    band, logdet = None, 0.0
+    band, blocks, logdet = None, None, 0.0
     coupled = half = np.zeros((0, len(dense)))
     if count:
         own = _lower_band(sums.band)
@@ -158,11 +186,12 @@ def arrow_of(
         if band is None or not np.isfinite(band.logdet):
             return None
         coupled, logdet = sums.beside, band.logdet
-        half = BandBlocks(band).forward(coupled)
+        blocks = BandBlocks(band)
+        half = blocks.forward(coupled)
         # Only the lower triangle is used.
         dense = _SYRK(-1.0, half.T, beta=1.0, c=dense, trans=0, lower=1)
     factor, info = _POTRF(dense, lower=1, clean=1)
     if info != 0:
         return None
     logdet += 2.0 * float(np.log(np.diag(factor)).sum())
-    return Arrow(band, coupled, half, factor, logdet)
+    return Arrow(band, blocks, coupled, half, factor, logdet)

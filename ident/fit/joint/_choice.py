@@ -80,11 +80,13 @@ def scanned_starts(problem: JointProblem) -> list[Float[np.ndarray, " k"]]:
     """
     fourth = np.array([part.kind % 2 for part in problem.weights.parts], bool)
     low, high = problem.weights.low, problem.weights.high
+    start = problem.weights.start(1.0)
     result = []
     for lift, slope in ((LOW, 0.0), (float(np.log(10.0)), 1.0), (0.0, 2.0)):
         tried: list[tuple[float, Float[np.ndarray, " k"]]] = []
         for base in np.log((1e-2, 1.0, 1e2, 1e4, 1e6)):
             log = np.clip(np.where(fourth, lift + slope * base, base), low, high)
+            log = np.where(problem.weights.walks, start, log)
             found = solve_joint(problem, log)
             if found is not None and np.isfinite(found.evidence):
                 tried.append((found.evidence, log))

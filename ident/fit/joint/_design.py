@@ -13,6 +13,7 @@ from ..thermal._laws import hats
 from ._data import JointData
 from ._effect import AbstractEffect, Block
 from ._temperature import TemperatureEffect
+from ._wander import Bridges, WalkPrior, steps_of
 
 BANDED = 400
 """Nodes of a plane from which on its part of the matrix is kept as a band."""
@@ -24,9 +25,9 @@ class Component:
 
     Attributes:
         name: In words.
-        kind: Kind of compensation, ``"datum"`` or ``"runs"``; a thermal line falls into
-            ``"temperature offset"`` and ``"temperature coefficient"``.
-        effect: Number of the effect, −1 for datum and runs.
+        kind: Kind of compensation, ``"datum"``, ``"runs"`` or ``"wander"``; a thermal line
+            falls into ``"temperature offset"`` and ``"temperature coefficient"``.
+        effect: Number of the effect, −1 for datum, runs and wander.
         places: Column of each of its values.
         prior: Smoothness prior, None without.
         order: Index of the value at each place of the prior's grid.
@@ -36,7 +37,7 @@ class Component:
     kind: str
     effect: int
     places: Int[np.ndarray, " p"]
-    prior: TablePrior | None = None
+    prior: TablePrior | WalkPrior | None = None
     order: Int[np.ndarray, " p"] | None = None
 
     @property
@@ -57,11 +58,12 @@ class Design:
         effects: Its effects, nodes placed.
         rows: Rows of the data that are used.
         columns: Shape ``(r, n)``.
-        components: Effects, then the datum, then the runs if any.
+        components: Effects, then the datum, then the runs and what they wander, if any.
         banded: Number of leading columns that form a band.
         labels: Of the values, per effect.
         knots: Run and place within it (0 to 1) of each run column.
         spans: First and last instant of each run in s; empty without drift.
+        bridges: Between the knots; None without drift.
     """
 
     axis: str
@@ -73,6 +75,12 @@ class Design:
     labels: tuple[tuple[str, ...], ...]
     knots: tuple[tuple[int, float], ...]
     spans: tuple[tuple[float, float], ...] = ()
+    bridges: Bridges | None = None
+
+    @property
+    def stated(self) -> tuple[Component, ...]:
+        """Components that someone asked for: all but the wander."""
+        return tuple(part for part in self.components if part.kind != "wander")
 
     @property
     def size(self) -> int:
@@ -97,6 +105,7 @@ def design_of(
     drift: int,
     use: Bool[np.ndarray, " t"] | None,
     measured: bool = True,
+    wander: bool = True,
 ) -> Design:
     """Return the columns of one axis.
 
@@ -107,6 +116,7 @@ def design_of(
         drift: Pieces of the drift of each run; 0 = an offset only.
         use: Rows that may be used; None = all.
         measured: Only rows with an error count.
+        wander: Whether a drift wanders between its knots.
 
     Raises:
         FitError: If no row is complete.
@@ -151,11 +161,18 @@ def design_of(
     parts.append(sp.csr_array(np.ones((len(rows), 1))))
     ordered.append(Component(f"datum of {axis}", "datum", -1, np.array([count])))
     count += 1
-    run_columns, knots, spans = _run_columns(taken, drift)
+    run_columns, knots, spans, bridges = _run_columns(taken, drift, len(data))
     if knots:
         parts.append(run_columns)
         places = np.arange(count, count + len(knots))
         ordered.append(_run_component(f"runs of {axis}", places, drift + 1))
+        count += len(knots)
+    if wander and bridges is not None and bridges.size:
+        parts.append(bridges.columns())
+        places = np.arange(count, count + bridges.size)
+        own = np.arange(bridges.size)
+        name = f"wander of {axis}"
+        ordered.append(Component(name, "wander", -1, places, bridges.prior, own))
     return Design(
         axis=axis,
         effects=tuple(effects),
@@ -166,6 +183,7 @@ def design_of(
         labels=tuple(block.labels for block in blocks),
         knots=knots,
         spans=spans,
+        bridges=bridges if wander else None,
     )
 
 
@@ -207,22 +225,27 @@ def _clocked(data: JointData, drift: int) -> Bool[np.ndarray, " t"]:
 
 
 def _run_columns(
-    data: JointData, drift: int
+    data: JointData, drift: int, recorded: int
 ) -> tuple[
-    sp.csr_array, tuple[tuple[int, float], ...], tuple[tuple[float, float], ...]
+    sp.csr_array,
+    tuple[tuple[int, float], ...],
+    tuple[tuple[float, float], ...],
+    Bridges | None,
 ]:
-    """Return an offset per run, or the knots of its drift, and when each run began and ended.
+    """Return an offset per run, or the knots of its drift, when each run began and ended.
 
-    One run alone has no offset.
+    One run alone has no offset. A drift has bridges between its knots, as many as all rows of
+    the recording can tell.
     """
     count = len(data)
     run = np.zeros(count, np.int64) if data.run is None else data.run
     labels, index = np.unique(run, return_inverse=True)
     if len(labels) < 2 and not drift:
-        return sp.csr_array((count, 0)), (), ()
+        return sp.csr_array((count, 0)), (), (), None
     per = drift + 1 if drift else 1
     share = np.ones((count, 1))
     spans: tuple[tuple[float, float], ...] = ()
+    bridges: Bridges | None = None
     if drift and data.time is not None:
         low = np.full(len(labels), np.inf)
         high = np.full(len(labels), -np.inf)
@@ -232,6 +255,8 @@ def _run_columns(
         place = (data.time - low[index]) / span[index]
         share = hats(place, np.linspace(0.0, 1.0, per))
         spans = tuple(zip(low.tolist(), (low + span).tolist(), strict=True))
+        steps = steps_of(recorded, len(labels), drift)
+        bridges = Bridges(index, place, span, drift, steps)
     columns = index[:, None] * per + np.arange(per)
     matrix = sp.csr_array(
         (share.reshape(-1), columns.reshape(-1), np.arange(count + 1) * per),
@@ -242,4 +267,4 @@ def _run_columns(
         for label in labels
         for place in (np.linspace(0.0, 1.0, per) if drift else (0.5,))
     )
-    return matrix, knots, spans
+    return matrix, knots, spans, bridges

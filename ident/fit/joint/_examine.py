@@ -101,7 +101,7 @@ def share_of(ready: Prepared, number: int) -> float:
     """Return the information left of an effect: of its weaker law for a temperature."""
     own = [
         share
-        for share, part in zip(ready.told.share, ready.design.components, strict=True)
+        for share, part in zip(ready.told.share, ready.design.stated, strict=True)
         if part.effect == number
     ]
     return min(own)

@@ -58,7 +58,7 @@ def families(
             count as reached, however few rows there are.
     """
     result = []
-    for component in design.components:
+    for component in design.stated:
         own = reached[component.places]
         if design.banded and int(component.places.min()) < design.banded:
             if not smooth:

@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .._threads import one_blas_thread
-from ._axis import AxisFit, Smoothness, fit_axis
+from ._axis import AxisFit, fit_axis
 from ._data import JointData
 from ._effect import AbstractEffect
 from ._prepare import Prepared, by_axis
 from ._report import chosen, curves_of, part_of, report_of
 from ._result import AbstractAlignment, JointFit, Part
+from ._settle import Smoothness
 
 _TOO_MANY = 0.1
 """Share of wild readings from which on not the readings are at fault but the effects."""
@@ -121,8 +122,12 @@ def _fit(
     with one_blas_thread():
         # Axes share no unknowns; their matrix products leave the interpreter free.
         workers = max(min(len(groups), os.cpu_count() or 1), 1)
+        # The largest first, so that none is left alone at the end.
+        size = {a: sum(placed[n].size for n in groups[a]) for a in groups}
+        order = sorted(groups, key=lambda axis: -size[axis])
         with ThreadPoolExecutor(workers) as pool:
-            fits = dict(zip(groups, pool.map(one, groups), strict=True))
+            found = dict(zip(order, pool.map(one, order), strict=True))
+        fits = {axis: found[axis] for axis in groups}
         return _result(data, groups, fits, options)
 
 

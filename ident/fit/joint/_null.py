@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from .._prior import ChainPrior
 from ._design import Component
 from ._sums import Sums
+from ._wander import WalkPrior
 
 SINGULAR = 1e-9
 """Eigenvalue of scaled information below which nothing is known."""
@@ -32,6 +33,8 @@ class Pinned:
 def straight(component: Component) -> Float[np.ndarray, "p z"]:
     """Return what the smoothness of a component leaves alone, columns over its values."""
     prior = component.prior
+    if isinstance(prior, WalkPrior):
+        return np.zeros((len(component.places), 0))
     if prior is None or component.order is None:
         return np.eye(len(component.places))
     slow = _straight(prior.slow)

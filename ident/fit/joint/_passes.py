@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from .._errors import FitError
 from .._estimate import PASSES, SETTLED, THIN
-from .._loss import AbstractLoss, choose_loss
+from .._loss import AbstractLoss, StudentLoss, choose_loss
 from .._readings import pseudo_readings
 from ._arrow import Arrow
 from ._null import Pinned
@@ -17,6 +17,8 @@ from ._weights import Weights
 
 _EXACT = 1e-5
 """Smallest scatter relative to the spread of the readings."""
+_TRIED = 4
+"""Passes after which tails stay as they are: between two that suit alike there is no end."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,12 +30,14 @@ class Stand:
         loss: With its scale.
         pseudo: Pseudo-readings of the last pass about the estimate before it.
         settled: Whether the passes died out.
+        used: Effective number of parameters, about; 0 = not asked for yet.
     """
 
     solution: Solution
     loss: AbstractLoss
     pseudo: Float[np.ndarray, " r"]
     settled: bool
+    used: float
 
     @property
     def active(self) -> Bool[np.ndarray, " r"]:
@@ -51,6 +55,8 @@ def robust_passes(
     theta: Float[np.ndarray, " n"],
     near: bool,
     tolerance: float = SETTLED,
+    used: float | None = None,
+    tails: AbstractLoss | None = None,
 ) -> Stand:
     """Iterate pseudo-readings and solution at fixed smoothness.
 
@@ -64,6 +70,8 @@ def robust_passes(
         theta: Start.
         near: Whether the start is near: else large residuals are believed once.
         tolerance: Last move, in typical deviations of a prediction, at which the passes end.
+        used: Effective number of parameters, where it is about known.
+        tails: Loss of a fit of the same readings: it keeps its tails, not its scale.
 
     Raises:
         FitError: If the readings do not determine the effects.
@@ -71,12 +79,15 @@ def robust_passes(
     columns = sums.design.columns
     thin = max(1, len(error) // THIN)
     floor = max(_EXACT * float(np.ptp(np.quantile(error[::thin], (0.05, 0.95)))), 1e-12)
-    inflation = 1.0
+    inflation = 1.0 if used is None else _inflation(sums, used)
     arrow: Arrow | None = None
+    tried = 0 if tails is not None else _TRIED
     stand: Stand | None = None
     for step in range(PASSES):
         residual = error - columns @ theta
         chosen = choose_loss(loss, residual[::thin], inflation, floor)
+        if tails is not None and step >= tried and _other_tails(chosen, tails):
+            chosen = tails
         ratio = residual / chosen.scale
         now = ~chosen.wild(ratio)
         if step <= 8 and int((now != sums.active).sum()) > 1e-4 * len(now):
@@ -110,13 +121,27 @@ def robust_passes(
         spread = np.sqrt(max(solution.variance, floor**2))
         spread *= np.sqrt(min(1.0, sums.design.size / max(sums.count, 1)))
         settled = (step > 0 or near) and move <= tolerance * spread
-        stand = Stand(solution, chosen, pseudo, bool(settled) or loss == "gauss")
+        done = bool(settled) or loss == "gauss"
+        stand = Stand(solution, chosen, pseudo, done, used or 0.0)
+        tails = chosen
         if stand.settled:
             break
-        if step == 0:
+        if step == 0 and used is None:
             plenty = sums.count >= 20 * sums.design.size
-            used = sums.design.size if plenty else solution.used
-            free = max(sums.count - used, 0.05 * sums.count)
-            inflation = float(np.sqrt(sums.count / free))
+            used = float(sums.design.size if plenty else solution.used)
+            inflation = _inflation(sums, used)
     assert stand is not None
     return stand
+
+
+def _other_tails(one: AbstractLoss, other: AbstractLoss) -> bool:
+    """Tell whether two losses differ in more than their scale."""
+    if isinstance(one, StudentLoss) and isinstance(other, StudentLoss):
+        return one.freedom != other.freedom
+    return False
+
+
+def _inflation(sums: Sums, used: float) -> float:
+    """Return the factor that undoes the shrinkage of residuals by the fitted parameters."""
+    free = max(sums.count - used, 0.05 * sums.count)
+    return float(np.sqrt(sums.count / free))

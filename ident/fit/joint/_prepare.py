@@ -21,6 +21,26 @@ from ._weights import Weights, weights_of
 
 
 @dataclasses.dataclass(frozen=True)
+class Ground:
+    """One axis as far as its numbers go: enough to fit it.
+
+    Attributes:
+        sums: Information of all usable readings.
+        weights: Smoothness weights.
+        pinned: What nothing holds.
+    """
+
+    sums: Sums
+    weights: Weights
+    pinned: Pinned
+
+    @property
+    def design(self) -> Design:
+        """Columns."""
+        return self.sums.design
+
+
+@dataclasses.dataclass(frozen=True)
 class Prepared:
     """One axis, ready to fit or to examine.
 
@@ -50,6 +70,24 @@ class Prepared:
         return self.sums.design
 
 
+def ground_of(
+    axis: str,
+    effects: Sequence[AbstractEffect],
+    data: JointData,
+    drift: int,
+    use: Bool[np.ndarray, " t"] | None,
+    measured: bool,
+) -> Ground:
+    """Return the numbers of one axis; the arguments are those of `prepare`.
+
+    Raises:
+        FitError: If no row is complete.
+    """
+    design = design_of(axis, effects, data, drift, use, measured)
+    sums = sums_of(design)
+    return Ground(sums, weights_of(design, sums.diagonal), pinned(sums))
+
+
 def prepare(
     axis: str,
     effects: Sequence[AbstractEffect],
@@ -57,7 +95,6 @@ def prepare(
     drift: int,
     use: Bool[np.ndarray, " t"] | None,
     measured: bool,
-    like: "Prepared | None" = None,
 ) -> Prepared:
     """Return what is known of one axis before its errors are looked at.
 
@@ -68,31 +105,50 @@ def prepare(
         drift: Pieces of the drift of each run.
         use: Rows that may be used; None = all.
         measured: Only rows with an error count.
-        like: Of more rows of the same: what was found there holds here too.
 
     Raises:
         FitError: If no row is complete.
     """
-    design = design_of(axis, effects, data, drift, use, measured)
-    sums = sums_of(design)
-    weights = weights_of(design, sums.diagonal)
-    held = pinned(sums)
-    if like is not None and like.design.knots == design.knots:
-        return dataclasses.replace(like, sums=sums, weights=weights, pinned=held)
-    reached = sums.reached
+    return judged(ground_of(axis, effects, data, drift, use, measured), data, drift)
+
+
+def judged(
+    ground: Ground, data: JointData, drift: int, like: Prepared | None = None
+) -> Prepared:
+    """Return what the readings tell of the effects.
+
+    Args:
+        ground: Numbers.
+        data: All rows.
+        drift: Pieces of the drift of each run.
+        like: The same effects and rows with other lags: their freedoms are the same.
+    """
+    design, sums, weights = ground.design, ground.sums, ground.weights
     # Relative, so that functionals of different effects are alike in size.
     counts = np.asarray(abs(design.columns).sum(axis=0)) / len(design.rows)
-    structure = rules_of(design, data, drift, counts)
+    structure = (
+        rules_of(design, data, drift, counts) if like is None else like.structure
+    )
     told = told_by(sums, structure, weights)
     return Prepared(
         sums=sums,
         weights=weights,
-        pinned=held,
+        pinned=ground.pinned,
         structure=structure,
-        rules=with_lost(structure, design, held.null, counts),
+        rules=with_lost(structure, design, ground.pinned.null, counts),
         told=told,
         gauges=(*gauges_of(design, structure), *_almost(design, told)),
-        confusions=confusions_of(design, told, reached),
+        confusions=confusions_of(design, told, sums.reached),
+    )
+
+
+def alike(like: Prepared, ground: Ground) -> Prepared | None:
+    """Return what was found with more rows of the same, where the unknowns are the same."""
+    same = like.design.knots == ground.design.knots
+    if not same or like.design.size != ground.design.size:
+        return None
+    return dataclasses.replace(
+        like, sums=ground.sums, weights=ground.weights, pinned=ground.pinned
     )
 
 

@@ -188,5 +188,10 @@ def curves_of(fit: AxisFit) -> tuple[RunCurve, ...]:
         if design.spans:
             low, high = design.spans[number]
             time = np.linspace(low, high, len(knots))
+            for part in design.components:
+                if part.kind == "wander" and design.bridges is not None:
+                    upon = design.bridges.between(number, fit.theta[part.places])
+                    fine = np.linspace(low, high, len(upon))
+                    time, value = fine, np.interp(fine, time, value) + upon
         result.append(RunCurve(run, time, value))
     return tuple(result)

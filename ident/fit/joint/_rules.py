@@ -24,6 +24,7 @@ from ._tables import LeadscrewEffect
 from ._temperature import TemperatureEffect
 
 _ORDER = (
+    "wander",
     "runs",
     "delay",
     "plane",
@@ -103,7 +104,9 @@ def rules_of(
         for effect in design.effects
     )
     ideal = sums_of(
-        design_of(design.axis, effects, varied, drift, None, measured=False)
+        design_of(
+            design.axis, effects, varied, drift, None, measured=False, wander=False
+        )
     )
     shapes = families(design, ideal.diagonal > 0, smooth=False)
     matrix, slices = information(ideal, shapes)
@@ -155,7 +158,9 @@ def eliminate(
         if not remaining.shape[1]:
             break
         own = remaining[component.places]
-        left, size, right = np.linalg.svd(own, full_matrices=True)
+        # A plane has very many values: only the right side is ever wanted whole.
+        whole = own.shape[0] < own.shape[1]
+        left, size, right = np.linalg.svd(own, full_matrices=whole)
         rank = int(
             (size > _NOTHING * max(float(size.max(initial=0.0)), _NOTHING)).sum()
         )

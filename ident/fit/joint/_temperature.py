@@ -6,11 +6,11 @@ from typing import final
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .._errors import FitError
-from ..thermal._lag import lagged
 from ..thermal._laws import hats
+from ._clocked import Clocked, clocked
 from ._data import JointData
 from ._effect import AbstractEffect, Block
 
@@ -105,7 +105,9 @@ class TemperatureEffect(AbstractEffect):
             FitError: Where they are still to be read off the data (`placed`).
         """
         result = {}
-        for law in self.sensors:
+        for law in LAWS:
+            if law not in self.sensors:
+                continue
             nodes = self.law.get(law, "linear")
             if not isinstance(nodes, np.ndarray):
                 msg = f"{self.name}: its temperatures are not placed on data yet."
@@ -139,18 +141,31 @@ class TemperatureEffect(AbstractEffect):
 
     def block(self, data: JointData) -> Block:
         """See `AbstractEffect`; a lag to be fitted counts as none."""
+        warm = {sensor: self.structure(data, sensor) for sensor in self.sensor_names}
         placed = self.placed(data)
-        parts: list[np.ndarray] = []
+        dense, known = placed.columns(data, warm)
         labels: list[str] = []
         unit: list[str] = []
+        for law, nodes in placed.nodes.items():
+            labels += [f"{law} at {node:.4g} °C" for node in nodes]
+            unit += ["mm" if law == "offset" else "mm/mm"] * len(nodes)
+        return Block(sp.csr_array(dense), known, tuple(labels), tuple(unit))
+
+    def columns(
+        self, data: JointData, warm: Mapping[str, Float[np.ndarray, " t"]]
+    ) -> tuple[Float[np.ndarray, "t p"], Bool[np.ndarray, " t"]]:
+        """Return the columns, zero in rows that lack an input, and which rows have all.
+
+        Args:
+            data: Rows.
+            warm: Temperature of the structure behind each sensor in these rows, in °C.
+        """
+        parts: list[np.ndarray] = []
         known = np.ones(len(data), bool)
-        for law in LAWS:
-            if law not in self.sensors:
-                continue
-            nodes = placed.nodes[law]
-            warm = self.structure(data, self.sensors[law])
-            known &= np.isfinite(warm)
-            part = hats(np.where(np.isfinite(warm), warm, nodes[0]), nodes)
+        for law, nodes in self.nodes.items():
+            own = warm[self.sensors[law]]
+            known &= np.isfinite(own)
+            part = hats(np.where(np.isfinite(own), own, nodes[0]), nodes)
             if law == "coefficient":
                 place = data.column("position", self.axis, self.name)
                 known &= np.isfinite(place)
@@ -161,10 +176,19 @@ class TemperatureEffect(AbstractEffect):
                     ]
                 )
             parts.append(part)
-            labels += [f"{law} at {node:.4g} °C" for node in nodes]
-            unit += ["mm" if law == "offset" else "mm/mm"] * len(nodes)
-        dense = np.where(known[:, None], np.hstack(parts), 0.0)
-        return Block(sp.csr_array(dense), known, tuple(labels), tuple(unit))
+        return np.where(known[:, None], np.hstack(parts), 0.0), known
+
+    def clocked(self, data: JointData, sensor: str) -> Clocked:
+        """Return the readings of a sensor on their clock.
+
+        Raises:
+            FitError: If there is none.
+        """
+        values = data.column("temperature", sensor, self.name)
+        if data.time is None:
+            msg = f"{self.name}: a lag needs the time of every reading, found none."
+            raise FitError(msg)
+        return clocked(np.asarray(data.time, float), values)
 
     def structure(self, data: JointData, sensor: str) -> Float[np.ndarray, " t"]:
         """Return the temperature of the structure behind a sensor in °C, per row.
@@ -172,14 +196,10 @@ class TemperatureEffect(AbstractEffect):
         Raises:
             FitError: If a lag needs a clock and there is none.
         """
-        values = data.column("temperature", sensor, self.name)
         lag = self.lags[sensor]
         if isinstance(lag, str) or lag == 0.0:
-            return values
-        if data.time is None:
-            msg = f"{self.name}: a lag needs the time of every reading, found none."
-            raise FitError(msg)
-        return _lagged(data.time, values, lag)
+            return data.column("temperature", sensor, self.name)
+        return self.clocked(data, sensor).structure(lag)
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
         """Return ``(p,)``: offset values, then coefficient values."""
@@ -211,18 +231,3 @@ def _spread(low: float, high: float, count: int) -> Float[np.ndarray, " _n"]:
         # A temperature that never changed: the nodes exist, but nothing tells them apart.
         low, high = low - 0.5, high + 0.5
     return np.linspace(low, high, count)
-
-
-def _lagged(
-    time: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"], lag: float
-) -> Float[np.ndarray, " t"]:
-    """Return the structure temperature; rows need not be in order of time."""
-    known = np.isfinite(time) & np.isfinite(values)
-    result: Float[np.ndarray, " t"] = np.full(len(values), np.nan)
-    if not known.any():
-        return result
-    clock, back = np.unique(time[known], return_inverse=True)
-    share = np.bincount(back)
-    mean = np.bincount(back, values[known]) / share
-    result[known] = lagged(clock, mean, lag)[back]
-    return result

@@ -6,11 +6,12 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .._logs import HIGH, LEAST, LOW, smoothness_of
 from .._prior import Smoothness, TablePrior, _lower_band
 from ._design import Component, Design
+from ._wander import WalkPrior
 
 _STEP = 1e-3
 """Step in a logarithm for the slope of a prior's determinant."""
@@ -132,9 +133,24 @@ class Weights:
         return np.array([HIGH[part.kind] for part in self.parts])
 
     def start(self, second: float) -> Float[np.ndarray, " k"]:
-        """Return logarithms with one weight for all second differences, fourth ones off."""
+        """Return logarithms with one weight for all second differences, fourth ones off.
+
+        A walk begins as wide as what the readings of one step tell of it.
+        """
         return np.array(
-            [LOW if part.kind % 2 else float(np.log(second)) for part in self.parts]
+            [
+                0.0
+                if self.walks[k]
+                else (LOW if part.kind % 2 else float(np.log(second)))
+                for k, part in enumerate(self.parts)
+            ]
+        )
+
+    @property
+    def walks(self) -> Bool[np.ndarray, " k"]:
+        """Tell which weights belong to a walk, not to a table."""
+        return np.array(
+            [self.tables[part.table].kind == "wander" for part in self.parts], bool
         )
 
     def named(self, logs: Float[np.ndarray, " k"]) -> list[dict[str, float]]:
@@ -172,7 +188,7 @@ def slow_column(table: Component) -> int:
     return 1 if len(table.order) < 2 or table.order[1] == 1 else 0
 
 
-def _prior(table: Component) -> TablePrior:
+def _prior(table: Component) -> TablePrior | WalkPrior:
     assert table.prior is not None
     return table.prior
 
