@@ -145,13 +145,28 @@ class Group:
                 lambda law, m: law.current(rows.velocity[m]), laws, members
             )
         else:
-            current, state = one_by_one(
-                lambda law, m, s: law.run(
+            share, turns, after = one_by_one(
+                lambda law, m, s: law.shares(
                     s, rows.position[m], rows.velocity[m], ahead[:, m]
                 ),
                 laws,
                 members,
                 state,
+            )
+            # The look-up has no condition, other than what comes before it.
+            level = side_by_side(
+                lambda law, m, t: law.law.level(jnp.abs(rows.velocity[m]), t.direction),
+                laws,
+                members,
+                turns,
+            )
+            current, state = one_by_one(
+                lambda law, *parts: law.delayed(*parts),
+                laws,
+                share,
+                level,
+                turns,
+                after,
             )
         return _found(current), state
 

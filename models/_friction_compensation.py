@@ -39,6 +39,16 @@ class FrictionState(eqx.Module):
 
 
 @final
+class Turns(eqx.Module):
+    """Which way an axis goes, cycle by cycle."""
+
+    direction: Float[Array, " t"]
+    """Of the last motion, ±1; 0 before the first one."""
+    reverses: Bool[Array, " t"]
+    """Whether the cycle is the first one of a new direction."""
+
+
+@final
 class FrictionCompensation(eqx.Module):
     """What the controller adds to the current of one axis, cycle by cycle.
 
@@ -123,6 +133,23 @@ class FrictionCompensation(eqx.Module):
             ahead: Velocities of the cycles that follow; the first `reversal_lookahead`
                 of them are used. Where there are less, the axis stands after them.
         """
+        speed = jnp.asarray(velocity, dtype=jnp.float64)
+        share, turns, after = self.shares(state, position, speed, ahead)
+        level = self.law.level(jnp.abs(speed), turns.direction)
+        return self.delayed(share, level, turns, after)
+
+    def shares(
+        self,
+        state: FrictionState,
+        position: Float[Array | np.ndarray, " t"],
+        velocity: Float[Array | np.ndarray, " t"],
+        ahead: Float[Array | np.ndarray, " h"] | None = None,
+    ) -> "tuple[Float[Array, ' t'], Turns, FrictionState]":
+        """Return how much of the law's level acts per cycle, −1 to 1, and the state after.
+
+        The first part of `run`, with its arguments; the state still lacks the currents of
+        these cycles. What the level is in between needs no cycle before.
+        """
         place = jnp.asarray(position, dtype=jnp.float64)
         speed = jnp.asarray(velocity, dtype=jnp.float64)
         count = place.size
@@ -149,17 +176,34 @@ class FrictionCompensation(eqx.Module):
         way = direction[:count]
         active = way if self.held_at_rest else jnp.where(now, way, 0.0)
         share = kept(weight * active)
-        found = self.sign * (share * self.law.level(jnp.abs(speed), way))
-        delayed, past = self._delay(state.past, found, reverses[:count])
-        return delayed, FrictionState(
-            direction=way[-1],
-            moving=now[-1],
-            position=place[-1],
-            begun=jnp.ones((), dtype=bool),
-            origin=origin,
-            built=built,
-            past=past,
+        return (
+            share,
+            Turns(way, reverses[:count]),
+            FrictionState(
+                direction=way[-1],
+                moving=now[-1],
+                position=place[-1],
+                begun=jnp.ones((), dtype=bool),
+                origin=origin,
+                built=built,
+                past=state.past,
+            ),
         )
+
+    def delayed(
+        self,
+        share: Float[Array, " t"],
+        level: Float[Array, " t"],
+        turns: "Turns",
+        after: FrictionState,
+    ) -> tuple[Float[Array, " t"], FrictionState]:
+        """Return the current per cycle in drive units, and the state after.
+
+        The last part of `run`: what `shares` gave, and the law's level at these cycles.
+        """
+        found = self.sign * (share * level)
+        delayed, past = self._delay(after.past, found, turns.reverses)
+        return delayed, eqx.tree_at(lambda state: state.past, after, past)
 
     def _delay(
         self,
