@@ -1,6 +1,7 @@
 """A friction job: from a recorded trace to the list, its proof and its report."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -140,7 +141,8 @@ def test_report_says_what_a_list_cannot(done: tuple[Path, JobResult]) -> None:
     text = page.read_text()
     assert "belongs into the torque offset" in text
     assert "Quadrant spikes" in text
-    assert "nan" not in text.lower()
+    # Pictures hold any three letters by chance.
+    assert "nan" not in re.sub(r"base64,[^\"]+", "", text).lower()
     assert {plot.stem.split("-")[-1] for plot in plots} == {
         "curve", "residual", "choice", "circle",
     }  # fmt: skip

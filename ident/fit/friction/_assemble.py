@@ -1,11 +1,15 @@
 """From factors of columns to the parameters that users read."""
 
+import dataclasses
+
 import numpy as np
+from jaxtyping import Bool, Float
 
 from ._determined import directions_seen, lost, sentences, vague_columns
 from ._problem import Problem
 from ._result import FrictionFit
 from ._separable import Solution
+from ._solve import Solved
 from ._structure import WAYS
 
 _ONE_WAY = "no motion in this direction was recorded"
@@ -33,10 +37,44 @@ def _gauge(problem: Problem, solution: Solution) -> tuple[np.ndarray, np.ndarray
     return offset, shift
 
 
-def assemble(
-    problem: Problem, solution: Solution, missing: dict[str, str], method: str
-) -> FrictionFit:
-    """Return the result of a fit."""
+@dataclasses.dataclass(frozen=True)
+class _Named:
+    """Parameters as users read them, determined or not.
+
+    Attributes:
+        names: One word each.
+        values: In load units.
+        jacobian: With respect to linear factors and shape, as fitted.
+        own: Factors of the law, level and offset parted.
+        inner: Their derivative, and that of the shape, likewise.
+        split: Whether level and offset had to be parted.
+        seen: Whether motion in positive and in negative direction was recorded.
+        undetermined: What the data cannot say: name → reason.
+        has_law: Whether the level of friction is told from a constant load.
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " r"]
+    jacobian: Float[np.ndarray, "r k"]
+    own: Float[np.ndarray, " f"]
+    inner: Float[np.ndarray, "p k"]
+    split: bool
+    seen: tuple[bool, bool]
+    undetermined: dict[str, str]
+    has_law: bool
+
+
+def _named(
+    solved: Solved, used: Bool[np.ndarray, " s"], moving: Bool[np.ndarray, " t"]
+) -> _Named:
+    """Return what a fit to some rows says, and what it does not.
+
+    Args:
+        solved: The fit.
+        used: Its rows.
+        moving: Samples in motion behind them.
+    """
+    problem, solution = solved.problem, solved.solution
     structure, fixed = problem.structure, len(problem.fixed_names)
     count = len(solution.factors)
     state = np.concatenate([solution.factors, solution.shape])
@@ -55,12 +93,12 @@ def assemble(
     )
     names += reported.names
     values = np.concatenate([[row @ state for row in rows], reported.values])
-    undetermined = dict(missing)
+    undetermined = dict(solved.missing)
     null = np.zeros((len(state), solution.null.shape[1]))
     null[:count] = solution.null
     gone = lost(jacobian, null, solution.column_size)
-    vague = vague_columns(problem, solution)
-    seen = directions_seen(problem)
+    vague = vague_columns(problem, solution, used)
+    seen = directions_seen(problem, moving)
     for name, is_lost in zip(names, gone, strict=True):
         factor = name.replace("breakaway", "drop")
         if name.endswith(WAYS) and not seen[WAYS.index("_" + name.split("_")[-1])]:
@@ -73,21 +111,58 @@ def assemble(
             undetermined.setdefault(name, vague.get(name, vague.get(factor, "")))
         elif split and name == "offset" and not all(seen):
             undetermined.setdefault(name, _LEVEL)
+    levels = {
+        name
+        for name in reported.names
+        if name.removesuffix(WAYS[0]).removesuffix(WAYS[1]) in structure.level_names
+    }
+    has_law = not levels & set(undetermined)
+    return _Named(
+        tuple(names), values, jacobian, own, inner, split, seen, undetermined, has_law
+    )
+
+
+def friction_at(
+    solved: Solved,
+    used: Bool[np.ndarray, " s"],
+    moving: Bool[np.ndarray, " t"],
+    velocity: Float[np.ndarray, " v"],
+) -> Float[np.ndarray, " v"] | None:
+    """Return the friction at velocities in mm/s under a fit to some rows, in load units.
+
+    Args:
+        solved: The fit, with its covariance.
+        used: Its rows.
+        moving: Samples in motion behind them.
+        velocity: Where it is asked for.
+
+    Returns:
+        None where these rows do not tell the level of friction.
+    """
+    named = _named(solved, used, moving)
+    if not named.has_law:
+        return None
+    shape = solved.solution.shape
+    return solved.problem.structure.columns(velocity, shape) @ named.own
+
+
+def assemble(solved: Solved, method: str) -> FrictionFit:
+    """Return the result of a fit to all rows."""
+    problem, solution = solved.problem, solved.solution
+    structure = problem.structure
+    used = problem.usable
+    named = _named(solved, used, problem.samples.in_motion)
+    names, values, undetermined = named.names, named.values, dict(named.undetermined)
+    jacobian, own, inner = named.jacobian, named.own, named.inner
     covariance = jacobian @ solution.covariance @ jacobian.T
     open_ = np.array([name in undetermined for name in names], bool)
     values = np.where(open_, np.nan, values)
     covariance = np.where(open_[:, None] | open_[None], np.nan, covariance)
     sd = np.sqrt(np.diag(covariance))
     good = [place for place in range(len(names)) if not open_[place]]
-    levels = {
-        name
-        for name in reported.names
-        if name.removesuffix(WAYS[0]).removesuffix(WAYS[1]) in structure.level_names
-    }
     law = None
-    if not levels & set(undetermined):
+    if named.has_law:
         law = structure.law(own.reshape(structure.ways, -1), solution.shape)
-    used = problem.usable
     load = problem.load[used]
     return FrictionFit(
         method=method,
@@ -96,11 +171,11 @@ def assemble(
         parameters={names[place]: float(values[place]) for place in good}
         | _given(problem),
         standard_deviations={names[place]: float(sd[place]) for place in good},
-        names=tuple(names),
+        names=names,
         values=values,
         covariance=covariance,
         undetermined=undetermined,
-        gauges=_gauges(problem, solution, split, seen),
+        gauges=_gauges(problem, solution, named.split, named.seen),
         remarks=sentences(problem),
         noise=solution.loss.scale,
         relative_error=float(

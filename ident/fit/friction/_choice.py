@@ -4,10 +4,11 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from .._errors import FitError
-from ._inverse import fit_problem, solve_problem
+from ._assemble import assemble
+from ._inverse import METHOD, fit_problem
+from ._leftout import LeftOut, left_out
 from ._lowpass import default_factor
 from ._problem import Known, Problem, make_problem
 from ._result import FrictionFit
@@ -18,8 +19,8 @@ from ._tables import KnotTable, default_knots
 
 WINDOWS = 10
 KNOTS = (3, 5, 8, 12, 20)
-_FEWEST = 30
-"""Samples in motion, after filtering, that a window needs."""
+_WILD = 4.0
+"""Error in scales beyond which a sample says nothing of the law."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +56,8 @@ class Choice:
 
     Attributes:
         fit: The chosen law, fitted to the whole recording.
+        laws: Those with parameters in words among the candidates, likewise.
+        left_out: The windows that were held out.
         chosen: Its place among the candidates.
         best: Place of the smallest error held out.
         candidates: From simple to rich.
@@ -64,6 +67,8 @@ class Choice:
     """
 
     fit: FrictionFit
+    laws: tuple[FrictionFit, ...]
+    left_out: LeftOut
     chosen: int
     best: int
     candidates: tuple[Candidate, ...]
@@ -119,28 +124,18 @@ def choose_law(
     factor = default_factor(samples.cycle) if decimate is None else decimate
     kinds = default_structures(samples) if structures is None else tuple(structures)
     whole = make_problem(samples, kinds[0], known, factor)
-    moving = int(whole.usable.sum())
-    if windows < 3 or moving < windows * _FEWEST:
-        msg = (
-            f"model choice: found {moving} samples in motion after filtering for {windows} "
-            f"windows, expected at least 3 windows of {_FEWEST}."
-        )
-        raise FitError(msg)
-    # Equal shares of the motion, not of the time: an axis may rest for half of it.
-    share = np.cumsum(whole.usable) / moving
-    window = np.minimum((share * windows).astype(int), windows - 1)
+    parts = left_out(whole, loss, windows)
     size = float(np.sqrt(np.mean(whole.load[whole.usable] ** 2)))
-    candidates = tuple(
-        _candidate(whole.with_structure(kind), loss, window, size) for kind in kinds
-    )
+    candidates = tuple(_candidate(kind, parts, size) for kind in kinds)
     order = sorted(range(len(kinds)), key=lambda place: candidates[place].parameters)
     best = int(np.argmin([each.error for each in candidates]))
     chosen = next(
         place for place in order if _as_good(candidates[place], candidates[best])
     )
-    problem = whole.with_structure(kinds[chosen])
     return Choice(
-        fit=fit_problem(problem, loss, None, "inverse dynamic fit"),
+        fit=_whole(parts, kinds[chosen]),
+        laws=tuple(_whole(parts, kind) for kind in kinds if kind.in_words),
+        left_out=parts,
         chosen=chosen,
         best=best,
         candidates=candidates,
@@ -159,27 +154,26 @@ def _as_good(one: Candidate, best: Candidate) -> bool:
     return bool(worse.mean() <= spread)
 
 
-def _candidate(
-    problem: Problem, loss: str, window: Int[np.ndarray, " s"], size: float
-) -> Candidate:
-    structure = problem.structure
-    problem.design(structure.starts(problem.speed)[0])
+def _whole(parts: LeftOut, structure: AbstractStructure) -> FrictionFit:
+    if structure.in_words:
+        return assemble(parts.fits(structure)[-1], METHOD)
+    problem = parts.problem.with_structure(structure)
+    return fit_problem(problem, parts.loss, None, METHOD)
+
+
+def _candidate(structure: AbstractStructure, parts: LeftOut, size: float) -> Candidate:
     errors, fitted = [], []
-    reach = len(problem.lowpass.kernel) // (2 * problem.lowpass.factor)
-    for number in range(int(window.max()) + 1):
-        out = window == number
-        # Rows near the window share samples with it through the filter.
-        near = np.convolve(out, np.ones(2 * reach + 1), mode="same") > 0.5
-        used, fit = solve_problem(problem.restricted(~near), loss)
-        other = problem.restricted(out)
-        if used.structure != structure:
-            other = other.with_structure(used.structure)
-        residual = _row_error(fit.factors, fit.shape, other)
-        # A wild sample says nothing of the law: no more than where the fit lets go.
-        limit = 4.0 * fit.loss.scale if loss != "gauss" else np.inf
-        errors.append(np.sqrt(np.mean(np.clip(residual, -limit, limit) ** 2)) / size)
-        own = np.clip(fit.residual[used.usable], -limit, limit)
-        fitted.append(np.mean(own**2) / size**2)
+    usable = parts.lanes.usable
+    for number, each in enumerate(parts.fits(structure)[:-1]):
+        residual, scale = each.solution.residual, each.solution.loss.scale
+        square = np.square(residual)
+        if parts.loss != "gauss":
+            # A wild sample says nothing of the law: no more than where the fit lets go.
+            square = np.minimum(square, (_WILD * scale) ** 2)
+        out = (parts.window == number) & usable
+        errors.append(np.sqrt(np.mean(square[out])) / size)
+        own = parts.lanes.use[number]
+        fitted.append(own @ square / own.sum() / size**2)
     window_error = np.asarray(errors)
     error = float(np.sqrt(np.mean(window_error**2)))
     spread = float(np.std(window_error**2, ddof=1)) / np.sqrt(len(window_error))

@@ -26,8 +26,7 @@ def score_covariance(
         scores: Per sample, in order; samples left out have zeros.
         piece: Stretch of even time steps; no lag reaches from one to the next.
     """
-    count = len(scores)
-    lag = _lag(scores, piece, count)
+    lag = lag_of(scores, piece)
     total = scores.T @ scores
     for step in range(1, lag + 1):
         now, before = _pairs(scores, piece, step)
@@ -46,14 +45,15 @@ def _pairs(
     return scores[step:][same], scores[:-step][same]
 
 
-def _lag(scores: np.ndarray, piece: np.ndarray, count: int) -> int:
-    size = (scores**2).sum(axis=0)
+def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:
+    """Return over how many samples scores resemble each other (Andrews' rule)."""
+    count = len(scores)
+    size = np.einsum("tk,tk->k", scores, scores)
     used = size > 0
     if not used.any():
         return 0
     now, before = _pairs(scores, piece, 1)
-    now, before = now[:, used], before[:, used]
-    rho = (now * before).sum(axis=0) / size[used]
+    rho = np.einsum("tk,tk->k", now, before)[used] / size[used]
     rho = np.clip(rho, 0.0, _STRONGEST)
     alpha = np.mean(4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.mean(
         1 / (1 - rho) ** 4

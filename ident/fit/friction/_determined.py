@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ._problem import Problem
 from ._samples import saturated
@@ -26,9 +26,11 @@ _IN_NULL = 1e-3
 """Share of a parameter in a direction that no sample moves, to be lost with it."""
 
 
-def directions_seen(problem: Problem) -> tuple[bool, bool]:
+def directions_seen(
+    problem: Problem, moving: Bool[np.ndarray, " t"]
+) -> tuple[bool, bool]:
     """Return whether motion in positive and in negative direction was recorded."""
-    velocity = problem.samples.velocity[problem.samples.in_motion]
+    velocity = problem.samples.velocity[moving]
     share = float(np.mean(velocity > 0))
     return share >= _DIRECTION, share <= 1 - _DIRECTION
 
@@ -87,10 +89,12 @@ def shape_reason(problem: Problem, solution: Solution) -> str | None:
     return None
 
 
-def vague_columns(problem: Problem, solution: Solution) -> Mapping[str, str]:
+def vague_columns(
+    problem: Problem, solution: Solution, used: Bool[np.ndarray, " s"]
+) -> Mapping[str, str]:
     """Return linear factors whose contribution is unknown to a good part of the load."""
     names = problem.fixed_names + problem.structure.names
-    size = float(np.sqrt(np.mean(problem.load[problem.usable] ** 2)))
+    size = float(np.sqrt(np.mean(problem.load[used] ** 2)))
     sd = np.sqrt(np.diag(solution.covariance))[: len(names)]
     found = {}
     for name, spread, rms in zip(names, sd, solution.column_size, strict=False):
@@ -124,7 +128,7 @@ def sentences(problem: Problem) -> tuple[str, ...]:
     """Return what is odd about the recording itself, in words."""
     samples = problem.samples
     found = []
-    ahead, back = directions_seen(problem)
+    ahead, back = directions_seen(problem, samples.in_motion)
     if not (ahead and back):
         way = "positive" if ahead else "negative"
         found.append(

@@ -5,15 +5,16 @@ import numpy as np
 from .._errors import FitError
 from .._threads import one_blas_thread
 from ._assemble import assemble
-from ._determined import drop_reason, shape_reason
+from ._lanes import lanes_of
 from ._lowpass import default_factor
 from ._problem import Known, Problem, make_problem
 from ._result import FrictionFit
 from ._samples import DriveSamples, check_samples
-from ._separable import Solution, separable
-from ._smoothing import choose_weight
+from ._solve import solve_problem
 from ._structure import AbstractStructure
-from ._structures import CoulombViscous, Stribeck
+from ._structures import Stribeck
+
+METHOD = "inverse dynamic fit"
 
 
 def fit_inverse(
@@ -60,7 +61,7 @@ def fit_inverse(
         msg = f"decimate: found {decimate}, expected 1 or more."
         raise FitError(msg)
     problem = make_problem(samples, structure, known, decimate)
-    return fit_problem(problem, loss, smoothness, "inverse dynamic fit")
+    return fit_problem(problem, loss, smoothness, METHOD)
 
 
 def fit_problem(
@@ -68,55 +69,5 @@ def fit_problem(
 ) -> FrictionFit:
     """Fit one problem, with a simpler law where the data do not carry the asked one."""
     with one_blas_thread():
-        return _fit(problem, loss, smoothness, method)
-
-
-def _fit(
-    problem: Problem, loss: str, smoothness: float | None, method: str
-) -> FrictionFit:
-    problem, solution, missing = _solved(problem, loss, smoothness, certain=True)
-    return assemble(problem, solution, missing, method)
-
-
-def solve_problem(problem: Problem, loss: str) -> tuple[Problem, Solution]:
-    """Return what `fit_problem` finds before it is put into words, for predictions only.
-
-    Returns:
-        The problem, of a simpler law where the data do not carry the asked one, and its
-        solution; the covariance is there where the choice of that law needs it.
-    """
-    with one_blas_thread():
-        problem, solution, _ = _solved(problem, loss, None, certain=False)
-    return problem, solution
-
-
-def _solved(
-    problem: Problem, loss: str, smoothness: float | None, *, certain: bool
-) -> tuple[Problem, Solution, dict[str, str]]:
-    asked = problem.structure
-    missing: dict[str, str] = {}
-    # Whether a drop from break-away is one is judged by its standard deviation.
-    judged = certain or bool(asked.shapes)
-    solution = _solution(problem, loss, smoothness, judged)
-    reason = shape_reason(problem, solution)
-    if reason is not None and drop_reason(problem, solution) is None:
-        missing["stribeck_shape"] = reason
-        problem = problem.with_structure(Stribeck(asked.directional, 2.0))
-        solution = _solution(problem, loss, smoothness, judged)
-    reason = drop_reason(problem, solution)
-    if reason is not None:
-        ways = ("_positive", "_negative") if asked.directional else ("",)
-        names = [f"breakaway{way}" for way in ways] + list(asked.shapes)
-        missing |= dict.fromkeys(names, reason)
-        problem = problem.with_structure(CoulombViscous(asked.directional))
-        solution = _solution(problem, loss, smoothness, certain)
-    return problem, solution, missing
-
-
-def _solution(
-    problem: Problem, loss: str, smoothness: float | None, certain: bool
-) -> Solution:
-    if problem.structure.penalty() is None:
-        return separable(problem, loss, certain=certain)
-    weight = choose_weight(problem, loss) if smoothness is None else smoothness
-    return separable(problem, loss, weight, certain=certain)
+        (solved,) = solve_problem(problem, loss, lanes_of(problem.usable), smoothness)
+    return assemble(solved, method)

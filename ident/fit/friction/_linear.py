@@ -1,4 +1,4 @@
-"""Weighted least squares over columns, with or without instruments and a prior."""
+"""Weighted least squares over columns, with or without instruments and a prior, many at a time."""
 
 import dataclasses
 
@@ -11,43 +11,56 @@ _NULL = 1e-9
 
 @dataclasses.dataclass(frozen=True)
 class Linear:
-    """Solution of one weighted least-squares problem.
+    """Solutions of several weighted least-squares problems.
 
     Attributes:
         factors: Of the columns.
-        inverse: Of the normal matrix, where samples reach.
-        null: Directions of the factors that no sample moves, as columns.
+        inverse: Of the normal matrices, where samples reach.
+        null: Directions of the factors that no sample moves, as columns, per problem.
     """
 
-    factors: Float[np.ndarray, " k"]
-    inverse: Float[np.ndarray, "k k"]
-    null: Float[np.ndarray, "k z"]
+    factors: Float[np.ndarray, "w k"]
+    inverse: Float[np.ndarray, "w k k"]
+    null: tuple[Float[np.ndarray, "k _"], ...]
 
 
 def solve_linear(
-    design: np.ndarray,
-    instrument: np.ndarray,
-    target: np.ndarray,
-    share: np.ndarray,
-    penalty: np.ndarray | None,
+    own: Float[np.ndarray, "w k k"],
+    matrix: Float[np.ndarray, "w k k"],
+    moment: Float[np.ndarray, "w k"],
+    size: Float[np.ndarray, "w k"],
 ) -> Linear:
-    """Solve ZᵀW(Xβ − y) + Pβ = 0, least norm in directions that no sample moves."""
-    size = np.sqrt(np.mean(design**2, axis=0))
+    """Solve Mβ = m, least norm in directions that no sample moves.
+
+    Args:
+        own: XᵀWX + P of the columns themselves, which tells those directions.
+        matrix: M; ``own`` itself where there are no instruments.
+        moment: m.
+        size: RMS of each column, which makes factors of different units comparable.
+    """
     size = np.where(size > 0, size, 1.0)
-    x = design / size
-    weighted = x * share[:, None]
-    own = matrix = weighted.T @ x
-    if instrument is not design:
-        weighted = instrument / size * share[:, None]
-        matrix = weighted.T @ x
-    if penalty is not None:
-        scaled = penalty / size / size[:, None]
-        own, matrix = own + scaled, matrix + scaled
-    values, vectors = np.linalg.eigh(own)
-    seen = values > _NULL * max(values[-1], np.finfo(float).tiny)
-    basis = vectors[:, seen]
-    inner = basis.T @ matrix @ basis
-    inverse = basis @ np.linalg.solve(inner, basis.T)
-    factors = inverse @ (weighted.T @ target) / size
-    null = vectors[:, ~seen] / size[:, None]
-    return Linear(factors, inverse / size / size[:, None], null)
+    area = size[:, :, None] * size[:, None, :]
+    scaled = own / area
+    other = scaled if matrix is own else matrix / area
+    try:
+        inverse = np.linalg.inv(scaled)
+        # No eigenvalue is smaller than 1 / |inverse|, and none larger than |matrix|.
+        reach = np.square(scaled).sum(axis=(1, 2)) * np.square(inverse).sum(axis=(1, 2))
+        with np.errstate(invalid="ignore"):
+            sure = reach < 1.0 / _NULL**2
+        if matrix is not own:
+            inverse = np.linalg.inv(other)
+    except np.linalg.LinAlgError:
+        inverse, sure = np.zeros_like(scaled), np.zeros(len(scaled), bool)
+    none = np.zeros((scaled.shape[1], 0))
+    null = [none] * len(scaled)
+    for lane in np.flatnonzero(~sure):
+        values, vectors = np.linalg.eigh(scaled[lane])
+        seen = values > _NULL * max(values[-1], np.finfo(float).tiny)
+        basis = vectors[:, seen]
+        inner = basis.T @ other[lane] @ basis
+        inverse[lane] = basis @ np.linalg.solve(inner, basis.T)
+        null[lane] = vectors[:, ~seen] / size[lane][:, None]
+    inverse /= area
+    factors = (inverse @ moment[..., None])[..., 0]
+    return Linear(factors, inverse, tuple(null))

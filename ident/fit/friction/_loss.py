@@ -6,13 +6,15 @@ each other. So samples count in full up to four scales and not at all from eight
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from .._errors import FitError
-from .._loss import AbstractLoss, choose_loss
+from .._loss import HUBER, AbstractLoss, HuberLoss, choose_loss
+from ._lanes import Lanes, Shares
 
 _FULL = 4.0
 """Residual in scales up to which a sample counts in full."""
@@ -44,16 +46,8 @@ class TrimLoss(AbstractLoss):
         return np.asarray(np.abs(ratio) >= self.limit)
 
 
-def friction_loss(
-    name: str, residual: Float[np.ndarray, " t"], inflation: float, floor: float
-) -> AbstractLoss:
-    """Return the loss with its scale taken from the residuals.
-
-    Args:
-        name: ``"trim"`` or one of the table fits' losses.
-        residual: In units of the current.
-        inflation: Factor ≥ 1 that undoes the shrinkage by the fitted parameters.
-        floor: Smallest scale.
+def check_loss(name: str) -> None:
+    """Refuse the name of a loss that there is not.
 
     Raises:
         FitError: If the name is unknown.
@@ -62,8 +56,70 @@ def friction_loss(
         words = ", ".join(repr(each) for each in LOSSES)
         msg = f"loss: found {name!r}, expected one of {words}."
         raise FitError(msg)
-    if name != "trim":
-        return choose_loss(name, residual, inflation, floor)
-    # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
-    scale = 1.4826 * float(np.median(np.abs(residual))) * inflation
-    return TrimLoss(max(scale, floor))
+
+
+def weigh(
+    name: str,
+    residual: Float[np.ndarray, "w s"],
+    lanes: Lanes,
+    inflation: Float[np.ndarray, " w"],
+    floor: float,
+    kept: Sequence[AbstractLoss] | None = None,
+) -> tuple[Shares, list[AbstractLoss]]:
+    """Return how much each row counts in each fit, and the losses that say so.
+
+    Args:
+        name: ``"trim"`` or one of the table fits' losses.
+        residual: In units of the current.
+        lanes: Rows that each fit uses.
+        inflation: Factors ≥ 1 that undo the shrinkage by the fitted parameters.
+        floor: Smallest scale.
+        kept: Losses with scales to keep; taken from the residuals where left out.
+    """
+    if name not in ("trim", "huber"):
+        losses = list(kept or ()) or [
+            choose_loss(name, each[use > 0], float(factor), floor)
+            for each, use, factor in zip(residual, lanes.use, inflation, strict=True)
+        ]
+        return _weigh_by(losses, residual, lanes), losses
+    size = np.abs(residual) * lanes.use
+    if kept is not None:
+        scale = np.array([each.scale for each in kept])
+    else:
+        # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
+        typical = _medians(size + lanes.hidden, lanes.count)
+        scale = np.maximum(1.4826 * typical * inflation, floor)
+    limit = scale * (_FULL if name == "trim" else HUBER)
+    kind = TrimLoss if name == "trim" else HuberLoss
+    losses = [kind(float(each)) for each in scale]
+    if (size.max(axis=1) <= limit).all():
+        return lanes.all_rows(), losses
+    rows = np.flatnonzero((size > limit[:, None]).any(axis=0))
+    ratio = size[:, rows] / scale[:, None]
+    own = lanes.use[:, rows] * losses[0].share(ratio.ravel()).reshape(ratio.shape)
+    full = lanes.use.copy()
+    full[:, rows] = own
+    return Shares(full, rows, lanes.use[:, rows] - own), losses
+
+
+def _weigh_by(
+    losses: Sequence[AbstractLoss], residual: Float[np.ndarray, "w s"], lanes: Lanes
+) -> Shares:
+    """Return how much each row counts under given losses."""
+    shares = [
+        each.share(row / each.scale) for each, row in zip(losses, residual, strict=True)
+    ]
+    return lanes.shares(lanes.use * np.stack(shares))
+
+
+def _medians(
+    size: Float[np.ndarray, "w s"], count: Int[np.ndarray, " w"]
+) -> Float[np.ndarray, " w"]:
+    """Return the median of the smallest so many values of each row."""
+    found = np.empty(len(size))
+    for lane, (row, many) in enumerate(zip(size, count, strict=True)):
+        middle = int(many) // 2
+        part = np.partition(row, middle)
+        upper = part[middle]
+        found[lane] = upper if many % 2 else 0.5 * (part[:middle].max() + upper)
+    return found

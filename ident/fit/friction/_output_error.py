@@ -16,6 +16,7 @@ from ._result import FrictionFit
 from ._samples import DriveSamples, check_samples
 from ._separable import Solution
 from ._shooting import AbstractSolver, Shooting, Shot, make_shooting
+from ._solve import Solved
 
 _SHORTEST = 40
 """Samples of the shortest windows that lead to a start."""
@@ -102,7 +103,9 @@ def fit_output_error(
     counts = np.bincount(shooting.window, shooting.compared, shooting.windows)
     solution = _solution(problem, shooting, shot)
     return OutputErrorFit(
-        friction=assemble(problem, solution, {}, f"output error ({chosen.words})"),
+        friction=assemble(
+            Solved(problem, solution, {}, True), f"output error ({chosen.words})"
+        ),
         free_run=float(np.sqrt(squares.sum() / counts.sum())),
         window_error=np.sqrt(squares / np.maximum(counts, 1)),
         position_error=shot.residual,

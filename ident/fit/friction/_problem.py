@@ -6,14 +6,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ._lanes import Shares
 from ._lowpass import Decimation, decimation
 from ._samples import DriveSamples, saturated
 from ._structure import AbstractStructure
-
-_KEPT = 3
-"""Designs that are kept beside the newest."""
-_ROOM = 1 << 24
-"""Bytes that designs may take beyond these."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +38,6 @@ class Problem:
         lowpass: Filter of both sides.
         sigma: Relative standard deviation of each row where they differ; such rows are taken
             to be independent of each other.
-        only: Rows to use; all that move where left out.
         least_noise: Standard deviation of a row of ``sigma`` 1 below which it is not believed.
     """
 
@@ -51,35 +46,26 @@ class Problem:
     known: Known
     lowpass: Decimation
     sigma: Float[np.ndarray, " s"] | None = None
-    only: Bool[np.ndarray, " s"] | None = None
     least_noise: float = 0.0
-
-    def restricted(self, only: Bool[np.ndarray, " s"]) -> "Problem":
-        """Return the same equation for some of its rows; what was computed is kept."""
-        other = dataclasses.replace(self, only=only)
-        for name in (
-            "target",
-            "load",
-            "piece",
-            "speed",
-            "scouted",
-            "_designs",
-            "_moving",
-        ):
-            other.__dict__[name] = getattr(self, name)
-        return other
 
     def _rows(self, columns: np.ndarray) -> np.ndarray:
         rows = self.lowpass(columns)
         return rows if self.sigma is None else rows / self.sigma[:, None]
 
+    def _rows_of(self, stack: np.ndarray) -> np.ndarray:
+        """Filter what runs along the last axis."""
+        if self.lowpass.factor == 1 and self.sigma is None:
+            return stack
+        flat = stack.reshape(-1, stack.shape[-1])
+        return np.ascontiguousarray(self._rows(flat.T).T).reshape(*stack.shape[:-1], -1)
+
     def with_structure(self, structure: AbstractStructure) -> "Problem":
         """Return the same rows for another kind of law; what was computed is kept."""
         other = dataclasses.replace(self, structure=structure)
-        kept = ["target", "load", "piece", "speed", "scouted", "_moving"]
+        kept = ["target", "load", "piece", "speed", "scouted", "usable"]
         if structure.directional == self.structure.directional:
             # Only then are the columns beside friction the same.
-            kept += ["_designs", "_fixed_measured"]
+            kept += ["_fixed_measured"]
         for name in kept:
             other.__dict__[name] = getattr(self, name)
         return other
@@ -103,10 +89,6 @@ class Problem:
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
         """Rows to fit: in motion and not saturated, for the most part of the filter."""
-        return self._moving if self.only is None else self._moving & self.only
-
-    @cached_property
-    def _moving(self) -> np.ndarray:
         good = self.samples.in_motion & ~saturated(self.samples.current)
         return np.asarray(self.lowpass.mostly(good))
 
@@ -123,12 +105,8 @@ class Problem:
         return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
 
     @cached_property
-    def scouted(self) -> dict[tuple[str, bool, bytes], Float[np.ndarray, " s"]]:
+    def scouted(self) -> dict[tuple[str, bool, bytes], Shares]:
         """Weights that `scout` found, by loss, direction and rows in use."""
-        return {}
-
-    @cached_property
-    def _designs(self) -> dict[tuple[AbstractStructure, bytes, bool], np.ndarray]:
         return {}
 
     @property
@@ -175,33 +153,40 @@ class Problem:
         """Whether a noise-free motion stands beside the measured one."""
         return self.samples.instrument_velocity is not None
 
-    def design(
-        self, shape: Float[np.ndarray, " s"], *, instrument: bool = False
-    ) -> Float[np.ndarray, "t k"]:
-        """Return all linear columns, fixed ones first, of the measured motion or its twin."""
-        key = (self.structure, shape.tobytes(), instrument)
-        if key not in self._designs:
-            fixed = self._fixed_instrument if instrument else self._fixed_measured
-            own = self.structure.columns(self._velocity(instrument), shape)
-            found = np.concatenate([fixed, self._rows(own)], axis=1)
-            # The last few serve every step of the search; more would only fill memory.
-            # Of short recordings all starts are kept: every window held out asks again.
-            kept = max(_KEPT, _ROOM // max(found.nbytes, 1))
-            for old in list(self._designs)[:-kept]:
-                del self._designs[old]
-            self._designs[key] = found
-        return self._designs[key]
+    def still(self, *, instrument: bool = False) -> Float[np.ndarray, "t k"]:
+        """Return the linear columns that follow no shape, fixed ones first."""
+        fixed = self._fixed_instrument if instrument else self._fixed_measured
+        own = self.structure.still_columns(self._velocity(instrument))
+        return np.concatenate([fixed, self._rows(own)], axis=1)
+
+    def shaped(
+        self, shapes: Float[np.ndarray, "w h"], *, instrument: bool = False
+    ) -> tuple[Float[np.ndarray, "d w t"], Float[np.ndarray, "h d w t"]]:
+        """Return the columns that follow the shape, per direction, and their derivatives."""
+        velocity = self._velocity(instrument)
+        signs = self.structure.signs(velocity)[:, None]
+        values, slopes = self.structure.shaped_profiles(np.abs(velocity), shapes)
+        return self._rows_of(signs * values), self._rows_of(signs * slopes[:, None])
+
+    @cached_property
+    def places(self) -> tuple[list[int], list[int]]:
+        """Places of the columns that follow no shape, and of those that do."""
+        fixed = len(self.fixed_names)
+        moving = [fixed + place for place in self.structure.shaped_places]
+        every = range(fixed + len(self.structure.names))
+        return [place for place in every if place not in moving], moving
+
+    def design(self, shape: Float[np.ndarray, " s"]) -> Float[np.ndarray, "t k"]:
+        """Return all linear columns, fixed ones first, of the measured motion."""
+        own = self.structure.columns(self.samples.velocity, shape)
+        return np.concatenate([self._fixed_measured, self._rows(own)], axis=1)
 
     def tangents(
-        self,
-        shape: Float[np.ndarray, " s"],
-        factors: Float[np.ndarray, " k"],
-        *,
-        instrument: bool = False,
+        self, shape: Float[np.ndarray, " s"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, "t s"]:
         """Return the derivative of the load with respect to the logarithms of the shape."""
         own = factors[len(self.fixed_names) :]
-        slopes = self.structure.column_slopes(self._velocity(instrument), shape)
+        slopes = self.structure.column_slopes(self.samples.velocity, shape)
         if not slopes:
             return np.zeros((len(self.lowpass.centres), 0))
         return self._rows(np.stack([slope @ own for slope in slopes], axis=1))

@@ -1,22 +1,25 @@
 """The separable fit: linear factors eliminated, shapes searched, samples weighed.
 
 Variable projection: for each trial shape the linear factors follow from least squares, so the
-search runs over Stribeck velocity and exponent only, from several starts. Source: G. Golub,
+search runs over Stribeck velocity and exponent only, from several starts. Fits of the same law
+to one recording with and without some of its rows go side by side (`Lanes`). Source: G. Golub,
 V. Pereyra, Separable nonlinear least squares, Inverse Problems 19(2), 2003.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from .._errors import FitError
 from .._loss import AbstractLoss
-from ._covariance import larger_covariance, score_covariance
-from ._linear import Linear, solve_linear
-from ._loss import friction_loss
+from ._equation import Equation, Point
+from ._lanes import Lanes, Shares, lanes_of
+from ._loss import check_loss, weigh
 from ._problem import Problem
 from ._tables import KnotTable, default_knots
+from ._uncertain import uncertainty
 
 _PASSES = 60
 _FREEZE = 20
@@ -28,6 +31,8 @@ _SETTLED = 1e-3
 _FLOOR = 1e-9
 """Smallest scale of residuals relative to the load."""
 _SCOUT_KNOTS = 12
+_SCOUT_PASSES = 8
+_HALVINGS = 12
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,64 +70,71 @@ class Solution:
     weight: float
 
 
-def scout(problem: Problem, loss: str) -> Float[np.ndarray, " t"]:
+def scout(problem: Problem, lanes: Lanes, loss: str) -> Shares:
     """Return weights of the samples under a law that can bend anywhere.
 
-    What is wild under a free table is wild under any law, whatever shape is tried.
+    What is wild under a free table is wild under any law, whatever shape is tried. Where
+    nothing is wild in the whole recording, nothing is in a part of it.
     """
-    rows = b"" if problem.only is None else np.packbits(problem.only).tobytes()
-    key = (loss, problem.structure.directional, rows)
+    whole = lanes_of(problem.usable)
+    if not len(_scouted(problem, whole, loss).rows):
+        return lanes.all_rows()
+    return _scouted(problem, lanes, loss)
+
+
+def _scouted(problem: Problem, lanes: Lanes, loss: str) -> Shares:
+    key = (loss, problem.structure.directional, lanes.use.tobytes())
     if key not in problem.scouted:
-        problem.scouted[key] = _scout(problem, loss)
-    return problem.scouted[key].copy()
+        problem.scouted[key] = _scout(problem, lanes, loss)
+    return problem.scouted[key]
 
 
-def _scout(problem: Problem, loss: str) -> Float[np.ndarray, " t"]:
+def _scout(problem: Problem, lanes: Lanes, loss: str) -> Shares:
+    shares = lanes.all_rows()
     knots = default_knots(problem.speed, _SCOUT_KNOTS)
     if len(set(knots)) < _SCOUT_KNOTS:
-        return problem.usable.astype(float)
+        return shares
     free = problem.with_structure(KnotTable(problem.structure.directional, knots))
-    design = free.design(np.zeros(0))
-    share = problem.usable.astype(float)
-    for step in range(8):
-        solved = solve_linear(design, design, free.target, share, None)
-        residual = free.target - design @ solved.factors
-        kind = "huber" if step < 4 and loss != "gauss" else loss
-        share = _shares(problem, residual, kind, design.shape[1])[0]
-    return share
+    equation = Equation(free, lanes, plain=True)
+    for step in range(_SCOUT_PASSES):
+        residual = equation.solve(shares).residual
+        kind = "huber" if step < _SCOUT_PASSES // 2 and loss != "gauss" else loss
+        before = shares
+        shares = _shares(problem, residual, kind, lanes, equation.width)[0]
+        if kind == loss and shares.same(before):
+            break  # and so it would stay
+    return shares
 
 
 def _shares(
     problem: Problem,
     residual: np.ndarray,
     name: str,
+    lanes: Lanes,
     parameters: int,
-    kept: AbstractLoss | None = None,
-) -> tuple[np.ndarray, AbstractLoss]:
-    usable = problem.usable
-    count = int(usable.sum())
-    inflation = np.sqrt(count / max(count - parameters, 0.05 * count))
+    kept: Sequence[AbstractLoss] | None = None,
+) -> tuple[Shares, list[AbstractLoss]]:
+    count = lanes.count
+    inflation = np.sqrt(count / np.maximum(count - parameters, 0.05 * count))
     floor = max(_FLOOR * float(np.sqrt(np.mean(problem.load**2))), 1e-300)
-    loss = kept or friction_loss(name, residual[usable], float(inflation), floor)
-    return np.where(usable, loss.share(residual / loss.scale), 0.0), loss
+    return weigh(name, residual, lanes, inflation, floor, kept)
 
 
-def separable(
-    problem: Problem, loss: str, weight: float = 0.0, *, certain: bool = True
-) -> Solution:
-    """Fit factors and shapes of a problem.
+def separable(equation: Equation, loss: str, certain: Sequence[bool]) -> list[Solution]:
+    """Fit factors and shapes of an equation, once for each choice of its rows.
 
     Args:
-        problem: The equation.
+        equation: The equation.
         loss: Name of the loss.
-        weight: Of the smoothness prior, relative to 1/noise².
-        certain: Whether the covariance is wanted; without it there are zeros, for laws
-            that are only to predict.
+        certain: For which fits the covariance is wanted; without it there are zeros, for
+            laws that are only to predict.
 
     Raises:
         FitError: If hardly any sample is left.
     """
-    count = int(problem.usable.sum())
+    check_loss(loss)
+    problem, lanes = equation.problem, equation.lanes
+    count = int(lanes.count.min())
     parameters = len(problem.fixed_names) + len(problem.structure.names)
     if count <= parameters + len(problem.structure.shapes):
         msg = (
@@ -130,161 +142,152 @@ def separable(
             f"expected more than the {parameters} parameters."
         )
         raise FitError(msg)
-    penalty = problem.penalty()
-    if penalty is not None:
-        penalty = weight * penalty
-    share = scout(problem, loss)
-    shape = _best_start(problem, share, penalty)
-    low, high = problem.structure.bounds(problem.speed)
-    chosen: AbstractLoss | None = None
-    converged = False
-    before: np.ndarray | None = None
-    step = 0
+    going = _start(equation, scout(problem, lanes, loss))
+    found: dict[int, Solution] = {}
     for step in range(_PASSES):
-        _, _, _, residual = _at(problem, shape, share, penalty)
-        fit = problem.target - residual
-        kept = chosen if step >= _FREEZE else None
-        if loss != "gauss" or chosen is None:
-            share, chosen = _shares(problem, residual, loss, parameters, kept)
-        moved = np.inf if before is None else np.abs(fit - before)[share > 0].max()
-        if moved <= _SETTLED * chosen.scale:
-            converged = True
-            break
-        before = fit
-        if len(shape):
-            shape = _next_shape(problem, shape, share, penalty)
-    assert chosen is not None
-    _, _, solved, residual = _at(problem, shape, share, penalty)
-    width = len(solved.factors) + len(shape)
-    covariance, lag, sizes = np.zeros((width, width)), 0, np.ones(width)
-    if certain:
-        covariance, lag, sizes = _uncertainty(
-            problem, shape, solved, residual, share, chosen, penalty
+        going.point = going.equation.solve(going.shares, going.shape, going.point)
+        settled = going.weigh_again(problem, loss, parameters, step)
+        last = step + 1 == _PASSES
+        done = np.flatnonzero(settled | last)
+        for lane in done:
+            going.passes[lane] = step + 1
+        if len(done):
+            found |= _ended(problem, going.take(done), settled[done], certain)
+            if len(done) == len(settled):
+                break
+            going = going.take(np.flatnonzero(~settled))
+        if problem.structure.shapes:
+            going.next_shape()
+    return [found[lane] for lane in range(len(lanes))]
+
+
+@dataclasses.dataclass
+class _Going:
+    """Fits that have not settled yet.
+
+    Attributes:
+        lane: Which they are.
+        equation: Of these.
+        shares: Weights of the rows.
+        shape: Logarithms.
+        point: What was solved last, or None.
+        before: Residuals of the pass before, or None.
+        losses: With their scales, or None.
+        passes: That were made.
+    """
+
+    lane: Int[np.ndarray, " w"]
+    equation: Equation
+    shares: Shares
+    shape: Float[np.ndarray, "w h"]
+    point: Point | None
+    before: Float[np.ndarray, "w s"] | None
+    losses: list[AbstractLoss] | None
+    passes: Int[np.ndarray, " w"]
+
+    def take(self, which: Int[np.ndarray, " v"]) -> "_Going":
+        """Return some of them."""
+        if len(which) == len(self.lane):
+            return self
+        return _Going(
+            self.lane[which],
+            self.equation.take(which),
+            self.shares.take(which),
+            self.shape[which],
+            None if self.point is None else self.point.take(which),
+            None if self.before is None else self.before[which],
+            None if self.losses is None else [self.losses[k] for k in which],
+            self.passes[which],
         )
-    return Solution(
-        solved.factors,
-        shape,
-        covariance,
-        solved.null,
-        sizes,
-        residual,
-        share,
-        chosen,
-        lag,
-        step + 1,
-        converged,
-        (shape <= low + 1e-6) | (shape >= high - 1e-6),
-        weight,
-    )
+
+    def weigh_again(
+        self, problem: Problem, loss: str, parameters: int, step: int
+    ) -> Bool[np.ndarray, " w"]:
+        """Weigh the rows by what is left of them; return which fits have settled."""
+        assert self.point is not None
+        residual = self.point.residual
+        lanes = self.equation.lanes
+        if loss != "gauss" or self.losses is None:
+            kept = self.losses if step >= _FREEZE else None
+            self.shares, self.losses = _shares(
+                problem, residual, loss, lanes, parameters, kept
+            )
+        before, self.before = self.before, residual
+        if before is None:
+            return np.zeros(len(lanes), bool)
+        if before is residual:
+            return np.ones(len(lanes), bool)
+        moved = np.abs(residual - before) * (self.shares.full > 0)
+        scale = np.array([each.scale for each in self.losses])
+        return np.asarray(moved.max(axis=1) <= _SETTLED * scale)
+
+    def next_shape(self) -> None:
+        """Take one Gauss-Newton step in the shape, factors following, kept within bounds."""
+        equation = self.equation
+        self.point = equation.solve(self.shares, self.shape, self.point)
+        step = equation.step(self.point)
+        longest = np.maximum(np.abs(step).max(axis=1), 1e-300)
+        step = step * np.minimum(1.0, _STEP / longest)[:, None]
+        low, high = equation.bounds
+        if equation.problem.has_instrument:
+            self.shape = np.clip(self.shape + step, low, high)
+            return
+        now = self.point.cost
+        left = np.arange(len(now))
+        for _ in range(_HALVINGS):
+            trial = np.clip(self.shape[left] + step[left], low, high)
+            there = equation.take(left).solve(self.shares.take(left), trial)
+            good = there.cost <= now[left] * (1 + 1e-12)
+            self.shape[left[good]] = trial[good]
+            if good.all() and len(good) == len(now):
+                self.point = there
+            else:
+                self.point = self.point.put(
+                    left[good], there.take(np.flatnonzero(good))
+                )
+            left = left[~good]
+            if not len(left):
+                return
+            step = 0.5 * step
 
 
-def _at(
-    problem: Problem,
-    shape: np.ndarray,
-    share: np.ndarray,
-    penalty: np.ndarray | None,
-) -> tuple[np.ndarray, np.ndarray, Linear, np.ndarray]:
-    """Return design, tangents, linear solution and residual at a shape."""
-    design = problem.design(shape)
-    twin = problem.design(shape, instrument=True) if problem.has_instrument else design
-    solved = solve_linear(design, twin, problem.target, share, penalty)
-    tangents = problem.tangents(shape, solved.factors)
-    return design, tangents, solved, problem.target - design @ solved.factors
+def _start(equation: Equation, shares: Shares) -> _Going:
+    count = len(equation.lanes)
+    shape = equation.best_start(shares)
+    none = np.zeros(count, np.int64)
+    return _Going(np.arange(count), equation, shares, shape, None, None, None, none)
 
 
-def _cost(
-    problem: Problem, shape: np.ndarray, share: np.ndarray, penalty: np.ndarray | None
-) -> float:
-    design = problem.design(shape)
-    solved = solve_linear(design, design, problem.target, share, penalty)
-    residual = problem.target - design @ solved.factors
-    return float(share @ residual**2)
-
-
-def _best_start(
-    problem: Problem, share: np.ndarray, penalty: np.ndarray | None
-) -> np.ndarray:
-    starts = list(problem.structure.starts(problem.speed))
-    if len(starts) == 1:
-        return starts[0]
-    costs = [_cost(problem, start, share, penalty) for start in starts]
-    return np.asarray(starts[int(np.argmin(costs))])
-
-
-def _next_shape(
-    problem: Problem, shape: np.ndarray, share: np.ndarray, penalty: np.ndarray | None
-) -> np.ndarray:
-    """Take one Gauss-Newton step in the shape, linear factors following, kept within bounds."""
+def _ended(
+    problem: Problem, going: _Going, settled: np.ndarray, certain: Sequence[bool]
+) -> dict[int, Solution]:
+    """Return the solutions under the last weights, by lane."""
+    equation = going.equation
+    point = equation.solve(going.shares, going.shape, going.point)
+    assert going.losses is not None
     low, high = problem.structure.bounds(problem.speed)
-    design, tangents, solved, residual = _at(problem, shape, share, penalty)
-    twin, twist = design, tangents
-    if problem.has_instrument:
-        twin = problem.design(shape, instrument=True)
-        twist = problem.tangents(shape, solved.factors, instrument=True)
-    # What the linear columns can follow is no reason to move.
-    off = solved.inverse @ (twin * share[:, None]).T @ tangents
-    free = tangents - design @ off
-    matrix = (twist * share[:, None]).T @ free
-    push = (twist * share[:, None]).T @ residual
-    scale = max(float(np.trace(np.abs(matrix))), 1e-300)
-    step = np.linalg.lstsq(
-        matrix + 1e-9 * scale * np.eye(len(shape)), push, rcond=None
-    )[0]
-    step = step * min(1.0, _STEP / max(float(np.abs(step).max()), 1e-300))
-    if problem.has_instrument:
-        return np.asarray(np.clip(shape + step, low, high))
-    now = float(share @ residual**2)
-    for _ in range(12):
-        trial = np.clip(shape + step, low, high)
-        if _cost(problem, trial, share, penalty) <= now * (1 + 1e-12):
-            return np.asarray(trial)
-        step = 0.5 * step
-    return shape
-
-
-def _uncertainty(
-    problem: Problem,
-    shape: np.ndarray,
-    solved: Linear,
-    residual: np.ndarray,
-    share: np.ndarray,
-    loss: AbstractLoss,
-    penalty: np.ndarray | None,
-) -> tuple[np.ndarray, int, np.ndarray]:
-    """Return the covariance of factors and shape, its lag, and the size of each column."""
-    design = problem.design(shape)
-    full = np.concatenate([design, problem.tangents(shape, solved.factors)], axis=1)
-    twin = full
-    if problem.has_instrument:
-        twin = np.concatenate(
-            [
-                problem.design(shape, instrument=True),
-                problem.tangents(shape, solved.factors, instrument=True),
-            ],
-            axis=1,
+    found = {}
+    for place, lane in enumerate(going.lane):
+        width = equation.width + equation.height
+        covariance, lag, sizes = np.zeros((width, width)), 0, np.ones(width)
+        shape = going.shape[place]
+        if certain[lane]:
+            covariance, lag, sizes = uncertainty(
+                equation, point, place, going.losses[place], going.shares.full[place]
+            )
+        found[int(lane)] = Solution(
+            point.factors[place],
+            shape,
+            covariance,
+            point.null[place],
+            sizes,
+            point.residual[place],
+            going.shares.full[place],
+            going.losses[place],
+            lag,
+            int(going.passes[place]),
+            bool(settled[place]),
+            (shape <= low + 1e-6) | (shape >= high - 1e-6),
+            equation.weight(place),
         )
-    used = problem.usable
-    slope = float(loss.slope(residual[used] / loss.scale).mean())
-    weight = np.where(used, max(slope, 0.05), 0.0)
-    width = full.shape[1]
-    large = None
-    if penalty is not None:
-        large = np.zeros((width, width))
-        large[: len(penalty), : len(penalty)] = penalty
-    inverse = solve_linear(full, twin, problem.target, weight, large).inverse
-    leverage = np.einsum("tk,kl,tl->t", full, inverse, twin) * weight
-    psi = share * residual / np.clip(1.0 - leverage, 0.1, 1.0)
-    scores = twin * psi[:, None]
-    inner, lag = score_covariance(scores, problem.piece)
-    free = max(int(used.sum()) - width, 1)
-    noise = max(float(psi[used] @ psi[used]) / free, problem.least_noise**2)
-    even = noise * (twin[used].T @ twin[used])
-    if large is not None:
-        prior = loss.scale**2 * large
-        inner, even = inner + prior, even + prior
-    sizes = np.sqrt(np.mean(full[used] ** 2, axis=0))
-    return (
-        larger_covariance(inverse @ inner @ inverse.T, inverse @ even @ inverse.T),
-        lag,
-        sizes,
-    )
+    return found

@@ -21,6 +21,14 @@ def no_shape() -> Float[np.ndarray, " s"]:
     return np.zeros(0)
 
 
+def no_columns(
+    speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
+) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
+    """Return the shaped columns of a law that has none."""
+    count, width = shapes.shape
+    return np.zeros((count, len(speed))), np.zeros((width, count, len(speed)))
+
+
 @dataclasses.dataclass(frozen=True)
 class Reported:
     """Parameters as users read them, and how they follow from the factors of the columns.
@@ -50,6 +58,11 @@ class AbstractStructure(abc.ABC):
     @abc.abstractmethod
     def words(self) -> str:
         """Name for reports."""
+
+    @property
+    @abc.abstractmethod
+    def in_words(self) -> bool:
+        """Whether its parameters have a meaning of their own, and not only a place."""
 
     @property
     @abc.abstractmethod
@@ -85,9 +98,32 @@ class AbstractStructure(abc.ABC):
     ) -> Float[np.ndarray, "s t k"]:
         """Return the derivatives of the columns with respect to the logarithms."""
 
+    @property
     @abc.abstractmethod
+    def shaped(self) -> tuple[int, ...]:
+        """Places of the factors of one direction whose columns follow the shape."""
+
+    @abc.abstractmethod
+    def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+        """Return the columns of one direction that do not follow the shape."""
+
+    @abc.abstractmethod
+    def shaped_profiles(
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
+    ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
+        """Return the one column that does, for several shapes, and its derivatives."""
+
+    @abc.abstractmethod
+    def bends(self) -> Float[np.ndarray, "b k"] | None:
+        """Return what of the factors of one direction the smoothness prior keeps small.
+
+        Two less than there are factors: a straight line costs nothing.
+        """
+
     def penalty(self) -> Float[np.ndarray, "k k"] | None:
         """Return the matrix of the smoothness prior on the factors of one direction."""
+        bends = self.bends()
+        return None if bends is None else np.asarray(bends.T @ bends)
 
     @abc.abstractmethod
     def reported_way(
@@ -126,6 +162,26 @@ class AbstractStructure(abc.ABC):
         """Return their derivatives with respect to the logarithms of the shape."""
         slopes = self.profile_slopes(np.abs(velocity), shape)
         return [self._signed(velocity, slope) for slope in slopes]
+
+    @property
+    def shaped_places(self) -> tuple[int, ...]:
+        """Places of these among all factors, by direction."""
+        width = len(self.factors)
+        return tuple(
+            way * width + place for way in range(self.ways) for place in self.shaped
+        )
+
+    def still_columns(
+        self, velocity: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, "t k"]:
+        """Return the columns that do not follow the shape, in order."""
+        return self._signed(velocity, self.still_profile(np.abs(velocity)))
+
+    def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
+        """Return what the columns of each direction carry as sign; 0 elsewhere."""
+        if not self.directional:
+            return np.sign(velocity)[None]
+        return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
     def _signed(self, velocity: np.ndarray, profile: np.ndarray) -> np.ndarray:
         if not self.directional:

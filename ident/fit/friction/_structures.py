@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....models import AbstractFriction, StribeckFriction
-from ._structure import AbstractStructure, Reported, no_shape
+from ._structure import AbstractStructure, Reported, no_columns, no_shape
 
 _GAUSS = 2.0
 _RATIO = np.sqrt(2.0)
@@ -17,6 +17,8 @@ _SHAPES = (1.0, 2.0)
 _SHAPE_RANGE = (0.3, 6.0)
 _LARGEST = 700.0
 """Largest power whose exponential is not 0."""
+_REST = 1e-300
+"""mm/s that stand for rest, where a logarithm is asked for."""
 
 
 @final
@@ -28,6 +30,11 @@ class CoulombViscous(AbstractStructure):
     def words(self) -> str:
         """See `AbstractStructure`."""
         return "Coulomb + viscous" + (" per direction" if self.directional else "")
+
+    @property
+    def in_words(self) -> bool:
+        """See `AbstractStructure`."""
+        return True
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -68,7 +75,22 @@ class CoulombViscous(AbstractStructure):
         """See `AbstractStructure`."""
         return np.zeros((0, len(speed), 2))
 
-    def penalty(self) -> Float[np.ndarray, "k k"] | None:
+    @property
+    def shaped(self) -> tuple[int, ...]:
+        """See `AbstractStructure`."""
+        return ()
+
+    def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`."""
+        return self.profile(speed, no_shape())
+
+    def shaped_profiles(
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
+    ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
+        """See `AbstractStructure`."""
+        return no_columns(speed, shapes)
+
+    def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`."""
         return None
 
@@ -103,6 +125,11 @@ class Stribeck(AbstractStructure):
     def words(self) -> str:
         """See `AbstractStructure`."""
         return "Stribeck" + (" per direction" if self.directional else "")
+
+    @property
+    def in_words(self) -> bool:
+        """See `AbstractStructure`."""
+        return True
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -144,35 +171,50 @@ class Stribeck(AbstractStructure):
             high.append(np.log(_SHAPE_RANGE[1]))
         return np.asarray(low), np.asarray(high)
 
-    def _power(
-        self, speed: np.ndarray, shape: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, float]:
-        exponent = float(np.exp(shape[1])) if self.shape is None else self.shape
-        ratio = np.log(np.where(speed > 0, speed, 1.0)) - shape[0]
-        logarithm = np.where(speed > 0, exponent * ratio, -np.inf)
-        power = np.exp(np.minimum(logarithm, np.log(_LARGEST)))
-        return power, logarithm, exponent
-
     def profile(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`."""
-        power, _, _ = self._power(speed, shape)
-        return np.stack([np.ones_like(speed), speed, np.exp(-power)], axis=1)
+        drop = self.shaped_profiles(speed, shape[None])[0][0]
+        return np.stack([np.ones_like(speed), speed, drop], axis=1)
 
     def profile_slopes(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> Float[np.ndarray, "s t k"]:
         """See `AbstractStructure`."""
-        power, logarithm, exponent = self._power(speed, shape)
         result = np.zeros((len(shape), len(speed), 3))
-        common = power * np.exp(-power)
-        result[0, :, 2] = exponent * common
-        if self.shape is None:
-            result[1, :, 2] = -common * np.where(power > 0, logarithm, 0.0)
+        result[:, :, 2] = self.shaped_profiles(speed, shape[None])[1][:, 0]
         return result
 
-    def penalty(self) -> Float[np.ndarray, "k k"] | None:
+    @property
+    def shaped(self) -> tuple[int, ...]:
+        """See `AbstractStructure`: the drop."""
+        return (2,)
+
+    def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`."""
+        return np.stack([np.ones_like(speed), speed], axis=1)
+
+    def shaped_profiles(
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
+    ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
+        """See `AbstractStructure`."""
+        free = self.shape is None
+        exponent = np.exp(shapes[:, 1:]) if free else np.full((1, 1), self.shape)
+        # At rest the power is 0: a logarithm far below all others stands for it.
+        logarithm = np.log(np.maximum(speed, _REST))
+        raised = logarithm - shapes[:, :1]
+        raised *= exponent
+        power = np.exp(np.minimum(raised, np.log(_LARGEST)))
+        values = np.exp(-power)
+        slopes = np.empty((shapes.shape[1], *values.shape))
+        common = np.multiply(power, values, out=power)
+        np.multiply(common, exponent, out=slopes[0])
+        if free:
+            np.multiply(common, -raised, out=slopes[1])
+        return values, slopes
+
+    def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`."""
         return None
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....models import AbstractFriction, FrictionTable, Setpoints
-from ._structure import AbstractStructure, Reported, no_shape
+from ._structure import AbstractStructure, Reported, no_columns, no_shape
 
 
 @final
@@ -46,6 +46,11 @@ class KnotTable(AbstractStructure):
         """See `AbstractStructure`."""
         per = " per direction" if self.directional else ""
         return f"table of {len(self.knots)} knots{per}"
+
+    @property
+    def in_words(self) -> bool:
+        """See `AbstractStructure`."""
+        return False
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -94,7 +99,22 @@ class KnotTable(AbstractStructure):
         """See `AbstractStructure`."""
         return np.zeros((0, len(speed), len(self.knots)))
 
-    def penalty(self) -> Float[np.ndarray, "k k"] | None:
+    @property
+    def shaped(self) -> tuple[int, ...]:
+        """See `AbstractStructure`."""
+        return ()
+
+    def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`."""
+        return self.profile(speed, no_shape())
+
+    def shaped_profiles(
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
+    ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
+        """See `AbstractStructure`."""
+        return no_columns(speed, shapes)
+
+    def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`: how far each knot lies off the line of its neighbours.
 
         Coulomb + viscous friction, a straight line over speed, costs nothing.
@@ -108,7 +128,7 @@ class KnotTable(AbstractStructure):
         rows = np.arange(count - 2)
         off[rows, rows], off[rows, rows + 2] = share - 1.0, -share
         off[rows, rows + 1] = 1.0
-        return np.asarray(off.T @ off)
+        return off
 
     def reported_way(
         self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]

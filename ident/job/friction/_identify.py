@@ -9,15 +9,12 @@ from ....models import AbstractFriction
 from ...fit import FitError
 from ...fit.friction import (
     Choice,
-    CoulombViscous,
     DriveSamples,
     FrictionFit,
     Known,
     OutputErrorFit,
     ReversalFit,
-    Stribeck,
     choose_law,
-    fit_inverse,
     fit_output_error,
     fit_reversal,
 )
@@ -70,11 +67,7 @@ def identify(
     loss = spec.loss if "loss" in spec.model_fields_set else "trim"
     choice = choose_law(samples, known=known, loss=loss, windows=_WINDOWS)
     fit, output = choice.fit, None
-    laws = tuple(
-        fit_inverse(samples, each.structure, known=known, loss=loss)
-        for each in choice.candidates
-        if isinstance(each.structure, CoulombViscous | Stribeck)
-    )
+    laws = choice.laws
     law = laws[_best_law(choice)]
     remarks: list[Remark] = []
     if spec.method == "output_error":
@@ -86,8 +79,8 @@ def identify(
         Remark("warning", f"{name.replace('_', ' ')} is not known: {reason}")
         for name, reason in law.undetermined.items()
     ]
-    window = _windows(samples)
-    held_out = _held_out(samples, fit, known, loss, window)
+    window = choice.left_out.window_of_samples
+    held_out = choice.left_out.predicted(fit)
     reversal = None
     if spec.reversal:
         reversal, more = _reversal(recording, fit, cycle_time)
@@ -99,11 +92,7 @@ def identify(
 
 def _best_law(choice: Choice) -> int:
     """Return the simplest law in words that predicts as well as the best of them."""
-    laws = [
-        each
-        for each in choice.candidates
-        if isinstance(each.structure, CoulombViscous | Stribeck)
-    ]
+    laws = [each for each in choice.candidates if each.structure.in_words]
     best = min(laws, key=lambda each: each.error)
     good = [each for each in laws if each.error <= best.error + best.standard_error]
     return laws.index(min(good, key=lambda each: each.parameters))
@@ -128,34 +117,6 @@ def friction_of(samples: DriveSamples, fit: FrictionFit) -> Float[np.ndarray, " 
     if samples.acceleration is not None:
         left = left - one("inertia", known.inertia) * samples.acceleration
     return np.asarray(left)
-
-
-def _windows(samples: DriveSamples) -> Int[np.ndarray, " t"]:
-    share = np.cumsum(samples.in_motion) / samples.in_motion.sum()
-    return np.asarray(np.minimum((share * _WINDOWS).astype(np.int64), _WINDOWS - 1))
-
-
-def _held_out(
-    samples: DriveSamples,
-    fit: FrictionFit,
-    known: Known,
-    loss: str,
-    window: Int[np.ndarray, " t"],
-) -> Float[np.ndarray, " t"]:
-    """Return the friction that laws fitted without each window predict in it."""
-    found = np.zeros(len(window))
-    for each in range(_WINDOWS):
-        own = window == each
-        try:
-            other = fit_inverse(
-                samples.take(~own), fit.structure, known=known, loss=loss
-            )
-        except FitError:
-            other = fit
-        law = other.law if other.law is not None else fit.law
-        if law is not None:
-            found[own] = steady(law, samples.velocity[own])
-    return found
 
 
 def _beside(recording: DriveRecording) -> Float[np.ndarray, "t 5"]:

@@ -1,0 +1,94 @@
+"""How sure a separable fit is: HAC covariance of factors and shapes."""
+
+import numpy as np
+from jaxtyping import Float
+
+from .._loss import AbstractLoss
+from ._covariance import larger_covariance, score_covariance
+from ._equation import Columns, Equation, Point
+from ._linear import solve_linear
+
+
+def uncertainty(
+    equation: Equation,
+    point: Point,
+    lane: int,
+    loss: AbstractLoss,
+    share: Float[np.ndarray, " s"],
+) -> tuple[Float[np.ndarray, "p p"], int, Float[np.ndarray, " p"]]:
+    """Return the covariance of factors and shape, its lag, and the size of each column.
+
+    Args:
+        equation: The equation.
+        point: Its solution.
+        lane: Which of the fits.
+        loss: That it ended with.
+        share: Weights of the rows.
+    """
+    problem, residual = equation.problem, point.residual[lane]
+    full = twin = _columns(equation, point, lane, instrument=False)
+    if equation.instruments:
+        twin = _columns(equation, point, lane, instrument=True)
+    used = equation.lanes.use[lane] > 0
+    slope = float(loss.slope(residual[used] / loss.scale).mean())
+    slope = max(slope, 0.05)
+    width = full.shape[1]
+    large = None
+    prior = equation.prior(lane)
+    if prior is not None:
+        large = np.zeros((width, width))
+        large[: len(prior), : len(prior)] = prior
+    some, other = full[used], twin[used]
+    even = other.T @ other
+    own = some.T @ some if twin is not full else even
+    matrix = slope * (other.T @ some) if twin is not full else slope * own
+    own = slope * own
+    if large is not None:
+        own, matrix = own + large, matrix + large
+    size = np.sqrt(np.einsum("tk,tk->k", full, full) / len(full))
+    inverse = solve_linear(
+        own[None],
+        own[None] if twin is full else matrix[None],
+        np.zeros((1, width)),
+        size[None],
+    ).inverse[0]
+    leverage = slope * np.einsum("tk,tk->t", some @ inverse, other)
+    psi = (share * residual)[used] / np.clip(1.0 - leverage, 0.1, 1.0)
+    scores = np.zeros_like(twin)
+    scores[used] = other * psi[:, None]
+    inner, lag = score_covariance(scores, problem.piece)
+    free = max(int(used.sum()) - width, 1)
+    noise = max(float(psi @ psi) / free, problem.least_noise**2)
+    even = noise * even
+    if large is not None:
+        prior = loss.scale**2 * large
+        inner, even = inner + prior, even + prior
+    sizes = np.sqrt(np.einsum("tk,tk->k", some, some) / len(some))
+    return (
+        larger_covariance(inverse @ inner @ inverse.T, inverse @ even @ inverse.T),
+        lag,
+        sizes,
+    )
+
+
+def _columns(
+    equation: Equation, point: Point, lane: int, *, instrument: bool
+) -> Float[np.ndarray, "t p"]:
+    """Return all columns of one fit in the order of its factors, then its tangents."""
+    still = equation.twin if instrument else equation.still
+    if point.moving is None:
+        return still
+    moving = point.moving
+    one = np.array([lane])
+    if instrument:
+        shaped = equation.problem.shaped(point.shape[one], instrument=True)
+        moving = Columns(*shaped)
+    else:
+        moving = moving.take(one)
+    found = np.empty((len(still), equation.width + equation.height))
+    found[:, equation.places] = still
+    for way, place in enumerate(equation.moves):
+        found[:, place] = moving.values[way, 0]
+    drops = point.factors[lane, equation.moves]
+    found[:, equation.width :] = np.einsum("d,hds->sh", drops, moving.slopes[:, :, 0])
+    return found
