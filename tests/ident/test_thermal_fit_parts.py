@@ -104,6 +104,32 @@ def test_a_lag_of_a_ramp_follows_behind_by_its_time_constant() -> None:
     np.testing.assert_allclose(found[-1], 0.01 * (time[-1] - 100.0), atol=1e-9)
 
 
+def test_a_noisy_first_reading_does_not_shift_the_law() -> None:
+    rng = np.random.default_rng(7)
+    time = np.arange(0.0, 1200.0, 0.2)
+    sensor = 20.0 + 6.0 * (1.0 - np.exp(-time / 300.0))
+    theta = lagged(time, sensor, 200.0)
+    position = np.tile([0.0, 250.0, 500.0, 750.0], 1500)
+    error = 1.1e-5 * (theta - 20.0) * position + 2e-4 * rng.normal(size=len(time))
+    shown = sensor + 0.02 * rng.normal(size=len(time))
+
+    def slope(first: float) -> float:
+        shown[0] = first
+        fit = fit_temperature(
+            ThermalReadings(error, shown[:, None], position, time),
+            law=("constant", "linear"),
+            reference=0.0,
+            lag=200.0,
+        )
+        assert fit.coefficient is not None
+        return float(fit.coefficient.slope)
+
+    # Two deviations of the sensor to either side. Alone they would begin the structure 0.08 K
+    # apart, 1 % of the law; of some thirty readings the first is an eighth.
+    assert slope(20.04) == pytest.approx(slope(19.96), rel=2.5e-3)
+    assert slope(20.0) == pytest.approx(1.1e-5, rel=2.5e-3)
+
+
 def test_lone_jumps_and_impossible_temperatures_are_missed_readings() -> None:
     temperature = 20.0 + 0.01 * np.arange(200.0)
     temperature[[20, 90]] = (85.0, -400.0)

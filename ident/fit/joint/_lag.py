@@ -15,8 +15,8 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from .._errors import FitError
+from ..thermal._clocked import Clocked
 from ._arrow import Arrow
-from ._clocked import Clocked
 from ._data import JointData
 from ._design import Design
 from ._effect import AbstractEffect

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from .._errors import FitError
 from ._confused import Told, told_by
@@ -112,6 +112,26 @@ def prepare(
     return judged(ground_of(axis, effects, data, drift, use, measured), data, drift)
 
 
+def freedoms(ground: Ground, data: JointData, drift: int) -> Rules:
+    """Return what may be moved between the effects, and the rules that fix it."""
+    return rules_of(ground.design, data, drift, _counts(ground))
+
+
+def all_rules(ground: Ground, structure: Rules) -> Rules:
+    """Return the rules with those beside them for what these readings leave open."""
+    lost = ground.pinned.null
+    return with_lost(structure, ground.design, lost, _counts(ground))
+
+
+def _counts(ground: Ground) -> Float[np.ndarray, " n"]:
+    """Return how much the readings touch each unknown.
+
+    Relative, so that functionals of different effects are alike in size.
+    """
+    whole = abs(ground.design.columns).sum(axis=0)
+    return np.asarray(whole) / len(ground.design.rows)
+
+
 def judged(
     ground: Ground, data: JointData, drift: int, like: Prepared | None = None
 ) -> Prepared:
@@ -123,19 +143,15 @@ def judged(
         drift: Pieces of the drift of each run.
         like: The same effects and rows with other lags: their freedoms are the same.
     """
-    design, sums, weights = ground.design, ground.sums, ground.weights
-    # Relative, so that functionals of different effects are alike in size.
-    counts = np.asarray(abs(design.columns).sum(axis=0)) / len(design.rows)
-    structure = (
-        rules_of(design, data, drift, counts) if like is None else like.structure
-    )
-    told = told_by(sums, structure, weights)
+    design, sums = ground.design, ground.sums
+    structure = freedoms(ground, data, drift) if like is None else like.structure
+    told = told_by(sums, structure, ground.weights)
     return Prepared(
         sums=sums,
-        weights=weights,
+        weights=ground.weights,
         pinned=ground.pinned,
         structure=structure,
-        rules=with_lost(structure, design, ground.pinned.null, counts),
+        rules=all_rules(ground, structure),
         told=told,
         gauges=(*gauges_of(design, structure), *_almost(design, told)),
         confusions=confusions_of(design, told, sums.reached),

@@ -16,7 +16,7 @@ from ._data import JointData
 from ._effect import AbstractEffect
 from ._lag import FoundLag, find_lags
 from ._passes import Stand
-from ._prepare import Ground, ground_of, judged
+from ._prepare import Ground, all_rules, freedoms, ground_of
 from ._settle import Known, roughly, settled_on
 from ._tables import PlaneEffect
 from ._temperature import TemperatureEffect
@@ -117,7 +117,9 @@ def scouted(
     if sensors:
         lags = find_lags(ground.design, data, roughly(ground, data, loss), sensors)
         ground = at(lags)
-    rules = judged(ground, data, drift).rules if ground.design.banded else None
+    rules = None
+    if ground.design.banded:
+        rules = all_rules(ground, freedoms(ground, data, drift))
     stand = settled_on(ground, data, loss, "auto", None, rules)
     for _ in range(_ROUNDS if sensors else 0):
         before = lags

@@ -9,8 +9,8 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from .._errors import FitError
+from ..thermal._clocked import Clocked, clocked
 from ..thermal._laws import hats
-from ._clocked import Clocked, clocked
 from ._data import JointData
 from ._effect import AbstractEffect, Block
 

@@ -7,6 +7,7 @@ from ._clock import (
 )
 from ._fit import fit_temperature as fit_temperature
 from ._lag import lagged as lagged
+from ._prepare import LEAST_RANGE as LEAST_RANGE
 from ._steady import missed_temperatures as missed_temperatures, steady as steady
 from ._types import (
     Confusion as Confusion,

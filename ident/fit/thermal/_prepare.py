@@ -8,7 +8,7 @@ from ._line import Data
 from ._steady import missed_temperatures
 from ._types import SensorLog, ThermalReadings
 
-_LEAST_RANGE = 0.5
+LEAST_RANGE = 0.5
 """Range of a sensor in K below which no law can be told."""
 
 
@@ -92,10 +92,10 @@ def check_data(data: Data, readings: ThermalReadings) -> None:
     for effect, sensor, values in zip(
         ("offset", "coefficient"), data.sensors, theta, strict=True
     ):
-        if sensor is not None and np.ptp(values) < _LEAST_RANGE:
+        if sensor is not None and np.ptp(values) < LEAST_RANGE:
             msg = (
                 f"sensor {sensor + 1} of the {effect} stays at {values[0]:.4g} °C within "
-                f"{np.ptp(values):.2g} K, expected a range of {_LEAST_RANGE} K or more."
+                f"{np.ptp(values):.2g} K, expected a range of {LEAST_RANGE} K or more."
             )
             raise FitError(msg)
     if data.sensors[1] is not None and np.ptp(data.position) == 0:

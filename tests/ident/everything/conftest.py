@@ -1,6 +1,5 @@
 """A small machine with every fault: its log as a job reads it, a fit, and the truth."""
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +35,9 @@ from axcomp.ident.machine.motion import (
     write_motion_log,
 )
 
-AXES = tuple(SPACE)
-NOISE = 0.0005
+from . import whole
+
+AXES = whole.AXES
 PACE = 0.2
 
 
@@ -62,7 +62,7 @@ def measured(log: MotionLog, tmp_path_factory: pytest.TempPathFactory) -> Measur
 @pytest.fixture(scope="package")
 def readings(measured: Measurement) -> JointData:
     """The log with the delays of its instruments found and taken off."""
-    return joint(without_motion(measured, AXES))
+    return whole.joint(without_motion(measured, AXES))
 
 
 @pytest.fixture(scope="package")
@@ -80,30 +80,7 @@ def fit(readings: JointData, kept: np.ndarray) -> JointFit:
 @pytest.fixture(scope="package")
 def everywhere() -> tuple[JointData, State]:
     """Places all over the machine, warm and cold, for a fit and for the truth."""
-    return workspace(1)
-
-
-def joint(found: Measurement) -> JointData:
-    """Return a measurement in which nothing moves any more as data of a joint fit."""
-
-    def of(kind: str) -> dict[str, np.ndarray]:
-        return {
-            axis: np.asarray(found.values[f"{axis}.{kind}"], dtype=float)
-            for axis in AXES
-        }
-
-    return JointData(
-        position=of("position"),
-        error=of("error"),
-        direction=of("direction"),
-        velocity=of("velocity"),
-        acceleration=of("acceleration"),
-        temperature={
-            name: np.asarray(found.values[f"temperature.{name}"], dtype=float)
-            for name in ("scale", "spindle")
-        },
-        time=np.asarray(found.values["time"], dtype=float),
-    )
+    return whole.workspace(1)
 
 
 def effects(fine: float = 1.0) -> list[AbstractEffect]:
@@ -130,34 +107,3 @@ def effects(fine: float = 1.0) -> list[AbstractEffect]:
         TemperatureEffect("Z", {"offset": "spindle"}, lag=45.0 * PACE),
         DelayEffect("Z"),
     ]
-
-
-def workspace(seed: int, count: int = 4000) -> tuple[JointData, State]:
-    """Return places all over the machine, warm and cold, for a fit and for the truth."""
-    rng = np.random.default_rng(seed)
-    place = {axis: rng.uniform(0.0, most, count) for axis, most in SPACE.items()}
-    way = {axis: rng.choice([-1.0, 1.0], count) for axis in AXES}
-    rate = {"X": rng.uniform(-1500.0, 1500.0, count)}
-    none = np.zeros(count)
-    rate |= {"Y": none, "Z": none}
-    heat = {
-        "scale": rng.uniform(20.5, 23.5, count),
-        "spindle": rng.uniform(21.0, 28.0, count),
-    }
-    data = JointData(
-        position=place,
-        error={},
-        direction=way,
-        velocity={axis: none for axis in AXES},
-        acceleration=rate,
-        temperature=heat,
-        time=np.arange(count, dtype=float),
-    )
-    return data, State(place, way, rate, heat)
-
-
-def at_once(effect: AbstractEffect) -> AbstractEffect:
-    """Return an effect for places that have been as warm as they are for long."""
-    if isinstance(effect, TemperatureEffect):
-        return dataclasses.replace(effect, lag=0.0)
-    return effect

@@ -1,7 +1,6 @@
 """A machine with every fault at once, moving: one fit finds them, in truth and in sum."""
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -17,8 +16,7 @@ from axcomp.ident.fit.joint import (
 from axcomp.ident.machine import State
 from axcomp.ident.machine.motion import MotionLog, WorkingMachine
 
-AXES = ("X", "Y", "Z")
-NOISE = 0.0005
+from .whole import AXES, NOISE, in_deviations, in_the_workspace
 
 
 def held_out(fit: JointFit, data: JointData, kept: np.ndarray) -> dict[str, np.ndarray]:
@@ -33,26 +31,6 @@ def held_out(fit: JointFit, data: JointData, kept: np.ndarray) -> dict[str, np.n
 def size(values: np.ndarray) -> float:
     """Return the standard deviation that most of the values show."""
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
-
-
-def in_the_workspace(
-    parts: Sequence[Part], machine: WorkingMachine, places: tuple[JointData, State]
-) -> dict[str, np.ndarray]:
-    """Return fit − truth in mm at many places, arbitrary zeros aside."""
-    data, state = places
-    found = {}
-    for axis in AXES:
-        total = np.zeros(len(data))
-        for part in parts:
-            effect = part.effect
-            if effect.axis != axis or effect.compensation == "delay":
-                continue
-            if isinstance(effect, TemperatureEffect):
-                effect = dataclasses.replace(effect, lag=0.0)
-            total += effect.block(data).columns @ part.values
-        wrong = total - machine.machine.error_in(axis, state)
-        found[axis] = wrong - np.median(wrong)
-    return found
 
 
 @pytest.mark.slow
@@ -70,6 +48,20 @@ def test_sum_of_all_effects_is_the_error_all_over_the_workspace(
 ) -> None:
     for axis, wrong in in_the_workspace(fit.parts, machine, everywhere).items():
         assert np.percentile(np.abs(wrong), 99) < 0.001, axis
+
+
+@pytest.mark.slow
+def test_tables_lie_within_their_deviations_though_the_reference_wanders(
+    fit: JointFit, machine: WorkingMachine
+) -> None:
+    away = in_deviations(fit, machine)
+    assert len(away) == 10
+    for name, ratio in away.items():
+        # Gaussian values: 0.3 % beyond; those of a smooth table go together.
+        assert np.mean(np.abs(ratio) < 3.0) >= 0.95, name
+    every = np.concatenate(list(away.values()))
+    # Nor are they too wide; 500 values, some 100 of them by themselves.
+    assert 0.7 < np.sqrt(np.mean(np.square(every))) < 1.3
 
 
 @pytest.mark.slow

@@ -1,0 +1,115 @@
+"""Lags: how the structure begins, and that a small fit leads where the whole one goes."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from axcomp.ident.fit.joint import (
+    JointData,
+    LeadscrewEffect,
+    PlaneEffect,
+    TemperatureEffect,
+    _scout as scout,
+    fit_joint,
+)
+from axcomp.ident.fit.thermal._clocked import clocked
+from axcomp.ident.fit.thermal._lag import lagged
+
+LAG = 90.0
+
+
+def test_first_reading_of_a_noisy_sensor_does_not_last_for_a_lag() -> None:
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 600.0, 0.02)
+    true = 20.0 + 6.0 * (1.0 - np.exp(-np.maximum(time - 20.0, 0.0) / 200.0))
+    inside = lagged(time, true, LAG)
+    shown = true + 0.02 * rng.standard_normal(len(time))
+    shown[0] = true[0] + 0.05
+    found = clocked(time, shown).structure(LAG)
+    # 150 readings of 0.02 K tell a line's end to 0.003 K.
+    assert np.abs(found - inside).max() < 0.01
+    assert np.abs(lagged(time, shown, LAG) - inside).max() > 0.04
+
+
+def test_sensor_that_jumps_at_once_is_taken_at_its_word() -> None:
+    time = np.arange(0.0, 600.0, 0.5)
+    true = np.where(time < 1.0, 20.0, 26.0)
+    found = clocked(time, true).structure(LAG)
+    assert found == pytest.approx(lagged(time, true, LAG), abs=1e-12)
+
+
+def test_rows_need_not_be_in_order_nor_all_there() -> None:
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 600.0, 1.0)
+    true = 20.0 + time / 100.0
+    mixed = rng.permutation(len(time))
+    shown = true[mixed].copy()
+    shown[:40] = np.nan
+    found = clocked(time[mixed], shown).structure(LAG)
+    assert np.isnan(found[:40]).all()
+    # A ramp between readings is the same ramp where some are missed.
+    expected = lagged(time, true, LAG)[mixed]
+    assert found[40:] == pytest.approx(expected[40:], abs=1e-6)
+
+
+def _warm(seed: int, count: int) -> tuple[JointData, list[Any]]:
+    """Return a large plane, a screw and a spindle that grows late."""
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0.0, 1500.0, count)
+    x, y, z = (rng.uniform(0.0, most, count) for most in (800.0, 400.0, 200.0))
+    near = 20.0 + 8.0 * (1.0 - np.cos(time / 150.0))
+    error = 0.004 * np.sin(x / 120.0) * np.cos(y / 90.0) + 0.003 * np.sin(z / 60.0)
+    error += 0.002 * (lagged(time, near, LAG) - 20.0)
+    error += rng.normal(0.0, 5e-4, count)
+    error[rng.random(count) < 0.005] += 0.02
+    data = JointData(
+        position={"X": x, "Y": y, "Z": z},
+        error={"Z": error},
+        temperature={"T": near},
+        time=time,
+    )
+    nodes = (np.linspace(0.0, 800.0, 49), np.linspace(0.0, 400.0, 49))
+    return data, [
+        PlaneEffect("Z", ("X", "Y"), nodes),
+        LeadscrewEffect("Z", np.linspace(0.0, 200.0, 21)),
+        TemperatureEffect("Z", {"offset": "T"}, lag="fit"),
+    ]
+
+
+@pytest.mark.slow
+def test_where_a_small_fit_begins_does_not_matter_in_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    data, stack = _warm(3, 12_000)
+    fit = fit_joint(data, stack, drift=2)
+    # Nothing is coarser and nothing thinner: the small fit is the whole one.
+    monkeypatch.setattr(scout, "_NODES", 1000)
+    monkeypatch.setattr(scout, "_ROWS", 10**6)
+    whole = fit_joint(data, stack, drift=2)
+    assert fit.converged
+    assert whole.converged
+    for one, other in zip(fit.parts, whole.parts, strict=True):
+        # Both end where the evidence expects to gain less than 2.
+        # What the reference temperature holds at zero has no deviation.
+        free = one.standard_deviation > 1e-9
+        moved = ((one.values - other.values) / one.standard_deviation)[free]
+        assert np.sqrt(np.mean(np.square(moved))) < 0.3, one.name
+        ratio = one.standard_deviation / other.standard_deviation
+        deviation = np.median(ratio[free])
+        assert deviation == pytest.approx(1.0, abs=0.15)
+    (lag, spread), (other_lag, _) = (f.parts[2].lags["T"] for f in (fit, whole))
+    assert abs(lag - other_lag) < 0.3 * spread
+    assert abs(lag - LAG) < 4.0 * spread
+
+
+def test_lag_that_is_not_there_is_none() -> None:
+    data, stack = _warm(4, 4000)
+    assert data.time is not None
+    rng = np.random.default_rng(4)
+    plain = 0.002 * (data.temperature["T"] - 20.0) + rng.normal(0.0, 5e-4, len(data))
+    still = dataclasses.replace(data, error={"Z": plain})
+    lag, deviation = fit_joint(still, stack[1:]).parts[1].lags["T"]
+    assert lag == 0.0
+    assert deviation == 0.0
