@@ -93,12 +93,22 @@ class StudentLoss(AbstractLoss):
 
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
-        return np.where(self.wild(ratio), 0.0, 1.0 / (1.0 + ratio**2 / self.freedom))
+        # In place: with many readings the temporaries would cost more than the sums.
+        share = np.square(ratio)
+        share /= self.freedom
+        share += 1.0
+        np.reciprocal(share, out=share)
+        np.copyto(share, 0.0, where=self.wild(ratio))
+        return share
 
     def slope(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
-        square = ratio**2 / self.freedom
-        return np.where(self.wild(ratio), 0.0, (1.0 - square) / (1.0 + square) ** 2)
+        # (1 − q) / (1 + q)² with q = ratio² / freedom, by the share 1 / (1 + q).
+        share = self.share(ratio)
+        slope = 2.0 * share
+        slope -= 1.0
+        slope *= share
+        return slope
 
     def wild(self, ratio: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
         """See `AbstractLoss`."""

@@ -124,7 +124,11 @@ def pseudo_readings(
     active: Bool[np.ndarray, " t"],
 ) -> Float[np.ndarray, " t"]:
     """Return ψ(residual) / mean ψ', and zero for readings that are left out."""
-    slope = np.where(active, loss.slope(ratio), 0.0)
+    slope = float(loss.slope(ratio).sum(where=active))
     # A mean slope near zero means that the scale is far too small: do not blow up.
-    steepness = max(float(slope.sum()) / max(int(active.sum()), 1), 0.1)
-    return np.where(active, residual * loss.share(ratio) / steepness, 0.0)
+    steepness = max(slope / max(int(active.sum()), 1), 0.1)
+    pseudo = loss.share(ratio)
+    pseudo *= residual
+    pseudo /= steepness
+    np.copyto(pseudo, 0.0, where=~active)
+    return pseudo
