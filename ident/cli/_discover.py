@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ..discover import Discovery
+    from ..job import Job, Observation
 
 _LONG = 10.0
 """Seconds after which progress is printed as plain lines."""
@@ -49,7 +50,7 @@ def discover(
         _refuse_place(job, write)
     with console.status("reading the job") as status:
         from ..discover import discover as look
-        from ..job import job_with_fits, load_job, observe, write_atomically
+        from ..job import load_job, observe
 
         start = time.monotonic()
 
@@ -68,18 +69,47 @@ def discover(
     for remark in seen.remarks:
         console.print(f"info: {remark}", markup=False, soft_wrap=True)
     if as_json:
-        typer.echo(json.dumps(_json(found), indent=2, ensure_ascii=False))
+        typer.echo(json.dumps(_json(found, seen.names), indent=2, ensure_ascii=False))
     else:
         _print(Console(highlight=False), found)
     if write is not None and found.found:
-        write_atomically(write, job_with_fits(loaded, seen, found).encode())
-        console.print(f"Job with {_fits(len(found.found))}: {write}", markup=False)
+        _write(console, write, loaded, seen, found)
     elif write is not None:
         console.print(
             f"Nothing to fit was found: {write} was not written.", markup=False
         )
     if not found.told:
         raise typer.Exit(1)
+
+
+def _write(
+    console: "Console",
+    write: Path,
+    job: "Job",
+    seen: "Observation",
+    found: "Discovery",
+) -> None:
+    """Write the job that fits what was found, and say what else it states."""
+    from ..job import found_keys, job_with_fits, unsaid_keys, write_atomically
+
+    text = job_with_fits(job, seen, found)
+    write_atomically(write, text.encode())
+    console.print(f"Job with {_fits(len(found.found))}: {write}", markup=False)
+    for name, keys in found_keys(job, seen, found).items():
+        left = unsaid_keys(text, name, keys)
+        for key, value in keys.items():
+            stated = f"{key} = {json.dumps(value)}"
+            words = f"It states {stated} of measurement {name}: {_WHY[key]}"
+            if key in left:
+                words = f"Add {stated} to measurement {name} by hand: {_WHY[key]}"
+            console.print(words, markup=False, soft_wrap=True)
+
+
+_WHY = {
+    "drift": "the error wanders in time, which no compensation is made of.",
+    "remove": "the error is far from zero everywhere, as an instrument in motion shows it"
+    " whose zero is arbitrary.",
+}
 
 
 def _fits(count: int) -> str:
@@ -99,7 +129,7 @@ def _refuse_place(job: Path, write: Path) -> None:
         raise UsageError(message)
 
 
-def _json(found: "Discovery") -> dict[str, object]:
+def _json(found: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
     return {
         "axes": [
             {
@@ -151,6 +181,17 @@ def _json(found: "Discovery") -> dict[str, object]:
             }
             for one in found.unexplained
         ],
+        "drifts": [
+            {
+                "axis": one.axis,
+                "measurement": names[one.source],
+                "pieces": one.pieces,
+                "rms": one.rms,
+                "unit": one.unit,
+                "sentence": one.sentence,
+            }
+            for one in found.drifts
+        ],
     }
 
 
@@ -191,11 +232,15 @@ def _print(console: "Console", found: "Discovery") -> None:
             console.print(table)
         for one in mine:
             tell(one.sentence)
+        for drift in found.drifts:
+            if drift.axis == axis.axis and axis.channel == "error":
+                tell(drift.sentence)
         console.print()
     if found.unexplained:
         tell("Unexplained:")
     for rest in found.unexplained:
-        tell(f"  {rest.verdict}: {rest.sentence}")
+        said = f"{rest.verdict[0].upper()}{rest.verdict[1:]}: "
+        tell(f"  {rest.verdict}: {rest.sentence.removeprefix(said)}")
     if found.rejected:
         tell("Looked for and not taken:")
     for no in found.rejected:

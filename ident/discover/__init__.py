@@ -11,6 +11,7 @@ from ._observed import Observed as Observed, stack as stack
 from ._result import (
     AxisSummary as AxisSummary,
     Discovery as Discovery,
+    Drift as Drift,
     Found as Found,
     Rejected as Rejected,
     Unexplained as Unexplained,

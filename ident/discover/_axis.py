@@ -11,18 +11,23 @@ from ._confusion import Look, look_for_confusion
 from ._library import Library, library_of
 from ._observed import Observed
 from ._periodic import find_ripples
-from ._result import AxisSummary, Found, Rejected, Unexplained
+from ._result import AxisSummary, Drift, Found, Rejected, Unexplained
 from ._select import Selection, select_terms
 from ._terms import PUSHES, Kind
 from ._unexplained import (
     beyond_kernel,
     confused_ones,
     drifts,
+    heat_or_drift,
+    is_slight,
     is_slight_drift,
     periodic_one,
+    sensors_alike,
     what_is_left,
+    which_sensor,
 )
 from ._view import view_of
+from ._wander import Wander, find_wander
 
 _UNSURE = 0.3
 """Share of the resamples from which on a term is named though it is not taken."""
@@ -41,6 +46,7 @@ class AxisFindings:
     found: tuple[Found, ...]
     rejected: tuple[Rejected, ...]
     unexplained: tuple[Unexplained, ...]
+    drifts: tuple[Drift, ...] = ()
 
 
 def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> AxisFindings:
@@ -56,17 +62,27 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> AxisFi
     selection = select_terms(view, library, axes)
     unit = observed.unit(axis)
     sizes = sizes_of(selection)
-    made = compose(sizes)
+    made = compose(sizes, view.data.modulo)
     look = look_for_confusion(selection, made.needs, selection.looked)
     doubtful = {id(each.need) for each in look.confused}
+    twins = [
+        (need, sensors)
+        for need in made.needs
+        if id(need) not in doubtful and (sensors := sensors_alike(selection, need))
+    ]
+    doubtful |= {id(need) for need, _ in twins}
     sure = [need for need in made.needs if id(need) not in doubtful]
-    overlap = len(sure) > 1
+    wanders = tuple(find_wander(selection, unit))
+    # A fit of a group knows of the drift, even if it is the only one.
+    overlap = len(sure) > 1 or bool(wanders)
     found = [_found(selection, need, unit, axis if overlap else None) for need in sure]
     found.sort(key=lambda each: -each.share)
     ripples = find_ripples(selection)
     unexplained = [
         *confused_ones(selection, look, unit),
+        *(which_sensor(selection, need, names, unit) for need, names in twins),
         *drifts(selection, look, unit),
+        *heat_or_drift(selection, made.needs, library.heat, wanders),
         *(
             beyond_kernel(selection, each, unit)
             for each in made.beyond
@@ -82,6 +98,26 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> AxisFi
         tuple(found),
         tuple(_rejected(selection, library, made.needs, look)),
         tuple(unexplained),
+        tuple(_drift(each, is_slight(selection, each.rms)) for each in wanders),
+    )
+
+
+def _drift(wander: Wander, slight: bool) -> Drift:
+    pieces = "one straight piece"
+    if wander.pieces > 1:
+        pieces = f"{wander.pieces} straight pieces"
+    sentence = (
+        f"Beside what was found the error of {wander.axis} wanders in time by"
+        f" {amount(wander.rms, wander.unit)} rms, as the zero of an instrument does:"
+        f" {pieces} follow{'s' * (wander.pieces == 1)} it."
+    )
+    if not slight:
+        sentence += (
+            " That is much for an instrument: something may have warmed whose temperature"
+            " was not recorded, or cannot be told from this."
+        )
+    return Drift(
+        wander.axis, wander.source, wander.pieces, wander.rms, wander.unit, sentence
     )
 
 

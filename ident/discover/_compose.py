@@ -1,7 +1,7 @@
 """From terms to compensations: what contains what, and what the controller has once."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from ._terms import FOREIGN, HEAT, PUSHES, Kind, Term
 
@@ -43,15 +43,18 @@ class Composition:
     beyond: tuple[Beyond, ...]
 
 
-def compose(sizes: Mapping[Term, float]) -> Composition:
+def compose(
+    sizes: Mapping[Term, float], turning: Collection[str] = ()
+) -> Composition:
     """Return the fewest compensations that hold all chosen terms of an axis.
 
     Args:
         sizes: Contribution of each chosen term, mm or ° rms.
+        turning: Axes that go round, over which there is no plane.
     """
     needs: list[Need] = [*_along_itself(sizes)]
     beyond: list[Beyond] = []
-    for part in (_over_others(sizes), _by_heat(sizes), _by_pushes(sizes)):
+    for part in (_over_others(sizes, turning), _by_heat(sizes), _by_pushes(sizes)):
         for each in part:
             if isinstance(each, Need):
                 needs.append(each)
@@ -84,10 +87,13 @@ def _along_itself(sizes: Mapping[Term, float]) -> Iterator[Need]:
         yield Need("backlash", turn)
 
 
-def _over_others(sizes: Mapping[Term, float]) -> Iterator[Need | Beyond]:
+def _over_others(
+    sizes: Mapping[Term, float], turning: Collection[str]
+) -> Iterator[Need | Beyond]:
     lines = list(_of(sizes, Kind.LINE))
     surfaces = _of(sizes, Kind.SURFACE)
-    if not surfaces and len(lines) > 1:
+    round_about = {line.masters[0] for line in lines[:2]} & set(turning)
+    if not surfaces and len(lines) > 1 and not round_about:
         pair = tuple(sorted((lines[0].masters[0], lines[1].masters[0])))
         words = f"It is a sum of a part over {pair[0]} and one over {pair[1]}; an axis"
         words += " has one cross table only, so a plane holds both."

@@ -61,6 +61,12 @@ def discover(
         tuple(one for part in parts for one in part.found),
         tuple(one for part in parts for one in part.rejected),
         tuple(one for part in parts for one in part.unexplained),
+        tuple(
+            one
+            for part in parts
+            if isinstance(part, AxisFindings)
+            for one in part.drifts
+        ),
     )
 
 

@@ -55,9 +55,13 @@ def library_of(view: AxisView, axes: tuple[str, ...]) -> Library:
     absent += [
         ("cross", (name,), _unmoved(view, name)) for name in others if name not in moved
     ]
-    terms += [
-        Term(Kind.SURFACE, axis, pair) for pair in itertools.combinations(moved, 2)
-    ]
+    for pair in itertools.combinations(moved, 2):
+        turns = [name for name in pair if name in data.modulo]
+        if turns:
+            why = f"{turns[0]} goes round, and planes are fitted over axes with two ends"
+            absent.append(("plane", pair, why))
+        else:
+            terms.append(Term(Kind.SURFACE, axis, pair))
     for name in others:
         if moving(data.acceleration.get(name)):
             terms += _pushes(view, name)

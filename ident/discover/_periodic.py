@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from ._basis import waves
 from ._select import Selection
 from ._view import AxisView
 
@@ -50,6 +51,9 @@ def _over(
     u, left, block = u[known], residual[known], view.block[known]
     if view.places(axis) < 8 * _COARSE:
         return None
+    # Where places lie in rows, what is slow over them would show as fine lines.
+    slow = waves(u, int(2 * _COARSE), False)
+    left = left - slow @ np.linalg.lstsq(slow, left)[0]
     whole, count = _spectrum(u, left)
     total = float(left @ left)
     if not total > 0:

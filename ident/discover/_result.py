@@ -76,6 +76,27 @@ class Unexplained:
 
 
 @dataclasses.dataclass(frozen=True)
+class Drift:
+    """A slow change of the error in time that nothing that was found explains.
+
+    Attributes:
+        axis: Whose error shows it.
+        source: Number of the measurement in which it does.
+        pieces: Straight pieces in time that follow it, for the fit to allow for.
+        rms: In mm or ° about its mean.
+        unit: Of `rms`.
+        sentence: In words.
+    """
+
+    axis: str
+    source: int
+    pieces: int
+    rms: float
+    unit: str
+    sentence: str
+
+
+@dataclasses.dataclass(frozen=True)
 class AxisSummary:
     """The error (or current) of one axis as a whole.
 
@@ -104,6 +125,7 @@ class Discovery:
     found: tuple[Found, ...]
     rejected: tuple[Rejected, ...]
     unexplained: tuple[Unexplained, ...]
+    drifts: tuple[Drift, ...] = ()
 
     @property
     def told(self) -> bool:

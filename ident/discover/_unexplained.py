@@ -7,11 +7,13 @@ import numpy as np
 from ._amounts import amount, clean_error, size_of
 from ._compose import Beyond, Need
 from ._confusion import Confused, Look
+from ._features import columns_of
 from ._periodic import Ripple
 from ._result import Unexplained
 from ._select import Selection
 from ._terms import HEAT, Kind, Term
 from ._view import AxisView
+from ._wander import Wander
 
 _MOST_NODES = 1000
 """Entries of a table over one position that every build has."""
@@ -20,6 +22,12 @@ _STRUCTURE = 1.15
 _SLIGHT = 2.0
 """A slow change of that many standard deviations is a drift like any other."""
 _SLIGHT_SHARE = 0.1
+_ALIKE = 0.9
+"""Share of a drift from which on a temperature that changes like it may be its cause."""
+_LATE = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)
+"""Lags behind a temperature at which that is looked for, as shares of the recording."""
+_SAME_COURSE = 0.999
+"""Correlation of two sensors from which on either does for the other."""
 _WIGGLE = "Let the temperature rise and fall while measuring, more than once."
 
 
@@ -64,6 +72,90 @@ def drifts(selection: Selection, look: Look, unit: str) -> Iterator[Unexplained]
             selection.view.axis, f"{term.words} or {drift}", (), rms,
             float(min(rms**2 / whole, 1.0)), unit, "the data cannot tell", sentence,
         )  # fmt: skip
+
+
+def sensors_alike(selection: Selection, need: Need) -> tuple[str, ...]:
+    """Return the sensors of a temperature, where others changed in the same way."""
+    data = selection.view.data
+    for term in need.terms:
+        if term.kind not in HEAT or term.sensor is None:
+            continue
+        mine = data.temperature[term.sensor]
+        alike = [term.sensor]
+        for name, other in data.temperature.items():
+            known = np.isfinite(mine) & np.isfinite(other)
+            if name == term.sensor or known.sum() < 3:
+                continue
+            if not np.ptp(mine[known]) > 0 or not np.ptp(other[known]) > 0:
+                continue
+            if abs(np.corrcoef(mine[known], other[known])[0, 1]) > _SAME_COURSE:
+                alike.append(name)
+        if len(alike) > 1:
+            return tuple(alike)
+    return ()
+
+
+def which_sensor(
+    selection: Selection, need: Need, sensors: Sequence[str], unit: str
+) -> Unexplained:
+    """Return that sensors changed alike, so that any of them may be the one."""
+    axis = selection.view.axis
+    rms, share = size_of(selection, need.terms)
+    names = " or ".join(f"temperature of {axis} by {name}" for name in sensors)
+    sentence = (
+        f"The data cannot tell: {names} ({amount(rms, unit)} rms)."
+        f" {' and '.join(sensors)} changed alike; measure once while they do not, as"
+        " after a pause."
+    )
+    return Unexplained(
+        axis, names, (), rms, share, unit, "the data cannot tell", sentence
+    )
+
+
+def heat_or_drift(
+    selection: Selection,
+    needs: Sequence[Need],
+    heat: Sequence[Term],
+    wanders: Sequence[Wander],
+) -> Iterator[Unexplained]:
+    """Yield large drifts that a temperature changes like, where none was taken."""
+    if any(need.compensation == "temperature" for need in needs):
+        return
+    whole = float(np.mean(clean_error(selection) ** 2)) or 1.0
+    sensors = dict.fromkeys(term.sensor for term in heat)
+    span = float(np.ptp(selection.view.data.clock))
+    shifts = [
+        Term(Kind.HEAT_OFFSET, selection.view.axis, (), sensor, late * span)
+        for sensor in sensors
+        for late in _LATE
+    ]
+    said = {term for term, _ in selection.drifting}
+    for wander in wanders:
+        if is_slight(selection, wander.rms) or said:
+            continue
+        alike = [(_alike(selection, term, wander), term) for term in shifts]
+        best, term = max(alike, key=lambda each: each[0], default=(0.0, None))
+        if term is None or best < _ALIKE:
+            continue
+        drift = Term(Kind.DRIFT, wander.axis).words
+        sentence = (
+            f"The data cannot tell: {term.words} or {drift}"
+            f" ({amount(wander.rms, wander.unit)} rms). {_WIGGLE}"
+        )
+        yield Unexplained(
+            wander.axis, f"{term.words} or {drift}", (), wander.rms,
+            float(min(wander.rms**2 / whole, 1.0)), wander.unit,
+            "the data cannot tell", sentence,
+        )  # fmt: skip
+
+
+def _alike(selection: Selection, term: Term, wander: Wander) -> float:
+    """Return the share of a drift that a temperature explains."""
+    warm = columns_of(selection.view, term)[wander.rows, 0]
+    known = np.isfinite(warm)
+    if known.sum() < 2 or not np.ptp(warm[known]) > 0:
+        return 0.0
+    return float(np.corrcoef(warm[known], wander.course[known])[0, 1] ** 2)
 
 
 def is_slight(selection: Selection, rms: float) -> bool:

@@ -292,8 +292,11 @@ def _masters(
         elif isinstance(fit, PlaneSpec) and job.axes[name].modulo is not None:
             yield (
                 (*where, key),
-                f"found the modulo axis {name!r}, expected axes with two ends: a plane"
-                " over a modulo axis is not built in this version",
+                f"found the modulo axis {name!r}, expected axes with two ends: over an"
+                " axis that goes round both edges of a plane must be equal (S-20), and"
+                " planes are fitted without that. A cross table over"
+                f" {name} goes round; a plane can, where {name} never passes its"
+                " transition and is stated without modulo",
             )
     if len(set(masters)) < len(masters):
         yield (*where, key), f"found {masters}, expected two different axes"

@@ -1,6 +1,8 @@
 """A job with the fits that were found: the old text, its ``[[fits]]`` replaced."""
 
 import re
+import tomllib
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,7 +20,8 @@ def job_with_fits(job: Job, observation: Observation, found: Discovery) -> str:
 
     All but the fits stays as it is, byte for byte; only a datum gives way to
     ``remove = "offset"`` where fits are identified together, since none of them alone is
-    zero there.
+    zero there, and what the measurements showed of their instrument is stated where the
+    job says nothing of it (`found_keys`).
 
     Args:
         job: In which was looked.
@@ -37,7 +40,66 @@ def job_with_fits(job: Job, observation: Observation, found: Discovery) -> str:
         blocks.append(_block(job, observation, one, sources))
     for name in sorted(together):
         text = _without_datum(text, job, name)
+    for name, keys in found_keys(job, observation, found).items():
+        text = _with_keys(text, name, keys)
     return "\n\n".join([text.rstrip(), *blocks]) + "\n"
+
+
+def found_keys(
+    job: Job, observation: Observation, found: Discovery
+) -> dict[str, dict[str, object]]:
+    """Return what to state of each measurement: its drift, and an arbitrary zero.
+
+    What the job states stays.
+
+    Args:
+        job: In which was looked.
+        observation: Its measurements.
+        found: What they ask for.
+    """
+    result: dict[str, dict[str, object]] = {}
+    for number, name in enumerate(observation.names):
+        spec, keys = job.spec.measurements[name], dict[str, object]()
+        axes = {
+            one.axis
+            for one in found.found
+            if one.group is not None and name in _sources(observation, found, one)
+        }
+        pieces = [
+            each.pieces
+            for each in found.drifts
+            if each.source == number and each.axis in axes
+        ]
+        if pieces and "drift" not in spec.model_fields_set:
+            keys["drift"] = max(pieces)
+        if axes and name in observation.unzeroed:
+            if not {"remove", "datum"} & spec.model_fields_set:
+                keys["remove"] = "offset"
+        if keys:
+            result[name] = keys
+    return result
+
+
+def _with_keys(text: str, name: str, keys: Mapping[str, object]) -> str:
+    """Return a job with keys of a measurement, behind its header."""
+    result, wanted = [], dict(keys)
+    for line in text.splitlines(keepends=True):
+        result.append(line)
+        header = _HEADER.match(line)
+        if header is not None and _plain(header[1]) == f"measurements.{name}":
+            result += [f"{key} = {_value(value)}\n" for key, value in wanted.items()]
+            wanted = {}
+    return "".join(result)
+
+
+def _plain(header: str) -> str:
+    return re.sub(r"[\"'\s]", "", header)
+
+
+def unsaid_keys(text: str, name: str, keys: Mapping[str, object]) -> dict[str, object]:
+    """Return those of the keys of a measurement that the text of a job does not have."""
+    spec = tomllib.loads(text).get("measurements", {}).get(name, {})
+    return {key: value for key, value in keys.items() if spec.get(key) != value}
 
 
 def _without_fits(text: str) -> str:

@@ -8,15 +8,25 @@ from ._schema import JobFile
 
 
 def groups_of(job: JobFile) -> dict[str, tuple[int, ...]]:
-    """Return the fits of each group of two or more, by its name.
+    """Return the fits of each group, by its name.
 
-    A group of one is that fit alone.
+    A group of one is that fit alone, unless its measurement drifts: that is allowed for
+    in groups.
     """
     found: dict[str, tuple[int, ...]] = {}
     for k, fit in enumerate(job.fits):
         if fit.group is not None:
             found[fit.group] = (*found.get(fit.group, ()), k)
-    return {name: own for name, own in found.items() if len(own) > 1}
+    return {
+        name: own
+        for name, own in found.items()
+        if len(own) > 1 or _drifts(job, job.fits[own[0]])
+    }
+
+
+def _drifts(job: JobFile, fit: FitSpec) -> bool:
+    named = [job.measurements.get(name) for name in fit.sources]
+    return any(one is not None and one.drift > 0 for one in named)
 
 
 def group_faults(job: JobFile) -> Iterator[tuple[KeyPath, str]]:
@@ -36,8 +46,7 @@ def group_faults(job: JobFile) -> Iterator[tuple[KeyPath, str]]:
         if measured.drift and job.fits and name not in together:
             yield (
                 ("measurements", name, "drift"),
-                "found for a measurement of no group, expected it where fits are"
-                " identified together",
+                "found for a measurement of no group, expected it where fits name a group",
             )
     for name, members in groups.items():
         yield from _unlike(job, name, members)

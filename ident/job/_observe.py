@@ -28,6 +28,8 @@ _ABSURD = 1e9
 _SENSOR = "temperature."
 _LEFT = 1e-3
 """Share of its travel that an axis has gone when it has surely moved."""
+_FAR = 3.0
+"""Mean of an error, in standard deviations, that is the zero of an instrument."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,11 +40,14 @@ class Observation:
         data: All readings, measurements one after the other.
         names: Of the measurements, by the number of their source.
         remarks: What was taken for granted.
+        unzeroed: Measurements in motion with errors far from zero, as an instrument
+            whose zero is arbitrary shows them.
     """
 
     data: Observed
     names: tuple[str, ...]
     remarks: tuple[str, ...]
+    unzeroed: frozenset[str] = frozenset()
 
 
 def observe(job: Job) -> Observation:
@@ -55,13 +60,27 @@ def observe(job: Job) -> Observation:
     tables = Tables(job)
     parts: list[Observed] = []
     remarks: list[str] = []
+    unzeroed: set[str] = set()
     for name in job.spec.measurements:
         reader = _Reader(tables, name)
         parts.append(reader.read())
         remarks += reader.remarks
+        if reader.moving and any(map(_is_far, parts[-1].error.values())):
+            unzeroed.add(name)
     return Observation(
-        stack(parts), tuple(job.spec.measurements), tuple(dict.fromkeys(remarks))
+        stack(parts),
+        tuple(job.spec.measurements),
+        tuple(dict.fromkeys(remarks)),
+        frozenset(unzeroed),
     )
+
+
+def _is_far(error: Float[np.ndarray, " t"]) -> bool:
+    known = error[np.isfinite(error)]
+    if not known.size:
+        return False
+    low, middle, high = np.percentile(known, [16.0, 50.0, 84.0])
+    return bool(abs(middle) > _FAR * 0.5 * (high - low))
 
 
 class _Reader:
@@ -86,6 +105,11 @@ class _Reader:
         asked = [axis for axis in self.axes if _has_error(plain, axis)]
         self.measured = without_motion(plain, asked).with_gaps()
         self.asked = asked
+        self.moving = any(
+            f"{axis}.error" in self.measured.values
+            and f"{axis}.error" not in plain.values
+            for axis in asked
+        )
         self.remarks = list(self.measured.remarks)
 
     def read(self) -> Observed:
