@@ -7,6 +7,7 @@ direction with the weight by generalised cross-validation, leave each run out, w
 import importlib.util
 import json
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +17,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
-from scipy.optimize import minimize_scalar
+from scipy.optimize import least_squares, minimize_scalar
+from scipy.signal import savgol_filter
 
 _HOME = Path(__file__).parents[1]
 _SPEC = importlib.util.spec_from_file_location(
@@ -72,6 +74,79 @@ def scipy_job(csv: Path, out: Path) -> None:
     (out / "achskw1.lis").write_text("".join(lines))
 
 
+def scipy_friction_job(csv: Path, out: Path) -> None:
+    """Do what a careful script does: fit kinds of law, each held out by windows, write.
+
+    Coulomb + viscous and Stribeck, for both directions alike and apart, and hat tables of five
+    sizes likewise: what a friction job compares. Least squares with `least_squares` where a
+    speed is to be found, else `lstsq`; no loss but the square, no smoothness, no deviations.
+    """
+    time, x, current = np.loadtxt(csv, delimiter=",", skiprows=1).T
+    step = time[1] - time[0]
+    velocity = savgol_filter(x, 11, 3, deriv=1, delta=step)
+    acceleration = savgol_filter(x, 11, 3, deriv=2, delta=step)
+    fast = np.abs(velocity) > 1e-3 * np.abs(velocity).max()
+    v, a, i = velocity[fast], acceleration[fast], current[fast]
+    speed, sense = np.abs(v), np.sign(v)
+    window = np.arange(len(v)) * 10 // len(v)
+
+    def design(way: bool, columns: np.ndarray) -> np.ndarray:
+        sides = [sense > 0, sense < 0] if way else [sense != 0]
+        parts = [np.where(side, sense, 0.0)[:, None] * columns for side in sides]
+        rest = [a[:, None]] if way else [a[:, None], np.ones((len(v), 1))]
+        return np.concatenate([*rest, *parts], axis=1)
+
+    def solve(matrix: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        return np.linalg.lstsq(matrix[rows], i[rows], rcond=None)[0]
+
+    def stribeck(way: bool, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def columns(place: float) -> np.ndarray:
+            drop = np.exp(-np.square(speed / np.exp(place)))
+            return design(way, np.stack([np.ones_like(v), speed, drop], axis=1))
+
+        def left(p: np.ndarray) -> np.ndarray:
+            matrix = columns(p[0])
+            return np.asarray((i - matrix @ solve(matrix, rows))[rows])
+
+        found = [least_squares(left, [np.log(start)]) for start in (2.0, 10.0, 50.0)]
+        matrix = columns(float(min(found, key=lambda each: each.cost).x[0]))
+        return matrix, solve(matrix, rows)
+
+    everything = np.ones(len(v), bool)
+    errors, laws = [], []
+    for way in (False, True):
+        linear = [np.stack([np.ones_like(v), speed], axis=1)]
+        for count in (3, 5, 8, 12, 20):
+            knots = np.quantile(speed, np.linspace(0, 1, count))
+            hats = [np.interp(speed, knots, hat) for hat in np.eye(count)]
+            linear.append(np.stack(hats, axis=1))
+        for columns in linear:
+            matrix = design(way, columns)
+            square = 0.0
+            for k in range(10):
+                factors = solve(matrix, window != k)
+                square += np.sum((i - matrix @ factors)[window == k] ** 2)
+            errors.append(square)
+            laws.append(matrix @ solve(matrix, everything))
+        square = 0.0
+        for k in range(10):
+            matrix, factors = stribeck(way, window != k)
+            square += np.sum((i - matrix @ factors)[window == k] ** 2)
+        errors.append(square)
+        matrix, factors = stribeck(way, everything)
+        laws.append(matrix @ factors)
+    best = np.abs(laws[int(np.argmin(errors))])
+    order = np.argsort(speed)
+    at = np.geomspace(speed.min(), speed.max(), 20)
+    heights = np.interp(at, speed[order], best[order])
+    out.mkdir(parents=True)
+    lines = [
+        f"frict_comp.table[{k}].in {1000 * p:.0f}\nfrict_comp.table[{k}].out {h / 0.012:.0f}\n"
+        for k, (p, h) in enumerate(zip(at, heights, strict=True))
+    ]
+    (out / "achskw1.lis").write_text("".join(lines))
+
+
 def mean_of(benchmark: BenchmarkFixture) -> float:
     assert benchmark.stats is not None
     return float(benchmark.stats["mean"])
@@ -115,53 +190,9 @@ def test_leadscrew_jobs(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
     benchmark.extra_info |= found
 
 
-def friction_fleet(folder: Path, count: int) -> None:
-    """Write friction jobs of 2 000 samples each."""
-    folder.mkdir()
-    ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.arange(143) / 30))
-    speeds = [way * v for v in (1, 2, 4, 8, 16, 40, 100) for way in (1, -1)]
-    velocity = np.concatenate([v * ramp * ramp[::-1] for v in speeds])[:2000]
-    time = 0.01 * np.arange(len(velocity))
-    position, speed = 0.01 * np.cumsum(velocity), np.abs(velocity)
-    for k in range(count):
-        rng = np.random.default_rng(k)
-        level, drop = rng.uniform(1, 3), rng.uniform(0.2, 1.5)
-        bend, slope = rng.uniform(2, 10), rng.uniform(0.002, 0.01)
-        current = np.sign(velocity) * (level + drop * np.exp(-((speed / bend) ** 2)))
-        current += slope * velocity + 0.002 * np.gradient(velocity, 0.01) + 0.3
-        current += 0.05 * rng.normal(size=len(velocity))
-        np.savetxt(
-            folder / f"{k:05d}.csv",
-            np.column_stack([time, position, current]),
-            "%.7f",
-            ",",
-            header="t,x,i",
-            comments="",
-        )
-        (folder / f"{k:05d}.toml").write_text(_FRICTION.format(k=k))
-
-
-_FRICTION = """\
-[axes.X]
-number = 1
-[measurements.trace]
-file = "{k:05d}.csv"
-[measurements.trace.columns]
-time = {{ column = "t", unit = "s" }}
-"X.position" = {{ column = "x", unit = "mm" }}
-"X.current" = {{ column = "i", unit = "A" }}
-[[fits]]
-compensation = "friction"
-axis = "X"
-measurement = "trace"
-rated_current = 12.0
-torque_unit = 0.001
-"""
-
-
 def test_friction_jobs(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
-    friction_fleet(tmp_path / "jobs", 8)
-    arguments = (tmp_path / "jobs", tmp_path / "out", 8)
+    _FLEET.friction_fleet(tmp_path / "jobs", 64)
+    arguments = (tmp_path / "jobs", tmp_path / "out", 64)
     found = benchmark.pedantic(as_worker, args=arguments, rounds=1)
     benchmark.extra_info |= found
 
@@ -180,11 +211,40 @@ def test_leadscrew_jobs_by_scipy(benchmark: BenchmarkFixture, tmp_path: Path) ->
     benchmark.extra_info |= {"jobs_per_core_second": rate}
 
 
+def test_friction_jobs_by_scipy(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
+    names = _FLEET.friction_fleet(tmp_path / "jobs", 8)
+    rounds = iter(range(100))
+
+    def run() -> None:
+        out = tmp_path / f"out{next(rounds)}"
+        for name in names:
+            scipy_friction_job(tmp_path / "jobs" / f"{name}.csv", out / name)
+
+    benchmark.pedantic(run, rounds=2, iterations=1, warmup_rounds=1)
+    rate = len(names) / mean_of(benchmark)
+    benchmark.extra_info |= {"jobs_per_core_second": rate}
+
+
 @pytest.mark.parametrize("jobs", [100, 1_000, 10_000])
 def test_batch_from_the_command_line(
     benchmark: BenchmarkFixture, tmp_path: Path, jobs: int
 ) -> None:
     _FLEET.fleet(tmp_path / "jobs", jobs)
+    from_the_command_line(benchmark, tmp_path, jobs)
+
+
+@pytest.mark.parametrize("jobs", [100, 1_000, 10_000])
+def test_friction_from_the_command_line(
+    benchmark: BenchmarkFixture, tmp_path: Path, jobs: int
+) -> None:
+    _FLEET.friction_fleet(tmp_path / "jobs", jobs)
+    from_the_command_line(benchmark, tmp_path, jobs)
+
+
+def from_the_command_line(
+    benchmark: BenchmarkFixture, tmp_path: Path, jobs: int
+) -> None:
+    """Run a batch as a user does, two workers, and note the rate."""
     command = [
         sys.executable,
         "-m",
@@ -239,6 +299,47 @@ def write_log(path: Path, rows: int) -> None:
             error = 0.02 * np.sin(x / 200.0) * np.cos(y / 150.0)
             error += rng.normal(0.0, 0.002, len(x))
             file.write_table(pa.table({"x": x, "y": y, "e": error}))
+
+
+_STREAM_JOB = """
+[axes.X]
+number = 1
+[axes.Y]
+number = 2
+[axes.Z]
+number = 3
+[measurements.log]
+file = "log.parquet"
+stream = true
+[measurements.log.columns]
+"X.position" = "x"
+"Y.position" = "y"
+"Z.error" = "e"
+[[fits]]
+compensation = "plane"
+axis = "Z"
+masters = ["X", "Y"]
+measurement = "log"
+start = [0.0, 0.0]
+interval = [10.0, 10.0]
+points = [101, 101]
+loss = "{loss}"
+"""
+
+
+@pytest.mark.parametrize("loss", ["gauss", "student"])
+def test_streamed_job(benchmark: BenchmarkFixture, tmp_path: Path, loss: str) -> None:
+    write_log(tmp_path / "log.parquet", 10_000_000)
+    job = tmp_path / "job.toml"
+    job.write_text(_STREAM_JOB.format(loss=loss))
+    command = [sys.executable, "-m", "axcomp", "fit", str(job)]
+    command += ["--out", str(tmp_path / "out")]
+    call = {"check": True, "capture_output": True}
+    benchmark.pedantic(subprocess.run, args=(command,), kwargs=call, rounds=1)
+    (tmp_path / "log.parquet").unlink()
+    # Of all that was started from here, this command has by far the most.
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    benchmark.extra_info |= {"peak_MB": peak}
 
 
 @pytest.mark.parametrize("rows", [25_000_000, 100_000_000])

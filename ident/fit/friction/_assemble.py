@@ -143,7 +143,8 @@ def friction_at(
     if not named.has_law:
         return None
     shape = solved.solution.shape
-    return solved.problem.structure.columns(velocity, shape) @ named.own
+    columns = solved.problem.structure.columns(velocity, shape)
+    return np.asarray(columns @ named.own)
 
 
 def assemble(solved: Solved, method: str) -> FrictionFit:

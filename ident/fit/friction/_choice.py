@@ -6,13 +6,16 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from .._threads import one_blas_thread
 from ._assemble import assemble
-from ._inverse import METHOD, fit_problem
+from ._inverse import METHOD
+from ._lanes import lanes_of
 from ._leftout import LeftOut, left_out
 from ._lowpass import default_factor
 from ._problem import Known, Problem, make_problem
 from ._result import FrictionFit
 from ._samples import DriveSamples, check_samples
+from ._solve import solve_problem
 from ._structure import AbstractStructure
 from ._structures import CoulombViscous, Stribeck
 from ._tables import KnotTable, default_knots
@@ -125,7 +128,13 @@ def choose_law(
     kinds = default_structures(samples) if structures is None else tuple(structures)
     whole = make_problem(samples, kinds[0], known, factor)
     parts = left_out(whole, loss, windows)
-    size = float(np.sqrt(np.mean(whole.load[whole.usable] ** 2)))
+    with one_blas_thread():
+        return _chosen(parts, kinds, windows)
+
+
+def _chosen(parts: LeftOut, kinds: Sequence[AbstractStructure], windows: int) -> Choice:
+    load = parts.problem.load[parts.problem.usable]
+    size = float(np.sqrt(np.mean(load**2)))
     candidates = tuple(_candidate(kind, parts, size) for kind in kinds)
     order = sorted(range(len(kinds)), key=lambda place: candidates[place].parameters)
     best = int(np.argmin([each.error for each in candidates]))
@@ -158,7 +167,8 @@ def _whole(parts: LeftOut, structure: AbstractStructure) -> FrictionFit:
     if structure.in_words:
         return assemble(parts.fits(structure)[-1], METHOD)
     problem = parts.problem.with_structure(structure)
-    return fit_problem(problem, parts.loss, None, METHOD)
+    (solved,) = solve_problem(problem, parts.loss, lanes_of(problem.usable))
+    return assemble(solved, METHOD)
 
 
 def _candidate(structure: AbstractStructure, parts: LeftOut, size: float) -> Candidate:

@@ -62,7 +62,8 @@ class Point:
     @cached_property
     def cost(self) -> Float[np.ndarray, " w"]:
         """Weighted sum of squares."""
-        return np.einsum("ws,ws,ws->w", self.shares.full, self.residual, self.residual)
+        weighted = self.shares.full * self.residual
+        return np.asarray(np.einsum("ws,ws->w", weighted, self.residual))
 
     def take(self, which: Int[np.ndarray, " v"]) -> "Point":
         """Return some of the fits."""
@@ -219,12 +220,12 @@ class Equation:
                 other = Columns(*self.problem.shaped(shape, instrument=True))
             matrix, _ = self._assembled(shares, other, moving, own=False)
         moment = matrix[:, :, -1]
-        own, matrix = own[:, :, :-1], matrix[:, :, :-1] if self.instruments else None
+        own, matrix = own[:, :, :-1], matrix[:, :, :-1]
         if self._penalty is not None and self._weights is not None:
             prior = self._weights[:, None, None] * self._penalty
-            own = own + prior
-            matrix = None if matrix is None else matrix + prior
-        linear = solve_linear(own, own if matrix is None else matrix, moment, size)
+            own, matrix = own + prior, matrix + prior
+        matrix = matrix if self.instruments else own
+        linear = solve_linear(own, matrix, moment, size)
         residual = self.problem.target - linear.factors[:, self.places] @ self.still.T
         if moving is not None:
             for way, place in enumerate(self.moves):
@@ -269,7 +270,7 @@ class Equation:
         moving = point.moving if moving is None else moving
         assert moving is not None
         drops = point.factors[:, self.moves].T
-        return np.einsum("dw,hdws->hws", drops, moving.slopes)
+        return np.asarray(np.einsum("dw,hdws->hws", drops, moving.slopes))
 
     def step(self, point: Point) -> Float[np.ndarray, "w h"]:
         """Return the Gauss-Newton step in the shape, the factors following.

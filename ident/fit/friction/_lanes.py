@@ -62,7 +62,8 @@ class Lanes:
             ]
         )
         found = self.member @ parts.reshape(len(parts), -1)
-        return found.reshape(len(self), left.shape[1], right.shape[1])
+        shape = len(self), left.shape[1], right.shape[1]
+        return np.asarray(found.reshape(shape))
 
     def all_rows(self) -> "Shares":
         """Return weights with which every row that is used counts in full."""
@@ -113,7 +114,8 @@ class Shares:
             return base
         if 2 * len(self.rows) < len(left):
             some = left[self.rows].T
-            return base - (some * self.lack[:, None, :]) @ right[self.rows]
+            lost = (some * self.lack[:, None, :]) @ right[self.rows]
+            return np.asarray(base - lost)
         return np.stack([(left.T * share) @ right for share in self.full])
 
 

@@ -54,13 +54,12 @@ class LeftOut:
         known = self.found.get(structure)
         if known is None or (certain and not all(one.certain for one in known)):
             wanted = [certain] * self.count + [certain or structure.in_words]
-            with one_blas_thread():
-                self.found[structure] = solve_problem(
-                    self.problem.with_structure(structure),
-                    self.loss,
-                    self.lanes,
-                    certain=wanted,
-                )
+            self.found[structure] = solve_problem(
+                self.problem.with_structure(structure),
+                self.loss,
+                self.lanes,
+                certain=wanted,
+            )
         return self.found[structure]
 
     @property
@@ -84,7 +83,8 @@ class LeftOut:
         window = self.window_of_samples
         found = np.zeros(len(window))
         try:
-            fits = self.fits(fit.structure, certain=True)
+            with one_blas_thread():
+                fits = self.fits(fit.structure, certain=True)
         except FitError:
             fits = []
         for number in range(self.count):

@@ -42,6 +42,14 @@ def solve_linear(
     area = size[:, :, None] * size[:, None, :]
     scaled = own / area
     other = scaled if matrix is own else matrix / area
+    # Columns that no row of a fit touches stand apart: they must not spoil the others.
+    diagonal = np.einsum("wkk->wk", scaled)
+    empty = diagonal == 0.0
+    if empty.any():
+        apart = np.where(empty, diagonal.max(axis=1, keepdims=True), 0.0)
+        beside = (~empty)[:, :, None] & (~empty)[:, None]
+        scaled = scaled * beside + apart[:, :, None] * np.eye(scaled.shape[1])
+        other = scaled if matrix is own else other * beside + scaled * ~beside
     try:
         inverse = np.linalg.inv(scaled)
         # No eigenvalue is smaller than 1 / |inverse|, and none larger than |matrix|.
@@ -52,13 +60,16 @@ def solve_linear(
             inverse = np.linalg.inv(other)
     except np.linalg.LinAlgError:
         inverse, sure = np.zeros_like(scaled), np.zeros(len(scaled), bool)
-    none = np.zeros((scaled.shape[1], 0))
-    null = [none] * len(scaled)
+    unit = np.eye(scaled.shape[1])
+    null = [unit[:, each] / one[:, None] for each, one in zip(empty, size, strict=True)]
+    if empty.any():
+        inverse = inverse * beside
     for lane in np.flatnonzero(~sure):
-        values, vectors = np.linalg.eigh(scaled[lane])
+        alone = own[lane] / area[lane]
+        values, vectors = np.linalg.eigh(alone)
         seen = values > _NULL * max(values[-1], np.finfo(float).tiny)
         basis = vectors[:, seen]
-        inner = basis.T @ other[lane] @ basis
+        inner = basis.T @ (matrix[lane] / area[lane]) @ basis
         inverse[lane] = basis @ np.linalg.solve(inner, basis.T)
         null[lane] = vectors[:, ~seen] / size[lane][:, None]
     inverse /= area

@@ -48,7 +48,7 @@ class Curve:
     @cached_property
     def weight(self) -> Float[np.ndarray, " m"]:
         """How much each place counts, all together 1."""
-        return self.raw_weight / self.raw_weight.sum()
+        return np.asarray(self.raw_weight / self.raw_weight.sum())
 
     @cached_property
     def middle(self) -> float:

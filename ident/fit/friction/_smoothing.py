@@ -65,7 +65,7 @@ def choose_weights(equation: Equation, shares: Shares) -> Float[np.ndarray, " w"
     chosen = _WEIGHTS[np.argmin(score, axis=1)]
     for lane in np.flatnonzero(~sure):
         chosen[lane] = _weight_of(equation, shares, int(lane))
-    return chosen
+    return np.asarray(chosen)
 
 
 @functools.lru_cache(maxsize=256)

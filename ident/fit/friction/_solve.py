@@ -54,8 +54,8 @@ def solve_problem(
     judged = [each or bool(structure.shapes) for each in certain]
     solutions = _solutions(problem, loss, lanes, smoothness, judged)
     found = [
-        Solved(problem, *each)
-        for each in zip(solutions, [{}] * len(lanes), judged, strict=True)
+        Solved(problem, solution, {}, sure)
+        for solution, sure in zip(solutions, judged, strict=True)
     ]
     if isinstance(structure, Stribeck):
         found = _simpler(found, loss, lanes, certain)

@@ -180,7 +180,7 @@ class AbstractStructure(abc.ABC):
     def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
         """Return what the columns of each direction carry as sign; 0 elsewhere."""
         if not self.directional:
-            return np.sign(velocity)[None]
+            return np.asarray(np.sign(velocity)[None])
         return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
     def _signed(self, velocity: np.ndarray, profile: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....models import AbstractFriction
+from ....models import AbstractFriction, FrictionTable
 from ...fit import FitError
 from ...fit.friction import (
     Choice,
@@ -100,6 +100,11 @@ def _best_law(choice: Choice) -> int:
 
 def steady(law: AbstractFriction, velocity: Float[np.ndarray, " t"]) -> np.ndarray:
     """Return the current of a law at velocities, as NumPy has it."""
+    if isinstance(law, FrictionTable) and law.held_below and law.held_above:
+        # A compiled table would have to be compiled anew for every number of entries.
+        entries = np.asarray(law.scaling) * np.asarray(law.values)
+        level = np.interp(np.abs(velocity), np.asarray(law.nodes.points), entries)
+        return np.asarray(np.sign(velocity) * level)
     found: np.ndarray = np.array(law(velocity), dtype=float)
     return found
 

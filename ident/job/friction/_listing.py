@@ -56,8 +56,7 @@ def out_unit(spec: FrictionSpec, unit: str) -> OutUnit:
 
 def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
     """Return the law over the speeds that were driven, or None where there is none."""
-    law = fit.law
-    if law is None:
+    if fit.law is None:
         return None
     driven = np.abs(samples.velocity[samples.in_motion])
     low, high = np.quantile(driven, [0.001, 1.0])
@@ -66,16 +65,15 @@ def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
     speed = np.unique(
         np.concatenate([np.geomspace(low, high, half), np.linspace(low, high, half)])
     )
-    both = [
-        np.asarray(law.level(speed, np.full(speed.shape, way))) for way in (1.0, -1.0)
-    ]
-    deviations = [fit.band(way * speed)[1] for way in (1.0, -1.0)]
+    (positive, positive_sd), (negative, negative_sd) = (
+        fit.band(way * speed) for way in (1.0, -1.0)
+    )
     return LawCurve(
         speed=speed,
-        positive=both[0],
-        negative=both[1],
-        positive_sd=deviations[0],
-        negative_sd=deviations[1],
+        positive=positive,
+        negative=-negative,
+        positive_sd=positive_sd,
+        negative_sd=negative_sd,
         listed=None,
         weight=_density(driven, speed),
     )

@@ -31,6 +31,23 @@ interval = 5.0
 points = 9
 """
 
+_FRICTION = """\
+[axes.X]
+number = 1
+[measurements.trace]
+file = "{k:05d}.csv"
+[measurements.trace.columns]
+time = {{ column = "t", unit = "s" }}
+"X.position" = {{ column = "x", unit = "mm" }}
+"X.current" = {{ column = "i", unit = "A" }}
+[[fits]]
+compensation = "friction"
+axis = "X"
+measurement = "trace"
+rated_current = 12.0
+torque_unit = 0.001
+"""
+
 
 def fleet(folder: Path, count: int) -> list[str]:
     """Write leadscrew jobs, 9 targets × 5 runs × 2 directions each; return their names."""
@@ -60,6 +77,33 @@ def readings(seed: int, louder: float = 1.0) -> str:
             for x, e, d in zip(there, error, sense, strict=True)
         ]
     return "\n".join(rows) + "\n"
+
+
+def friction_fleet(folder: Path, count: int) -> list[str]:
+    """Write friction jobs of 2 000 samples each; return their names."""
+    folder.mkdir(parents=True, exist_ok=True)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.arange(143) / 30))
+    speeds = [way * v for v in (1, 2, 4, 8, 16, 40, 100) for way in (1, -1)]
+    velocity = np.concatenate([v * ramp * ramp[::-1] for v in speeds])[:2000]
+    time = 0.01 * np.arange(len(velocity))
+    position, speed = 0.01 * np.cumsum(velocity), np.abs(velocity)
+    for k in range(count):
+        rng = np.random.default_rng(k)
+        level, drop = rng.uniform(1, 3), rng.uniform(0.2, 1.5)
+        bend, slope = rng.uniform(2, 10), rng.uniform(0.002, 0.01)
+        current = np.sign(velocity) * (level + drop * np.exp(-((speed / bend) ** 2)))
+        current += slope * velocity + 0.002 * np.gradient(velocity, 0.01) + 0.3
+        current += 0.05 * rng.normal(size=len(velocity))
+        np.savetxt(
+            folder / f"{k:05d}.csv",
+            np.column_stack([time, position, current]),
+            "%.7f",
+            ",",
+            header="t,x,i",
+            comments="",
+        )
+        (folder / f"{k:05d}.toml").write_text(_FRICTION.format(k=k))
+    return [f"{k:05d}" for k in range(count)]
 
 
 def endless_job(folder: Path, name: str) -> None:
@@ -98,6 +142,11 @@ points = [168, 168]
 @pytest.fixture(name="fleet", scope="session")
 def _fleet() -> Callable[[Path, int], list[str]]:
     return fleet
+
+
+@pytest.fixture(name="friction_fleet", scope="session")
+def _friction_fleet() -> Callable[[Path, int], list[str]]:
+    return friction_fleet
 
 
 @pytest.fixture(name="endless_job", scope="session")

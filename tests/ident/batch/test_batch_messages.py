@@ -1,0 +1,85 @@
+"""What a batch says of tables, folders and questions that it cannot use."""
+
+from pathlib import Path
+
+import pytest
+
+from axcomp.ident.batch import query_results
+from axcomp.ident.batch._collect import collect_jobs
+from axcomp.ident.batch._errors import BatchError
+from axcomp.ident.batch._table import write_results
+from axcomp.ident.cli import main
+
+JOB = '[axes.X]\nnumber = 1\n[measurements.m]\nfile = "m.csv"\n'
+
+
+@pytest.mark.parametrize(
+    ("table", "match"),
+    [
+        ("job,template\nx,a.toml\ny,a.toml\nx,a.toml\n",
+         r"t\.csv: rows 1 and 3: found two jobs named 'x'"),
+        ("job,template\nx,a.toml\ny,nix.toml\n",
+         r"t\.csv: row 2: found template .*nix\.toml: No such file or directory, expected"),
+        ("job,template\nx,bad.toml\n", r"t\.csv: row 1: template .*bad\.toml is no TOML"),
+        ("job,template\n", r"t\.csv: found no rows, expected one per job"),
+    ],
+)  # fmt: skip
+def test_a_table_of_jobs_is_refused_with_its_row(
+    tmp_path: Path, table: str, match: str
+) -> None:
+    (tmp_path / "a.toml").write_text(JOB)
+    (tmp_path / "bad.toml").write_text("[axes\n")
+    (tmp_path / "t.csv").write_text(table)
+    with pytest.raises(BatchError, match=match):
+        collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
+
+
+def test_one_name_in_a_table_and_in_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.toml").write_text(JOB)
+    (tmp_path / "t.csv").write_text("job,template\nx,x.toml\n")
+    asked = [str(tmp_path / "t.csv"), str(tmp_path / "x.toml")]
+    with pytest.raises(BatchError, match=r"t\.csv, .*found two jobs named 'x'"):
+        collect_jobs(asked, tmp_path / "out")
+
+
+def test_a_file_in_place_of_the_folder_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "x.toml").write_text(JOB)
+    out = tmp_path / "there"
+    out.write_text("")
+    assert main(["batch", str(tmp_path / "x.toml"), "--out", str(out)]) == 1
+    assert "there: found a file, expected a folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("asked", "match"),
+    [
+        ({"where": "not pased"}, r"--where: found column 'pased', .*\(nearest: 'passed'\)"),
+        ({"select": "job, from_file_rm"}, "--select: found column 'from_file_rm'"),
+        ({"order": "jobb"}, "--order: found column 'jobb', .*nearest: 'job'"),
+        ({"where": "1 = 1; SELECT 2"}, "--where: found '1 = 1; SELECT 2', .*without ';'"),
+        ({"where": "passed = 'x"}, "--where passed = 'x: Parser Error"),
+    ],
+)  # fmt: skip
+def test_a_question_with_a_typo_names_its_part_and_the_nearest_column(
+    tmp_path: Path, asked: dict[str, str], match: str
+) -> None:
+    write_results(tmp_path, [])
+    with pytest.raises(BatchError, match=match):
+        query_results(tmp_path, **asked)
+
+
+def test_a_semicolon_within_a_text_is_no_second_question(tmp_path: Path) -> None:
+    write_results(tmp_path, [])
+    assert query_results(tmp_path, "job = 'a;b'").num_rows == 0
+
+
+def test_no_answer_is_a_header_and_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_results(tmp_path, [])
+    assert main(["results", str(tmp_path), "--select", "job, axis"]) == 0
+    said = capsys.readouterr()
+    assert said.out == "job,axis\n"
+    assert said.err == "No row answers that.\n"
