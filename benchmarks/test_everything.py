@@ -61,6 +61,8 @@ def _shared() -> ModuleType:
 whole = _shared()
 AXES, NOISE = whole.AXES, whole.NOISE
 DRIFT = 6
+LIMIT = 10.0
+"""Seconds of two idle cores that the whole fit may take."""
 SEEDS = [pytest.param(seed, id=f"seed{seed}") for seed in range(10)]
 OTHER = {"absent": [("backlash", "Z"), ("temperature", "Z")], "swapped": True}
 PLACES = {"count": 20_000, "scale": (20.0, 24.0), "spindle": (20.0, 28.0)}
@@ -172,6 +174,30 @@ def test_everything_at_once(
         # and of six values one may.
         assert each["within_3"] >= 0.8, name
     assert np.mean([each["within_3"] for each in tables.values()]) >= 0.95
+
+
+def test_the_whole_fit_takes_ten_seconds(
+    benchmark: BenchmarkFixture, tmp_path: Path
+) -> None:
+    work = machine_with_everything()
+    log = record(work, work_programme(1800.0, 0), 100).every(18)
+    data = measured(log, tmp_path / "work.csv")
+    assert data.time is not None
+    kept = np.floor(data.time) % 5 != 0
+    fit = benchmark.pedantic(
+        lambda: fit_joint(data, effects(), use=kept, drift=DRIFT),
+        rounds=2,
+        warmup_rounds=1,
+    )
+    assert fit.converged
+    benchmark.extra_info |= {
+        "readings": 3 * len(data),
+        "unknowns": sum(part.values.size for part in fit.parts),
+    }
+    stats = benchmark.stats
+    if stats is not None:
+        # Two idle cores, lags to be found, all smoothness by evidence.
+        assert stats["min"] < LIMIT
 
 
 def test_one_after_another_leaves_twice_the_error(

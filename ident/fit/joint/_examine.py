@@ -35,7 +35,8 @@ def examine_design(
     Args:
         data: Rows, measured or planned.
         effects: What is to be fitted.
-        drift: Pieces of the drift of each run, as for `fit_joint`.
+        drift: Pieces of the drift of each run, as for `fit_joint`; between their knots the
+            reference is taken to wander as far as the readings of one step could just tell.
         use: Rows that may be used; None = all.
 
     Raises:

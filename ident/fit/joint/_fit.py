@@ -46,8 +46,9 @@ def fit_joint(
         smoothness: ``"auto"``: by evidence; a number: weight of the squared second
             differences of all tables, relative to 1/noise²; or the weights of an earlier fit by
             name of the effect (`Part.smoothness`).
-        drift: Pieces of the linear drift of each run; 0 = an offset per run only, and that
-            only where there are several runs.
+        drift: Pieces of the drift of each run; 0 = an offset per run only, and that only
+            where there are several runs. Between the knots of these pieces the reference
+            wanders as far as the readings say, by evidence: a walk of one variance per second.
         use: Rows to fit; None = all. The others serve as history of lags only.
 
     Raises:

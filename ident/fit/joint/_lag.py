@@ -11,15 +11,13 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from .._errors import FitError
-from ..thermal._clocked import Clocked
-from ._arrow import Arrow
 from ._data import JointData
 from ._design import Design
 from ._effect import AbstractEffect
+from ._eliminated import Rest, eliminated
 from ._passes import Stand
 from ._temperature import TemperatureEffect
 
@@ -30,7 +28,6 @@ _WORTH = 4.0
 """Gain in evidence below which there is no lag."""
 _STEP, _LEAST = 0.05, 1e-3
 """Step in a logarithm for slope and curvature: to begin with, and the smallest one."""
-_RIDGE = 1e-9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,77 +43,6 @@ class FoundLag:
     value: float
     deviation: float
     slope: Float[np.ndarray, " n"]
-
-
-@dataclasses.dataclass(frozen=True)
-class _Heated:
-    """A temperature over the rows that are fitted, for one lag after the other."""
-
-    effect: TemperatureEffect
-    taken: JointData
-    rows: Int[np.ndarray, " r"]
-    clocks: Mapping[str, Clocked]
-
-    def columns(self, lags: Mapping[str, float]) -> Float[np.ndarray, "r p"]:
-        """Return its columns for trial lags; sensors that have none keep theirs."""
-        warm = {}
-        for sensor, own in self.effect.lags.items():
-            lag = lags.get(sensor, 0.0 if isinstance(own, str) else own)
-            clock = self.clocks.get(sensor)
-            if clock is None or not lag:
-                warm[sensor] = self.taken.column(
-                    "temperature", sensor, self.effect.name
-                )
-            else:
-                warm[sensor] = clock.structure(lag)[self.rows]
-        return self.effect.columns(self.taken, warm)[0]
-
-
-@dataclasses.dataclass(frozen=True)
-class _Rest:
-    """Everything but the temperatures, eliminated.
-
-    The factor of the fit has the temperatures in it; `response` and `inner` take them out:
-    where they are held, the others solve as with them, less what the temperatures did.
-    """
-
-    arrow: Arrow
-    response: Float[np.ndarray, "n k"]
-    inner: Float[np.ndarray, "k k"]
-    across: sp.csr_array
-    target: Float[np.ndarray, " r"]
-    base: Float[np.ndarray, " n"]
-    square: float
-    free: int
-    own: Int[np.ndarray, " k"]
-    heated: tuple[_Heated, ...]
-
-    def solve(self, right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
-        """Return the solution with the temperatures held at zero."""
-        found = self.arrow.solve(right)
-        found = found - self.response @ np.linalg.solve(self.inner, found[self.own])
-        found[self.own] = 0.0
-        return np.asarray(found)
-
-    def profile(
-        self, lags: Mapping[str, float]
-    ) -> tuple[float, Float[np.ndarray, " n"]]:
-        """Return the evidence of trial lags, up to a constant, and all unknowns."""
-        columns = np.hstack([each.columns(lags) for each in self.heated])
-        columns = columns * (self.target != 0.0)[:, None]
-        beside = np.asarray(self.across @ columns)
-        beside[self.own] = 0.0
-        through = self.solve(beside)
-        schur = columns.T @ columns - beside.T @ through
-        right = columns.T @ self.target - beside.T @ self.base
-        scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
-        scaled = schur / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-        values = np.linalg.solve(scaled, right / scale) / scale
-        square = max(self.square - float(right @ values), 1e-300)
-        _, logdet = np.linalg.slogdet(scaled * np.outer(scale, scale))
-        theta = self.base - through @ values
-        theta[self.own] = values
-        return self.free * float(np.log(square)) + float(logdet), theta
 
 
 def sensors_to_fit(effects: Sequence[AbstractEffect]) -> tuple[str, ...]:
@@ -154,7 +80,7 @@ def find_lags(
     if data.time is None:
         msg = f"axis {design.axis}: a lag needs the time of every reading, found none."
         raise FitError(msg)
-    rest = _rest(design, data, stand)
+    rest = eliminated(design, data, stand)
     low, high = _bounds(data.time)
     lags = {sensor: (near or {}).get(sensor, 0.0) for sensor in sensors}
     grid = np.linspace(low, high, _GRID)
@@ -171,7 +97,7 @@ def find_lags(
 
 
 def _together(
-    rest: _Rest,
+    rest: Rest,
     size: int,
     lags: Mapping[str, float],
     ends: tuple[float, float],
@@ -248,58 +174,6 @@ def _derivatives(
         (up[1] - down[1]) / wide for (up, down), wide in zip(ends, both, strict=True)
     ]
     return slope, curvature, slopes
-
-
-def _rest(design: Design, data: JointData, stand: Stand) -> _Rest:
-    solution = stand.solution
-    problem = solution.problem
-    sums = problem.sums
-    own = np.concatenate(
-        [
-            design.places_of(number)
-            for number, effect in enumerate(design.effects)
-            if isinstance(effect, TemperatureEffect)
-        ]
-    )
-    arrow = solution.arrow
-    unit = np.zeros((design.size, len(own)))
-    unit[own, np.arange(len(own))] = 1.0
-    response = arrow.solve(unit)
-    target = np.where(sums.active, stand.pseudo + design.columns @ problem.theta, 0.0)
-    across = sp.csr_array(design.columns.T)
-    vector = np.asarray(across @ target)
-    vector[own] = 0.0
-    rest = _Rest(
-        arrow=arrow,
-        response=response,
-        inner=response[own],
-        across=across,
-        target=target,
-        base=vector,
-        square=float(target @ target),
-        free=problem.free,
-        own=own,
-        heated=(),
-    )
-    base = rest.solve(vector)
-    taken = data.take(design.rows)
-    heated = tuple(
-        _Heated(effect, taken, design.rows, _clocks(effect, data))
-        for effect in design.effects
-        if isinstance(effect, TemperatureEffect)
-    )
-    return dataclasses.replace(
-        rest, base=base, square=rest.square - float(vector @ base), heated=heated
-    )
-
-
-def _clocks(effect: TemperatureEffect, data: JointData) -> dict[str, Clocked]:
-    """Return the clock of each sensor that any lag belongs to."""
-    return {
-        sensor: effect.clocked(data, sensor)
-        for sensor, lag in effect.lags.items()
-        if isinstance(lag, str) or lag > 0.0 or data.time is not None
-    }
 
 
 def _bounds(time: Float[np.ndarray, " t"]) -> tuple[float, float]:

@@ -1,9 +1,10 @@
 """Noise with a memory: what is left in time makes slow effects less certain.
 
-The model has white noise beside a drift of stated pieces. What a reference does between those
-pieces stays in the residual, and looks to a slow effect (a temperature, above all) like its
-own. The scores of stretches of the recording tell how much: their scatter, through the solution,
-is the variance that the values really have (the "sandwich" of robust statistics, clustered in
+The model has white noise beside a drift that wanders (where one is stated at all). What a
+reference does that is no such walk stays in the residual, and looks to a slow effect (a
+temperature, above all) like its own. The scores of stretches of the recording tell how much:
+their scatter, through the solution, is the variance that the values really have (the
+"sandwich" of robust statistics, clustered in
 time). It is compared per effect with that of the same residual in another order, so that
 values which few stretches touch are judged together.
 """
