@@ -94,7 +94,7 @@ class StudentLoss(AbstractLoss):
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
         # In place: with many readings the temporaries would cost more than the sums.
-        share = np.square(ratio)
+        share = np.asarray(np.square(ratio))
         share /= self.freedom
         share += 1.0
         np.reciprocal(share, out=share)

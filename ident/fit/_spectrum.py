@@ -87,7 +87,7 @@ class Spectrum:
 
     @cached_property
     def _power(self) -> Float[np.ndarray, " n"]:
-        return self.power.reshape(-1) / self.variance
+        return np.asarray(self.power.reshape(-1) / self.variance)
 
     @staticmethod
     def _weights(log: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:

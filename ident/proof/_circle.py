@@ -221,7 +221,8 @@ def _follow(
         return law.level(speed, way)
 
     def slowing(speed: Array, way: Array) -> Array:
-        return level(laws, speed, way) / mass
+        found: Array = level(laws, speed, way) / mass
+        return found
 
     rest = jnp.zeros(added.shape[1:])
     held = slowing(rest, rest + 1.0), slowing(rest, rest - 1.0)

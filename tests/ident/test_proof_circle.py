@@ -1,9 +1,12 @@
 """The circular test: what friction and its list do to a circle."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from axcomp.ident.proof._circle import ServoLoop, circular_test
+from axcomp.ident.fit import Gathering
+from axcomp.ident.proof._circle import CircularTest, ServoLoop, circular_test
 from axcomp.models import FrictionCompensation, StribeckFriction
 
 LAW = StribeckFriction(2.0, 3.0, 5.0, 1.5, 0.004)
@@ -50,3 +53,17 @@ def test_one_whole_turn_is_shown(radius: float) -> None:
     # One cycle short of a turn at most.
     step = np.rad2deg(test.feed / radius * 0.001)
     assert test.angle[-1] == pytest.approx(360.0, abs=2 * step)
+
+
+def test_a_circle_is_the_same_to_the_bit_in_any_company() -> None:
+    alone = circular_test(LAW, INERTIA, FrictionCompensation(LAW))
+    others = [StribeckFriction(k, 1.5 * k, 5.0, 1.5, 0.004) for k in (1.0, 1.7, 2.4)]
+
+    def run(law: StribeckFriction) -> CircularTest:
+        return circular_test(law, INERTIA, FrictionCompensation(law))
+
+    found = Gathering().run([partial(run, law) for law in (*others, LAW)])
+    last = found[-1]
+    assert isinstance(last, CircularTest)
+    assert np.array_equal(last.without, alone.without)
+    assert np.array_equal(last.with_list, alone.with_list)

@@ -172,19 +172,15 @@ def _whole(parts: LeftOut, structure: AbstractStructure) -> FrictionFit:
 
 
 def _candidate(structure: AbstractStructure, parts: LeftOut, size: float) -> Candidate:
-    errors, fitted = [], []
-    usable = parts.lanes.usable
-    for number, each in enumerate(parts.fits(structure)[:-1]):
-        residual, scale = each.solution.residual, each.solution.loss.scale
-        square = np.square(residual)
-        if parts.loss != "gauss":
-            # A wild sample says nothing of the law: no more than where the fit lets go.
-            square = np.minimum(square, (_WILD * scale) ** 2)
-        out = (parts.window == number) & usable
-        errors.append(np.sqrt(np.mean(square[out])) / size)
-        own = parts.lanes.use[number]
-        fitted.append(own @ square / own.sum() / size**2)
-    window_error = np.asarray(errors)
+    fits = [each.solution for each in parts.fits(structure)[:-1]]
+    square = np.square(np.stack([each.residual for each in fits]))
+    if parts.loss != "gauss":
+        # A wild sample says nothing of the law: no more than where the fit lets go.
+        limit = _WILD * np.array([each.loss.scale for each in fits])
+        square = np.minimum(square, np.square(limit)[:, None])
+    window_error = np.sqrt(np.einsum("ws,ws->w", square, parts.out)) / size
+    own = parts.lanes.use[:-1]
+    fitted = np.einsum("ws,ws->w", square, own) / parts.lanes.count[:-1] / size**2
     error = float(np.sqrt(np.mean(window_error**2)))
     spread = float(np.std(window_error**2, ddof=1)) / np.sqrt(len(window_error))
     names = structure.names + structure.shapes

@@ -27,11 +27,18 @@ def score_covariance(
         piece: Stretch of even time steps; no lag reaches from one to the next.
     """
     lag = lag_of(scores, piece)
-    total = scores.T @ scores
-    for step in range(1, lag + 1):
-        now, before = _pairs(scores, piece, step)
-        cross = now.T @ before
-        total = total + (1.0 - step / (lag + 1)) * (cross + cross.T)
+    # Bartlett's weights are what sums over a sliding window give: one product for all lags.
+    ends = np.concatenate([1 + np.flatnonzero(np.diff(piece)), [len(scores)]])
+    total, first = np.zeros((scores.shape[1],) * 2), 0
+    for end in ends:
+        own = scores[first:end]
+        if lag:
+            sums = np.zeros((len(own) + 2 * lag + 1, scores.shape[1]))
+            np.cumsum(own, axis=0, out=sums[lag + 1 : lag + 1 + len(own)])
+            sums[lag + 1 + len(own) :] = sums[lag + len(own)]
+            own = sums[lag + 1 :] - sums[: -lag - 1]
+        total += own.T @ own / (lag + 1)
+        first = end
     return total, lag
 
 

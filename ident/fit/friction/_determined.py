@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ._problem import Problem
-from ._samples import saturated
 from ._separable import Solution
 from ._structures import Stribeck
 
@@ -126,6 +125,12 @@ def lost(
 
 def sentences(problem: Problem) -> tuple[str, ...]:
     """Return what is odd about the recording itself, in words."""
+    if not problem.said:
+        problem.said.append(_sentences(problem))
+    return problem.said[0]
+
+
+def _sentences(problem: Problem) -> tuple[str, ...]:
     samples = problem.samples
     found = []
     ahead, back = directions_seen(problem, samples.in_motion)
@@ -156,7 +161,7 @@ def sentences(problem: Problem) -> tuple[str, ...]:
     standing = len(moving) - int(moving.sum())
     if standing:
         found.append(f"{standing} samples at rest were left out.")
-    full = int(saturated(samples.current).sum())
+    full = int(problem.saturated.sum())
     if full:
         found.append(
             f"The current is saturated at {np.abs(samples.current).max():.4g} in {full} "

@@ -1,6 +1,7 @@
 """Windows of a recording left out in turn, and what laws fitted without them predict there."""
 
 import dataclasses
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -61,6 +62,12 @@ class LeftOut:
                 certain=wanted,
             )
         return self.found[structure]
+
+    @cached_property
+    def out(self) -> Float[np.ndarray, "w s"]:
+        """Share of each row in the mean over the window that a fit does without."""
+        rows = (self.window == np.arange(self.count)[:, None]) & self.lanes.usable
+        return np.asarray(rows / rows.sum(axis=1, keepdims=True))
 
     @property
     def window_of_samples(self) -> Int[np.ndarray, " t"]:

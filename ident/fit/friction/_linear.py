@@ -45,11 +45,12 @@ def solve_linear(
     # Columns that no row of a fit touches stand apart: they must not spoil the others.
     diagonal = np.einsum("wkk->wk", scaled)
     empty = diagonal == 0.0
-    if empty.any():
+    beside, some = scaled, bool(empty.any())
+    if some:
         apart = np.where(empty, diagonal.max(axis=1, keepdims=True), 0.0)
-        beside = (~empty)[:, :, None] & (~empty)[:, None]
+        beside = ((~empty)[:, :, None] & (~empty)[:, None]) * 1.0
         scaled = scaled * beside + apart[:, :, None] * np.eye(scaled.shape[1])
-        other = scaled if matrix is own else other * beside + scaled * ~beside
+        other = scaled if matrix is own else other * beside + scaled * (1.0 - beside)
     try:
         inverse = np.linalg.inv(scaled)
         # No eigenvalue is smaller than 1 / |inverse|, and none larger than |matrix|.
@@ -61,9 +62,12 @@ def solve_linear(
     except np.linalg.LinAlgError:
         inverse, sure = np.zeros_like(scaled), np.zeros(len(scaled), bool)
     unit = np.eye(scaled.shape[1])
-    null = [unit[:, each] / one[:, None] for each, one in zip(empty, size, strict=True)]
-    if empty.any():
+    null = [unit[:, :0]] * len(scaled)
+    if some:
         inverse = inverse * beside
+        null = [
+            unit[:, each] / one[:, None] for each, one in zip(empty, size, strict=True)
+        ]
     for lane in np.flatnonzero(~sure):
         alone = own[lane] / area[lane]
         values, vectors = np.linalg.eigh(alone)

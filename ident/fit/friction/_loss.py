@@ -77,11 +77,11 @@ def weigh(
         kept: Losses with scales to keep; taken from the residuals where left out.
     """
     if name not in ("trim", "huber"):
-        losses = list(kept or ()) or [
+        others = list(kept or ()) or [
             choose_loss(name, each[use > 0], float(factor), floor)
             for each, use, factor in zip(residual, lanes.use, inflation, strict=True)
         ]
-        return _weigh_by(losses, residual, lanes), losses
+        return _weigh_by(others, residual, lanes), others
     size = np.abs(residual) * lanes.use
     if kept is not None:
         scale = np.array([each.scale for each in kept])
@@ -91,7 +91,7 @@ def weigh(
         scale = np.maximum(1.4826 * typical * inflation, floor)
     limit = scale * (_FULL if name == "trim" else HUBER)
     kind = TrimLoss if name == "trim" else HuberLoss
-    losses = [kind(float(each)) for each in scale]
+    losses: list[AbstractLoss] = [kind(float(each)) for each in scale]
     if (size.max(axis=1) <= limit).all():
         return lanes.all_rows(), losses
     rows = np.flatnonzero((size > limit[:, None]).any(axis=0))

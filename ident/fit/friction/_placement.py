@@ -14,11 +14,11 @@ SLOWEST = 1e-3
 
 _PER_MM = 1000.0
 _PLACES = 140
-_SHARES = np.linspace(-1.0, 1.0, 9)
+_SHARES = np.linspace(-1.0, 1.0, 7)
 _REACHES = (0.9, 0.9, 0.9, 0.45)
 """Shares of the gap beside a knot in which its place is looked for again."""
 _AGAIN = (0.9,)
-_ROUNDED = (0.9, 0.9, 0.45, 0.45, 0.15)
+_ROUNDED = (0.9, 0.9, 0.45, 0.15)
 _HEIGHTS = np.array([-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0])
 
 
@@ -202,7 +202,7 @@ def _on_whole_numbers(curve: Curve, points: Points, low: int, high: int) -> Poin
         found = _around(curve, found, reach * _SHARES, step * beside, whole=True)
     # Rounding the heights moves the best places by more than one step where the curve
     # is flat; a few rounds follow them.
-    for reach in (8, 3, 1, 1):
+    for reach in (8, 3, 1):
         steps = np.arange(-reach, reach + 1.0)
         around = np.clip(found.places[:, None] + steps, low, high)
         around[[0, -1]] = found.places[[0, -1], None]

@@ -62,7 +62,8 @@ class Problem:
     def with_structure(self, structure: AbstractStructure) -> "Problem":
         """Return the same rows for another kind of law; what was computed is kept."""
         other = dataclasses.replace(self, structure=structure)
-        kept = ["target", "load", "piece", "speed", "scouted", "usable"]
+        kept = ["target", "load", "piece", "speed", "scouted", "usable", "saturated"]
+        kept += ["said"]
         if structure.directional == self.structure.directional:
             # Only then are the columns beside friction the same.
             kept += ["_fixed_measured"]
@@ -89,8 +90,13 @@ class Problem:
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
         """Rows to fit: in motion and not saturated, for the most part of the filter."""
-        good = self.samples.in_motion & ~saturated(self.samples.current)
+        good = self.samples.in_motion & ~self.saturated
         return np.asarray(self.lowpass.mostly(good))
+
+    @cached_property
+    def saturated(self) -> Bool[np.ndarray, " t"]:
+        """Samples of the recording at the limit of the drive."""
+        return saturated(self.samples.current)
 
     @cached_property
     def piece(self) -> Int[np.ndarray, " s"]:
@@ -103,6 +109,11 @@ class Problem:
     def speed(self) -> Float[np.ndarray, " t"]:
         """Speeds in motion, in mm/s."""
         return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
+
+    @cached_property
+    def said(self) -> list[tuple[str, ...]]:
+        """What was already found odd about the recording, in words."""
+        return []
 
     @cached_property
     def scouted(self) -> dict[tuple[str, bool, bytes], Shares]:

@@ -14,9 +14,10 @@ from jaxtyping import Bool, Float, Int
 
 from .._errors import FitError
 from .._loss import AbstractLoss
-from ._equation import Equation, Point
+from ._equation import Equation
 from ._lanes import Lanes, Shares, lanes_of
 from ._loss import check_loss, weigh
+from ._point import Point
 from ._problem import Problem
 from ._tables import KnotTable, default_knots
 from ._uncertain import uncertainty
@@ -152,7 +153,7 @@ def separable(equation: Equation, loss: str, certain: Sequence[bool]) -> list[So
         for lane in done:
             going.passes[lane] = step + 1
         if len(done):
-            found |= _ended(problem, going.take(done), settled[done], certain)
+            found |= _ended(going.take(done), settled[done], certain)
             if len(done) == len(settled):
                 break
             going = going.take(np.flatnonzero(~settled))
@@ -259,35 +260,36 @@ def _start(equation: Equation, shares: Shares) -> _Going:
 
 
 def _ended(
-    problem: Problem, going: _Going, settled: np.ndarray, certain: Sequence[bool]
+    going: _Going, settled: np.ndarray, certain: Sequence[bool]
 ) -> dict[int, Solution]:
     """Return the solutions under the last weights, by lane."""
     equation = going.equation
     point = equation.solve(going.shares, going.shape, going.point)
     assert going.losses is not None
-    low, high = problem.structure.bounds(problem.speed)
+    low, high = equation.bounds
+    bound = (going.shape <= low + 1e-6) | (going.shape >= high - 1e-6)
+    width = equation.width + equation.height
+    unknown = np.zeros((width, width)), 0, np.ones(width)
     found = {}
-    for place, lane in enumerate(going.lane):
-        width = equation.width + equation.height
-        covariance, lag, sizes = np.zeros((width, width)), 0, np.ones(width)
-        shape = going.shape[place]
+    for place, lane in enumerate(going.lane.tolist()):
+        share = going.shares.full[place]
+        loss = going.losses[place]
+        covariance, lag, sizes = unknown
         if certain[lane]:
-            covariance, lag, sizes = uncertainty(
-                equation, point, place, going.losses[place], going.shares.full[place]
-            )
-        found[int(lane)] = Solution(
+            covariance, lag, sizes = uncertainty(equation, point, place, loss, share)
+        found[lane] = Solution(
             point.factors[place],
-            shape,
+            going.shape[place],
             covariance,
             point.null[place],
             sizes,
             point.residual[place],
-            going.shares.full[place],
-            going.losses[place],
+            share,
+            loss,
             lag,
             int(going.passes[place]),
             bool(settled[place]),
-            (shape <= low + 1e-6) | (shape >= high - 1e-6),
+            bound[place],
             equation.weight(place),
         )
     return found

@@ -5,8 +5,9 @@ from jaxtyping import Float
 
 from .._loss import AbstractLoss
 from ._covariance import larger_covariance, score_covariance
-from ._equation import Columns, Equation, Point
+from ._equation import Equation
 from ._linear import solve_linear
+from ._point import Columns, Point
 
 
 def uncertainty(
@@ -38,7 +39,8 @@ def uncertainty(
     if prior is not None:
         large = np.zeros((width, width))
         large[: len(prior), : len(prior)] = prior
-    some, other = full[used], twin[used]
+    some = full[used]
+    other = some if twin is full else twin[used]
     even = other.T @ other
     own = some.T @ some if twin is not full else even
     matrix = slope * (other.T @ some) if twin is not full else slope * own

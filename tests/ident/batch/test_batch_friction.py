@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,16 +17,16 @@ Fleet = Callable[[Path, int], list[str]]
 def test_friction_jobs_of_a_batch_are_those_of_single_runs_to_the_bit(
     tmp_path: Path, friction_fleet: Fleet
 ) -> None:
-    names = friction_fleet(tmp_path / "jobs", 10)
+    names = friction_fleet(tmp_path / "jobs", 3)
 
     def run(name: str, folder: str) -> None:
         run_job(tmp_path / "jobs" / f"{name}.toml", tmp_path / folder / name)
 
-    for name in (names[0], names[-1]):
+    for name in names[::2]:
         run(name, "alone")
-    found = Gathering().run([lambda name=name: run(name, "beside") for name in names])
+    found = Gathering().run([partial(run, name, "beside") for name in names])
     assert found == [None] * len(names)
-    for name in (names[0], names[-1]):
+    for name in names[::2]:
         one, other = tmp_path / "alone" / name, tmp_path / "beside" / name
         results = []
         for folder in (one, other):

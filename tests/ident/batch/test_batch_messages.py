@@ -67,7 +67,9 @@ def test_a_question_with_a_typo_names_its_part_and_the_nearest_column(
 ) -> None:
     write_results(tmp_path, [])
     with pytest.raises(BatchError, match=match):
-        query_results(tmp_path, **asked)
+        query_results(
+            tmp_path, asked.get("where"), asked.get("select", "*"), asked.get("order")
+        )
 
 
 def test_a_semicolon_within_a_text_is_no_second_question(tmp_path: Path) -> None:

@@ -1,0 +1,118 @@
+"""Fits of one recording with and without some of its rows, side by side."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.signal import oaconvolve
+
+from axcomp.ident.fit.friction import (
+    CoulombViscous,
+    DriveSamples,
+    KnotTable,
+    Stribeck,
+    choose_law,
+    default_knots,
+    fit_inverse,
+)
+from axcomp.ident.fit.friction._covariance import score_covariance
+from axcomp.ident.fit.friction._lanes import lanes_of
+from axcomp.ident.fit.friction._lowpass import decimation
+from axcomp.ident.fit.friction._problem import Known, make_problem
+from axcomp.ident.fit.friction._solve import solve_problem
+from axcomp.ident.fit.friction._structure import AbstractStructure
+
+CYCLE = 0.01  # s
+
+
+def recording(wild: float, count: int = 1200) -> DriveSamples:
+    """Ramps between random speeds in mm/s, currents in A; some samples far off."""
+    rng = np.random.default_rng(3)
+    aims = rng.choice([-1.0, 1.0], 40) * np.exp(rng.uniform(0.0, np.log(200.0), 40))
+    velocity = np.interp(np.arange(count), np.linspace(0, count, 40), aims)
+    acceleration = np.gradient(velocity, CYCLE)
+    level = 1.2 + 0.9 * np.exp(-((velocity / 12.0) ** 2))
+    current = np.sign(velocity) * level + 0.004 * velocity + 0.0008 * acceleration
+    current += 0.3 + 0.1 * rng.normal(size=count)
+    hit = rng.random(count) < wild
+    current[hit] += rng.uniform(2.0, 8.0, hit.sum())
+    return DriveSamples(CYCLE * np.arange(count), velocity, current, acceleration)
+
+
+def kinds(samples: DriveSamples) -> list[AbstractStructure]:
+    knots = default_knots(np.abs(samples.velocity), 8)
+    return [
+        CoulombViscous(),
+        Stribeck(True),
+        Stribeck(False, None),
+        KnotTable(True, knots),
+    ]
+
+
+@pytest.mark.parametrize("wild", [0.0, 0.03])
+def test_fits_side_by_side_are_those_of_each_choice_of_rows(wild: float) -> None:
+    samples = recording(wild)
+    window = np.arange(len(samples.time)) * 5 // len(samples.time)
+    for kind in kinds(samples):
+        problem = make_problem(samples, kind, Known(), 1)
+        keep = window != np.arange(5)[:, None]
+        beside = solve_problem(problem, "trim", lanes_of(problem.usable, keep))
+        for rows, found in zip(keep, beside, strict=True):
+            fresh = make_problem(samples, kind, Known(), 1)
+            lanes = lanes_of(fresh.usable, rows[None])
+            (alone,) = solve_problem(fresh, "trim", lanes)
+            one, other = alone.solution, found.solution
+            assert type(found.problem.structure) is type(alone.problem.structure)
+            assert other.passes == one.passes
+            # Sums in another order; a step of a search may end one rounding earlier.
+            np.testing.assert_allclose(other.residual, one.residual, atol=1e-8)
+            np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-6)
+
+
+def test_a_window_left_out_has_no_say_in_what_is_predicted_there() -> None:
+    samples = recording(0.0)
+    choice = choose_law(samples, [Stribeck(), CoulombViscous()], decimate=1)
+    window = choice.left_out.window_of_samples
+    own = window == 4
+    other = dataclasses.replace(
+        samples, current=np.where(own, 3.0 * samples.current, samples.current)
+    )
+    again = choose_law(other, [Stribeck(), CoulombViscous()], decimate=1)
+    before = choice.left_out.predicted(choice.laws[0])[own]
+    after = again.left_out.predicted(again.laws[0])[own]
+    # The shares from which the search starts are those of the rest alone: rounding.
+    np.testing.assert_allclose(after, before, rtol=1e-9)
+
+
+def test_laws_of_a_choice_are_those_of_single_fits() -> None:
+    samples = recording(0.03)
+    for law in choose_law(samples).laws:
+        alone = fit_inverse(samples, law.structure)
+        # Sums over the windows' stretches instead of one: rounding.
+        np.testing.assert_allclose(law.values, alone.values, rtol=1e-8)
+        np.testing.assert_allclose(law.covariance, alone.covariance, rtol=1e-6)
+
+
+def test_sliding_sums_are_sums_over_lags_with_bartletts_weights() -> None:
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(503, 3))
+    scores = np.cumsum(noise, axis=0) * 0.1 + noise
+    piece = np.repeat([0, 1, 2], [200, 300, 3])
+    found, lag = score_covariance(scores, piece)
+    assert lag > 3
+    wanted = scores.T @ scores
+    for step in range(1, lag + 1):
+        same = piece[step:] == piece[:-step]
+        cross = scores[step:][same].T @ scores[:-step][same]
+        wanted += (1.0 - step / (lag + 1)) * (cross + cross.T)
+    np.testing.assert_allclose(found, wanted, rtol=1e-10)
+
+
+@pytest.mark.parametrize("factor", [2, 7])
+def test_thinned_rows_are_those_of_a_convolution(factor: int) -> None:
+    rng = np.random.default_rng(1)
+    columns = rng.normal(size=(2000, 3))
+    lowpass = decimation(np.repeat([0, 1], [1400, 600]), factor)
+    full = oaconvolve(columns, lowpass.kernel[:, None], mode="same", axes=0)
+    # The same sums in another order.
+    np.testing.assert_allclose(lowpass(columns), full[lowpass.centres], atol=1e-12)
