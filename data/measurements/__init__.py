@@ -50,6 +50,11 @@ from ._join import (
     join_tables as join_tables,
     joined_name as joined_name,
 )
+from ._large import (
+    LargeFile as LargeFile,
+    TablePart as TablePart,
+    open_large as open_large,
+)
 from ._log import (
     ControllerLog as ControllerLog,
     LoggedOffset as LoggedOffset,
@@ -60,6 +65,7 @@ from ._measurement import (
     Measurement as Measurement,
     RoleValues as RoleValues,
     measurement as measurement,
+    own_roles as own_roles,
 )
 from ._moving import (
     is_log as is_log,

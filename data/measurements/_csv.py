@@ -48,7 +48,15 @@ def read_csv(path: Path, text: str) -> Table:
         MeasurementError: If it holds no rows, or a line has more or fewer cells than
             the others; names the line.
     """
-    layout = find_layout(path, text)
+    return read_body(path, find_layout(path, text), text)
+
+
+def read_body(path: Path, layout: Layout, text: str) -> Table:
+    """Return the table that a text of known layout holds: the whole of it, or further lines.
+
+    Raises:
+        MeasurementError: As `read_csv`.
+    """
     read = (
         _read_short(layout, text)
         or _read_fast(layout, text)

@@ -151,7 +151,7 @@ def measurement(
         MeasurementError: If there is nothing that could be used.
     """
     source = str(table.path)
-    mapping = dict(columns or {}) or _own_roles(table, axis, masters)
+    mapping = dict(columns or {}) or own_roles(table, axis, masters)
     if not mapping:
         names = ", ".join(column.name for column in table.columns[:12])
         reason = (
@@ -229,10 +229,14 @@ def _angular_axes(table: Table, mapping: Mapping[str, ColumnSpec]) -> set[str]:
     return found
 
 
-def _own_roles(
+def own_roles(
     table: Table, axis: str | None, masters: Sequence[str]
 ) -> dict[str, ColumnSpec]:
-    """Return the mapping that the file itself implies."""
+    """Return the mapping that the file itself implies; see `measurement`.
+
+    Raises:
+        MeasurementError: If it cannot tell what is meant.
+    """
     mesh = table.format in MESH_FORMATS
     found: dict[str, ColumnSpec] = {}
     given = iter(masters)

@@ -27,8 +27,30 @@ def read_parquet(path: Path) -> Table:
     try:
         read: Any = pq.read_table(path, use_threads=True)
     except pa.ArrowException as error:
-        reason = f"found damaged Parquet data ({str(error).splitlines()[0][:80]})"
-        raise MeasurementError(str(path), f"{reason}, expected a whole file") from error
+        raise damaged(path, error) from error
+    return table_of_arrow(path, read)
+
+
+def damaged(path: Path, error: Exception) -> MeasurementError:
+    """Return the error that a file is which pyarrow cannot read, ready to raise."""
+    words = (str(error).splitlines() or ["no rows"])[0][:80]
+    reason = f"found damaged Parquet data ({words}), expected a whole file"
+    return MeasurementError(str(path), reason)
+
+
+def table_of_arrow(path: Path, read: Any, row: int = 0) -> Table:
+    """Return the columns of an Arrow table: a whole file, or some rows of it.
+
+    Args:
+        path: The file.
+        read: A `pyarrow.Table`.
+        row: Rows of the file before the first one.
+
+    Raises:
+        MeasurementError: If there are no rows.
+    """
+    import pyarrow as pa
+
     if not read.num_rows or not read.num_columns:
         raise MeasurementError(str(path), "found no rows, expected at least one")
     columns: list[Column] = []
@@ -63,7 +85,8 @@ def read_parquet(path: Path) -> Table:
         wrong = np.flatnonzero(~np.isfinite(values))
         bad = (
             BadCell(
-                int(wrong[0]) + 1, _shown(float(values[wrong[0]]), cells, int(wrong[0]))
+                row + int(wrong[0]) + 1,
+                _shown(float(values[wrong[0]]), cells, int(wrong[0])),
             )
             if wrong.size
             else None
@@ -90,7 +113,7 @@ def read_parquet(path: Path) -> Table:
             for column, role in zip(columns, roles, strict=True)
         ),
         rows=read.num_rows,
-        lines=np.arange(1, read.num_rows + 1, dtype=np.int64),
+        lines=np.arange(row + 1, row + read.num_rows + 1, dtype=np.int64),
         skipped=tuple(skipped),
         counts_rows=True,
     )

@@ -15,6 +15,8 @@ ROWS = 1 << 20
 """Rows of a piece."""
 _BYTES = 1 << 25
 """Of a CSV file that are read at once."""
+BUFFER = 1 << 20
+"""Bytes of each column of a Parquet file that are read at once."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +84,10 @@ class LogPart:
                         for start in range(0, batch.num_rows, rows):
                             yield batch.slice(start, rows)
                 return
-            with pq.ParquetFile(self.path) as file:
+            # Else the bytes of every row group stay in memory until the last one is read.
+            with pq.ParquetFile(
+                self.path, pre_buffer=False, buffer_size=BUFFER
+            ) as file:
                 self._refuse_missing(file.schema_arrow.names)
                 groups = range(self.first, _stop(file, self.stop))
                 for batch in file.iter_batches(rows, list(groups), columns=names):

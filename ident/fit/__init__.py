@@ -1,5 +1,6 @@
 """Estimators: arrays in, model and uncertainty out; this floor knows no files."""
 
+from ._ahead import Ahead as Ahead, in_turn as in_turn
 from ._drift import DriftNoise as DriftNoise
 from ._errors import FitError as FitError
 from ._gather import (
@@ -7,12 +8,24 @@ from ._gather import (
     in_group as in_group,
     waiting as waiting,
 )
+from ._grid import Grid as Grid
+from ._passes import (
+    AbstractPass as AbstractPass,
+    Grouping as Grouping,
+    Part as Part,
+    Place as Place,
+    Stream as Stream,
+)
 from ._predict import (
     leave_out as leave_out,
     predict as predict,
     spatial_blocks as spatial_blocks,
 )
-from ._streamed import fit_streamed as fit_streamed
+from ._streamed import (
+    StreamedFit as StreamedFit,
+    fit_streamed as fit_streamed,
+    fit_with_folds as fit_with_folds,
+)
 from ._table import fit_table as fit_table
 from ._threads import one_blas_thread as one_blas_thread
 from ._types import (

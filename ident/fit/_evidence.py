@@ -7,17 +7,20 @@ spectral surrogate gives start and curvature, and a few exact Newton steps finis
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import minimize
 
-from ._logs import HIGH, LEAST, LOW, active_weights, smoothness_of, spread_logs
+from ._exact import search_exact
+from ._logs import HIGH, LEAST, active_weights, smoothness_of
 from ._posterior import Posterior, Problem, solve
 from ._prior import Smoothness
 from ._spectrum import spectral_start
 
 _NEGLIGIBLE = 2.0
 """Expected gain at which the search ends."""
-_DIFFERENCE = 0.02
-"""Step in a logarithm for slopes."""
+_DIFFERENCE = 0.2
+"""Step in a logarithm for slopes: wide, since what sums rounded in another order change of the
+evidence is divided by it."""
+_COARSE = 0.1
+"""Step to which logarithms are rounded on a large plane."""
 _STEPS, _RADIUS = 8, 3.0
 """Exact evaluations on a large plane, and the largest step in a logarithm."""
 _SMALL = 5e6
@@ -38,58 +41,8 @@ def choose_smoothness(problem: Problem) -> Posterior | None:
         return posterior
     full = grid.size * (4.0 * grid.fast) ** 2
     if full <= _SMALL:
-        return _search_exact(problem, density, active)
+        return search_exact(problem, density, active)
     return _search_large(problem, density, active)
-
-
-def _search_exact(
-    problem: Problem,
-    density: float,
-    active: Bool[np.ndarray, " 4"],
-) -> Posterior | None:
-    """Scan a few scales, then descend from the best."""
-    best: Posterior | None = None
-
-    def cost(reduced: Float[np.ndarray, " k"]) -> float:
-        nonlocal best
-        posterior = solve(problem, smoothness_of(spread_logs(active, reduced), density))
-        if posterior is None or not np.isfinite(posterior.evidence):
-            return 1e30
-        if best is None or posterior.evidence < best.evidence:
-            best = posterior
-        return posterior.evidence
-
-    second = active & np.array([True, False, True, False])
-    starts = []
-    # With and without fourth differences are two valleys: descend from the best of each.
-    for lift, slope in ((LOW, 0.0), (np.log(10.0), 1.0), (0.0, 2.0)):
-        scan = [
-            np.clip(np.where(second, base, lift + slope * base), LEAST, HIGH)[active]
-            for base in np.log((1e-2, 1.0, 1e2, 1e4, 1e6))
-        ]
-        starts.append(min(scan, key=cost))
-    bounds = list(zip(LEAST[active], HIGH[active], strict=True))
-    for log in starts:
-        # A weight at its lower bound has no slope there: lift it a little so that it can grow.
-        lifted = np.maximum(log, LEAST[active] + 1.0)
-        # The evidence is smooth over a per cent of a weight, and exact to far better.
-        minimize(
-            cost, lifted, bounds=bounds, method="L-BFGS-B",
-            options={"maxiter": 30, "ftol": 1e-8, "gtol": 1e-2, "eps": _DIFFERENCE},
-        )  # fmt: skip
-    return None if best is None else _without_idle(best)
-
-
-def _without_idle(posterior: Posterior) -> Posterior:
-    """Drop fourth differences that are not worth their place."""
-    smoothness = posterior.smoothness
-    if not (smoothness.slow[1] or smoothness.fast[1]):
-        return posterior
-    plain = Smoothness((smoothness.slow[0], 0.0), (smoothness.fast[0], 0.0))
-    other = solve(posterior.problem, plain)
-    if other is not None and other.evidence < posterior.evidence:
-        return other
-    return posterior
 
 
 def _slope(
@@ -98,11 +51,12 @@ def _slope(
     log: Float[np.ndarray, " 4"],
     alive: Bool[np.ndarray, " 4"],
     value: float,
+    curvature: Float[np.ndarray, "k k"],
 ) -> Float[np.ndarray, " k"]:
     """Return the slope of the evidence over the weights alive, by forward differences.
 
-    The analytic slope needs traces of inverse × penalty, which cancel for smooth tables; the
-    evidence itself stays exact.
+    What the curvature adds over the step is taken off. The analytic slope needs traces of
+    inverse × penalty, which cancel for smooth tables; the evidence itself stays exact.
     """
     result = []
     for k in np.flatnonzero(alive):
@@ -112,7 +66,7 @@ def _slope(
         result.append(
             np.nan if posterior is None else (posterior.evidence - value) / _DIFFERENCE
         )
-    return np.array(result)
+    return np.array(result) - 0.5 * _DIFFERENCE * np.diag(curvature)
 
 
 def _search_large(
@@ -126,6 +80,7 @@ def _search_large(
         return None
     surrogate, log = found
     alive = active & (log > LEAST + 1e-9)
+    log = _coarse(log, alive)
     curvature = surrogate.information(log)[np.ix_(alive, alive)]
     best: Posterior | None = None
     best_log, best_slope = log, np.zeros(int(alive.sum()))
@@ -140,7 +95,7 @@ def _search_large(
         elif best is not None and posterior.evidence > best.evidence:
             step = 0.3 * step
         else:
-            slope = _slope(problem, density, log, alive, posterior.evidence)
+            slope = _slope(problem, density, log, alive, posterior.evidence, curvature)
             if best is not None:
                 moved = log[alive] - best_log[alive]
                 curvature = _updated(curvature, moved, slope - best_slope)
@@ -151,8 +106,24 @@ def _search_large(
         if -0.5 * float(best_slope @ step) < _NEGLIGIBLE:
             return best
         log = best_log.copy()
-        log[alive] = np.clip(best_log[alive] + step, LEAST[alive] + 2e-9, HIGH[alive])
+        log[alive] += step
+        log = _coarse(log, alive)
+        if np.array_equal(log, best_log):
+            return best
     return best
+
+
+def _coarse(
+    log: Float[np.ndarray, " 4"], alive: Bool[np.ndarray, " 4"]
+) -> Float[np.ndarray, " 4"]:
+    """Return logarithms to a step that matters to nobody, within their ends.
+
+    So sums rounded in another order are searched at the same places.
+    """
+    result = log.copy()
+    steps = np.round(log[alive] / _COARSE) * _COARSE
+    result[alive] = np.clip(steps, LEAST[alive] + 2e-9, HIGH[alive])
+    return result
 
 
 def _updated(

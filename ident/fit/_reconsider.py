@@ -20,8 +20,14 @@ def lost_places(
     node: Int[np.ndarray, " t"], wild: Bool[np.ndarray, " t"], size: int
 ) -> Bool[np.ndarray, " n"]:
     """Return the nodes that lost most of their several nearest readings."""
-    count = np.bincount(node, minlength=size)
-    lost = np.bincount(node, wild, size)
+    return _lost(
+        np.bincount(node, minlength=size), np.bincount(node[wild], minlength=size)
+    )
+
+
+def _lost(
+    count: Int[np.ndarray, " n"], lost: Int[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
     return np.asarray((count > 1) & (lost > 0.5 * count))
 
 
@@ -29,10 +35,17 @@ def crowded_places(
     node: Int[np.ndarray, " t"], wild: Bool[np.ndarray, " t"], size: int
 ) -> Bool[np.ndarray, " n"]:
     """Return the nodes with more wild readings side by side than chance puts there."""
-    count = np.bincount(node, minlength=size)
-    lost = np.bincount(node, wild, size)
+    return crowded(
+        np.bincount(node, minlength=size), np.bincount(node[wild], minlength=size)
+    )
+
+
+def crowded(
+    count: Int[np.ndarray, " n"], lost: Int[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Return the same from the number of readings next to each node, and of wild ones."""
     several = (lost >= 3) & (lost > 0.2 * count)
-    return np.asarray(several | lost_places(node, wild, size))
+    return np.asarray(several | _lost(count, lost))
 
 
 def local_start(

@@ -91,7 +91,7 @@ class Spectrum:
 
     @staticmethod
     def _weights(log: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
-        weights = np.exp(log)
+        weights = np.asarray(np.exp(log))
         weights[1::2][log[1::2] <= LOW + 1e-9] = 0.0
         return weights
 

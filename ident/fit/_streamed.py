@@ -3,45 +3,75 @@
 All that a fit needs of its readings are sums, and sums add up: over pieces of a file, over
 files, over workers. Least squares takes one pass; the robust losses take one per iteration,
 with the scale of the noise judged from every n-th reading, as in memory. The same steps as
-`_estimate`, without its second thoughts about wild readings and without run effects.
+`_estimate` and `_table`, without second thoughts about wild readings and without run effects.
+Tables without some group of readings come out of the same passes.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float
 
-from ._checks import check_samples
+from ._checks import check_extent, check_layout, check_smoothness
 from ._errors import FitError
-from ._estimate import PASSES, ROUGHLY, SAME, SETTLED, THIN, solved, table_prior
-from ._evidence import choose_smoothness
+from ._estimate import THIN, table_prior
 from ._grid import Grid
-from ._logs import fixed_smoothness
-from ._loss import AbstractLoss, choose_loss
-from ._posterior import Posterior, Problem
-from ._prior import Smoothness, TablePrior
-from ._streamed_sums import (
-    Sums,
+from ._information import evaluate
+from ._loss import choose_loss
+from ._passes import Apply, Asking, Grouping, Part, Stream
+from ._streamed_estimate import Estimate, Options, closely, least_squares
+from ._streamed_looks import (
+    Count,
+    Counted,
+    Rule,
+    TakeEvery,
     Thin,
-    count_readings,
+    believed,
     first_of,
-    sum_up,
-    take_every,
+    weights_of,
 )
+from ._streamed_sums import ByGroup, SumByGroup
 from ._threads import one_blas_thread
 from ._types import Samples, TableFit, TableLayout
-from ._verdict import fit_message, uncertain
 
-Part = Callable[[], Iterable[Samples]]
-"""Yields the same readings, piece by piece, every time it is called."""
-Apply = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-"""Like `map`: here one after the other, or on workers."""
 
-_EXACT = 1e-5
-"""Smallest scatter relative to the spread of the readings."""
+@dataclasses.dataclass(frozen=True)
+class StreamedFit:
+    """A table fitted to readings in pieces.
+
+    Attributes:
+        fit: The table; its arrays over readings (``residual``, ``share``, ``wild``) are
+            empty.
+        count: Number of readings.
+        wild: How many of them are wild.
+        rule: Table, in the order of the fit, and loss by which they are; None where none is.
+        crowded: Nodes at which wild readings stand side by side.
+        last: Table and loss by which the others counted; None: all of them in full.
+        folds: By group, the table fitted to all readings but those of the group.
+    """
+
+    fit: TableFit
+    count: int
+    wild: int
+    rule: Rule | None
+    crowded: int
+    last: Rule | None
+    folds: Mapping[int, TableFit]
+
+    def judged(
+        self, samples: Samples
+    ) -> tuple[Bool[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+        """Return which of some readings are wild, and the weight that the loss leaves each."""
+        grid = Grid(self.fit.layout)
+        where = grid.locate(samples)
+        wild = ~believed(grid, where, samples, self.rule)
+        if self.last is None:
+            return wild, np.ones(len(wild))
+        values, loss = self.last
+        scaled = samples.error - evaluate(grid, where, values)
+        scaled = scaled * np.sqrt(weights_of(samples))
+        return wild, np.where(wild, 0.0, loss.share(scaled / loss.scale))
 
 
 def fit_streamed(
@@ -71,220 +101,127 @@ def fit_streamed(
     Raises:
         FitError: If the readings do not determine the table or an option is unknown.
     """
+    return fit_with_folds(
+        layout, parts, None, smoothness=smoothness, loss=loss, apply=apply
+    ).fit
+
+
+def fit_with_folds(
+    layout: TableLayout,
+    parts: Sequence[Part],
+    grouping: Grouping | None,
+    *,
+    smoothness: float | str | Mapping[str, float] = "auto",
+    loss: str = "student",
+    apply: Apply = map,
+) -> StreamedFit:
+    """Fit a table as `fit_streamed` does, and beside it one without each group of readings.
+
+    The folds are those of `leave_out`: smoothness and loss are those of the whole fit.
+
+    Args:
+        layout: Where the nodes lie.
+        parts: As for `fit_streamed`.
+        grouping: Tells the group of each reading of a piece; None: no folds.
+        smoothness: As for `fit_table`.
+        loss: As for `fit_table`.
+        apply: As for `fit_streamed`.
+
+    Raises:
+        FitError: If the readings do not determine a table, an option is unknown, or all
+            readings are of one group.
+    """
+    check_layout(layout)
+    check_smoothness(smoothness)
+    choose_loss(loss, np.ones(1), 1.0, 1.0)
     grid = Grid(layout)
-    stream = _Stream(grid, table_prior(grid), parts, apply, loss)
+    stream = Stream(grid, parts, apply, grouping)
+    options = Options(grid, table_prior(grid), smoothness, loss)
     with one_blas_thread():
-        fixed = not isinstance(smoothness, str)
-        thin = stream.look(smoothness)
-        centre = float(np.median(thin.error))
-        values = np.full((grid.slow, grid.fast), centre)
-        first = stream.sums(values, None, None, far=False)
-        thin = dataclasses.replace(thin, count=first.now.count)
-        _refuse_few(thin.count, stream.prior.null)
-        density = first.now.normal.density
-        if not isinstance(smoothness, str):
-            current = fixed_smoothness(smoothness, density, grid)
+        if loss == "gauss":
+            whole, folds = _by_least_squares(stream, options)
         else:
-            plenty = thin.count >= 10 * grid.size
-            weight = density * (1e-2 if plenty else 1.0)
-            current = Smoothness(
-                (weight, 0.0), (weight, 0.0) if grid.planar else (0.0, 0.0)
-            )
-        tolerance = SETTLED if fixed else ROUGHLY
-        state = stream.robust(thin, current, values, False, tolerance, first)
-        if not fixed:
-            state = _refined(stream, thin, state, first)
-        return _result(stream, thin, state, fixed)
+            whole, folds = _robustly(stream, options)
+    fit = dataclasses.replace(
+        whole.fit, message=f"{whole.fit.message} Read in {stream.passes} passes."
+    )
+    return StreamedFit(
+        fit,
+        whole.count,
+        whole.wild,
+        whole.rule,
+        whole.crowded,
+        whole.last,
+        {group: one.fit for group, one in folds.items() if group is not None},
+    )
+
+
+def _by_least_squares(
+    stream: Stream, options: Options
+) -> tuple[Estimate, dict[int | None, Estimate]]:
+    """Return the whole fit and the folds, all of them from the sums of one pass."""
+    grid = stream.grid
+    first = first_of(stream.parts)
+    if first is None:
+        _refuse_few(0, options.prior.null)
+    assert first is not None
+    # Any table will do to sum about; one near the readings keeps the digits.
+    values = np.full((grid.slow, grid.fast), float(np.median(first.error)))
+    found: ByGroup = stream.ask(SumByGroup(values, stream.grouping))
+    check_extent(grid.layout, found.extent, False)
+    spread = float(np.ptp(first.error))
+    whole = least_squares(options, found.without(None), values, spread)
+    groups = _groups_of(stream, sorted(found.sums))
+    own = options.of_fold(whole.fit)
+    folds: dict[int | None, Estimate] = {
+        group: least_squares(own, found.without(group), values, spread)
+        for group in groups
+    }
+    return whole, folds
+
+
+def _robustly(
+    stream: Stream, options: Options
+) -> tuple[Estimate, dict[int | None, Estimate]]:
+    """Return the whole fit and the folds, these side by side."""
+    counted: Counted = stream.ask(Count(stream.grouping))
+    count = sum(counted.rows.values())
+    _refuse_few(count, options.prior.null)
+    check_extent(stream.grid.layout, counted.extent, False)
+    groups = _groups_of(stream, counted.groups)
+    looks = {
+        group: _look(_thinned(counted.without(group, len(stream.parts))))
+        for group in (None, *groups)
+    }
+    thins: dict[int | None, Thin] = stream.answer(looks)
+    whole = stream.answer({None: closely(options, thins[None])})[None]
+    own = options.of_fold(whole.fit)
+    folds = stream.answer({group: closely(own, thins[group]) for group in groups})
+    return whole, folds
+
+
+def _look(wanted: TakeEvery) -> Asking[Thin]:
+    """Ask for a single pass."""
+    thin: Thin = yield wanted
+    return thin
+
+
+def _groups_of(stream: Stream, groups: Sequence[int]) -> Sequence[int]:
+    if stream.grouping is None:
+        return ()
+    if len(groups) < 2:
+        msg = "leaving out needs at least two groups of readings, found one."
+        raise FitError(msg)
+    return groups
+
+
+def _thinned(counts: Sequence[int]) -> TakeEvery:
+    """Return what asks for enough readings to judge the noise by, of those counted."""
+    starts = (0, *np.cumsum(counts).tolist()[:-1])
+    return TakeEvery(max(1, sum(counts) // THIN), starts)
 
 
 def _refuse_few(count: int, null: int) -> None:
     if count <= null:
         msg = f"found {count} readings, expected more than {null}."
         raise FitError(msg)
-
-
-@dataclasses.dataclass(frozen=True)
-class _State:
-    posterior: Posterior
-    loss: AbstractLoss
-    rule: tuple[Float[np.ndarray, "l s"], AbstractLoss] | None
-    support: Int[np.ndarray, "l s"]
-    converged: bool
-
-
-@dataclasses.dataclass
-class _Stream:
-    """The readings, as often as the loss needs them."""
-
-    grid: Grid
-    prior: TablePrior
-    parts: Sequence[Part]
-    apply: Apply
-    loss: str
-    passes: int = 0
-
-    def look(self, smoothness: float | str | Mapping[str, float]) -> Thin:
-        """Return readings that tell about all: where they lie, and how they scatter.
-
-        Least squares only needs to know about where; the robust losses judge their scale
-        by every n-th reading, which takes a pass to count and a pass to pick.
-        """
-        choose_loss(self.loss, np.ones(1), 1.0, 1.0)
-        if self.loss == "gauss":
-            part = next(filter(None, map(first_of, self.parts)), None)
-            if part is None:
-                _refuse_few(0, self.prior.null)
-            assert part is not None
-            check_samples(self.grid.layout, part, smoothness, True)
-            return take_every(self.grid, (lambda: [part], 0), step=1)
-        counts = list(self.apply(partial(count_readings, self.grid), self.parts))
-        _refuse_few(sum(counts), self.prior.null)
-        rows = [sum(counts[:k]) for k in range(len(counts))]
-        step = max(1, sum(counts) // THIN)
-        call = partial(take_every, self.grid, step=step)
-        jobs = list(zip(self.parts, rows, strict=True))
-        self.passes += 2
-        return Thin.joined(list(self.apply(call, jobs)))
-
-    def sums(
-        self,
-        values: Float[np.ndarray, "l s"],
-        loss: AbstractLoss | None,
-        before: tuple[Float[np.ndarray, "l s"], AbstractLoss] | None,
-        *,
-        far: bool,
-    ) -> Sums:
-        """Return the sums about a table; ``before`` says who was active last."""
-        self.passes += 1
-        call = partial(
-            sum_up, self.grid, values=values, loss=loss, before=before, far=far
-        )
-        found: Iterator[Sums] = iter(self.apply(call, self.parts))
-        total = next(found)
-        for one in found:
-            total = total + one
-        return total
-
-    def robust(
-        self,
-        thin: Thin,
-        smoothness: Smoothness,
-        values: Float[np.ndarray, "l s"],
-        near: bool,
-        tolerance: float,
-        everything: Sums,
-    ) -> _State:
-        """Iterate pseudo-readings and solution at fixed smoothness (`_estimate._robust`)."""
-        inflation = 1.0
-        before: tuple[Float[np.ndarray, "l s"], AbstractLoss] | None = None
-        spread = float(np.ptp(np.quantile(thin.error, (0.05, 0.95))))
-        floor = max(_EXACT * spread, 1e-12)
-        state: _State | None = None
-        for step in range(PASSES):
-            root = np.sqrt(thin.weight)
-            scaled = thin.residual(self.grid, values) * root
-            loss = choose_loss(self.loss, scaled, inflation, floor)
-            far = step == 0 and not near
-            gauss = self.loss == "gauss"
-            total = (
-                everything
-                if gauss and step == 0 and not near
-                else self.sums(values, loss, before, far=far)
-            )
-            sums = total.held
-            if step <= 8 and total.changed > 1e-4 * thin.count:
-                before, sums = (values, loss), total.now
-            normal = sums.normal
-            steep = 1.0
-            if not (far or gauss):
-                steep = max(sums.slope / max(sums.count, 1), 0.1)
-            problem = Problem(
-                normal=normal,
-                prior=self.prior,
-                vector=sums.vector / steep,
-                square=sums.square / steep**2,
-                count=sums.count,
-                values=values,
-                effects=np.zeros(0),
-            )
-            posterior = solved(problem, smoothness)
-            move = float(np.abs(posterior.values - values).max())
-            values = posterior.values
-            scale = np.sqrt(max(posterior.variance, floor**2) / normal.density)
-            settled = bool((step > 0 or near) and move <= tolerance * scale)
-            state = _State(posterior, loss, before, sums.support, settled or gauss)
-            if state.converged:
-                break
-            plenty = problem.count >= 20 * self.grid.size
-            used = self.grid.size if plenty else posterior.used
-            free = max(problem.count - used, 0.05 * problem.count)
-            inflation = float(np.sqrt(problem.count / free))
-        assert state is not None
-        return state
-
-
-def _refined(stream: _Stream, thin: Thin, state: _State, everything: Sums) -> _State:
-    """Choose the smoothness and weigh the readings anew until neither moves the table."""
-    density = state.posterior.problem.normal.density
-    for _ in range(8):
-        choice = choose_smoothness(state.posterior.problem)
-        if choice is None:
-            msg = "no smoothness gives a table: the readings are degenerate."
-            raise FitError(msg)
-        if stream.loss == "gauss":
-            # Least squares about another table is the same table.
-            return dataclasses.replace(state, posterior=choice)
-        state = stream.robust(
-            thin, choice.smoothness, choice.values, True, SETTLED, everything
-        )
-        shift = float(np.std(state.posterior.values - choice.values))
-        spread = np.sqrt(state.posterior.variance / density)
-        if shift <= SAME * spread:
-            return state
-    return dataclasses.replace(state, converged=False)
-
-
-def _result(stream: _Stream, thin: Thin, state: _State, fixed: bool) -> TableFit:
-    posterior, grid = state.posterior, stream.grid
-    free = posterior.problem.count - posterior.used
-    variance = posterior.variance
-    square = posterior.residual_square
-    if stream.loss != "gauss":
-        # Of the readings themselves, not of pseudo-readings.
-        last = stream.sums(posterior.values, state.loss, state.rule, far=True)
-        square = last.held.inner
-    if fixed:
-        variance = posterior.residual_square / max(free, 1e-9)
-    deviation = np.sqrt(np.maximum(variance * posterior.inverse[0, 0], 0.0))
-    noise = float(np.sqrt(square / max(free, 1e-9)))
-    spread = float(np.ptp(thin.error))
-    if worst := uncertain(deviation, state.support, spread, noise):
-        msg = (
-            "the readings do not determine the table: the least known node is uncertain "
-            f"by {worst:.3g}."
-        )
-        raise FitError(msg)
-    rejected = thin.count - posterior.problem.count
-    message = fit_message(thin.count, posterior.used, rejected, state.converged)
-    return TableFit(
-        layout=grid.layout,
-        values=grid.to_table(posterior.values),
-        standard_deviation=grid.to_table(deviation),
-        support=grid.to_table(state.support),
-        noise=noise,
-        smoothness=posterior.smoothness.names(grid.slow_column + 1),
-        loss=stream.loss,
-        residual=np.zeros(0),
-        share=np.zeros(0),
-        wild=np.zeros(0, bool),
-        runs=(),
-        suspect_nodes=(),
-        suspect_runs=(),
-        covariance={
-            key: variance * posterior.inverse[key]
-            for key in ((0, 0), (1, 0), (0, 1), (1, 1), (1, -1))
-            if key in posterior.inverse
-        },
-        converged=state.converged,
-        message=f"{message} Read in {stream.passes} passes.",
-    )

@@ -33,7 +33,13 @@ def suspect_nodes(
     """Return flat table indices of nodes whose nearest readings were mostly set aside."""
     node = nearest(grid, located)
     count = np.bincount(node, minlength=grid.size)
-    kept = np.bincount(node, share, grid.size)
+    return distrusted(grid, count, np.bincount(node, share, grid.size))
+
+
+def distrusted(
+    grid: Grid, count: Int[np.ndarray, " n"], kept: Float[np.ndarray, " n"]
+) -> tuple[int, ...]:
+    """Return the same from the number of the nearest readings and the weight they keep."""
     # A share of 0.5 is the Student weight at two scales; a lone reading must be further off.
     limit = np.where(count > 1, _TRUSTED, 0.5 * _TRUSTED) * count
     named = ((count > 0) & (kept < limit)).reshape(grid.slow, grid.fast)

@@ -18,7 +18,14 @@ from ._runs import RunDesign, run_design
 from ._suspects import suspect_nodes, suspect_runs
 from ._threads import one_blas_thread
 from ._types import RunEffect, Samples, TableFit, TableLayout
-from ._verdict import fit_message, fit_remarks, too_many_wild, uncertain
+from ._verdict import (
+    FOLLOWS,
+    NONE_LEFT_OUT,
+    fit_message,
+    fit_remarks,
+    too_many_wild,
+    uncertain,
+)
 from .lanes import TableRequest, fit_small
 
 
@@ -107,10 +114,7 @@ def _closely(request: TableRequest) -> TableFit:
             fit = dataclasses.replace(attempt(loss, apart), suspect_runs=apart)
         if loss == "student" and too_many_wild(fit.wild, samples, fit.suspect_runs):
             fit = attempt("huber", apart)
-            message = (
-                f"{fit.message} Readings that agree with each other contradict a table of "
-                "these nodes: none of them was left out."
-            )
+            message = f"{fit.message} {NONE_LEFT_OUT}"
             fit = dataclasses.replace(fit, suspect_runs=apart, message=message)
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
@@ -152,10 +156,7 @@ def _result(
             if choice is not None:
                 variance = choice.variance
                 free = choice.problem.count - choice.used
-            message = (
-                "The table follows every reading; the noise was judged by the smoothness "
-                "that the readings suggest."
-            )
+            message = FOLLOWS
     if message:
         noise = float(np.sqrt(variance))
     else:

@@ -7,10 +7,19 @@ from ._types import Samples
 
 _HOPELESS = 1e3
 """Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
-_WILD_SHARE = 0.1
+WILD_SHARE = 0.1
 """Share of wild readings from which on not the readings are at fault but the table."""
 _GARBAGE = 0.5
 """Share of wild readings from which on a run is at fault."""
+
+FOLLOWS = (
+    "The table follows every reading; the noise was judged by the smoothness that the "
+    "readings suggest."
+)
+NONE_LEFT_OUT = (
+    "Readings that agree with each other contradict a table of these nodes: none of them "
+    "was left out."
+)
 
 
 def too_many_wild(
@@ -25,7 +34,7 @@ def too_many_wild(
         # A run of garbage is at fault itself.
         garbage = (lost > _GARBAGE) | np.isin(labels, suspect_runs)
         wild = wild[~garbage[index.reshape(-1)]]
-    return bool(len(wild) and wild.mean() > _WILD_SHARE)
+    return bool(len(wild) and wild.mean() > WILD_SHARE)
 
 
 def uncertain(

@@ -71,6 +71,46 @@ def test_a_log_in_pieces_gives_the_table_that_it_gives_in_memory(
     assert f"{45_000} readings" in found.message
 
 
+UNEVEN = TableLayout(
+    (np.array([0.0, 10.0, 30.0, 60.0, 70.0, 100.0]), np.linspace(0.0, 60.0, 9))
+)
+FEW = TableLayout((np.linspace(0.0, 100.0, 5), np.linspace(0.0, 60.0, 4)))
+
+
+@pytest.mark.parametrize("loss", ["gauss", "student"])
+@pytest.mark.parametrize("straight", [False, True], ids=["bent", "straight"])
+@pytest.mark.parametrize("layout", [UNEVEN, FEW], ids=["uneven", "few"])
+def test_small_grids_end_at_the_same_smoothness(
+    layout: TableLayout, straight: bool, loss: str
+) -> None:
+    # Where the evidence hardly tells the weights, the search must still end in one place.
+    samples = log(layout, 3_000, wild=0.001)
+    if straight:
+        slope = 1e-4 * samples.positions.sum(axis=1)
+        noise = np.random.default_rng(8).normal(0.0, 0.002, len(slope))
+        samples = Samples(samples.positions, slope + noise)
+    whole = _closely(TableRequest(layout, samples, loss=loss))
+    found = fit_streamed(layout, parts(samples, 4), loss=loss)
+    assert_same(found, whole, 1e-9)
+    for name, weight in whole.smoothness.items():
+        # A table moves by far less than its deviation when a weight moves by a thousandth.
+        assert found.smoothness[name] == pytest.approx(weight, rel=1e-3)
+
+
+def test_a_log_that_scans_line_by_line_is_fitted() -> None:
+    samples = log(PLANE, 6_000)
+    place = samples.positions[np.argsort(samples.positions[:, 1])].copy()
+    place[:, 1] = np.repeat(np.linspace(0.0, 60.0, 6), 1_000)
+    samples = Samples(place, samples.error)
+    for loss in ("gauss", "huber"):
+        found = fit_streamed(PLANE, parts(samples, 3), loss=loss, smoothness=1.0)
+        request = TableRequest(PLANE, samples, smoothness=1.0, loss=loss)
+        assert_same(found, _closely(request), 1e-9)
+    stuck = Samples(np.column_stack([place[:, 0], np.ones(6_000)]), samples.error)
+    with pytest.raises(FitError, match="all readings stand at 1 along axis 2"):
+        fit_streamed(PLANE, parts(stuck, 3))
+
+
 def test_least_squares_reads_the_log_once() -> None:
     samples = log(PLANE, 5_000)
     reads = 0

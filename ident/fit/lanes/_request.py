@@ -23,8 +23,13 @@ class TableRequest:
     @property
     def small(self) -> bool:
         """Whether the table is one for the lanes: along one axis, and not too large."""
-        if len(self.layout.nodes) != 1:
-            return False
-        nodes = len(self.layout.nodes[0]) - int(self.layout.periodic)
-        size = nodes * self.layout.branches
-        return 3 <= nodes and size <= _SIZE and size * len(self.samples.error) <= _WORK
+        return is_small(self.layout, len(self.samples.error))
+
+
+def is_small(layout: TableLayout, readings: int) -> bool:
+    """Return whether a table with so many readings is one for the lanes."""
+    if len(layout.nodes) != 1:
+        return False
+    nodes = len(layout.nodes[0]) - int(layout.periodic)
+    size = nodes * layout.branches
+    return 3 <= nodes and size <= _SIZE and size * readings <= _WORK
