@@ -1,0 +1,190 @@
+"""Lists that are there already: edited, added to or replaced, and nothing else changed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile
+from axcomp.ident.job import JobError, run_job
+
+from .screw import (
+    LIST_UNIT,
+    OLD_NEG,
+    OLD_POS,
+    grade,
+    laser,
+    old_list,
+    screw_error,
+    screw_job,
+    table,
+)
+
+
+def test_only_the_entries_of_the_refitted_table_change(tmp_path: Path) -> None:
+    raw = old_list(tmp_path)
+    laser(tmp_path / "laser.csv")
+    result = run_job(screw_job(tmp_path, axis='list = "achskw1.lis"'), tmp_path / "out")
+    new = (tmp_path / "out" / "achskw1.lis").read_bytes()
+    before, after = raw.split(b"\r\n"), new.split(b"\r\n")
+    assert len(before) == len(after)
+    for old_line, new_line in zip(before, after, strict=True):
+        if old_line != new_line:
+            # The name, the blanks in its index and a comment stay where they are.
+            assert old_line.startswith(b"kw.ssfk.table[ ")
+            assert new_line[:21] == old_line[:21]
+            assert old_line[21:].partition(b";")[2] == new_line[21:].partition(b";")[2]
+    # 0 at X = 0 upwards is the truth as well, and may stay.
+    changed = sum(a != b for a, b in zip(before, after, strict=True))
+    assert 8 <= changed <= 10
+    assert (tmp_path / "achskw1.lis").read_bytes() == raw
+    assert result.passed
+
+
+@pytest.mark.parametrize("active", [True, False])
+def test_active_table_is_added_to_and_an_inactive_one_replaced(
+    tmp_path: Path, active: bool
+) -> None:
+    old_list(tmp_path)
+    # Measured with the old table on, half of the error is left.
+    laser(tmp_path / "laser.csv", scale=0.5)
+    state = '["leadscrew"]' if active else "[]"
+    result = run_job(
+        screw_job(
+            tmp_path, axis='list = "achskw1.lis"', measurement=f"active = {state}"
+        ),
+        tmp_path / "out",
+    )
+    nodes = np.arange(0.0, 401.0, 100.0)
+    ones = np.ones(5, dtype=np.int64)
+    residual = 0.5 * screw_error(nodes, ones), 0.5 * screw_error(nodes, -ones)
+    found = result.tables[0].table
+    old = (OLD_POS, OLD_NEG) if active else (0.0, 0.0)
+    # Leadscrew entries are errors, so old + residual; noise and rounding as above.
+    np.testing.assert_allclose(found["pos"], old[0] + residual[0], atol=5e-4)
+    np.testing.assert_allclose(found["neg"], old[1] + residual[1], atol=5e-4)
+    assert grade(result)["from_file"] < 0.05 * grade(result)["before"]
+
+
+def test_active_plane_is_added_to_with_the_sign_of_a_plane(tmp_path: Path) -> None:
+    x, y = np.meshgrid(np.arange(0.0, 41.0, 10.0), np.arange(0.0, 31.0, 10.0))
+    x, y = x.ravel(), y.ravel()
+    rng = np.random.default_rng(11)
+    residual = 2e-4 * x + 1e-4 * y
+    noise = 5e-5 * rng.standard_normal(len(x))
+    table(tmp_path / "probe.csv", "x,y,dz", x, y, residual + noise)
+    head = {
+        "unit": 1, "interval": 100_000, "last_index_master1": 4,
+        "last_index_master2": 3, "start_position_master1": 0,
+        "start_position_master2": 0, "master1_ax_nr": 1, "master2_ax_nr": 2,
+    }  # fmt: skip
+    lines = ["kopf.achs_nr 3", "kopf.log_achs_name Z"]
+    lines += [f"kw.crosscomp2.{key} {value}" for key, value in head.items()]
+    lines += [
+        f"kw.crosscomp2.table[{j}][{i}].correction {10 * i - 20 * j}"
+        for j in range(4)
+        for i in range(5)
+    ]
+    (tmp_path / "achskw3.lis").write_text("\n".join(lines) + "\n")
+    (tmp_path / "job.toml").write_text("""
+[axes.X]
+number = 1
+[axes.Y]
+number = 2
+[axes.Z]
+number = 3
+list = "achskw3.lis"
+[measurements.probe]
+file = "probe.csv"
+active = ["plane"]
+columns = { "X.position" = "x", "Y.position" = "y", "Z.error" = "dz" }
+[[fits]]
+compensation = "plane"
+axis = "Z"
+masters = ["X", "Y"]
+measurement = "probe"
+smoothness = 10
+""")
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    j, i = np.mgrid[0:4, 0:5]
+    expected = (10 * i - 20 * j) * LIST_UNIT - (2e-3 * i + 1e-3 * j)
+    # Plane entries are offsets: old − residual. 0.05 µm noise, 0.05 µm rounding.
+    np.testing.assert_allclose(result.tables[0].table[""], expected, atol=3e-4)
+    assert grade(result)["from_file"] < 0.05 * grade(result)["before"]
+
+
+def test_nodes_missing_from_an_active_table_are_named(tmp_path: Path) -> None:
+    old_list(tmp_path)
+    laser(tmp_path / "laser.csv")
+    job = screw_job(
+        tmp_path, axis='list = "achskw1.lis"', measurement='active = ["leadscrew"]'
+    )
+    job.write_text(
+        job.read_text()
+        .replace("interval = 100.0", "interval = 200.0")
+        .replace("points = 5", "points = 3")
+    )
+    with pytest.raises(JobError, match="nodes of axis 1 at 100, 300 in the table that"):
+        run_job(job, tmp_path / "out")
+    job.write_text(
+        job.read_text()
+        .replace("interval = 200.0", "interval = 50.0")
+        .replace("points = 3", "points = 9")
+    )
+    assert run_job(job, tmp_path / "out").passed  # a superset
+
+
+def test_active_without_the_list_that_was_active_is_refused(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path, measurement='active = ["leadscrew"]')
+    with pytest.raises(
+        JobError, match="leadscrew was active while measuring, but no l"
+    ):
+        run_job(job, tmp_path / "out")
+
+
+def test_shrinking_table_loses_its_stale_entries(tmp_path: Path) -> None:
+    old_list(tmp_path)
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path, axis='list = "achskw1.lis"')
+    job.write_text(
+        job.read_text()
+        .replace("interval = 100.0", "interval = 200.0")
+        .replace("points = 5", "points = 3")
+        .replace("bilateral = true", "")
+    )
+    run_job(job, tmp_path / "out")
+    written = ListFile.read(tmp_path / "out" / "achskw1.lis")
+    assert written.table("kw.ssfk", "neg") == {}
+    assert sorted(written.table("kw.ssfk", "pos")) == [0, 1, 2]
+    assert written.integer("kw.ssfk.bilateral") == 0
+    assert written.integer("kw.ssfk.res1") == 17
+    assert written.table("kw.crosscomp", "setpoint") == {0: 0, 1: 1_000_000}
+
+
+def test_axis_list_is_edited_and_its_backlash_switched_off(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    machine = (
+        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1 # wie gemessen\n"
+        "getriebe[0].lose 50\nlr_param.ssfk 0\n"
+    )
+    (tmp_path / "achsmds1.lis").write_text(machine)
+    result = run_job(
+        screw_job(tmp_path, axis='machine_data = "achsmds1.lis"'), tmp_path / "out"
+    )
+    text = (tmp_path / "out" / "achsmds1.lis").read_text()
+    assert "lr_param.anwahl_losekomp 0 # wie gemessen\ngetriebe[0].lose 50\n" in text
+    assert "lr_param.ssfk 1\n" in text
+    # 6 µm of reversal: 2 cycles of 1 ms make 3 mm/s and 3000 mm/s².
+    assert result.tables[0].cycles == 2
+    assert ListFile.parse(text.encode()).integer("lr_param.n_backlash_cyc") == 2
+    assert any("switched off" in r.message for r in result.tables[0].remarks)
+    assert not (tmp_path / "out" / "achsmds1.add.lis").exists()
+    assert (tmp_path / "achsmds1.lis").read_text() == machine
+
+
+def test_backlash_active_beside_a_bilateral_fit_is_refused(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path, measurement='active = ["backlash"]')
+    with pytest.raises(JobError, match="found backlash for a bilateral leadscrew fit"):
+        run_job(job, tmp_path / "out")

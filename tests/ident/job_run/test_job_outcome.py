@@ -1,0 +1,237 @@
+"""What a job says and leaves behind beside its tables."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile, check
+from axcomp.ident.job import JobError, run_job
+
+from .screw import (
+    LIST_UNIT,
+    OLD_LIST,
+    laser,
+    offsets,
+    old_list,
+    screw_error,
+    screw_job,
+    state_conventions,
+    table,
+)
+
+
+def test_written_lists_have_no_error_and_no_warning(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    run_job(screw_job(tmp_path), tmp_path / "out")
+    files = [ListFile.read(path) for path in (tmp_path / "out").glob("*.lis")]
+    assert len(files) == 3
+    found = [*check(files), *(item for file in files for item in check([file]))]
+    assert [item for item in found if item.level != "info"] == []
+
+
+def test_fragment_names_no_whole_list(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    run_job(screw_job(tmp_path), tmp_path / "out")
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"achskw1.lis", "achsmds1.add.lis", "hochlauf.add.lis"} <= names
+    assert "achsmds1.lis" not in names
+    assert "hochlauf.lis" not in names
+
+
+def test_datum_makes_the_table_zero_there(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv", offset=0.05)
+    plain = run_job(screw_job(tmp_path), tmp_path / "out")
+    at_zero = run_job(
+        screw_job(tmp_path, measurement="datum = { at = 200.0 }"), tmp_path / "out"
+    )
+    pos, neg = (at_zero.tables[0].table[name][2] for name in ("pos", "neg"))
+    # Mean of both directions, up to rounding of each.
+    assert 0.5 * (pos + neg) == pytest.approx(0.0, abs=LIST_UNIT)
+    whole = plain.tables[0].table["pos"] - at_zero.tables[0].table["pos"]
+    # All nodes move by the same constant: 50 µm and the mean of 20 and 14 µm.
+    np.testing.assert_allclose(whole, 0.05 + 0.017, atol=3e-4)
+
+
+def test_run_effects_leave_reversal_and_mean_alone(tmp_path: Path) -> None:
+    # Runs numbered per direction, each with an offset of its own.
+    rng = np.random.default_rng(13)
+    there = np.arange(0.0, 401.0, 50.0)
+    rows = []
+    for k in range(6):
+        sense = 1 if k % 2 == 0 else -1
+        own = np.full(len(there), sense)
+        path = there[::sense]
+        error = screw_error(path, own) + 2e-3 * (k // 2 - 1)
+        rows.append((path, error, np.full(len(there), k + 1), own))
+    target, error, run, direction = (np.concatenate(part) for part in zip(*rows))  # noqa: B905
+    error = error + 1e-4 * rng.standard_normal(len(error))
+    table(
+        tmp_path / "laser.csv", "target,actual,run,direction",
+        target, target + error, run, direction,
+    )  # fmt: skip
+    result = run_job(screw_job(tmp_path), tmp_path / "out")
+    nodes = np.arange(0.0, 401.0, 100.0)
+    ones = np.ones(5, dtype=np.int64)
+    found = result.tables[0].table
+    np.testing.assert_allclose(found["pos"], screw_error(nodes, ones), atol=5e-4)
+    np.testing.assert_allclose(found["neg"], screw_error(nodes, -ones), atol=5e-4)
+    assert len(result.tables[0].fit.runs) == 3
+
+
+def test_second_fit_of_an_axis_takes_what_the_first_leaves(tmp_path: Path) -> None:
+    rng = np.random.default_rng(17)
+    x, y = (
+        a.ravel() for a in np.meshgrid(np.arange(0, 101, 10.0), np.arange(0, 51, 10.0))
+    )
+    truth = 3e-4 * x + 2e-4 * y
+    noise = 1e-4 * rng.standard_normal(len(x))
+    table(tmp_path / "probe.csv", "x,y,dz", x, y, truth + noise)
+    (tmp_path / "job.toml").write_text("""
+[axes.X]
+number = 1
+limits = [0, 100]
+[axes.Y]
+number = 2
+[axes.Z]
+number = 3
+[measurements.probe]
+file = "probe.csv"
+columns = { "X.position" = "x", "Y.position" = "y", "Z.error" = "dz" }
+[[fits]]
+compensation = "cross"
+axis = "Z"
+master = "X"
+measurement = "probe"
+smoothness = 10
+start = 0.0
+interval = 50.0
+points = 3
+[[fits]]
+compensation = "plane"
+axis = "Z"
+masters = ["X", "Y"]
+measurement = "probe"
+smoothness = 10
+start = [0.0, 0.0]
+interval = [50.0, 50.0]
+points = [3, 2]
+""")
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    left = truth + offsets(tmp_path / "out", 3, A1=x, A2=y)
+    # Both tables together correct once; each alone for all of it would double.
+    assert np.max(np.abs(left)) < 4e-4
+    assert any("earlier fit" in r.message for r in result.tables[1].remarks)
+
+
+def test_result_holds_what_the_interface_promises(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    run_job(screw_job(tmp_path), tmp_path / "out")
+    text = (tmp_path / "out" / "result.json").read_text()
+    found = json.loads(text)
+    assert "NaN" not in text
+    assert {"inputs", "versions", "wall_time"} <= set(found)
+    assert set(found["inputs"]) == {"job.toml", "laser.csv"}
+    fit = found["fits"][0]
+    for key in (
+        "compensation", "axis", "parameters", "standard_deviations", "support",
+        "noise", "smoothness", "error", "gate", "findings", "conventions",
+    ):  # fmt: skip
+        assert key in fit
+    assert set(fit["parameters"]["table"]) == {"pos", "neg"}
+    assert np.shape(fit["support"]["neg"]) == (5,)
+    for stage in ("before", "predicted", "from_file"):
+        assert {"rms", "max", "A", "R", "B", "E", "M"} <= set(fit["error"][stage])
+    states = {item["name"]: item["state"] for item in fit["conventions"]}
+    assert states["leadscrew_sign"] == "assumed"
+
+
+def test_conventions_of_the_machine_turn_the_sign(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path)
+    plain = run_job(job, tmp_path / "out")
+    (tmp_path / "mill.toml").write_text("leadscrew_sign = 1\n")
+    state_conventions(job)
+    turned = run_job(job, tmp_path / "out")
+    np.testing.assert_array_equal(
+        turned.tables[0].table["pos"], -plain.tables[0].table["pos"]
+    )
+    states = {rule.name: rule.state for rule in turned.tables[0].conventions}
+    assert states["leadscrew_sign"] == "verified"
+    assert states["start_direction"] == "assumed"
+
+
+def test_unknown_convention_names_the_nearest(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path)
+    (tmp_path / "mill.toml").write_text("leadscrew_sing = 1\n")
+    state_conventions(job)
+    with pytest.raises(JobError, match=r"mill.toml:1: .*'leadscrew_sign'"):
+        run_job(job, tmp_path / "out")
+
+
+def test_gantry_partner_without_a_table_is_a_warning(tmp_path: Path) -> None:
+    x = np.linspace(0.0, 100.0, 21)
+    table(tmp_path / "edge.csv", "x,dy", x, 1e-4 * np.sin(x))
+    (tmp_path / "job.toml").write_text("""
+[axes.X]
+number = 1
+limits = [0, 100]
+[axes.Y]
+number = 2
+gantry = "Y2"
+[axes.Y2]
+number = 5
+[measurements.edge]
+file = "edge.csv"
+columns = { "X.position" = "x", "Y.error" = "dy" }
+[[fits]]
+compensation = "cross"
+axis = "Y"
+master = "X"
+measurement = "edge"
+smoothness = 1
+start = 0.0
+interval = 25.0
+points = 5
+""")
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    warned = [r.message for r in result.tables[0].remarks if r.level == "warning"]
+    assert any(
+        "axis 5, gantry partner of axis 2, has no list" in text for text in warned
+    )
+    assert result.passed
+
+
+def test_table_that_was_off_and_stays_in_the_list_is_named(tmp_path: Path) -> None:
+    raw = OLD_LIST.replace("µ", "u").replace(
+        "table[1].correction 0", "table[1].correction 50"
+    )
+    (tmp_path / "achskw1.lis").write_bytes(raw.encode("latin-1"))
+    laser(tmp_path / "laser.csv")
+    off = run_job(screw_job(tmp_path, axis='list = "achskw1.lis"'), tmp_path / "out")
+    assert any("also holds a cross table that was off" in r.message
+               for r in off.tables[0].remarks)  # fmt: skip
+    on = run_job(
+        screw_job(
+            tmp_path, axis='list = "achskw1.lis"', measurement='active = ["cross"]'
+        ),
+        tmp_path / "out",
+    )
+    assert not any("that was off" in r.message for r in on.tables[0].remarks)
+
+
+def test_load_sheet_tells_files_order_check_and_the_way_back(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    result = run_job(screw_job(tmp_path), tmp_path / "out")
+    text = "\n".join(f"{step.action}: {step.detail}" for step in result.load_sheet)
+    for word in (
+        "achskw1.lis", "achsmds1.add.lis", "hochlauf.add.lis", "Restart the controller",
+        "X[COMP ON LEAD]", "V.A.LEAD_COMP_ACTIVE.X", "P-AXIS-00465", "Go back",
+        "computed, not verified",
+    ):  # fmt: skip
+        assert word in text
+    old_list(tmp_path)
+    again = run_job(screw_job(tmp_path, axis='list = "achskw1.lis"'), tmp_path / "out")
+    assert "Reload the lists" in {step.action for step in again.load_sheet}

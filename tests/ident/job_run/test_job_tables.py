@@ -1,0 +1,163 @@
+"""Jobs end to end with a known truth: what is written does to the error."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile
+from axcomp.ident.job import run_job
+
+from .screw import LIST_UNIT, laser, offsets, screw_error, screw_job, table
+
+
+def test_defaults_find_the_same_table_as_plain_means(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path)
+    plain = run_job(job, tmp_path / "out")
+    text = job.read_text().replace("smoothness = 0", "").replace('loss = "gauss"', "")
+    job.write_text(text)
+    auto = run_job(job, tmp_path / "out")
+    for name in ("pos", "neg"):
+        shift = auto.tables[0].table[name] - plain.tables[0].table[name]
+        # Inside two standard errors, and rounding of both.
+        allowed = 2 * auto.tables[0].standard_deviation[name] + LIST_UNIT
+        assert np.all(np.abs(shift) < allowed)
+
+
+def test_written_leadscrew_list_takes_the_error_away(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    result = run_job(screw_job(tmp_path), tmp_path / "out")
+    position = np.tile(np.linspace(0.0, 400.0, 81), 2)
+    direction = np.repeat([1, -1], 81)
+    error = screw_error(position, direction)
+    left = error + offsets(tmp_path / "out", 1, A1=position, D=direction)
+    assert result.passed
+    # A wrong sign would leave 40 µm; 0.1 µm of noise on 6 readings per node and 0.05 µm
+    # of rounding leave well under 0.5 µm.
+    assert np.max(np.abs(error)) > 0.015
+    assert np.max(np.abs(left)) < 5e-4
+
+
+def test_written_cross_list_takes_the_error_away(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    x = np.linspace(-10.0, 410.0, 85)
+    nodes = np.arange(-10.0, 411.0, 60.0)
+    truth = 0.02 * np.sin(nodes / 90.0)
+    table(
+        tmp_path / "edge.csv", "x,dy", x,
+        np.interp(x, nodes, truth) + 1e-4 * rng.standard_normal(len(x)),
+    )  # fmt: skip
+    (tmp_path / "job.toml").write_text("""
+[axes.X]
+number = 1
+limits = [-10, 410]
+[axes.Y]
+number = 2
+[measurements.edge]
+file = "edge.csv"
+columns = { "X.position" = "x", "Y.error" = "dy" }
+[[fits]]
+compensation = "cross"
+axis = "Y"
+master = "X"
+measurement = "edge"
+smoothness = 0
+start = -10.0
+interval = 60.0
+points = 8
+n_cycles = 20
+""")
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    left = truth + offsets(tmp_path / "out", 2, A1=nodes)
+    assert result.passed
+    # 0.1 µm of noise on some ten readings per node, 0.05 µm of rounding.
+    assert np.max(np.abs(left)) < 3e-4
+    written = ListFile.read(tmp_path / "out" / "achskw2.lis")
+    assert written.integer("kw.crosscomp.n_cycles") == 20
+    assert written.integer("kw.crosscomp.master_ax_nr") == 1
+
+
+def test_written_plane_list_takes_the_error_away(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(-40.0, 61.0, 10.0), np.arange(-70.0, 31.0, 10.0))
+    x, y = x.ravel(), y.ravel()
+    # Bilinear, and different along the two masters: swapped indices would show.
+    truth = 1e-4 * x - 3e-4 * y + 2e-6 * x * y
+    noise = 1e-4 * rng.standard_normal(len(x))
+    table(tmp_path / "probe.csv", "x,y,dz", x, y, 1e3 * (truth + noise))
+    (tmp_path / "job.toml").write_text("""
+[axes.X]
+number = 1
+[axes.Y]
+number = 2
+[axes.Z]
+number = 3
+name = "Z_ACHSE"
+[measurements.probe]
+file = "probe.csv"
+[measurements.probe.columns]
+"X.position" = { column = "x", unit = "mm" }
+"Y.position" = { column = "y", unit = "mm" }
+"Z.error" = { column = "dz", unit = "um" }
+[[fits]]
+compensation = "plane"
+axis = "Z"
+masters = ["X", "Y"]
+measurement = "probe"
+smoothness = 10
+start = [-40.0, -70.0]
+interval = [20.0, 10.0]
+points = [6, 11]
+""")
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    left = truth + offsets(tmp_path / "out", 3, A1=x, A2=y)
+    assert result.passed
+    # 0.1 µm of noise, one or two readings per node, 3 sigma, 0.05 µm of rounding.
+    assert np.max(np.abs(left)) < 4e-4
+    written = ListFile.read(tmp_path / "out" / "achskw3.lis")
+    assert written.text("kw.crosscomp2.grid") == "RECTANGULAR"
+    assert written.text("kopf.log_achs_name") == "Z_ACHSE"
+    first = json.loads((tmp_path / "out" / "result.json").read_text())["fits"][0]
+    assert np.shape(first["parameters"]["table"]) == (11, 6)
+    # In mm and with the sign of the entry, which for a plane is the offset.
+    assert first["parameters"]["table"][0][0] == pytest.approx(-truth[0], abs=5e-4)
+
+
+def test_table_of_a_modulo_axis_closes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    angle = np.tile(np.arange(0.0, 360.0, 10.0), 2)
+    error = 4e-3 * np.sin(np.deg2rad(angle)) + 1e-3
+    run = np.repeat([1, 2], 36)
+    noise = 1e-4 * rng.standard_normal(len(angle))
+    table(tmp_path / "c.csv", "run,c,e", run, angle, error + noise)
+    (tmp_path / "job.toml").write_text("""
+[axes.C]
+number = 6
+type = "rotary"
+modulo = [0.0, 360.0]
+[measurements.table]
+file = "c.csv"
+columns = { run = "run", "C.position" = "c", "C.error" = "e" }
+[[fits]]
+compensation = "leadscrew"
+axis = "C"
+measurement = "table"
+smoothness = 0
+modulo = true
+start = 0.0
+interval = 30.0
+points = 13
+""")
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    values = result.tables[0].table["pos"]
+    assert result.tables[0].unit == "deg"
+    assert values[0] == values[-1]
+    at = np.array([-1.0, 0.0, 359.0, 361.0, 719.0])
+    added = offsets(tmp_path / "out", 6, A6=at)
+    # −1°, 359° and 719° are one place, up to the rounding of the wrapped angle.
+    assert added[0] == pytest.approx(added[2], abs=1e-9)
+    assert added[4] == pytest.approx(added[2], abs=1e-9)
+    # Offset = −error; sagitta of a sine over 30° nodes is 0.14e-3, plus noise.
+    assert added[1] == pytest.approx(-1e-3, abs=3e-4)
