@@ -7,6 +7,7 @@ direction with the weight by generalised cross-validation, leave each run out, w
 import importlib.util
 import json
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -301,6 +302,47 @@ def write_log(path: Path, rows: int) -> None:
             error = 0.02 * np.sin(x / 200.0) * np.cos(y / 150.0)
             error += rng.normal(0.0, 0.002, len(x))
             file.write_table(pa.table({"x": x, "y": y, "e": error}))
+
+
+_STREAM_JOB = """
+[axes.X]
+number = 1
+[axes.Y]
+number = 2
+[axes.Z]
+number = 3
+[measurements.log]
+file = "log.parquet"
+stream = true
+[measurements.log.columns]
+"X.position" = "x"
+"Y.position" = "y"
+"Z.error" = "e"
+[[fits]]
+compensation = "plane"
+axis = "Z"
+masters = ["X", "Y"]
+measurement = "log"
+start = [0.0, 0.0]
+interval = [10.0, 10.0]
+points = [101, 101]
+loss = "{loss}"
+"""
+
+
+@pytest.mark.parametrize("loss", ["gauss", "student"])
+def test_streamed_job(benchmark: BenchmarkFixture, tmp_path: Path, loss: str) -> None:
+    write_log(tmp_path / "log.parquet", 10_000_000)
+    job = tmp_path / "job.toml"
+    job.write_text(_STREAM_JOB.format(loss=loss))
+    command = [sys.executable, "-m", "axcomp", "fit", str(job)]
+    command += ["--out", str(tmp_path / "out")]
+    call = {"check": True, "capture_output": True}
+    benchmark.pedantic(subprocess.run, args=(command,), kwargs=call, rounds=1)
+    (tmp_path / "log.parquet").unlink()
+    # Of all that was started from here, this command has by far the most.
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    benchmark.extra_info |= {"peak_MB": peak}
 
 
 @pytest.mark.parametrize("rows", [25_000_000, 100_000_000])

@@ -56,8 +56,9 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[JobItem, .
     twins = [name for name, n in Counter(item.name for item in items).items() if n > 1]
     if twins:
         raise BatchError(
-            where=str(out),
-            reason=f"found two jobs named {twins[0]!r}, expected names of their own",
+            where=", ".join(map(str, arguments)),
+            reason=f"found two jobs named {twins[0]!r}, expected names of their own (in a"
+            " table the column job)",
         )
     return tuple(items)
 

@@ -35,17 +35,23 @@ def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
         BatchError: If the table or a cell cannot be read.
     """
     templates: dict[Path, dict[str, Any]] = {}
+    named: dict[str, int] = {}
     for number, row in enumerate(_rows(path), start=1):
         name = str(row.pop("job", "") or f"{path.stem}-{number:05d}")
         if not name.strip(". ") or any(mark in name for mark in '/\\:*?"<>|\0'):
             reason = f"row {number}: found {name!r}, expected a name fit for a folder"
             raise BatchError(where=str(path), reason=reason)
+        if name in named:
+            reason = f"rows {named[name]} and {number}: found two jobs named {name!r},"
+            reason += " expected names of their own"
+            raise BatchError(where=str(path), reason=reason)
+        named[name] = number
         tree: dict[str, Any] = {}
         template = row.pop("template", None)
         if template:
             base = path.parent / str(template)
             if base not in templates:
-                templates[base] = _template(base)
+                templates[base] = _template(base, f"{path}: row {number}")
             tree = _rebased(templates[base], base.parent, jobs)
         for key, cell in row.items():
             if cell is None or cell == "":
@@ -90,14 +96,21 @@ def _rows(path: Path) -> Iterator[dict[str, Any]]:
             reason=f"found the columns {', '.join(table.column_names[:6])}, expected keys of"
             " a job (machine.id, measurements.laser.file, fits.0.axis) or a template",
         )
+    if not table.num_rows:
+        reason = "found no rows, expected one per job"
+        raise BatchError(where=str(path), reason=reason)
     yield from table.to_pylist()
 
 
-def _template(path: Path) -> dict[str, Any]:
+def _template(path: Path, where: str) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BatchError(where=str(path), reason=f"no template: {error}") from None
+    except OSError as error:
+        reason = f"found template {path}: {error.strerror}, expected a job file"
+        raise BatchError(where=where, reason=reason) from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        reason = f"template {path} is no TOML: {error}"
+        raise BatchError(where=where, reason=reason) from None
 
 
 def _value(key: str, cell: Any) -> Any:

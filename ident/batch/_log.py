@@ -2,8 +2,6 @@
 
 import contextlib
 import dataclasses
-import queue
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,19 +10,15 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.measurements import LogPart, log_parts
-from ..fit import Samples, TableFit, TableLayout, fit_streamed
+from ..fit import Ahead, Samples, TableFit, TableLayout, fit_streamed, in_turn
 from ._cluster import workers_of
 
 _PARTS = 32
 """Parts of a log: enough to share out evenly, few enough to send their sums about."""
 _ROWS = 1 << 19
 """Rows of a piece."""
-_PIECES = 2
-"""Pieces read ahead."""
-
 
 _Columns = list[Float[np.ndarray, " t"]]
-_Pieces = queue.Queue[_Columns | BaseException | None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,66 +39,10 @@ class _Readings:
         """Return the readings of a piece."""
         *positions, error = columns
         return Samples(
-            np.stack(positions, axis=1),
+            # Column after column: that is how they come, and how they are looked at.
+            np.array(positions).T,
             error if self.factor == 1.0 else self.factor * error,
         )
-
-
-class _Ahead:
-    """Readings that a thread of its own reads while those before them are summed up."""
-
-    def __init__(self, readings: _Readings) -> None:
-        self._readings = readings
-        self._pieces: _Pieces | None = None
-        self._over = threading.Event()
-
-    def begin(self) -> None:
-        """Start to read; no more than a few pieces lie in memory."""
-        self._over = threading.Event()
-        self._pieces = queue.Queue(_PIECES)
-        threading.Thread(
-            target=self._read, args=(self._pieces, self._over), daemon=True
-        ).start()
-
-    def end(self) -> None:
-        """Stop to read what nobody waits for."""
-        self._over.set()
-        self._pieces = None
-
-    def __call__(self) -> Iterator[Samples]:
-        if self._pieces is None:
-            self.begin()
-        pieces, self._pieces, over = self._pieces, None, self._over
-        assert pieces is not None
-        try:
-            while (piece := pieces.get()) is not None:
-                if isinstance(piece, BaseException):
-                    raise piece
-                # Made here: a thread that ends leaves what it took of memory behind.
-                yield self._readings.samples(piece)
-        finally:
-            over.set()
-
-    def _read(self, pieces: _Pieces, over: threading.Event) -> None:
-        last: BaseException | None = None
-        try:
-            for piece in self._readings.columns():
-                if not _put(pieces, piece, over):
-                    return
-        except BaseException as error:
-            last = error
-        _put(pieces, last, over)
-
-
-def _put(
-    pieces: _Pieces, piece: _Columns | BaseException | None, over: threading.Event
-) -> bool:
-    """Hand a piece over; return whether anybody still waits for it."""
-    while not over.is_set():
-        with contextlib.suppress(queue.Full):
-            pieces.put(piece, timeout=0.1)
-            return True
-    return False
 
 
 def fit_log(
@@ -149,22 +87,9 @@ def fit_log(
 
         def apply(call: Callable[[Any], Any], items: Sequence[Any]) -> Iterable[Any]:
             if client is None:
-                return _in_turn(call, items)
+                return in_turn(call, items)
             found: list[Any] = client.gather(client.map(call, list(items), pure=False))
             return found
 
-        own = [_Ahead(part) for part in parts] if local else parts
+        own = [Ahead(part.columns, part.samples) for part in parts] if local else parts
         return fit_streamed(layout, own, smoothness=smoothness, loss=loss, apply=apply)
-
-
-def _in_turn(call: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
-    """Return what a call makes of each item; the next one is read meanwhile."""
-    try:
-        for item, following in zip(items, [*items[1:], None], strict=True):
-            if isinstance(following, _Ahead):
-                following.begin()
-            yield call(item)
-    finally:
-        for item in items:
-            if isinstance(item, _Ahead):
-                item.end()

@@ -91,7 +91,13 @@ def run_batch(
     """
     start = time.monotonic()
     out = out.resolve()
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = f"cannot write into the folder of the batch: {error.strerror}"
+        if out.is_file():
+            reason = "found a file, expected a folder"
+        raise BatchError(where=str(out), reason=reason) from None
     with locked(out):
         items = collect_jobs(jobs, out)
         texts = [item.text.encode() if item.text else b"" for item in items]

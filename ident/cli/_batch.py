@@ -106,14 +106,19 @@ def _print(result: "BatchResult", out: Path) -> None:
         say(f"… and {len(result.reasons) - _SHOWN} more failed, see results.parquet")
     summary = result.summary
     for name, count in summary.gate.items():
-        say(f"gate: {name} failed in {count} fits")
+        say(f"gate: {name} failed in {_count(count, 'fit')}")
     if summary.unverified:
         say(
-            f"{summary.unverified} lists lie in unverified/: the conventions of their"
-            " machines are only assumed. Verify them before loading."
+            f"{_count(summary.unverified, 'list')} lie{'s' * (summary.unverified == 1)}"
+            " in unverified/: the conventions of their machines are only assumed. Verify"
+            " them before loading."
         )
     say(
-        f"{result.jobs} jobs, {result.failed} failed, {result.rejected} did not pass"
+        f"{_count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"
         f" ({result.seconds:.1f} s). Table: {out / 'results.parquet'}, summary:"
         f" {out / 'summary.html'}"
     )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

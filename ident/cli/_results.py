@@ -33,11 +33,13 @@ def results(
 
     from ..batch import query_results
 
-    rows = query_results(folder, where, select, order, limit).to_pylist()
+    table = query_results(folder, where, select, order, limit)
+    rows = table.to_pylist()
     if as_json:
         typer.echo(json.dumps(rows, default=str))
         return
-    if rows:
-        writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    writer = csv.DictWriter(sys.stdout, table.column_names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    if not rows:
+        typer.echo("No row answers that.", err=True)

@@ -43,9 +43,7 @@ class Composition:
     beyond: tuple[Beyond, ...]
 
 
-def compose(
-    sizes: Mapping[Term, float], turning: Collection[str] = ()
-) -> Composition:
+def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> Composition:
     """Return the fewest compensations that hold all chosen terms of an axis.
 
     Args:

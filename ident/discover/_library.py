@@ -58,7 +58,9 @@ def library_of(view: AxisView, axes: tuple[str, ...]) -> Library:
     for pair in itertools.combinations(moved, 2):
         turns = [name for name in pair if name in data.modulo]
         if turns:
-            why = f"{turns[0]} goes round, and planes are fitted over axes with two ends"
+            why = (
+                f"{turns[0]} goes round, and planes are fitted over axes with two ends"
+            )
             absent.append(("plane", pair, why))
         else:
             terms.append(Term(Kind.SURFACE, axis, pair))

@@ -84,21 +84,26 @@ class AbstractDraft(abc.ABC):
         """How it is switched on, or None where nothing is written."""
 
     @property
+    def partial(self) -> bool:
+        """Whether it is written without what its readings do not tell, and says so."""
+        return False
+
+    @property
     def replaces(self) -> tuple[str, ...]:
         """Beginnings of the list entries that are removed where they are not new."""
         return ()
 
-    @abc.abstractmethod
     def entries(self, job: Job) -> dict[str, Value]:
         """Return the entries of the compensation list; empty where it needs none.
 
         Raises:
             JobError: If it fits no list of the controller's build.
         """
+        return {}
 
-    @abc.abstractmethod
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
         """Return the entries of the axis list; ``cycles`` is P-AXIS-00243 of the axis."""
+        return {}
 
     def machine_remarks(self) -> list[Remark]:
         """Return what the user must know of changes to the axis list."""
@@ -112,17 +117,17 @@ class AbstractDraft(abc.ABC):
         """Return the cycles that its jump at reversal wants, or None."""
         return None
 
-    @abc.abstractmethod
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        """Return every line of the gate."""
+        """Return every line of the gate; none where nothing is written."""
+        return ()
 
-    @abc.abstractmethod
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
         """Raise where the list, read back, does not hold what was fitted.
 
         Raises:
             JobError: Naming the list.
         """
+        return None
 
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
         """Return why a restart is needed, or None where a reload is enough."""

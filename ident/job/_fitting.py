@@ -1,6 +1,8 @@
 """One fit: readings in, integers of the list and what they leave of the error out."""
 
+import abc
 import dataclasses
+from typing import final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -16,32 +18,22 @@ _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Fitted:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AbstractFitted(abc.ABC):
     """A fit before it is written.
 
     Attributes:
         plan: What is written.
-        readings: What was measured.
-        samples: The same as the estimator saw it.
         fit: The estimate, zero at the datum (sign of the error).
-        before: Error of each reading, zero at the datum, in mm or °.
-        active: Offset that was active at each reading while measuring.
         integers: Entries of the new table.
         rounding: Largest change of an offset by rounding, in mm or °.
-        held_out: Each reading under the list that was fitted without it.
         run_effects: What each run was allowed of its own.
     """
 
     plan: Plan
-    readings: Readings
-    samples: Samples
     fit: TableFit
-    before: Float[np.ndarray, " t"]
-    active: Float[np.ndarray, " t"]
     integers: Int[np.ndarray, "..."]
     rounding: float
-    held_out: HeldOut
     run_effects: str
 
     @property
@@ -56,6 +48,81 @@ class Fitted:
         return None if old is None else self.offset - old
 
 
+@final
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fitted(AbstractFitted):
+    """A fit to readings in memory.
+
+    Attributes:
+        readings: What was measured.
+        samples: The same as the estimator saw it.
+        before: Error of each reading, zero at the datum, in mm or °.
+        active: Offset that was active at each reading while measuring.
+        held_out: Each reading under the list that was fitted without it.
+    """
+
+    readings: Readings
+    samples: Samples
+    before: Float[np.ndarray, " t"]
+    active: Float[np.ndarray, " t"]
+    held_out: HeldOut
+
+
+@dataclasses.dataclass(frozen=True)
+class Rounded:
+    """From an estimate to the entries of a list.
+
+    Attributes:
+        job: The job.
+        plan: What is written.
+        datum: Where the error is zero, per master, or None.
+    """
+
+    job: Job
+    plan: Plan
+    datum: tuple[float, ...] | None
+
+    def offset(self, estimate: TableFit) -> Float[np.ndarray, "..."]:
+        """Return the offset at the nodes that an estimate asks for, in mm or °."""
+        residual = estimate.values - self.zero(estimate)
+        old = self.plan.old_offset if self.plan.active else None
+        return -residual if old is None else old - residual
+
+    def integers(self, estimate: TableFit) -> Int[np.ndarray, "..."]:
+        """Return the entries of its list."""
+        return self.plan.table.to_integers(self.offset(estimate))
+
+    def rounding(self, estimate: TableFit) -> float:
+        """Return the largest change of an offset by rounding, in mm or °.
+
+        Between nodes the table is a weighted mean, which cannot be off by more.
+        """
+        written = self.plan.table.to_offsets(self.integers(estimate))
+        return float(np.max(np.abs(written - self.offset(estimate))))
+
+    def zero(self, estimate: TableFit) -> float:
+        """Return what the table says at the datum, the mean of both directions.
+
+        Raises:
+            JobError: If it lies outside the table.
+        """
+        plan = self.plan
+        if self.datum is None:
+            return 0.0
+        for place, nodes in zip(self.datum, plan.table.nodes, strict=True):
+            ends = nodes.positions[[0, -1]]
+            if not ends[0] <= place <= ends[1]:
+                raise self.job.error(
+                    ("measurements", plan.fit.sources[0], "datum", "at"),
+                    f"found {place:g}, expected a position within the table of"
+                    f" fits[{plan.index}], {ends[0]:g} to {ends[1]:g}",
+                )
+        count = plan.table.branches
+        where = np.tile(np.array([self.datum]), (count, 1))
+        branch = np.arange(count) if count == 2 else None
+        return float(np.mean(predict(estimate, where, branch)[0]))
+
+
 def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
     """Fit the table of a plan to its readings and round it to the list.
 
@@ -67,7 +134,10 @@ def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
     except (FitError, ExchangeError) as error:
         spec = plan.fit
         reason = f"{spec.compensation} of {spec.axis} from {', '.join(spec.sources)}"
-        raise job.error(("fits", plan.index), f"{reason}: {error}") from None
+        where = ("fits", plan.index)
+        if isinstance(error, FitError):
+            raise job.untold(where, f"{reason}: {error}") from None
+        raise job.error(where, f"{reason}: {error}") from None
 
 
 def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
@@ -91,22 +161,12 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
         loss=spec.loss,
         run_effects=effects,
     )
-    zero = _zero(job, plan, readings, fit)
-    old = plan.old_offset if plan.active else None
-
-    def offset_of(estimate: TableFit) -> Float[np.ndarray, "..."]:
-        residual = estimate.values - _zero(job, plan, readings, estimate)
-        return -residual if old is None else old - residual
-
-    def integers_of(estimate: TableFit) -> Int[np.ndarray, "..."]:
-        return table.to_integers(offset_of(estimate))
-
+    rounded = Rounded(job, plan, readings.datum)
+    zero = rounded.zero(fit)
     before = readings.error - zero
     active = np.zeros(len(before))
     if plan.active and plan.old is not None:
         active = table.offset(plan.old, readings.positions, branch)
-    integers = integers_of(fit)
-    exact = offset_of(fit)
     return Fitted(
         plan=plan,
         readings=readings,
@@ -114,11 +174,10 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
         fit=dataclasses.replace(fit, values=fit.values - zero),
         before=before,
         active=active,
-        integers=integers,
-        # Between nodes the table is a weighted mean, which cannot be off by more.
-        rounding=float(np.max(np.abs(table.to_offsets(integers) - exact))),
+        integers=rounded.integers(fit),
+        rounding=rounded.rounding(fit),
         held_out=held_out(
-            table, samples, fit, integers_of, before, active, run_effects=effects
+            table, samples, fit, rounded.integers, before, active, run_effects=effects
         ),
         run_effects=effects,
     )
@@ -132,21 +191,3 @@ def _run_effects(samples: Samples) -> str:
     if len(labels) < 2:
         return "none"
     return "drift" if counts.min() >= _DRIFT_NEEDS else "offset"
-
-
-def _zero(job: Job, plan: Plan, readings: Readings, fit: TableFit) -> float:
-    """Return what the table says at the datum, the mean of both directions."""
-    if readings.datum is None:
-        return 0.0
-    for place, nodes in zip(readings.datum, plan.table.nodes, strict=True):
-        ends = nodes.positions[[0, -1]]
-        if not ends[0] <= place <= ends[1]:
-            raise job.error(
-                ("measurements", plan.fit.sources[0], "datum", "at"),
-                f"found {place:g}, expected a position within the table of"
-                f" fits[{plan.index}], {ends[0]:g} to {ends[1]:g}",
-            )
-    count = plan.table.branches
-    where = np.tile(np.array([readings.datum]), (count, 1))
-    branch = np.arange(count) if count == 2 else None
-    return float(np.mean(predict(fit, where, branch)[0]))

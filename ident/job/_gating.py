@@ -10,7 +10,7 @@ from ..proof import (
     choose_cycles,
     judge,
 )
-from ._fitting import Fitted
+from ._fitting import AbstractFitted
 from ._load import Job
 from ._source import masters_of
 
@@ -21,7 +21,7 @@ def limits_of(job: Job) -> GateLimits:
     return dataclasses.replace(GateLimits(), **given)
 
 
-def cycles_for(job: Job, fitted: Fitted) -> int | None:
+def cycles_for(job: Job, fitted: AbstractFitted) -> int | None:
     """Return the cycles that spread a reversal jump, None for one branch only."""
     if fitted.plan.table.branches == 1:
         return None
@@ -37,7 +37,9 @@ def cycles_for(job: Job, fitted: Fitted) -> int | None:
     )
 
 
-def pass_gate(job: Job, fitted: Fitted, cycles: int | None) -> tuple[GateCheck, ...]:
+def pass_gate(
+    job: Job, fitted: AbstractFitted, cycles: int | None
+) -> tuple[GateCheck, ...]:
     """Return every line of the gate for a fitted table."""
     table = fitted.plan.table
     names = masters_of(fitted.plan.fit)

@@ -20,7 +20,7 @@ def groups_of(job: JobFile) -> dict[str, tuple[int, ...]]:
     return {
         name: own
         for name, own in found.items()
-        if len(own) > 1 or _drifts(job, job.fits[own[0]])
+        if len(own) > 1 or any(_drifts(job, job.fits[k]) for k in own)
     }
 
 

@@ -20,6 +20,7 @@ from ..exchange import (
     nodes_in,
     point_nodes,
 )
+from ._errors import JobError
 from ._fit_schema import CrossSpec, LeadscrewSpec, LineSpec, PlaneSpec, TableSpec
 from ._load import Job
 from ._source import Tables, masters_of
@@ -85,15 +86,21 @@ def _nodes(
         return (grid_nodes(fit.start, fit.interval, fit.points, name),)
     if old is None and isinstance(fit, PlaneSpec):
         spec = job.spec.measurements[fit.sources[0]]
+        if tables.large(fit.sources[0]) is not None:
+            raise _no_nodes(job, index, fit)  # no mesh is that large
         read = tables.table(fit.sources[0])
         if read.format in MESH_FORMATS and not spec.columns:
             return tuple(_mesh_nodes(read.column(axis).values, name) for axis in "xy")
     if old is None:
-        wanted = "start, interval and points"
-        if isinstance(fit, LineSpec):
-            wanted = f"setpoints, or {wanted}"
-        raise job.error(("fits", index), f"no nodes, expected {wanted}")
+        raise _no_nodes(job, index, fit)
     return nodes_in(old, name)
+
+
+def _no_nodes(job: Job, index: int, fit: TableSpec) -> JobError:
+    wanted = "start, interval and points"
+    if isinstance(fit, LineSpec):
+        wanted = f"setpoints, or {wanted}"
+    return job.error(("fits", index), f"no nodes, expected {wanted}")
 
 
 def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:

@@ -14,7 +14,7 @@ from ._fitting import Fitted
 from ._lists import AxisFiles
 from ._load import Job
 from ._output import OutFolder
-from ._remarks import fit_remarks
+from ._remarks import Counts, fit_remarks, outside
 from ._result import (
     Remark,
     SampleView,
@@ -60,6 +60,11 @@ def prove(
     entries = table.sign * one.offset
     old = plan.old_offset
     linear = job.spec.axes[spec.axis].kind == "linear"
+    counts = Counts(
+        len(one.before),
+        int(one.fit.wild.sum()),
+        int(outside(table, readings.positions).sum()),
+    )
     error = {
         "before": error_figures(one.before, runs, one.fit.wild),
         "predicted": error_figures(one.held_out.residual, runs, one.fit.wild),
@@ -90,8 +95,8 @@ def prove(
         remarks=(
             *plan.remarks,
             *readings.remarks,
-            *fit_remarks(one, linear),
-            *_without_use(error, one.held_out.by_run),
+            *fit_remarks(one, counts, linear),
+            *without_use(error, one.held_out.by_run),
             *files.remarks,
         ),
         files=files.of_lists(written),
@@ -100,7 +105,7 @@ def prove(
     )
 
 
-def _without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark]:
+def without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark]:
     """Return a warning where the list would not have helped on data it has not seen."""
     if error["predicted"].sound.rms < error["before"].sound.rms:
         return []

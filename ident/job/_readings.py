@@ -66,6 +66,7 @@ def read_fit(
     fit: TableSpec,
     table: AbstractTable,
     extra: Mapping[str, Float[np.ndarray, " t"]],
+    words: tuple[Remark, ...] = (),
 ) -> Readings:
     """Return the readings of a fit, all its measurements joined.
 
@@ -76,6 +77,7 @@ def read_fit(
         table: What will be written.
         extra: By measurement, what earlier fits of this axis add to it; a later fit
             takes what they leave.
+        words: What there is to say of them already.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
@@ -84,7 +86,8 @@ def read_fit(
     job = tables.job
     wanted = wanted_by(fit, table)
     parts = [read_part(tables, name, fit, wanted) for name in fit.sources]
-    remarks = [Remark("info", text) for part in parts for text in part.remarks]
+    remarks = [*words]
+    remarks += [Remark("info", text) for part in parts for text in part.remarks]
     slices: dict[str, slice] = {}
     errors: list[np.ndarray] = []
     start = 0
@@ -132,7 +135,7 @@ def read_fit(
         run=run,
         order=np.asarray(order, dtype=float),
         place=None if run is None else place_in_run(run, order),
-        datum=_datum(job, index, fit),
+        datum=datum_of(job, index, fit),
         slices=slices,
         repeated=repeated,
         remarks=tuple(remarks),
@@ -164,7 +167,12 @@ def joined_runs(parts: list[Part]) -> Int[np.ndarray, " t"] | None:
     return np.concatenate(numbered)
 
 
-def _datum(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:
+def datum_of(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:
+    """Return where the error of a fit is zero, per master, or None.
+
+    Raises:
+        JobError: If its measurements differ, or it has not one position per master.
+    """
     found = {
         name: spec.datum.at
         for name in fit.sources

@@ -1,8 +1,12 @@
 """What a fit has to say for itself, in sentences."""
 
-import numpy as np
+import dataclasses
 
-from ._fitting import Fitted
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..exchange import AbstractTable
+from ._fitting import AbstractFitted
 from ._result import Remark
 from ._source import masters_of
 
@@ -16,11 +20,27 @@ _MOST = 6
 """Nodes that are named one by one."""
 
 
-def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
+@dataclasses.dataclass(frozen=True)
+class Counts:
+    """How many readings a fit rests on.
+
+    Attributes:
+        readings: All of them.
+        wild: Those that the fit leaves out.
+        outside: Those that lie outside the table.
+    """
+
+    readings: int
+    wild: int
+    outside: int
+
+
+def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remark]:
     """Return gaps, suspicious nodes and runs, and what each run was allowed.
 
     Args:
         one: The fit.
+        counts: Of its readings.
         linear: Whether lengths are in mm, else in °.
     """
     found: list[Remark] = []
@@ -28,7 +48,7 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
     empty = int(np.sum(fit.support == 0))
     if empty:
         why = "were not measured"
-        if fit.wild.any():
+        if counts.wild:
             why = "rest on no reading (not measured, or only wild ones)"
         found.append(
             Remark(
@@ -37,19 +57,18 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
                 " filled by the prior and marked with support 0.",
             )
         )
-    outside = _outside(one)
-    if outside:
+    if counts.outside:
         found.append(
             Remark(
                 "info",
-                f"{outside} readings lie outside the table, where its edge is held.",
+                f"{counts.outside} readings lie outside the table, where its edge is held.",
             )
         )
-    if wild := int(fit.wild.sum()):
+    if wild := counts.wild:
         found.append(
             Remark(
-                "warning" if wild > _MANY * len(fit.wild) else "info",
-                f"{wild} of {len(fit.wild)} readings are wild: the fit leaves them out."
+                "warning" if wild > _MANY * counts.readings else "info",
+                f"{wild} of {counts.readings} readings are wild: the fit leaves them out."
                 " rms and max are given with and without them.",
             )
         )
@@ -81,7 +100,7 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
             )
         )
     elif not one.run_effects or one.run_effects == "none":
-        if len(fit.residual) <= _SPARSE * fit.support.size:
+        if counts.readings <= _SPARSE * fit.support.size:
             known = "is not in the standard deviations"
             if fit.line_offset:
                 unit = "µm" if linear else "0.001°"
@@ -102,21 +121,23 @@ def fit_remarks(one: Fitted, linear: bool) -> list[Remark]:
     return found
 
 
-def _outside(one: Fitted) -> int:
-    """Return how many readings lie outside the nodes."""
-    if one.plan.table.periodic:
-        return 0
-    outside = np.zeros(len(one.before), dtype=bool)
-    for k, nodes in enumerate(one.plan.table.nodes):
+def outside(
+    table: AbstractTable, positions: Float[np.ndarray, "t d"]
+) -> Bool[np.ndarray, " t"]:
+    """Tell which readings lie outside the nodes."""
+    found = np.zeros(len(positions), dtype=bool)
+    if table.periodic:
+        return found
+    for k, nodes in enumerate(table.nodes):
         ends = nodes.positions[[0, -1]]
-        column = one.readings.positions[:, k]
+        column = positions[:, k]
         # A node lies at a whole list unit, the reading meant for it perhaps beside it.
         edge = 1e-3 * float(np.diff(nodes.positions).min())
-        outside |= (column < ends[0] - edge) | (column > ends[1] + edge)
-    return int(outside.sum())
+        found |= (column < ends[0] - edge) | (column > ends[1] + edge)
+    return found
 
 
-def _node(one: Fitted, index: int) -> str:
+def _node(one: AbstractFitted, index: int) -> str:
     """Return a node of the flattened table in words."""
     table = one.plan.table
     place = np.unravel_index(index, table.layout.shape)

@@ -1,5 +1,6 @@
 """Take off what is the instrument's: an arbitrary zero, an arbitrary slope."""
 
+import dataclasses
 from typing import Literal
 
 import numpy as np
@@ -8,17 +9,38 @@ from jaxtyping import Float
 _PASSES = 20
 _TUNING = 1.345
 """Huber's constant: 95 % efficiency on clean data."""
+ENOUGH = 20_000
+"""Readings, and up to twice as many, that judge a zero."""
+
+Kind = Literal["none", "offset", "line"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Zero:
+    """An offset, or a line (over two masters, a plane).
+
+    Attributes:
+        centre: Position at which the first coefficient stands, one per master.
+        coefficients: Offset in mm or °, then slopes, if any.
+    """
+
+    centre: Float[np.ndarray, " d"]
+    coefficients: Float[np.ndarray, " k"]
+
+    def off(
+        self, error: Float[np.ndarray, " t"], positions: Float[np.ndarray, "t d"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return errors without it."""
+        design = _design(positions - self.centre, len(self.coefficients) > 1)
+        return np.asarray(error - design @ self.coefficients)
 
 
 def without_zero(
-    error: Float[np.ndarray, " t"],
-    positions: Float[np.ndarray, "t d"],
-    kind: Literal["none", "offset", "line"],
+    error: Float[np.ndarray, " t"], positions: Float[np.ndarray, "t d"], kind: Kind
 ) -> Float[np.ndarray, " t"]:
     """Return the error without its mean, or without the line (plane) through it.
 
-    The mean and the line are fitted with Huber's loss, so that a wild reading does not
-    tilt them.
+    Of very many readings every n-th one judges them.
 
     Args:
         error: In mm or °.
@@ -27,18 +49,31 @@ def without_zero(
     """
     if kind == "none":
         return error
-    columns = [np.ones(len(error))]
-    if kind == "line":
-        # Centred, so that the columns stay apart from each other.
-        columns += list((positions - positions.mean(axis=0)).T)
-    design = np.stack(columns, axis=1)
+    step = step_of(len(error))
+    return zero_of(error[::step], positions[::step], kind).off(error, positions)
+
+
+def step_of(count: int) -> int:
+    """Return n where every n-th of so many readings judges the zero."""
+    return max(1, count // ENOUGH)
+
+
+def zero_of(
+    error: Float[np.ndarray, " t"], positions: Float[np.ndarray, "t d"], kind: Kind
+) -> Zero:
+    """Return the mean of errors, or the line (plane) through them.
+
+    Fitted with Huber's loss, so that a wild reading does not tilt them.
+    """
+    centre = positions.mean(axis=0)
+    # Centred, so that the columns stay apart from each other.
+    design = _design(positions - centre, kind == "line")
     weight = np.ones(len(error))
-    residual = error
+    solution = np.zeros(design.shape[1])
     for _ in range(_PASSES):
         root = np.sqrt(weight)
         solution = np.linalg.lstsq(design * root[:, None], error * root)[0]
-        residual = error - design @ solution
-        size = np.abs(residual)
+        size = np.abs(error - design @ solution)
         scale = 1.4826 * float(np.median(size))
         if scale == 0.0:
             break
@@ -47,4 +82,13 @@ def without_zero(
         weight = new
         if settled:
             break
-    return residual
+    return Zero(centre, solution)
+
+
+def _design(
+    positions: Float[np.ndarray, "t d"], line: bool
+) -> Float[np.ndarray, "t k"]:
+    columns = [np.ones(len(positions))]
+    if line:
+        columns += list(positions.T)
+    return np.stack(columns, axis=1)

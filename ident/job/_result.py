@@ -74,6 +74,21 @@ class SampleView:
     share: Float[Array, " t"]
 
 
+@dataclasses.dataclass(frozen=True)
+class Streamed:
+    """A fit whose readings were read in pieces; its `SampleView` shows every n-th one.
+
+    Attributes:
+        readings: How many there are.
+        wild: How many of them are wild.
+        every: n.
+    """
+
+    readings: int
+    wild: int
+    every: int
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class AbstractResult(abc.ABC):
     """One compensation of one axis: error before and after, gate, files.
@@ -156,6 +171,7 @@ class TableResult(AbstractResult):
         samples: The readings with before / predicted / from file.
         rounding: Largest effect of rounding to list units, in ``unit``.
         cycles: Value chosen for P-AXIS-00243, None where the table has one branch.
+        streamed: What was read in pieces; None: all readings were in memory.
     """
 
     masters: tuple[str, ...]
@@ -168,6 +184,12 @@ class TableResult(AbstractResult):
     samples: SampleView
     rounding: float
     cycles: int | None = None
+    streamed: Streamed | None = None
+
+    @property
+    def readings(self) -> int:
+        """Number of readings of the fit."""
+        return self.streamed.readings if self.streamed else len(self.fit.residual)
 
     @property
     def over(self) -> tuple[str, ...]:
@@ -194,6 +216,8 @@ class TableResult(AbstractResult):
             "runs": [vars(run) for run in self.fit.runs],
             "message": self.fit.message,
             "rounding": self.rounding,
+            "route": "in memory" if self.streamed is None else "stream",
+            "readings": self.readings,
         }
 
 

@@ -36,10 +36,12 @@ class Plans:
     Attributes:
         single: Those that are fitted alone, by index.
         groups: Those that are identified together.
+        lists: What the axes have already.
     """
 
     single: Mapping[int, Planned]
     groups: tuple["GroupPlan", ...]
+    lists: Mapping[str, AxisLists]
 
 
 def plan_all(job: Job, tables: Tables) -> Plans:
@@ -50,6 +52,7 @@ def plan_all(job: Job, tables: Tables) -> Plans:
     """
     lists = existing_lists(job)
     grouped = groups_of(job.spec)
+    _refuse_streams(job, {index for own in grouped.values() for index in own})
     groups: tuple[GroupPlan, ...] = ()
     if grouped:
         from .joint import plan_groups
@@ -61,7 +64,29 @@ def plan_all(job: Job, tables: Tables) -> Plans:
         for index, fit in enumerate(job.spec.fits)
         if index not in together
     }
-    return Plans(single, groups)
+    return Plans(single, groups, lists)
+
+
+def _refuse_streams(job: Job, grouped: set[int]) -> None:
+    """Raise where a log is to be read in pieces for a fit that needs the whole of it.
+
+    Raises:
+        JobError: Naming the measurement.
+    """
+    for index, fit in enumerate(job.spec.fits):
+        if index not in grouped and isinstance(
+            fit, PlaneSpec | CrossSpec | LeadscrewSpec
+        ):
+            continue
+        for name in fit.sources:
+            if job.spec.measurements[name].stream is True:
+                whose = f"the {fit.compensation} fit of {fit.axis}"
+                whose += " in a group" if index in grouped else ""
+                raise job.error(
+                    ("measurements", name, "stream"),
+                    f"found true, but {whose} needs its log in memory, expected it for"
+                    " plane, cross and leadscrew fits of their own",
+                )
 
 
 def _plan(

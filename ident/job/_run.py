@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..proof import GateCheck
 from ._draft import AbstractDraft, Leftovers
+from ._errors import UntoldError
 from ._fit_schema import FitSpec, TemperatureSpec
 from ._fragments import startup_fragment
 from ._gating import limits_of
@@ -28,6 +29,7 @@ from ._result import (
 )
 from ._rooms import plan_all
 from ._source import Tables
+from ._untold import left_out, untold_alone
 
 if TYPE_CHECKING:
     from .joint import GroupDraft
@@ -172,15 +174,31 @@ def _fit_all(
         say(f"fitting {plan.words}")
         group = plan.fit(job, tables)
         groups.append(group)
-        drafts |= {one.index: one for one in group.drafts}
+        drafts |= {one.index: one for one in (*group.drafts, *group.unfit)}
+    untold: list[UntoldError] = []
+    alone = untold_alone(job, tables, plans)
     order = sorted(plans.single, key=lambda k: fits[k].compensation != "backlash")
     for place, k in enumerate(order):
+        if k in alone and not isinstance(fits[k], TemperatureSpec):
+            drafts[k] = left_out(job, plans, k, alone[k])
+            continue
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
-        drafts[k] = one = plans.single[k](left)
+        try:
+            drafts[k] = one = plans.single[k](left)
+        except UntoldError as error:
+            if k not in alone:
+                untold.append(error)
+            drafts[k] = left_out(job, plans, k, alone.get(k, error.reason))
+            continue
+        if k in alone and one.switch is not None and not one.partial:
+            drafts[k] = left_out(job, plans, k, alone[k])
+            continue
         if one.axis not in [fits[later].axis for later in order[place + 1 :]]:
             continue
         for key, added in one.left_by().items():
             left[key] = left[key] + added if key in left else added
+    if len(untold) == len(fits):
+        raise untold[0]
     return [drafts[k] for k in range(len(fits))], groups
 
 

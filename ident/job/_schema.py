@@ -83,6 +83,7 @@ class MeasurementSpec(JobPart, frozen=True):
     material_temperature: float | str | None = None
     reference_temperature: float = 20.0
     already_compensated: bool = False
+    stream: Literal["auto"] | bool = "auto"
 
 
 Limit = Annotated[float, Field(gt=0)]

@@ -1,36 +1,40 @@
 """One measurement for one fit: its file, roles, units and reductions."""
 
 import dataclasses
-from typing import Literal
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...data.measurements import (
     ColumnSpec,
     DirectionUnknown,
+    LargeFile,
     Measurement,
     MeasurementError,
     Table,
     derive_error,
     explain_direction,
     measurement,
+    open_large,
     read_table,
-    reduce_length,
     with_error,
     without_motion,
 )
-from ..exchange import AbstractTable
 from ._clocks import ClockState
-from ._fit_schema import (
-    CrossSpec,
-    FitSpec,
-    LeadscrewSpec,
-    PlaneSpec,
-    TableSpec,
-)
+from ._fit_schema import FitSpec
 from ._joined import JoinedFiles, join_files
 from ._load import Job
+from ._reference import (
+    at_reference as at_reference,
+    reduced_to_reference,
+    words_of_reference,
+)
 from ._remove import without_zero
+from ._wanted import (
+    Wanted as Wanted,
+    masters_of as masters_of,
+    wanted_by as wanted_by,
+)
 
 PROFILE_FORMATS = ("Klipper bed mesh",)
 """Formats of which one file may hold several surfaces, by name."""
@@ -41,7 +45,7 @@ _ABSURD = 1e9
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """The readings of one measurement."""
+    """The readings of one measurement; ``change`` by a reduction to a temperature, mm."""
 
     positions: np.ndarray
     error: np.ndarray
@@ -49,6 +53,7 @@ class Part:
     run: np.ndarray | None
     time: np.ndarray | None
     remarks: tuple[str, ...]
+    change: float | None = None
 
 
 class Tables:
@@ -58,6 +63,7 @@ class Tables:
         self.job = job
         self._read: dict[str, Table] = {}
         self._joined: dict[str, JoinedFiles] = {}
+        self._large: dict[str, LargeFile | None] = {}
 
     @property
     def clocks(self) -> tuple[ClockState, ...]:
@@ -81,6 +87,21 @@ class Tables:
             else ColumnSpec(column.column, column.unit)
             for role, column in spec.columns.items()
         }
+
+    def large(self, name: str) -> LargeFile | None:
+        """Return the file of a measurement to be read in pieces; None where it cannot be.
+
+        Raises:
+            MeasurementError: If it is damaged.
+        """
+        spec = self.job.spec.measurements[name]
+        if name not in self._large:
+            found = None
+            if spec.file is not None and spec.profile is None:
+                least = 0 if spec.stream is True else None
+                found = open_large(self.job.file(spec.file), least)
+            self._large[name] = found
+        return self._large[name]
 
     def table(self, name: str) -> Table:
         """Return what the file of a measurement holds, or its files on one clock.
@@ -110,36 +131,6 @@ class Tables:
         return self._read[name]
 
 
-@dataclasses.dataclass(frozen=True)
-class Wanted:
-    """What a fit takes from its measurements.
-
-    Attributes:
-        masters: Axes whose positions it needs, master 1 first.
-        direction: ``needed``, ``welcome`` or ``no``.
-        lengths: The error is one of length along the axis itself, so that it grows with
-            the temperature of the scale.
-    """
-
-    masters: tuple[str, ...]
-    direction: Literal["needed", "welcome", "no"]
-    lengths: bool
-
-
-def wanted_by(fit: TableSpec, table: AbstractTable) -> Wanted:
-    """Return what a table fit takes from its measurements."""
-    own = isinstance(fit, LeadscrewSpec)
-    way: Literal["needed", "welcome", "no"] = "welcome" if own else "no"
-    return Wanted(masters_of(fit), "needed" if table.branches == 2 else way, own)
-
-
-def masters_of(fit: TableSpec) -> tuple[str, ...]:
-    """Return the axes whose positions enter a table, master 1 first."""
-    if isinstance(fit, PlaneSpec):
-        return (fit.masters[0], fit.masters[1])
-    return (fit.master,) if isinstance(fit, CrossSpec) else (fit.axis,)
-
-
 def measured_for(
     tables: Tables, name: str, fit: FitSpec, masters: tuple[str, ...]
 ) -> Measurement:
@@ -148,11 +139,27 @@ def measured_for(
     Raises:
         MeasurementError: If a column is missing or a value cannot be used.
     """
-    job = tables.job
+    table, columns = tables.table(name), tables.columns(name)
+    return measured_from(tables.job, name, table, columns, fit, masters)
+
+
+def measured_from(
+    job: Job,
+    name: str,
+    table: Table,
+    columns: Mapping[str, ColumnSpec],
+    fit: FitSpec,
+    masters: tuple[str, ...],
+) -> Measurement:
+    """Return what a table holds of a measurement: all of its rows, or some of them.
+
+    Raises:
+        MeasurementError: If a column is missing or a value cannot be used.
+    """
     spec, axes = job.spec.measurements[name], job.spec.axes
     return measurement(
-        tables.table(name),
-        tables.columns(name),
+        table,
+        columns,
         axis=spec.axis or fit.axis,
         masters=masters,
         increments={
@@ -172,9 +179,26 @@ def read_part(tables: Tables, name: str, fit: FitSpec, wanted: Wanted) -> Part:
         MeasurementError: If a role is missing or a value cannot be used.
     """
     job = tables.job
+    measured = measured_for(tables, name, fit, wanted.masters)
+    part = read_rows(job, name, measured, fit, wanted)
+    remarks = part.remarks
+    if job.spec.measurements[name].expansion is not None:
+        remarks = (*remarks, words_of_reference(job, name, fit, wanted, part.change))
+    kind = job.spec.measurements[name].remove
+    error = without_zero(part.error, part.positions, kind)
+    return dataclasses.replace(part, error=error, remarks=remarks)
+
+
+def read_rows(
+    job: Job, name: str, measured: Measurement, fit: FitSpec, wanted: Wanted
+) -> Part:
+    """Return readings for a fit, each as its own row tells: nothing is removed yet.
+
+    Raises:
+        MeasurementError: If a role is missing or a value cannot be used.
+    """
     spec, axes = job.spec.measurements[name], job.spec.axes
     masters = wanted.masters
-    measured = measured_for(tables, name, fit, masters)
     measured = with_error(without_motion(measured, [fit.axis]), fit.axis)
     why = f"for the {fit.compensation} fit of {fit.axis}"
     columns_of = [measured.require(f"{axis}.position", why) for axis in masters]
@@ -188,15 +212,16 @@ def read_part(tables: Tables, name: str, fit: FitSpec, wanted: Wanted) -> Part:
             turn = span[1] - span[0]
             positions[:, k] = span[0] + np.mod(positions[:, k] - span[0], turn)
     remarks = list(measured.remarks)
+    change = None
     if spec.expansion is not None:
-        error, note = at_reference(job, name, measured, fit, wanted, positions, error)
-        remarks.append(note)
+        error, change = reduced_to_reference(
+            job, name, measured, wanted, positions, error
+        )
     direction, words = _direction(measured, fit, wanted)
     remarks += words
-    error = without_zero(error, positions, spec.remove)
     run = measured.get("run")
     time = measured.get("time")
-    return Part(positions, error, direction, run, time, tuple(remarks))
+    return Part(positions, error, direction, run, time, tuple(remarks), change)
 
 
 def _refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None:
@@ -215,60 +240,6 @@ def _refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None
             f" expected less than {_ABSURD:g}"
         )
         raise MeasurementError(str(measured.source), reason)
-
-
-def at_reference(
-    job: Job,
-    name: str,
-    measured: Measurement,
-    fit: FitSpec,
-    wanted: Wanted,
-    positions: np.ndarray,
-    error: np.ndarray,
-) -> tuple[np.ndarray, str]:
-    """Return errors of length at the reference temperature, and what was done.
-
-    Args:
-        job: The job.
-        name: Of the measurement, whose specification states an expansion.
-        measured: The measurement.
-        fit: What it is for.
-        wanted: Whether that is about lengths.
-        positions: Of the masters, the axis itself first.
-        error: As measured.
-    """
-    spec = job.spec.measurements[name]
-    assert spec.expansion is not None
-    if not wanted.lengths:
-        return error, (
-            f"expansion of measurement {name!r} concerns lengths along an axis; the"
-            f" error of {fit.axis} over other axes is taken as it is."
-        )
-    if spec.already_compensated:
-        return error, f"Measurement {name!r} refers to 20 °C as it is."
-    given = spec.material_temperature
-    assert given is not None  # `find_fault` has seen to it
-    warmth: float | np.ndarray
-    if isinstance(given, str):
-        role = given if given.startswith("temperature.") else f"temperature.{given}"
-        warmth = measured.require(role, "as material_temperature")
-    else:
-        warmth = float(given)
-    at = spec.datum.at if spec.datum is not None else 0.0
-    datum = at if isinstance(at, float | int) else at[0]
-    reduced = reduce_length(
-        error,
-        positions[:, 0],
-        expansion=spec.expansion,
-        material_temperature=warmth,
-        reference_temperature=spec.reference_temperature,
-        datum=float(datum),
-    )
-    change = 1e3 * float(np.max(np.abs(reduced - error)))
-    return reduced, (
-        f"Measurement {name!r} was reduced to {spec.reference_temperature:g} °C; that"
-        f" changed readings by up to {change:.1f} µm."
-    )
 
 
 def _direction(

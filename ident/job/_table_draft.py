@@ -8,7 +8,7 @@ from ...data.lists import ListFile, Value
 from ..proof import GateCheck
 from ._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from ._fit_schema import TableSpec
-from ._fitting import Fitted, fit_plan
+from ._fitting import AbstractFitted, Fitted, fit_plan
 from ._gating import cycles_for, pass_gate
 from ._lists import AxisFiles
 from ._load import Job
@@ -19,6 +19,7 @@ from ._readings import read_fit
 from ._result import Remark, TableResult
 from ._source import Tables
 from ._table_entries import refuse_misread, restart_of_table, table_entries
+from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
 _CONVENTIONS = {
     "plane": ("plane_",),
@@ -38,27 +39,29 @@ def plan_table(
     plan = plan_fit(job, tables, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
+        log, words = in_pieces(tables, index, fit, plan.table)
+        if log is not None:
+            return StreamedDraft(index, fit, lists, fit_log_plan(job, plan, log))
         extra = {
             name: left[fit.axis, name]
             for name in fit.sources
             if (fit.axis, name) in left
         }
-        readings = read_fit(tables, index, fit, plan.table, extra)
+        readings = read_fit(tables, index, fit, plan.table, extra, words)
         return TableDraft(index, fit, lists, fit_plan(job, plan, readings))
 
     return draft
 
 
-@final
 @dataclasses.dataclass(frozen=True)
-class TableDraft(AbstractDraft):
-    """A fitted table.
+class AbstractTableDraft(AbstractDraft):
+    """A fitted table, wherever its readings are.
 
     Attributes:
         one: The fit.
     """
 
-    one: Fitted
+    one: AbstractFitted
 
     @property
     def compensation(self) -> str:
@@ -112,6 +115,18 @@ class TableDraft(AbstractDraft):
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
         return restart_of_table(existing, listing, self.one)
 
+    @property
+    def _bilateral(self) -> bool:
+        return self.one.plan.table.branches == 2
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class TableDraft(AbstractTableDraft):
+    """A table fitted to readings in memory."""
+
+    one: Fitted
+
     def left_by(self) -> Leftovers:
         one = self.one
         added = offset_at_readings(one, one.plan.table.model(one.integers)) - one.active
@@ -131,6 +146,22 @@ class TableDraft(AbstractDraft):
         frame = self.frame(job, gate, files, _CONVENTIONS[self.compensation])
         return prove(job, folder, self.one, frame, files, written, cycles)
 
-    @property
-    def _bilateral(self) -> bool:
-        return self.one.plan.table.branches == 2
+
+@final
+@dataclasses.dataclass(frozen=True)
+class StreamedDraft(AbstractTableDraft):
+    """A table fitted to a log in pieces."""
+
+    one: StreamedFitted
+
+    def prove(
+        self,
+        job: Job,
+        folder: OutFolder,
+        gate: tuple[GateCheck, ...],
+        files: AxisFiles,
+        written: tuple[Path, ...],
+        cycles: int | None,
+    ) -> TableResult:
+        frame = self.frame(job, gate, files, _CONVENTIONS[self.compensation])
+        return prove_streamed(job, folder, self.one, frame, files, written, cycles)

@@ -4,14 +4,14 @@ import numpy as np
 
 from ...data.lists import ListFile, Value
 from ..exchange import ExchangeError
-from ._fitting import Fitted
+from ._fitting import AbstractFitted
 from ._load import Job
 
 _RESIZED = {"cross": 110639, "plane": 110640, "leadscrew": 110638}
 """Error of the controller when `max_points` changes after start-up."""
 
 
-def table_entries(job: Job, one: Fitted) -> dict[str, Value]:
+def table_entries(job: Job, one: AbstractFitted) -> dict[str, Value]:
     """Return the entries of one table, with the options of its fit.
 
     Raises:
@@ -44,7 +44,7 @@ def table_entries(job: Job, one: Fitted) -> dict[str, Value]:
     return sizes | chosen | table
 
 
-def refuse_misread(job: Job, listing: ListFile, one: Fitted) -> None:
+def refuse_misread(job: Job, listing: ListFile, one: AbstractFitted) -> None:
     """Raise where the bytes to be written, read back, are not the table that was fitted.
 
     Raises:
@@ -60,7 +60,9 @@ def refuse_misread(job: Job, listing: ListFile, one: Fitted) -> None:
         )
 
 
-def restart_of_table(existing: ListFile, listing: ListFile, one: Fitted) -> str | None:
+def restart_of_table(
+    existing: ListFile, listing: ListFile, one: AbstractFitted
+) -> str | None:
     """Return why a table needs a restart, or None where a reload is enough."""
     table = one.plan.table
     name = f"{table.prefix}.max_points"

@@ -17,7 +17,13 @@ from ._gate import (
     gate_check as gate_check,
     judge as judge,
 )
-from ._heldout import HeldOut as HeldOut, held_out as held_out
+from ._heldout import (
+    HeldOut as HeldOut,
+    blocks_of as blocks_of,
+    held_out as held_out,
+    held_out_deviation as held_out_deviation,
+    run_groups as run_groups,
+)
 from ._reversal import (
     choose_cycles as choose_cycles,
     reversal_dynamics as reversal_dynamics,

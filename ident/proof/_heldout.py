@@ -7,7 +7,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..exchange import LIST_UNITS, AbstractTable
-from ..fit import Samples, TableFit, leave_out, predict, spatial_blocks
+from ..fit import (
+    Samples,
+    TableFit,
+    TableLayout,
+    leave_out,
+    predict,
+    spatial_blocks,
+)
 
 _BLOCKS = 5
 """Groups of spatial blocks where there are no runs."""
@@ -62,7 +69,7 @@ def held_out(
         assert samples.run is not None
         groups = _by_run(samples.run)
     else:
-        groups = spatial_blocks(fit.layout, samples, count=_BLOCKS)
+        groups = blocks_of(fit.layout, samples)
     residual = np.full(len(before), np.nan)
     deviation = np.full(len(before), np.nan)
     weight = np.ones(len(before)) if samples.weight is None else samples.weight
@@ -81,6 +88,25 @@ def held_out(
             + 1 / (12 * LIST_UNITS**2)
         )
     return HeldOut(residual, deviation, np.asarray(groups), by_run)
+
+
+def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:
+    """Return the spatial block of each reading, of which one at a time is left out."""
+    return spatial_blocks(layout, samples, count=_BLOCKS)
+
+
+def held_out_deviation(fold: TableFit, samples: Samples) -> Float[np.ndarray, " t"]:
+    """Return the predicted deviation of readings of weight 1 that a fold has not seen.
+
+    Noise of the reading and rounding to list units included, effects of runs not.
+    """
+    _, spread = predict(fold, samples.positions, samples.branch)
+    return np.sqrt(spread**2 + fold.noise**2 + 1 / (12 * LIST_UNITS**2))
+
+
+def run_groups(runs: Int[np.ndarray, " r"]) -> Int[np.ndarray, " r"]:
+    """Return what each of several different runs is left out with."""
+    return _by_run(runs)
 
 
 def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:

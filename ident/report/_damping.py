@@ -28,7 +28,7 @@ def damped_wavelengths(fit: TableResult) -> dict[int, float | None]:
             orders.setdefault(master, []).append((order, weight))
     # Every reading belongs to one place between nodes: its share of the measured nodes.
     measured = int(np.count_nonzero(fit.fit.support))
-    density = len(fit.fit.residual) / measured if measured else 0.0
+    density = fit.readings / measured if measured else 0.0
     found: dict[int, float | None] = {}
     for master, weights in sorted(orders.items()):
         if master >= len(fit.fit.layout.nodes) or density <= 0:

@@ -126,7 +126,7 @@ def _effect_rows(group: GroupResult, sections: Sequence[Section]) -> list[Effect
     units = {one.axis: scale_of(one.unit) for one in group.axes}
     rows = []
     for each in group.effects:
-        scale = units[each.axis]
+        scale = units.get(each.axis, scale_of("mm"))
         rows.append(
             EffectRow(
                 name=each.name[:1].upper() + each.name[1:],

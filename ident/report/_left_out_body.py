@@ -11,6 +11,9 @@ _MOST = 8
 
 def left_out_body(fit: LeftOutResult, scale: Scale) -> Body:
     """Return the sentences on a fit that nothing was written of."""
+    nothing = ("As written", "Nothing: see the remarks above.")
+    if not len(fit.values):
+        return Body(plots=[], facts=[nothing])
     told = int(np.sum(fit.determined & (fit.support > 0)))
     reached = int(np.sum(fit.support > 0))
     facts = [
@@ -31,5 +34,5 @@ def left_out_body(fit: LeftOutResult, scale: Scale) -> Body:
         names = "; ".join(fit.labels[int(k)] for k in lost[:_MOST])
         more = f" and {lost.size - _MOST} more" if lost.size > _MOST else ""
         facts.append(("Not determined", f"{names}{more}."))
-    facts.append(("As written", "Nothing: see the remarks above."))
+    facts.append(nothing)
     return Body(plots=[], facts=facts)

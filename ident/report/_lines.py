@@ -231,8 +231,8 @@ def _say_curve(table: LineTable, readings: Readings, scale: Scale, drawn: int) -
             f"{count(empty, 'node is', 'nodes are')} not measured (hollow marks): "
             "their value is an assumption drawn from the neighbours."
         )
-    if drawn < int((~readings.wild).sum()):
+    if drawn < readings.total - readings.total_wild:
         parts.append(
-            f"{grouped(drawn)} of {grouped(readings.size)} readings are drawn."
+            f"{grouped(drawn)} of {grouped(readings.total)} readings are drawn."
         )
     return " ".join(parts)

@@ -207,9 +207,9 @@ def _say_error(table: PlaneTable, readings: Readings, scale: Scale, drawn: int) 
         )
     else:
         parts.append(f"All {count(value.size, 'node')} are measured.")
-    if drawn < readings.size:
+    if drawn < readings.total:
         parts.append(
-            f"{grouped(drawn)} of {grouped(readings.size)} readings are drawn."
+            f"{grouped(drawn)} of {grouped(readings.total)} readings are drawn."
         )
     return " ".join(parts)
 

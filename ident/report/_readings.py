@@ -11,7 +11,7 @@ from ._scale import Scale
 
 @dataclasses.dataclass(frozen=True)
 class Readings:
-    """All readings of one fit in display units (errors in µm, positions in mm).
+    """The readings of one fit in display units (errors in µm, positions in mm).
 
     Attributes:
         positions: Shape ``(t, d)``, one column per master.
@@ -24,6 +24,9 @@ class Readings:
         from_file: Error left under the written file.
         sd: Predicted standard deviation of ``predicted``.
         wild: Readings that the loss rejected.
+        total: Number of readings of the fit; of a log that was read in pieces these are
+            every n-th one.
+        total_wild: How many of all of them were rejected.
     """
 
     positions: Float[np.ndarray, "t d"]
@@ -36,10 +39,12 @@ class Readings:
     from_file: Float[np.ndarray, " t"]
     sd: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
+    total: int
+    total_wild: int
 
     @property
     def size(self) -> int:
-        """Number of readings."""
+        """Number of readings that are shown."""
         return len(self.before)
 
     @property
@@ -99,6 +104,8 @@ def readings_of(fit: TableResult, scale: Scale) -> Readings:
         from_file=samples.from_file * scale.factor,
         sd=samples.predicted_sd * scale.factor,
         wild=np.asarray(wild, dtype=bool),
+        total=size if fit.streamed is None else fit.streamed.readings,
+        total_wild=int(np.sum(wild)) if fit.streamed is None else fit.streamed.wild,
     )
 
 

@@ -191,5 +191,8 @@ def _say_residuals(
         text.append(
             f"{grouped(style.DRAWN_POINTS)} of {grouped(value.size)} readings are "
             "drawn; the slices use all of them."
+            if readings.total == readings.size
+            else f"{grouped(style.DRAWN_POINTS)} readings are drawn and "
+            f"{grouped(value.size)} are in the slices, of {grouped(readings.total)}."
         )
     return " ".join(text)

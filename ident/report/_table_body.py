@@ -24,7 +24,7 @@ def table_body(
         plots=_plots(fit, readings, scale, second),
         facts=how_it_was_made(fit, readings, scale),
         wild=wild_rows(fit, readings, scale),
-        wild_count=int(readings.wild.sum()),
+        wild_count=readings.total_wild,
         wild_runs=fit.samples.run is not None,
     )
 

@@ -39,6 +39,14 @@ def how_it_was_made(
             f"{number(fit.rounding * scale.factor)} {unit}.",
         ),
     ]
+    if fit.streamed is not None and fit.streamed.every > 1:
+        shown = (
+            f"{grouped(fit.readings)} readings were read in pieces, and the table and the "
+            "errors above rest on all of them. What is drawn of single readings, and said of "
+            f"slices and cells, is one reading in {grouped(fit.streamed.every)} "
+            f"({grouped(readings.size)})."
+        )
+        facts.append(("Shown", shown))
     if fit.cycles is not None:
         facts.append(
             (
@@ -73,18 +81,18 @@ def _fit_message(message: str, converged: bool) -> str:
 
 
 def _loss(loss: str, readings: Readings) -> str:
-    wild = int(readings.wild.sum())
+    wild, size = readings.total_wild, readings.total
     how = {
         "student": "Readings far from the others count less (Student's t)",
         "huber": "Readings far from the others count less (Huber)",
         "gauss": "All readings count fully (Gauss)",
     }.get(loss, f"Loss {loss}")
     if not wild:
-        return f"{how}; none of {grouped(readings.size)} was rejected as wild."
+        return f"{how}; none of {grouped(size)} was rejected as wild."
     were = "was" if wild == 1 else "were"
     return (
-        f"{how}; {grouped(wild)} of {grouped(readings.size)} "
-        f"({percent(wild / readings.size)}) {were} rejected as wild and "
+        f"{how}; {grouped(wild)} of {grouped(size)} "
+        f"({percent(wild / size)}) {were} rejected as wild and "
         "had no influence."
     )
 
@@ -157,7 +165,9 @@ def wild_rows(
         run = "" if readings.run is None else str(int(readings.run[row]))
         found.append(
             WildRow(
-                grouped(row + 1),
+                grouped(
+                    (row if fit.streamed is None else int(readings.order[row])) + 1
+                ),
                 f"{where} {scale.position}{direction}",
                 run,
                 f"{number(float(readings.before[row]), signed=True)} {scale.error}",

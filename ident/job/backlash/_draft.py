@@ -47,7 +47,7 @@ def plan_backlash(
             found = recording.fit(fit.loss)
         except FitError as error:
             reason = f"backlash of {fit.axis} from {', '.join(fit.sources)}: {error}"
-            raise job.error(("fits", index), reason) from None
+            raise job.untold(("fits", index), reason) from None
         return BacklashDraft(index, fit, lists, recording, found, known)
 
     return draft
@@ -162,9 +162,6 @@ class BacklashDraft(AbstractDraft):
                 gate_check("max_change", change, limits.max_change, unit, words)
             )
         return tuple(lines)
-
-    def refuse_misread(self, job: Job, listing: ListFile) -> None:
-        """Nothing of it stands in the compensation list."""
 
     def left_by(self) -> Leftovers:
         way = self.recording.direction

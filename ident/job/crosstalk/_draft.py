@@ -53,7 +53,7 @@ def plan_crosstalk(
             found = identify(recording, fit, active, job.conventions)
         except FitError as error:
             reason = f"crosstalk of {fit.axis} from {', '.join(fit.sources)}: {error}"
-            raise job.error(("fits", index), reason) from None
+            raise job.untold(("fits", index), reason) from None
         return CrosstalkDraft(
             index, fit, lists, recording, found, old, active is not None, why
         )

@@ -152,6 +152,7 @@ def identify(
     chosen = choice_of(fit, existing, rules)
     points, options = chosen.points, chosen.options
     whole = recording.readings
+    _refuse_still(chosen, recording)
     found = chosen.fit(whole)
     late = instrument_delay(whole, found)
     if late:
@@ -171,6 +172,21 @@ def identify(
     masters = tuple(recording.adaptation[k] for k in found.axes)
     delay = late * float(np.median(np.diff(whole.time)))
     return Identified(found, readings, masters, fold, held_out, judged, delay)
+
+
+def _refuse_still(chosen: Choice, recording: CrosstalkRecording) -> None:
+    """Raise where an axis that the tests are to adapt to never moved."""
+    if not isinstance(chosen.mode, int) or chosen.points is not None:
+        return
+    names = recording.adaptation[: chosen.mode - 1]
+    for name, column in zip(names, recording.readings.positions.T, strict=False):
+        known = column[np.isfinite(column)]
+        if known.size and not np.ptp(known) > 0:
+            msg = (
+                f"{name} stands at {known[0]:g} in all readings: mode {chosen.mode} needs"
+                f" accelerations at two places of {name} or more."
+            )
+            raise FitError(msg)
 
 
 def _folds(found: CrosstalkFit) -> Int[np.ndarray, " n"]:

@@ -59,7 +59,7 @@ def plan_friction(
                 fastest = float(np.max(np.abs(recording.samples.velocity)))
                 knots = knots_of(curve, fit, unit.current, fastest)
         except FitError as error:
-            raise job.error(("fits", index), f"{where}: {error}") from None
+            raise job.untold(("fits", index), f"{where}: {error}") from None
         return FrictionDraft(index, fit, lists, recording, found, curve, unit, knots)
 
     return draft

@@ -67,6 +67,24 @@ class CrosstalkMember(AbstractMember):
     def accelerating(self) -> tuple[str, ...]:
         return (self.fit.master,)
 
+    def unfit(self, recording: GroupRecording) -> str:
+        rate = recording.data.acceleration[self.fit.master]
+        known = np.isfinite(recording.data.error[self.axis]) & np.isfinite(rate)
+        missing = [
+            words
+            for words, there in (
+                ("speeds up", (rate[known] > 0).any()),
+                ("slows down", (rate[known] < 0).any()),
+            )
+            if not there
+        ]
+        if not missing:
+            return ""
+        return (
+            f"{self.fit.master} never {' and never '.join(missing)} in these readings,"
+            " expected accelerations of both signs."
+        )
+
     def effect(
         self,
         job: Job,

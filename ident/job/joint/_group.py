@@ -9,12 +9,13 @@ from .._draft import AbstractDraft, AxisLists
 from .._group_faults import groups_of
 from .._load import Job
 from .._source import Tables
+from ._apart import bent_by_heat, together
 from ._identify import IdentifiedGroup, identify_group
 from ._left_out import LeftOutDraft
 from ._member import AbstractMember
 from ._members import members_of
+from ._needs import needs_of
 from ._proof import GroupDraft
-from ._reader import GroupNeeds
 from ._recording import GroupRecording, read_group
 from ._share import Share
 
@@ -44,22 +45,38 @@ class GroupPlan:
             MeasurementError: If a role is missing or a value cannot be used.
             JobError: If the readings cannot carry the fit, or a result fits no list.
         """
-        members = self.members
-        recording = read_group(tables, [one.spec for one in members], _needs(members))
-        where = ("fits", members[0].index)
-        sources = ", ".join(members[0].spec.sources)
+        every = self.members
+        recording = read_group(tables, [one.spec for one in every], needs_of(every))
+        where = ("fits", every[0].index)
+        unfit = {}
+        for k, one in enumerate(every):
+            why = one.unfit(recording) or bent_by_heat(job, one, every, recording)
+            if why or (len(every) == 1 and (why := together(one, recording.data))):
+                unfit[k] = why
+        members = tuple(one for k, one in enumerate(every) if k not in unfit)
+        sources = ", ".join(every[0].spec.sources)
+        start = f"group {self.name!r} from {sources}"
+        if not members:
+            reason = "; ".join(f"{every[k].name}: {why}" for k, why in unfit.items())
+            raise job.error(where, f"{start}: {reason}")
         try:
             found = identify_group(job, members, recording)
         except FitError as error:
-            reason = f"group {self.name!r} from {sources}: {error}"
-            raise job.error(where, reason) from None
+            raise job.error(where, f"{start}: {error}") from None
         shares = tuple(
             _share(self.name, k, members, recording, found) for k in range(len(members))
         )
         drafts = []
         for one, share in zip(members, shares, strict=True):
             drafts.append(_draft(job, one, share))
-        return GroupDraft(self.name, members, recording, found, shares, tuple(drafts))
+        left_out = tuple(
+            LeftOutDraft(one.index, one.spec, one.lists, one.name, unfit[k])
+            for k, one in enumerate(every)
+            if k in unfit
+        )
+        return GroupDraft(
+            self.name, members, recording, found, shares, tuple(drafts), left_out
+        )
 
 
 def plan_groups(
@@ -73,19 +90,6 @@ def plan_groups(
     return tuple(
         GroupPlan(name, members_of(job, tables, own, lists))
         for name, own in groups_of(job.spec).items()
-    )
-
-
-def _needs(members: Sequence[AbstractMember]) -> GroupNeeds:
-    def unique(names: Sequence[str]) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(names))
-
-    return GroupNeeds(
-        error=unique([one.axis for one in members]),
-        position=unique([name for one in members for name in one.positions]),
-        direction=unique([name for one in members for name in one.turning]),
-        motion=unique([name for one in members for name in one.accelerating]),
-        temperature=unique([name for one in members for name in one.sensors]),
     )
 
 
@@ -120,10 +124,12 @@ def _share(
 
 def _draft(job: Job, one: AbstractMember, share: Share) -> AbstractDraft:
     if not share.written:
-        return LeftOutDraft(one.index, one.spec, one.lists, share)
+        name = share.part.name
+        return LeftOutDraft(one.index, one.spec, one.lists, name, "", share)
     try:
         return one.draft(job, share)
     except FitError as error:
-        return LeftOutDraft(one.index, one.spec, one.lists, share, str(error))
+        name = share.part.name
+        return LeftOutDraft(one.index, one.spec, one.lists, name, str(error), share)
     except ExchangeError as error:
         raise job.error(("fits", one.index), f"{one.name}: {error}") from None

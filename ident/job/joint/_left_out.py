@@ -8,8 +8,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.lists import ListFile, Value
-from ...proof import GateCheck, error_figures
+from ...proof import ErrorFigures, GateCheck, error_figures
 from .._draft import AbstractDraft, Switch
 from .._lists import AxisFiles
 from .._load import Job
@@ -77,12 +76,14 @@ class LeftOutDraft(AbstractDraft):
     """A fit that nothing is written of.
 
     Attributes:
-        share: Its part of the joint fit.
+        name: Of the effect.
         why: In words; empty: what the readings do not tell is said.
+        share: Its part of the joint fit; None where it was not fitted at all.
     """
 
-    share: Share
+    name: str
     why: str = ""
+    share: Share | None = None
 
     @property
     def compensation(self) -> str:
@@ -91,18 +92,6 @@ class LeftOutDraft(AbstractDraft):
     @property
     def switch(self) -> Switch | None:
         return None
-
-    def entries(self, job: Job) -> dict[str, Value]:
-        return {}
-
-    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
-        return {}
-
-    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        return ()
-
-    def refuse_misread(self, job: Job, listing: ListFile) -> None:
-        """Nothing of it stands in a list."""
 
     def prove(
         self,
@@ -113,7 +102,10 @@ class LeftOutDraft(AbstractDraft):
         written: tuple[Path, ...],
         cycles: int | None,
     ) -> LeftOutResult:
-        share, part = self.share, self.share.part
+        share = self.share
+        if share is None:
+            return self._unfitted(job, gate, files)
+        part = share.part
         before = error_figures(share.error, wild=share.wild)
         figures: Mapping[str, Any] = dict.fromkeys(
             ("before", "predicted", "from_file"), before
@@ -135,10 +127,32 @@ class LeftOutDraft(AbstractDraft):
             noise=share.noise,
         )
 
+    def _unfitted(
+        self, job: Job, gate: tuple[GateCheck, ...], files: AxisFiles
+    ) -> LeftOutResult:
+        """Return the result of a fit that there is nothing to say of but why."""
+        unknown = ErrorFigures(np.nan, np.nan)
+        nothing = np.zeros(0)
+        return LeftOutResult(
+            **self.frame(job, gate, files, ()),
+            error=dict.fromkeys(("before", "predicted", "from_file"), unknown),
+            remarks=(Remark("error", self._words()), *files.remarks),
+            files=(),
+            masters=(),
+            sensors=(),
+            labels=(),
+            values=nothing,
+            standard_deviation=nothing,
+            support=np.zeros(0, dtype=np.int64),
+            determined=np.zeros(0, dtype=bool),
+            share=0.0,
+            noise=np.nan,
+        )
+
     def _words(self) -> str:
+        if self.why or self.share is None:
+            return f"The {self.name} is left out: {self.why}"
         part = self.share.part
-        if self.why:
-            return f"The {part.name} is left out: {self.why}"
         own = [c for c in self.share.fit.confusions if part.name in c.effects]
         if own:
             said = " ".join(dict.fromkeys(each.sentence for each in own))

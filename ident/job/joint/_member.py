@@ -66,6 +66,10 @@ class AbstractMember(abc.ABC):
         """Whether its list can hold a constant error of the axis."""
         return False
 
+    def unfit(self, recording: GroupRecording) -> str:
+        """Return why these readings tell nothing of it, whatever they are; else nothing."""
+        return ""
+
     @abc.abstractmethod
     def effect(
         self,

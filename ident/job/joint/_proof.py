@@ -34,6 +34,7 @@ class GroupDraft:
         found: The joint fit and its proof.
         shares: What each member gets of it.
         drafts: One per member.
+        unfit: Fits of the group that its readings tell nothing of, and were not fitted.
     """
 
     name: str
@@ -42,6 +43,7 @@ class GroupDraft:
     found: IdentifiedGroup
     shares: tuple[Share, ...]
     drafts: tuple[AbstractDraft, ...]
+    unfit: tuple[LeftOutDraft, ...] = ()
 
     def prove(
         self,
@@ -60,7 +62,7 @@ class GroupDraft:
             written: Names of what was written by axis.
             results: Of its fits, by their index in the job.
         """
-        fit = self.found.fit
+        fit, unfit = self.found.fit, [one.index for one in self.unfit]
         added = [
             added_by(
                 one, share, job, folder, files[one.axis], written[one.axis],
@@ -70,7 +72,7 @@ class GroupDraft:
         ]  # fmt: skip
         return GroupResult(
             name=self.name,
-            fits=tuple(one.index for one in self.members),
+            fits=tuple(sorted([*(one.index for one in self.members), *unfit])),
             effects=self._effects(),
             freedoms=tuple(
                 Freedom(each.effects, each.sentence, self._rule(each))
@@ -115,6 +117,20 @@ class GroupDraft:
                     determined=not missing,
                     written=draft.switch is not None,
                     why=in_words(missing),
+                )
+            )
+        for one in self.unfit:
+            found.append(
+                EffectShare(
+                    index=one.index,
+                    name=one.name,
+                    axis=one.axis,
+                    compensation=one.compensation,
+                    rms=0.0,
+                    information=0.0,
+                    determined=False,
+                    written=False,
+                    why=one.why,
                 )
             )
         for part in self.found.helpers:

@@ -10,6 +10,8 @@ from ...fit.joint import JointFit, Part
 from .._result import Remark
 from ._recording import GroupRecording
 
+TOGETHER = "Identified "
+"""How the remark begins that says with what a fit was identified."""
 TABLES = ("leadscrew", "plane", "cross")
 """Kinds whose gaps are filled, in the order in which they take a constant."""
 
@@ -107,11 +109,11 @@ class Share:
         """Return what was taken for granted, and what the figures of this fit are."""
         beside = ", ".join(self.others)
         words = (
-            f"Identified together with {beside} (group {self.group!r}): the error before"
+            f"{TOGETHER}together with {beside} (group {self.group!r}): the error before"
             " is what these leave of the readings, and what is predicted or left from"
             " the file is the rest of the whole sum."
             if beside
-            else f"Identified in group {self.group!r}, alone on {self.axis}."
+            else f"{TOGETHER}in group {self.group!r}, alone on {self.axis}."
         )
         return [Remark("info", words), *self.recording.remarks]
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...fit import DriftNoise
 from ...fit.joint import TemperatureEffect
-from ...fit.thermal import Lag, Law, TemperatureFit, ThermalReadings
+from ...fit.thermal import LEAST_RANGE, Lag, Law, TemperatureFit, ThermalReadings
 from .._fit_schema import Effect, TemperatureSpec
 from .._load import Job
 from ..temperature import (
@@ -50,6 +50,20 @@ class TemperatureMember(AbstractMember):
     @property
     def sensors(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(self.effects.values()))
+
+    def unfit(self, recording: GroupRecording) -> str:
+        known = np.isfinite(recording.data.error[self.axis])
+        for name in self.sensors:
+            warm = recording.data.temperature[name][known]
+            warm = warm[np.isfinite(warm)]
+            # What a noisy sensor shows of a temperature that stays is no range.
+            low, high = np.percentile(warm, [1.0, 99.0]) if warm.size else (0.0, 0.0)
+            if high - low < LEAST_RANGE:
+                return (
+                    f"{name} stays at {0.5 * (low + high):.4g} °C within"
+                    f" {high - low:.2g} K, expected a range of {LEAST_RANGE:g} K or more."
+                )
+        return ""
 
     def effect(
         self,

@@ -46,7 +46,7 @@ def plan_temperature(
             found = identify(recording, fit)
         except FitError as error:
             reason = f"temperature of {fit.axis} from {', '.join(fit.sources)}: {error}"
-            raise job.error(("fits", index), reason) from None
+            raise job.untold(("fits", index), reason) from None
         zero = zero_of(recording, found.fit)
         return TemperatureDraft(index, fit, lists, recording, found, zero)
 
@@ -54,9 +54,15 @@ def plan_temperature(
 
 
 def zero_of(recording: ThermalRecording, fit: TemperatureFit) -> float:
-    """Return the temperature at which nothing is corrected: measured, near the reference."""
+    """Return the temperature at which nothing is corrected: measured, near the reference.
+
+    Where two sensors move the line it is the reference itself: each law is held at its own
+    end, the measured temperature next to it.
+    """
     laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
     following = [law for law in laws if len(law.value) > 1] or laws
+    if len({law.sensor for law in following}) > 1:
+        return recording.reference_temperature
     low = max(float(law.temperature[0]) for law in following)
     high = min(float(law.temperature[-1]) for law in following)
     return float(np.clip(recording.reference_temperature, low, max(low, high)))
@@ -89,13 +95,14 @@ class TemperatureDraft(AbstractDraft):
         return moves and self.found.determined
 
     @property
+    def partial(self) -> bool:
+        return bool(self.found.open)
+
+    @property
     def switch(self) -> Switch | None:
         if not self.written:
             return None
         return Switch("TEMP", "Works once the axis is homed and the PLC program runs")
-
-    def entries(self, job: Job) -> dict[str, Value]:
-        return {}
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
         if not self.written:
@@ -150,9 +157,6 @@ class TemperatureDraft(AbstractDraft):
         return judge_law(
             self._law(job), self._position, self._span(job), self.axis, limits_of(job)
         )
-
-    def refuse_misread(self, job: Job, listing: ListFile) -> None:
-        """Nothing of it stands in the compensation list."""
 
     def prove(
         self,

@@ -44,6 +44,16 @@ def identify(recording: ThermalRecording, fit: TemperatureSpec) -> Identified:
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
+    try:
+        return _identified(recording, fit)
+    except FitError as error:
+        message = str(error)
+        for number, name in enumerate(recording.sensors, 1):
+            message = message.replace(f"sensor {number} of", f"sensor {name!r} of")
+        raise FitError(message) from None
+
+
+def _identified(recording: ThermalRecording, fit: TemperatureSpec) -> Identified:
     law: LawPair = "auto"
     if fit.law is not None:
         law = (

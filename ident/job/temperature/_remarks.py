@@ -13,6 +13,8 @@ from ._recording import ThermalRecording
 
 _ONE_WAY = 0.95
 """Correlation of temperature and time from which nothing but the clock may be seen."""
+_SAME_COURSE = 0.999
+"""Correlation of two sensors from which on either does for the other."""
 _FEW = 8.0
 _HOT = 200.0
 """°C that no structure of a machine tool reaches."""
@@ -108,13 +110,17 @@ def _not_told(
     remarks = []
     readings = recording.readings
     if fit.coefficient is None:
+        why = f"The error was measured at one position of {axis}"
+        if recording.carriers is not None:
+            why = f"The coefficient of {axis} was not asked for"
         remarks.append(
             Remark(
                 "warning",
-                f"The error was measured at one position of {axis}: how it grows along"
-                " the axis is not known, and the same correction acts everywhere.",
+                f"{why}: how the error grows along the axis is not known, and the same"
+                " correction acts everywhere.",
             )
         )
+    remarks += _alike(recording)
     if recording.datum is not None and "offset" in recording.effects:
         remarks.append(
             Remark(
@@ -155,13 +161,51 @@ def _not_told(
     return remarks
 
 
+def _alike(recording: ThermalRecording) -> list[Remark]:
+    """Return a warning where two sensors changed in the same way."""
+    first, second = (recording.effects.get(key) for key in ("offset", "coefficient"))
+    if first is None or second is None or first == second:
+        return []
+    one, two = (recording.readings.temperature[:, k] for k in (first, second))
+    known = np.isfinite(one) & np.isfinite(two)
+    if known.sum() < 3 or not np.ptp(one[known]) > 0 or not np.ptp(two[known]) > 0:
+        return []
+    alike = float(np.corrcoef(one[known], two[known])[0, 1])
+    if abs(alike) < _SAME_COURSE:
+        return []
+    names = recording.sensors[first], recording.sensors[second]
+    return [
+        Remark(
+            "warning",
+            f"{names[0]} and {names[1]} changed alike (correlation {alike:.4f}): that the"
+            f" offset follows {names[0]} and the coefficient {names[1]} is the choice of"
+            " the job, these readings cannot tell it. Measure once while they differ.",
+        )
+    ]
+
+
 def _state(
     axis: str, recording: ThermalRecording, fit: TemperatureFit, zero: float
 ) -> list[Remark]:
     """Return where the law is zero, what stays for the tables, and how far it reaches."""
     remarks = []
     wished = recording.reference_temperature
-    if abs(zero - wished) > 0.05:
+    laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
+    far = {
+        recording.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
+        for law in laws
+        if len(law.value) > 1
+    }
+    if len(far) > 1 and any(abs(warm - wished) > 0.05 for warm in far.values()):
+        at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in far.items())
+        remarks.append(
+            Remark(
+                "info",
+                f"Nothing is corrected with {at}, the measured temperatures next to the"
+                f" reference of {wished:g} °C.",
+            )
+        )
+    elif abs(zero - wished) > 0.05:
         remarks.append(
             Remark(
                 "info",

@@ -1,0 +1,142 @@
+"""What a job found, for a terminal: errors before and after, gate, remarks, files."""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ._group_text import print_group, without_pairs
+from ._said import print_remarks
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ..job import AbstractResult, GroupResult, JobResult
+
+
+def print_result(
+    console: "Console", result: "JobResult", out: Path, report: Sequence[Path]
+) -> None:
+    """Print what a person wants to know first; all else is in the report.
+
+    What several fits say alike is said once, after them.
+
+    Args:
+        console: Where to.
+        result: What the job found.
+        out: Folder of its files.
+        report: Files of the report.
+    """
+    from ..job.joint import TOGETHER
+
+    grouped = {index: group for group in result.groups for index in group.fits}
+    counts = Counter(
+        remark.message for one in result.fits for remark in set(one.remarks)
+    )
+    shared = {words for words, count in counts.items() if count > 1}
+    for group in result.groups:
+        print_group(console, group, result.fits)
+        own = {remark.message for remark in group.remarks}
+        for index in group.fits:
+            _print_member(console, result.fits[index], group, shared | own, TOGETHER)
+    for index, one in enumerate(result.fits):
+        if index not in grouped:
+            _print_fit(console, one, shared)
+    said = {remark.message for group in result.groups for remark in group.remarks}
+    every = dict.fromkeys(
+        remark
+        for one in result.fits
+        for remark in one.remarks
+        if remark.message in shared - said
+    )
+    print_remarks(console, [*every, *result.remarks])
+    _print_files(console, result, out, report)
+
+
+def _print_files(
+    console: "Console", result: "JobResult", out: Path, report: Sequence[Path]
+) -> None:
+    console.print(f"Files in {out}:", markup=False)
+    for file in result.files:
+        console.print(f"  {file}", markup=False)
+    page = next((file for file in report if file.suffix == ".html"), None)
+    if page is not None:
+        # Some writers name files relative to the folder, others with it.
+        shown = page if page.is_file() else out / page
+        console.print(f"Report: {shown}", markup=False, soft_wrap=True)
+    verdict = "Done"
+    if not result.passed:
+        rejected = any(file.parts[0] == "rejected" for file in result.files)
+        verdict = "NOT PASSED: do not load the rejected lists"
+        if not rejected:
+            verdict = "NOT PASSED: not all that was asked for is known, see the errors"
+    console.print(f"{verdict} ({result.wall_time:.1f} s).", markup=False)
+
+
+def _print_member(
+    console: "Console",
+    found: "AbstractResult",
+    group: "GroupResult",
+    said: set[str],
+    opening: str,
+) -> None:
+    """Print gate and remarks of one fit of a group, without what is said elsewhere."""
+    if found.gate:
+        _print_gate(console, found, f"{found.compensation} of {found.axis}: ")
+    remarks = [
+        dataclasses.replace(remark, message=without_pairs(remark.message, group))
+        for remark in found.remarks
+        if remark.message not in said and not remark.message.startswith(opening)
+    ]
+    print_remarks(console, remarks)
+
+
+def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) -> None:
+    from rich.table import Table
+
+    if found.left_out:
+        print_remarks(console, found.remarks)
+        return
+    over = f" over {', '.join(found.over)}" if found.over else ""
+    unit, factor = found.shown
+    table = Table(
+        title=f"{found.compensation} of {found.axis}{over}, {unit}",
+        title_justify="left",
+    )
+    table.add_column("error")
+    stages = {"before": "before", "predicted": "predicted", "from_file": "from file"}
+    for words in stages.values():
+        table.add_column(words, justify="right")
+    rows: dict[str, list[float | None]] = {
+        "rms": [found.error[stage].sound.rms for stage in stages],
+        "max": [found.error[stage].sound.max for stage in stages],
+    }
+    if any(found.error[stage].rms_without_wild is not None for stage in stages):
+        rows["rms, wild kept"] = [found.error[stage].rms for stage in stages]
+        rows["max, wild kept"] = [found.error[stage].max for stage in stages]
+    for key in ("A", "R", "B", "E", "M"):
+        figures = [(found.error[stage].iso230 or {}).get(key) for stage in stages]
+        if any(value is not None for value in figures):
+            rows[key] = figures
+    for name, values in rows.items():
+        digits = ".3g" if factor == 1.0 else ".1f"
+        cells = [
+            "–" if value is None else f"{factor * value:{digits}}" for value in values
+        ]
+        table.add_row(name, *cells)
+    console.print(table)
+    _print_gate(console, found)
+    print_remarks(console, [r for r in found.remarks if r.message not in shared])
+
+
+def _print_gate(console: "Console", found: "AbstractResult", start: str = "") -> None:
+    failed = [check for check in found.gate if not check.passed]
+    if not failed:
+        console.print(f"{start}gate: passed ({len(found.gate)} checks)", markup=False)
+    for check in failed:
+        console.print(
+            f"{start}gate: FAILED {check.name}: {check.value:.4g} {check.unit}, allowed"
+            f" {check.limit:.4g} ({check.where})",
+            markup=False,
+        )

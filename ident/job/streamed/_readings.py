@@ -1,0 +1,225 @@
+"""A log in pieces, as readings of one fit."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from functools import cached_property, partial
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.measurements import ColumnSpec, LargeFile, Table, TablePart, own_roles
+from ...exchange import AbstractTable
+from ...fit import Ahead, Samples
+from .._fit_schema import TableSpec
+from .._load import Job
+from .._readings import datum_of
+from .._reference import temperature_role, words_of_reference
+from .._remove import Zero, step_of, zero_of
+from .._result import Remark
+from .._source import Part, Tables, measured_from, read_rows
+from .._wanted import Wanted
+
+_PARTS = 32
+"""Parts of a log: enough to read one ahead, few enough to keep their sums."""
+_ROWS = 1 << 19
+"""Rows of a piece."""
+_MANY = 1 << 32
+"""Runs of one measurement are numbered below this."""
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class LogSource:
+    """A log, and the columns that a fit takes from it.
+
+    Attributes:
+        name: Of the measurement.
+        file: The file.
+        columns: Column of each role that is used.
+        all_roles: Every role that the file has.
+    """
+
+    name: str
+    file: LargeFile
+    columns: Mapping[str, ColumnSpec]
+    all_roles: frozenset[str]
+    axis: str
+
+    @classmethod
+    def of(
+        cls, tables: Tables, name: str, file: LargeFile, fit: TableSpec, wanted: Wanted
+    ) -> "LogSource":
+        """Return a log as a fit uses it.
+
+        Raises:
+            MeasurementError: If the file does not tell what its columns are.
+        """
+        spec = tables.job.spec.measurements[name]
+        columns = tables.columns(name) or own_roles(
+            file.head, spec.axis or fit.axis, wanted.masters
+        )
+        error = f"{fit.axis}.error"
+        roles = [f"{axis}.position" for axis in wanted.masters]
+        roles += (
+            [error]
+            if error in columns
+            else [f"{fit.axis}.actual", f"{fit.axis}.position"]
+        )
+        roles.append("run")
+        if wanted.direction == "needed":
+            roles.append(f"{fit.axis}.direction")
+        if isinstance(spec.material_temperature, str):
+            roles.append(temperature_role(spec.material_temperature))
+        used = {role: columns[role] for role in roles if role in columns}
+        return cls(name, file, used, frozenset(columns), fit.axis)
+
+    @cached_property
+    def headers(self) -> tuple[str, ...]:
+        """The columns that are used, as the file names them.
+
+        Raises:
+            ColumnError: If one does not exist.
+        """
+        head = self.file.head
+        found = [head.column(one.column) for one in self.columns.values()]
+        return tuple(dict.fromkeys(one.header or one.name for one in found))
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether the error is that of a motion, which the rows alone do not tell."""
+        return f"{self.axis}.error" not in self.all_roles and "time" in self.all_roles
+
+    @property
+    def has_direction(self) -> bool:
+        """Whether the direction is a column."""
+        return f"{self.axis}.direction" in self.all_roles
+
+    @property
+    def has_runs(self) -> bool:
+        """Whether runs are numbered."""
+        return "run" in self.columns
+
+    @property
+    def names_runs(self) -> bool:
+        """Whether runs have names, which are numbered in order of appearance."""
+        if not self.has_runs:
+            return False
+        return self.file.head.column(self.columns["run"].column).text is not None
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class LogReadings:
+    """The readings of a fit, piece by piece.
+
+    Attributes:
+        job: The job.
+        index: Of the fit in the job.
+        fit: Its specification.
+        table: What will be written.
+        wanted: What it takes from its measurements.
+        sources: The logs, one after the other.
+    """
+
+    job: Job
+    index: int
+    fit: TableSpec
+    table: AbstractTable
+    wanted: Wanted
+    sources: tuple[LogSource, ...]
+    _said: dict[str, float | None] = dataclasses.field(default_factory=dict)
+
+    @property
+    def has_runs(self) -> bool:
+        """Whether some readings belong to another run than others, as far as is known."""
+        return len(self.sources) > 1 or any(one.has_runs for one in self.sources)
+
+    @cached_property
+    def parts(self) -> list[Ahead]:
+        """The readings, for a `Stream` on this machine with `in_turn`."""
+        return [
+            Ahead(part.tables, partial(self._samples, k))
+            for k, source in enumerate(self.sources)
+            for part in self._parts_of(source)
+        ]
+
+    @cached_property
+    def datum(self) -> tuple[float, ...] | None:
+        """Where the error is zero, per master, or None."""
+        return datum_of(self.job, self.index, self.fit)
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What was taken for granted, once the log has been read."""
+        found = [words for words, change in self._said.items() if change is None]
+        for source in self.sources:
+            if self.job.spec.measurements[source.name].expansion is None:
+                continue
+            change = self._said.get(_change_of(source.name))
+            found.append(
+                words_of_reference(self.job, source.name, self.fit, self.wanted, change)
+            )
+        return tuple(Remark("info", words) for words in found)
+
+    def _parts_of(self, source: LogSource) -> list[TablePart]:
+        return source.file.parts(source.headers, _PARTS, _ROWS)
+
+    def _samples(self, number: int, table: Table) -> Samples:
+        """Return the readings of a piece."""
+        part = self._rows(self.sources[number], table)
+        zero = self._zeros.get(number)
+        error = part.error if zero is None else zero.off(part.error, part.positions)
+        branch = None
+        if self.table.branches == 2:
+            assert part.direction is not None  # `read_rows` refuses it otherwise
+            branch = (part.direction < 0).astype(np.int64)
+        run = None
+        if self.has_runs:
+            run = np.full(len(error), number * _MANY, dtype=np.int64)
+            if part.run is not None:
+                run += part.run
+        return Samples(part.positions, error, branch, run=run)
+
+    def _rows(self, source: LogSource, table: Table) -> Part:
+        measured = measured_from(
+            self.job, source.name, table, source.columns, self.fit, self.wanted.masters
+        )
+        part = read_rows(self.job, source.name, measured, self.fit, self.wanted)
+        for words in part.remarks:
+            self._said.setdefault(words, None)
+        if part.change is not None:
+            name = _change_of(source.name)
+            self._said[name] = max(part.change, self._said.get(name) or 0.0)
+        return part
+
+    @cached_property
+    def _zeros(self) -> dict[int, Zero]:
+        """What is to be removed from each log, judged by every n-th reading of it."""
+        found = {}
+        for number, source in enumerate(self.sources):
+            kind = self.job.spec.measurements[source.name].remove
+            if kind == "none":
+                continue
+            count = sum(len(one.error) for one in self._all_rows(source))
+            step, row = step_of(count), 0
+            errors: list[Float[np.ndarray, " t"]] = []
+            places: list[Float[np.ndarray, "t d"]] = []
+            for part in self._all_rows(source):
+                every = slice(-row % step, None, step)
+                errors.append(part.error[every])
+                places.append(part.positions[every])
+                row += len(part.error)
+            found[number] = zero_of(
+                np.concatenate(errors), np.concatenate(places), kind
+            )
+        return found
+
+    def _all_rows(self, source: LogSource) -> Iterator[Part]:
+        for part in self._parts_of(source):
+            for table in part.tables():
+                yield self._rows(source, table)
+
+
+def _change_of(name: str) -> str:
+    return f"\0{name}"
