@@ -16,19 +16,6 @@ from ....models import AbstractFriction
 WAYS = ("_positive", "_negative")
 
 
-def no_shape() -> Float[np.ndarray, " s"]:
-    """Return the logarithms of the shape of a law that has none."""
-    return np.zeros(0)
-
-
-def no_columns(
-    speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
-) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
-    """Return the shaped columns of a law that has none."""
-    count, width = shapes.shape
-    return np.zeros((count, len(speed))), np.zeros((width, count, len(speed)))
-
-
 @dataclasses.dataclass(frozen=True)
 class Reported:
     """Parameters as users read them, and how they follow from the factors of the columns.

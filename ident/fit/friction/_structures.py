@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....models import AbstractFriction, StribeckFriction
-from ._structure import AbstractStructure, Reported, no_columns, no_shape
+from ._linear_structure import AbstractLinearStructure
+from ._structure import AbstractStructure, Reported
 
 _GAUSS = 2.0
 _RATIO = np.sqrt(2.0)
@@ -23,7 +24,7 @@ _REST = 1e-300
 
 @final
 @dataclasses.dataclass(frozen=True)
-class CoulombViscous(AbstractStructure):
+class CoulombViscous(AbstractLinearStructure):
     """A constant level and a slope: 2 factors per direction."""
 
     @property
@@ -42,53 +43,15 @@ class CoulombViscous(AbstractStructure):
         return ("coulomb", "viscous")
 
     @property
-    def shapes(self) -> tuple[str, ...]:
-        """See `AbstractStructure`."""
-        return ()
-
-    @property
     def level_names(self) -> tuple[str, ...]:
         """See `AbstractStructure`."""
         return ("coulomb",)
-
-    def starts(
-        self, speed: Float[np.ndarray, " t"]
-    ) -> Sequence[Float[np.ndarray, " s"]]:
-        """See `AbstractStructure`."""
-        return (no_shape(),)
-
-    def bounds(
-        self, speed: Float[np.ndarray, " t"]
-    ) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
-        """See `AbstractStructure`."""
-        return no_shape(), no_shape()
 
     def profile(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`."""
         return np.stack([np.ones_like(speed), speed], axis=1)
-
-    def profile_slopes(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "s t k"]:
-        """See `AbstractStructure`."""
-        return np.zeros((0, len(speed), 2))
-
-    @property
-    def shaped(self) -> tuple[int, ...]:
-        """See `AbstractStructure`."""
-        return ()
-
-    def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
-        """See `AbstractStructure`."""
-        return self.profile(speed, no_shape())
-
-    def shaped_profiles(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
-    ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
-        """See `AbstractStructure`."""
-        return no_columns(speed, shapes)
 
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`."""

@@ -1,7 +1,6 @@
 """The friction law that can bend anywhere: values at knots, smooth by a prior."""
 
 import dataclasses
-from collections.abc import Sequence
 from typing import final
 
 import jax.numpy as jnp
@@ -9,7 +8,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....models import AbstractFriction, FrictionTable, Setpoints
-from ._structure import AbstractStructure, Reported, no_columns, no_shape
+from ._linear_structure import AbstractLinearStructure
+from ._structure import Reported
 
 
 @final
@@ -32,7 +32,7 @@ class DirectionalTable(AbstractFriction):
 
 @final
 @dataclasses.dataclass(frozen=True)
-class KnotTable(AbstractStructure):
+class KnotTable(AbstractLinearStructure):
     """A free table: values at knots, linear between, held outside, smooth by a prior.
 
     Attributes:
@@ -58,26 +58,9 @@ class KnotTable(AbstractStructure):
         return tuple(f"knot_{index}" for index in range(len(self.knots)))
 
     @property
-    def shapes(self) -> tuple[str, ...]:
-        """See `AbstractStructure`."""
-        return ()
-
-    @property
     def level_names(self) -> tuple[str, ...]:
         """See `AbstractStructure`."""
         return self.factors
-
-    def starts(
-        self, speed: Float[np.ndarray, " t"]
-    ) -> Sequence[Float[np.ndarray, " s"]]:
-        """See `AbstractStructure`."""
-        return (no_shape(),)
-
-    def bounds(
-        self, speed: Float[np.ndarray, " t"]
-    ) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
-        """See `AbstractStructure`."""
-        return no_shape(), no_shape()
 
     def profile(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
@@ -92,27 +75,6 @@ class KnotTable(AbstractStructure):
         result[rows, cell] = 1.0 - share
         result[rows, cell + 1] = share
         return result
-
-    def profile_slopes(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "s t k"]:
-        """See `AbstractStructure`."""
-        return np.zeros((0, len(speed), len(self.knots)))
-
-    @property
-    def shaped(self) -> tuple[int, ...]:
-        """See `AbstractStructure`."""
-        return ()
-
-    def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
-        """See `AbstractStructure`."""
-        return self.profile(speed, no_shape())
-
-    def shaped_profiles(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
-    ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
-        """See `AbstractStructure`."""
-        return no_columns(speed, shapes)
 
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`: how far each knot lies off the line of its neighbours.
