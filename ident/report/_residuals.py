@@ -62,6 +62,8 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
     for panel, view in zip(axes, views, strict=False):
         found.append(_draw_cloud(panel, readings, view.where, limit))
         panel.set_xlabel(view.label)
+        # Rows of a long log are long numbers, which would run into each other.
+        panel.locator_params(axis="x", nbins=5 if np.max(view.where) < 1e5 else 3)
     if runs is not None:
         _draw_runs(axes[-1], readings, runs)
     for panel in axes[::columns]:
