@@ -14,7 +14,7 @@ from ...fit.joint import (
     examine_design,
 )
 from .._draft import AxisLists
-from .._fit_schema import FrictionSpec, PlaneSpec
+from .._fit_schema import FrictionSpec, PlaneSpec, TableSpec
 from .._load import Job
 from .._source import Tables
 from ._member import AbstractMember
@@ -64,20 +64,29 @@ def untold_apart(
 def _together(job: Job, tables: Tables, indices: Sequence[int]) -> list[list[int]]:
     """Return fits of one axis and the same measurements; friction has its own.
 
-    Logs that are read in pieces stay aside.
+    A table alone on a log that is read in pieces stays aside: whatever shares the log has it
+    read into memory.
     """
     known: dict[tuple[str, tuple[str, ...]], list[int]] = {}
     for k in indices:
         fit = job.spec.fits[k]
-        if isinstance(fit, FrictionSpec):
-            continue
-        specs = {name: job.spec.measurements[name] for name in fit.sources}
-        if not any(
-            one.stream is not False and tables.large(name) is not None
-            for name, one in specs.items()
-        ):
+        if not isinstance(fit, FrictionSpec):
             known.setdefault((fit.axis, tuple(sorted(fit.sources))), []).append(k)
-    return list(known.values())
+    return [
+        own
+        for own in known.values()
+        if len(own) > 1
+        or not isinstance(job.spec.fits[own[0]], TableSpec)
+        or not _is_large(job, tables, own[0])
+    ]
+
+
+def _is_large(job: Job, tables: Tables, k: int) -> bool:
+    return any(
+        job.spec.measurements[name].stream is not False
+        and tables.large(name) is not None
+        for name in job.spec.fits[k].sources
+    )
 
 
 def _confused(
