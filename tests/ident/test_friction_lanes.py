@@ -1,12 +1,15 @@
 """Fits of one recording with and without some of its rows, side by side."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.signal import oaconvolve
 
+from axcomp.ident.fit._gather import Gathering
 from axcomp.ident.fit.friction import (
+    Choice,
     CoulombViscous,
     DriveSamples,
     KnotTable,
@@ -19,7 +22,8 @@ from axcomp.ident.fit.friction._covariance import score_covariance
 from axcomp.ident.fit.friction._lanes import lanes_of
 from axcomp.ident.fit.friction._lowpass import decimation
 from axcomp.ident.fit.friction._problem import Known, make_problem
-from axcomp.ident.fit.friction._solve import solve_problem
+from axcomp.ident.fit.friction._solve import solve_stack
+from axcomp.ident.fit.friction._stack import alone
 from axcomp.ident.fit.friction._structure import AbstractStructure
 
 CYCLE = 0.01  # s
@@ -56,13 +60,13 @@ def test_fits_side_by_side_are_those_of_each_choice_of_rows(wild: float) -> None
     for kind in kinds(samples):
         problem = make_problem(samples, kind, Known(), 1)
         keep = window != np.arange(5)[:, None]
-        beside = solve_problem(problem, "trim", lanes_of(problem.usable, keep))
+        beside = solve_stack(alone(problem), "trim", lanes_of(problem.usable, keep))
         for rows, found in zip(keep, beside, strict=True):
             fresh = make_problem(samples, kind, Known(), 1)
             lanes = lanes_of(fresh.usable, rows[None])
-            (alone,) = solve_problem(fresh, "trim", lanes)
-            one, other = alone.solution, found.solution
-            assert type(found.problem.structure) is type(alone.problem.structure)
+            (found_alone,) = solve_stack(alone(fresh), "trim", lanes)
+            one, other = found_alone.solution, found.solution
+            assert type(found.problem.structure) is type(found_alone.problem.structure)
             assert other.passes == one.passes
             # Sums in another order; a step of a search may end one rounding earlier.
             np.testing.assert_allclose(other.residual, one.residual, atol=1e-8)
@@ -91,6 +95,31 @@ def test_laws_of_a_choice_are_those_of_single_fits() -> None:
         # Sums over the windows' stretches instead of one: rounding.
         np.testing.assert_allclose(law.values, alone.values, rtol=1e-8)
         np.testing.assert_allclose(law.covariance, alone.covariance, rtol=1e-6)
+
+
+def test_recordings_side_by_side_are_chosen_for_as_alone() -> None:
+    # Wild samples, no drop, other lengths: what one of them needs is none of the others'.
+    recordings = [
+        recording(0.0),
+        recording(0.03, 1117),
+        dataclasses.replace(recording(0.0), current=recording(0.0).velocity * 0.01),
+        recording(0.02),
+    ]
+    beside = Gathering().run([partial(choose_law, each) for each in recordings])
+    for samples, found in zip(recordings, beside, strict=True):
+        assert isinstance(found, Choice)
+        alone = choose_law(samples)
+        assert found.sentence == alone.sentence
+        for one, other in zip(found.candidates, alone.candidates, strict=True):
+            # Rows filled up with zeros are summed in another order: rounding, after a
+            # search that ends within 1e-10.
+            np.testing.assert_allclose(
+                one.window_error, other.window_error, rtol=1e-9, atol=1e-15
+            )
+        np.testing.assert_allclose(found.fit.values, alone.fit.values, rtol=1e-9)
+        held = found.left_out.predicted(found.fit)
+        wanted = alone.left_out.predicted(alone.fit)
+        np.testing.assert_allclose(held, wanted, rtol=1e-9)
 
 
 def test_sliding_sums_are_sums_over_lags_with_bartletts_weights() -> None:

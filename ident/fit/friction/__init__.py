@@ -5,12 +5,12 @@ from ._batch import (
     fit_stribeck_batch as fit_stribeck_batch,
 )
 from ._choice import (
-    Candidate as Candidate,
     Choice as Choice,
     choose_law as choose_law,
     default_structures as default_structures,
     force_error as force_error,
 )
+from ._compete import Candidate as Candidate
 from ._inverse import fit_inverse as fit_inverse
 from ._ipopt import Ipopt as Ipopt
 from ._marquardt import Marquardt as Marquardt

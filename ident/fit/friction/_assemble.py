@@ -161,14 +161,11 @@ def assemble(solved: Solved, method: str) -> FrictionFit:
     covariance = np.where(open_[:, None] | open_[None], np.nan, covariance)
     sd = np.sqrt(np.diag(covariance))
     good = [place for place in range(len(names)) if not open_[place]]
-    law = None
-    if named.has_law:
-        law = structure.law(own.reshape(structure.ways, -1), solution.shape)
     load = problem.load[used]
     return FrictionFit(
         method=method,
         structure=structure,
-        law=law,
+        has_law=named.has_law,
         parameters={names[place]: float(values[place]) for place in good}
         | _given(problem),
         standard_deviations={names[place]: float(sd[place]) for place in good},

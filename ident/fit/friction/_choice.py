@@ -1,56 +1,29 @@
 """Which law to believe: the simplest that predicts windows held out as well as the best does."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from .._gather import in_group
 from .._threads import one_blas_thread
 from ._assemble import assemble
+from ._compete import Candidate, Competition, compete, fit_all
 from ._inverse import METHOD
-from ._lanes import lanes_of
 from ._leftout import LeftOut, left_out
 from ._lowpass import default_factor
 from ._problem import Known, Problem, make_problem
 from ._result import FrictionFit
 from ._samples import DriveSamples, check_samples
-from ._solve import solve_problem
+from ._solve import Solved
+from ._stack import alike
 from ._structure import AbstractStructure
 from ._structures import CoulombViscous, Stribeck
 from ._tables import KnotTable, default_knots
 
 WINDOWS = 10
 KNOTS = (3, 5, 8, 12, 20)
-_WILD = 4.0
-"""Error in scales beyond which a sample says nothing of the law."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Candidate:
-    """One kind of law and how it predicts what it has not seen.
-
-    Attributes:
-        structure: Kind of law.
-        parameters: How many numbers it has, inertia and offset left out.
-        window_error: RMS of the force error per window held out, relative to the load's RMS
-            over the whole recording.
-        error: Root of their mean square.
-        standard_error: Of the mean square over the windows, in terms of ``error``.
-        fitted_error: The same on the samples fitted, for the distance between both.
-    """
-
-    structure: AbstractStructure
-    parameters: int
-    window_error: Float[np.ndarray, " w"]
-    error: float
-    standard_error: float
-    fitted_error: float
-
-    @property
-    def spread(self) -> tuple[float, float]:
-        """Least and largest error over the windows."""
-        return float(np.min(self.window_error)), float(np.max(self.window_error))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,10 +79,11 @@ def choose_law(
 ) -> Choice:
     """Choose among kinds of law by windows held out (one standard error rule).
 
-    The recording is cut into stretches of time; each is predicted by the law fitted to the
-    others. Errors are those of the filtered force; wild samples are counted only as far as
-    they would count in the fit. Paired: a law is as good as the best where its windows are
-    not worse by more than one standard error of the difference.
+    The recording is cut into stretches of time; each is predicted by the law solved on the
+    others, wild samples and smoothness as all samples tell them. Errors are those of the
+    filtered force; wild samples are counted only as far as they would count in the fit.
+    Paired: a law is as good as the best where its windows are not worse by more than one
+    standard error of the difference.
 
     Args:
         samples: The recording.
@@ -128,23 +102,53 @@ def choose_law(
     kinds = default_structures(samples) if structures is None else tuple(structures)
     whole = make_problem(samples, kinds[0], known, factor)
     parts = left_out(whole, loss, windows)
-    with one_blas_thread():
-        return _chosen(parts, kinds, windows)
+    (choice,) = in_group(_choose_all, [Competition(parts, kinds)])
+    return choice
 
 
-def _chosen(parts: LeftOut, kinds: Sequence[AbstractStructure], windows: int) -> Choice:
-    load = parts.problem.load[parts.problem.usable]
-    size = float(np.sqrt(np.mean(load**2)))
-    candidates = tuple(_candidate(kind, parts, size) for kind in kinds)
-    order = sorted(range(len(kinds)), key=lambda place: candidates[place].parameters)
-    best = int(np.argmin([each.error for each in candidates]))
-    chosen = next(
-        place for place in order if _as_good(candidates[place], candidates[best])
-    )
+def _choose_all(asked: Sequence[Competition]) -> list[Choice]:
+    """Choose for each recording, those of equal shape side by side."""
+    found: dict[int, Choice] = {}
+    for places in alike([(each.parts.problem, each.kinds) for each in asked]):
+        group = [asked[k] for k in places]
+        with one_blas_thread():
+            choices = _choose(group)
+        found |= dict(zip(places, choices, strict=True))
+    return [found[k] for k in range(len(asked))]
+
+
+def _choose(asked: Sequence[Competition]) -> list[Choice]:
+    fits, races = compete(asked)
+    orders = [_order(each.kinds, race) for each, race in zip(asked, races, strict=True)]
+    wanted = [
+        each.kinds[chosen] for each, (chosen, _) in zip(asked, orders, strict=True)
+    ]
+    fit_all(asked, wanted, fits)
+    return [_choice(*each) for each in zip(asked, races, orders, fits, strict=True)]
+
+
+def _order(
+    kinds: Sequence[AbstractStructure], race: Sequence[Candidate]
+) -> tuple[int, int]:
+    """Return which is the simplest that is as good as the best, and which is that."""
+    order = sorted(range(len(race)), key=lambda place: race[place].parameters)
+    best = int(np.argmin([each.error for each in race]))
+    return next(place for place in order if _as_good(race[place], race[best])), best
+
+
+def _choice(
+    asked: Competition,
+    candidates: tuple[Candidate, ...],
+    order: tuple[int, int],
+    fits: Mapping[AbstractStructure, Solved],
+) -> Choice:
+    chosen, best = order
+    kinds = asked.kinds
+    named = {kind: assemble(each, METHOD) for kind, each in fits.items()}
     return Choice(
-        fit=_whole(parts, kinds[chosen]),
-        laws=tuple(_whole(parts, kind) for kind in kinds if kind.in_words),
-        left_out=parts,
+        fit=named[kinds[chosen]],
+        laws=tuple(named[kind] for kind in kinds if kind.in_words),
+        left_out=asked.parts,
         chosen=chosen,
         best=best,
         candidates=candidates,
@@ -153,7 +157,7 @@ def _chosen(parts: LeftOut, kinds: Sequence[AbstractStructure], windows: int) ->
             for kind, each in zip(kinds, candidates, strict=True)
             if isinstance(kind, KnotTable) and not kind.directional
         ),
-        sentence=_sentence(candidates, chosen, best, windows),
+        sentence=_sentence(candidates, chosen, best, asked.parts.count),
     )
 
 
@@ -161,37 +165,6 @@ def _as_good(one: Candidate, best: Candidate) -> bool:
     worse = one.window_error**2 - best.window_error**2
     spread = float(np.std(worse, ddof=1)) / np.sqrt(len(worse))
     return bool(worse.mean() <= spread)
-
-
-def _whole(parts: LeftOut, structure: AbstractStructure) -> FrictionFit:
-    if structure.in_words:
-        return assemble(parts.fits(structure)[-1], METHOD)
-    problem = parts.problem.with_structure(structure)
-    (solved,) = solve_problem(problem, parts.loss, lanes_of(problem.usable))
-    return assemble(solved, METHOD)
-
-
-def _candidate(structure: AbstractStructure, parts: LeftOut, size: float) -> Candidate:
-    fits = [each.solution for each in parts.fits(structure)[:-1]]
-    square = np.square(np.stack([each.residual for each in fits]))
-    if parts.loss != "gauss":
-        # A wild sample says nothing of the law: no more than where the fit lets go.
-        limit = _WILD * np.array([each.loss.scale for each in fits])
-        square = np.minimum(square, np.square(limit)[:, None])
-    window_error = np.sqrt(np.einsum("ws,ws->w", square, parts.out)) / size
-    own = parts.lanes.use[:-1]
-    fitted = np.einsum("ws,ws->w", square, own) / parts.lanes.count[:-1] / size**2
-    error = float(np.sqrt(np.mean(window_error**2)))
-    spread = float(np.std(window_error**2, ddof=1)) / np.sqrt(len(window_error))
-    names = structure.names + structure.shapes
-    return Candidate(
-        structure,
-        len(names),
-        window_error,
-        error,
-        spread / (2.0 * max(error, 1e-300)),
-        float(np.sqrt(np.mean(fitted))),
-    )
 
 
 def _row_error(

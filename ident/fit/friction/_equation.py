@@ -1,6 +1,6 @@
-"""The equation of a law for several choices of rows: solved at shapes, stepped, compared."""
+"""Equations of a law for several choices of rows: solved at shapes, stepped, compared."""
 
-from functools import cached_property
+import copy
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -8,8 +8,10 @@ from jaxtyping import Float, Int
 from ._lanes import Lanes, Shares
 from ._linear import solve_linear
 from ._point import Columns, Point
-from ._problem import Problem
+from ._stack import Stack
 
+_START_ROWS = 512
+"""Rows that tell where a search begins, at most."""
 _RIDGE = 1e-9
 """Of the trace, added where a step is solved for."""
 
@@ -18,52 +20,39 @@ class Equation:
     """Sums, solutions and steps of one kind of law, for several choices of rows.
 
     Attributes:
-        problem: The equation.
+        stack: The equations.
         lanes: Rows that each fit uses.
         width: Number of linear factors.
         height: Number of shapes.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        lanes: Lanes,
-        *,
-        plain: bool = False,
-    ) -> None:
+    def __init__(self, stack: Stack, lanes: Lanes, *, plain: bool = False) -> None:
         """Prepare the sums, without a prior.
 
         Args:
-            problem: The equation.
+            stack: The equations.
             lanes: Rows that each fit uses.
             plain: Least squares, though there may be instruments.
         """
-        self.problem, self.lanes = problem, lanes
-        self.still = problem.still()
-        self.twin = self.still
-        self.instruments = problem.has_instrument and not plain
+        self.stack, self.lanes = stack, lanes
+        self.still = self.twin = stack.still
+        self.instruments = stack.one.has_instrument and not plain
         if self.instruments:
-            self.twin = problem.still(instrument=True)
-        self.places, self.moves = problem.places
+            self.twin = stack.still_instrument
+        self.places, self.moves = stack.one.places
         self.width = len(self.places) + len(self.moves)
-        self.height = len(problem.structure.shapes)
-        target = problem.target[:, None]
-        self._right = np.concatenate([self.still, target], axis=1)
+        self.height = len(stack.structure.shapes)
+        self._right = stack.right
         self._own = lanes.sums(self.still, self._right)
         self._cross = self._own
         if self.instruments:
             self._cross = lanes.sums(self.twin, self._right)
-        self._size = np.sqrt(
-            np.einsum("sk,sk->k", self.still, self.still) / len(target)
-        )
         self._weights: np.ndarray | None = None
-        self._penalty: np.ndarray | None = None
 
     def smoothed(self, weights: Float[np.ndarray, " w"]) -> "Equation":
         """Return the equation with a smoothness prior, weights relative to 1/noise²."""
-        other = object.__new__(Equation)
-        other.__dict__.update(self.__dict__)
-        other._weights, other._penalty = weights, self.problem.penalty()
+        other = copy.copy(self)
+        other._weights = weights
         return other
 
     def sums(self, shares: Shares) -> Float[np.ndarray, "w k k1"]:
@@ -74,8 +63,7 @@ class Equation:
         """Return the equation for some of the fits."""
         if len(which) == len(self.lanes):
             return self
-        other = object.__new__(Equation)
-        other.__dict__.update(self.__dict__)
+        other = copy.copy(self)
         other.lanes = self.lanes.take(which)
         other._own = self._own[which]
         other._cross = self._cross[which] if self.instruments else other._own
@@ -83,20 +71,26 @@ class Equation:
             other._weights = self._weights[which]
         return other
 
+    def of(self, lane: int) -> int:
+        """Return the recording that a fit is of."""
+        return int(self.lanes.of[lane])
+
     def weight(self, lane: int) -> float:
         """Return the weight of the smoothness prior of one fit."""
         return 0.0 if self._weights is None else float(self._weights[lane])
 
     def prior(self, lane: int) -> Float[np.ndarray, "k k"] | None:
         """Return the matrix of the smoothness prior of one fit, or None."""
-        if self._penalty is None or self._weights is None:
+        penalty = self.stack.penalty
+        if penalty is None or self._weights is None:
             return None
-        return np.asarray(self._weights[lane] * self._penalty)
+        return np.asarray(self._weights[lane] * penalty[self.of(lane)])
 
-    @cached_property
-    def bounds(self) -> tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"]]:
-        """Least and largest logarithms of the shape."""
-        return self.problem.structure.bounds(self.problem.speed)
+    @property
+    def bounds(self) -> tuple[Float[np.ndarray, "w h"], Float[np.ndarray, "w h"]]:
+        """Least and largest logarithms of the shape, fit by fit."""
+        low, high = self.stack.bounds
+        return low[self.lanes.of], high[self.lanes.of]
 
     def solve(
         self,
@@ -121,27 +115,34 @@ class Equation:
             if known is not None and same:
                 moving = known.moving
             else:
-                moving = Columns(*self.problem.shaped(shape))
+                moving = self._shaped(shape)
         own, size = self._assembled(shares, moving, moving, own=True)
         matrix = own
         if self.instruments:
             other = None
             if self.height:
-                other = Columns(*self.problem.shaped(shape, instrument=True))
+                other = self._shaped(shape, instrument=True)
             matrix, _ = self._assembled(shares, other, moving, own=False)
         moment = matrix[:, :, -1]
         own, matrix = own[:, :, :-1], matrix[:, :, :-1]
-        if self._penalty is not None and self._weights is not None:
-            prior = self._weights[:, None, None] * self._penalty
+        penalty = self.stack.penalty
+        if penalty is not None and self._weights is not None:
+            prior = self._weights[:, None, None] * penalty[self.lanes.of]
             own = own + prior
             matrix = matrix + prior if self.instruments else own
         matrix = matrix if self.instruments else own
         linear = solve_linear(own, matrix, moment, size)
-        residual = self.problem.target - linear.factors[:, self.places] @ self.still.T
+        fitted = self.lanes.along(linear.factors[:, self.places], self.still)
+        residual = self.stack.target[self.lanes.of] - fitted
         if moving is not None:
             for way, place in enumerate(self.moves):
                 residual -= linear.factors[:, place, None] * moving.values[way]
         return Point(shares, shape.copy(), moving, linear, residual)
+
+    def _shaped(
+        self, shape: Float[np.ndarray, "w h"], *, instrument: bool = False
+    ) -> Columns:
+        return Columns(*self.stack.shaped(shape, self.lanes.of, instrument=instrument))
 
     def _assembled(
         self, shares: Shares, left: Columns | None, right: Columns | None, *, own: bool
@@ -149,8 +150,7 @@ class Equation:
         """Return leftᵀ W [right, target] in the order of the factors, and column sizes."""
         twin = self.still if own else self.twin
         still = shares.sums(self._own if own else self._cross, twin, self._right)
-        count = len(self.lanes)
-        size = np.broadcast_to(self._size, (count, len(self._size)))
+        count, size = len(self.lanes), self.stack.size[self.lanes.of]
         if left is None or right is None:
             return still, size
         places, moves = self.places, self.moves
@@ -160,7 +160,7 @@ class Equation:
         sizes[:, places] = size
         for row, place in enumerate(moves):
             part = shares.full * left.values[row]
-            found[:, place, [*places, self.width]] = part @ self._right
+            found[:, place, [*places, self.width]] = self.lanes.times(part, self._right)
             for column, beside in enumerate(moves):
                 found[:, place, beside] = np.einsum(
                     "ws,ws->w", part, right.values[column]
@@ -169,7 +169,7 @@ class Equation:
                 found[:, places, place] = found[:, place, places]
             else:
                 part = shares.full * right.values[row]
-                found[:, places, place] = part @ twin
+                found[:, places, place] = self.lanes.times(part, twin)
             square = np.einsum("ws,ws->w", right.values[row], right.values[row])
             sizes[:, place] = np.sqrt(square / right.values.shape[2])
         return found, sizes
@@ -193,7 +193,7 @@ class Equation:
         tangents = self.tangents(point)
         columns, twist = point.moving, tangents
         if self.instruments:
-            columns = Columns(*self.problem.shaped(point.shape, instrument=True))
+            columns = self._shaped(point.shape, instrument=True)
             twist = self.tangents(point, columns)
         count, high = len(self.lanes), self.height
         after = np.empty((count, self.width, high))
@@ -201,9 +201,9 @@ class Equation:
         matrix, push = np.empty((count, high, high)), np.empty((count, high))
         for k in range(high):
             part = shares * tangents[k]
-            after[:, self.places, k] = part @ self.twin
+            after[:, self.places, k] = self.lanes.times(part, self.twin)
             bent = part if twist is tangents else shares * twist[k]
-            before[:, k, self.places] = bent @ self.still
+            before[:, k, self.places] = self.lanes.times(bent, self.still)
             for way, place in enumerate(self.moves):
                 after[:, place, k] = np.einsum("ws,ws->w", part, columns.values[way])
                 before[:, k, place] = np.einsum(
@@ -213,32 +213,77 @@ class Equation:
                 matrix[:, k, other] = np.einsum("ws,ws->w", bent, tangents[other])
             push[:, k] = np.einsum("ws,ws->w", bent, point.residual)
         matrix = matrix - before @ (point.linear.inverse @ after)
-        found = np.empty((count, high))
-        for lane in range(count):
-            scale = max(float(np.trace(np.abs(matrix[lane]))), 1e-300)
-            ridged = matrix[lane] + _RIDGE * scale * np.eye(high)
-            found[lane] = np.linalg.lstsq(ridged, push[lane], rcond=None)[0]
-        return found
+        trace = np.abs(np.einsum("whh->wh", matrix)).sum(axis=1)
+        ridge = _RIDGE * np.maximum(trace, 1e-300)
+        inverse = np.linalg.pinv(matrix + ridge[:, None, None] * np.eye(high))
+        return np.asarray((inverse @ push[..., None])[..., 0])
+
+    def near(
+        self,
+        shares: Shares,
+        shape: Float[np.ndarray, "r h"],
+        factors: Float[np.ndarray, "r k"],
+    ) -> tuple[
+        Float[np.ndarray, "w h"], Float[np.ndarray, " w"], Float[np.ndarray, " w"]
+    ]:
+        """Return steps in the shape from one law per recording, as a linear law has it.
+
+        As `step` for fits that share columns, without instruments: all that is needed are
+        sums, made once.
+
+        Args:
+            shares: Weights of the rows.
+            shape: Logarithms of each recording's law.
+            factors: Its linear factors.
+
+        Returns:
+            Steps, and the weighted sum of squares without and with them.
+        """
+        values, slopes = self.stack.shaped(shape, np.arange(len(shape)))
+        tangents = np.einsum("rd,hdrs->rsh", factors[:, self.moves], slopes)
+        inner = [self.still, values.transpose(1, 2, 0)]
+        right = np.concatenate([*inner, tangents, self._right[:, :, -1:]], axis=2)
+        full = right[:, :, :-1]
+        sums = shares.sums(self.lanes.sums(full, right), full, right)
+        size = np.sqrt(np.einsum("rsk,rsk->rk", full, full) / full.shape[1])
+        square = np.einsum(
+            "ws,ws->w", shares.full, np.square(self.stack.target)[self.lanes.of]
+        )
+        found, costs = np.zeros((len(self.lanes), 0)), []
+        for width in (self.width, self.width + self.height):
+            own, moment = sums[:, :width, :width], sums[:, :width, -1]
+            found = solve_linear(own, own, moment, size[self.lanes.of, :width]).factors
+            costs.append(square - np.einsum("wk,wk->w", moment, found))
+        return found[:, self.width :], costs[0], costs[1]
 
     def best_start(self, shares: Shares) -> Float[np.ndarray, "w h"]:
         """Return the best of the structure's starts for each fit, by least squares."""
-        starts = np.stack(list(self.problem.structure.starts(self.problem.speed)))
+        starts, lane_of = self.stack.starts, self.lanes.of
+        recordings, many, _ = starts.shape
         count = len(self.lanes)
-        if len(starts) == 1:
-            return np.repeat(starts, count, axis=0)
-        values = self.problem.shaped(starts)[0]
-        ways, many, rows = values.shape
-        flat = np.ascontiguousarray(values.reshape(ways * many, rows).T)
-        right = np.concatenate([self._right, flat], axis=1)
+        if many == 1:
+            return np.asarray(starts[lane_of, 0])
+        of = np.repeat(np.arange(recordings), many)
+        # By powers of two: the same for recordings that stand side by side and alone.
+        step = max(1, (1 << self.stack.rows.bit_length()) // _START_ROWS)
+        values = self.stack.shaped(starts.reshape(len(of), -1), of)[0][:, :, ::step]
+        ways, _, rows = values.shape
+        apart = values.reshape(ways, recordings, many, rows).transpose(1, 3, 0, 2)
+        flat = apart.reshape(recordings, rows, ways * many)
+        right = np.concatenate([self._right[:, ::step], flat], axis=2)
         size = len(self.places)
-        full = shares.sums(self.lanes.sums(flat, right), flat, right)
-        full = full.reshape(count, ways, many, -1)
-        still = shares.sums(self._own, self.still, self._right)
+        every = np.empty((count, right.shape[2], right.shape[2]))
+        for lane, (k, share) in enumerate(
+            zip(lane_of, shares.full[:, ::step], strict=True)
+        ):
+            np.matmul(right[k].T * share, right[k], out=every[lane])
+        still = every[:, :size, : size + 1]
+        full = every[:, size + 1 :].reshape(count, ways, many, -1)
         base = solve_linear(
             still[:, :, :-1],
             still[:, :, :-1],
             still[:, :, -1],
-            np.broadcast_to(self._size, (count, size)),
+            self.stack.size[lane_of],
         )
         # What the still columns leave of the others, and of the target.
         with_still = full[..., :size]
@@ -253,10 +298,11 @@ class Equation:
                 square[:, :, one, other] = both - np.einsum(
                     "wmk,wmk->wm", follow[:, one], with_still[:, other]
                 )
-        sizes = np.einsum("sk,sk->k", flat, flat).reshape(ways, many)
+        sizes = np.einsum("rsk,rsk->rk", flat, flat)[lane_of]
+        sizes = sizes.reshape(count, ways, many)
         for one in range(ways):
             pivot = square[:, :, one, one]
-            seen = pivot > 1e-9 * sizes[one]
+            seen = pivot > 1e-9 * sizes[:, one]
             share = np.where(seen, left[:, one] / np.where(seen, pivot, 1.0), 0.0)
             gain += share * left[:, one]
             for other in range(one + 1, ways):
@@ -265,4 +311,4 @@ class Equation:
                     seen, square[:, :, one, other] / np.where(seen, pivot, 1.0), 0.0
                 )
                 square[:, :, other, other] -= factor * square[:, :, one, other]
-        return np.asarray(starts[np.argmax(gain, axis=1)])
+        return np.asarray(starts[lane_of, np.argmax(gain, axis=1)])

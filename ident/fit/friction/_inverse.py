@@ -5,12 +5,12 @@ import numpy as np
 from .._errors import FitError
 from .._threads import one_blas_thread
 from ._assemble import assemble
-from ._lanes import lanes_of
 from ._lowpass import default_factor
 from ._problem import Known, Problem, make_problem
 from ._result import FrictionFit
 from ._samples import DriveSamples, check_samples
-from ._solve import solve_problem
+from ._solve import solve_stack
+from ._stack import alone
 from ._structure import AbstractStructure
 from ._structures import Stribeck
 
@@ -69,5 +69,5 @@ def fit_problem(
 ) -> FrictionFit:
     """Fit one problem, with a simpler law where the data do not carry the asked one."""
     with one_blas_thread():
-        (solved,) = solve_problem(problem, loss, lanes_of(problem.usable), smoothness)
+        (solved,) = solve_stack(alone(problem), loss, problem.all_rows, smoothness)
     return assemble(solved, method)

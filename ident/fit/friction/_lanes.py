@@ -1,12 +1,15 @@
-"""Fits of one recording without some of its rows, side by side: which rows, and sums over them.
+"""Fits of recordings without some of their rows, side by side: which rows, and sums over them.
 
 A law fitted without a window shares nine tenths of its rows with the others. Sums over the
 stretches between the windows' edges are made once and added up per fit; only rows that count
-neither in full nor not at all are looked at fit by fit.
+neither in full nor not at all are looked at fit by fit. Recordings of equal shape stand side
+by side too: what costs is the number of calls more than that of rows.
 """
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 from functools import cached_property
+from itertools import pairwise
 from typing import final
 
 import numpy as np
@@ -20,14 +23,17 @@ class Lanes:
 
     Attributes:
         use: 1 where a fit uses a row, else 0.
-        usable: Rows that may be used at all.
-        edges: Where stretches of rows begin that all fits treat alike, and the end.
+        usable: Rows of each recording that may be used at all.
+        of: Recording that each fit is of, ascending.
+        edges: Per recording, where stretches of rows begin that all its fits treat alike,
+            and the end.
         member: 1 where a fit uses a stretch (as far as its rows are usable), else 0.
     """
 
     use: Float[np.ndarray, "w s"]
-    usable: Bool[np.ndarray, " s"]
-    edges: Int[np.ndarray, " g1"]
+    usable: Bool[np.ndarray, "r s"]
+    of: Int[np.ndarray, " w"]
+    edges: tuple[Int[np.ndarray, " _"], ...]
     member: Float[np.ndarray, "w g"]
 
     def __len__(self) -> int:
@@ -43,36 +49,88 @@ class Lanes:
         """Infinity where a fit does not use a row, else 0."""
         return np.where(self.use > 0, 0.0, np.inf)
 
+    @cached_property
+    def own(self) -> list[tuple[int, slice]]:
+        """Recordings with any fits, and which these are."""
+        ends = np.searchsorted(self.of, np.arange(len(self.usable) + 1)).tolist()
+        return [(k, slice(a, b)) for k, (a, b) in enumerate(pairwise(ends)) if a < b]
+
+    @cached_property
+    def each(self) -> int:
+        """How many fits every recording has; 0 where they differ."""
+        many = len(self) // len(self.usable)
+        even = np.array_equal(self.of, np.repeat(np.arange(len(self.usable)), many))
+        return many if even else 0
+
     def take(self, which: Int[np.ndarray, " v"]) -> "Lanes":
         """Return some of the fits."""
         if len(which) == len(self):
             return self
-        return Lanes(self.use[which], self.usable, self.edges, self.member[which])
+        return Lanes(
+            self.use[which],
+            self.usable,
+            self.of[which],
+            self.edges,
+            self.member[which],
+        )
 
     def sums(
-        self, left: Float[np.ndarray, "s p"], right: Float[np.ndarray, "s q"]
+        self, left: Float[np.ndarray, "r s p"], right: Float[np.ndarray, "r s q"]
     ) -> Float[np.ndarray, "w p q"]:
         """Return leftᵀ right over the rows of each fit."""
         if not self.usable.all():
-            left = left * self.usable[:, None]
-        parts = np.stack(
-            [
-                left[start:end].T @ right[start:end]
-                for start, end in zip(self.edges[:-1], self.edges[1:], strict=True)
-            ]
+            left = left * self.usable[:, :, None]
+        found = np.empty((len(self), left.shape[2], right.shape[2]))
+        for k, fits in self.own:
+            edges = self.edges[k]
+            parts = np.empty((len(edges) - 1, *found.shape[1:]))
+            for (start, end), part in zip(pairwise(edges), parts, strict=True):
+                np.matmul(left[k, start:end].T, right[k, start:end], out=part)
+            member = self.member[fits, : len(parts)]
+            found[fits] = np.tensordot(member, parts, 1)
+        return found
+
+    def times(
+        self, rows: Float[np.ndarray, "w s"], columns: Float[np.ndarray, "r s q"]
+    ) -> Float[np.ndarray, "w q"]:
+        """Return rows @ columns, each fit with the columns of its recording."""
+        if self.each:
+            stacked = rows.reshape(len(columns), self.each, -1)
+            return np.asarray((stacked @ columns).reshape(len(rows), -1))
+        return self._by_recording(
+            [rows[fits] @ columns[k] for k, fits in self.own], columns.shape[2]
         )
-        found = self.member @ parts.reshape(len(parts), -1)
-        shape = len(self), left.shape[1], right.shape[1]
-        return np.asarray(found.reshape(shape))
+
+    def along(
+        self, factors: Float[np.ndarray, "w k"], columns: Float[np.ndarray, "r s k"]
+    ) -> Float[np.ndarray, "w s"]:
+        """Return columns @ factors per row, each fit with the columns of its recording."""
+        columns = np.swapaxes(columns, 1, 2)
+        if self.each:
+            stacked = factors.reshape(len(columns), self.each, -1)
+            return np.asarray((stacked @ columns).reshape(len(factors), -1))
+        return self._by_recording(
+            [factors[fits] @ columns[k] for k, fits in self.own], columns.shape[2]
+        )
+
+    @staticmethod
+    def _by_recording(parts: list[np.ndarray], width: int) -> np.ndarray:
+        return np.concatenate(parts) if parts else np.zeros((0, width))
 
     def all_rows(self) -> "Shares":
         """Return weights with which every row that is used counts in full."""
-        return Shares(self.use, np.zeros(0, np.int64), np.zeros((len(self), 0)))
+        return Shares(self, self.use, {})
 
     def shares(self, full: Float[np.ndarray, "w s"]) -> "Shares":
         """Return weights given row by row; what a fit does not use must have none."""
-        rows = np.flatnonzero((full != self.use).any(axis=0))
-        return Shares(full, rows, self.use[:, rows] - full[:, rows])
+        partly = full != self.use
+        some = partly.any(axis=1)
+        lack = {}
+        for k, fits in self.own:
+            if some[fits].any():
+                rows = np.flatnonzero(partly[fits].any(axis=0))
+                lack[k] = rows, self.use[fits][:, rows] - full[fits][:, rows]
+        return Shares(self, full, lack)
 
 
 @final
@@ -81,42 +139,62 @@ class Shares:
     """How much each row counts in each fit.
 
     Attributes:
+        lanes: The fits.
         full: 0 to 1.
-        rows: Those that count in part somewhere, though they are used.
-        lack: What they lack of 1.
+        lack: By recording, rows that count in part in some of its fits though they are
+            used, and what they lack of 1 in each.
     """
 
+    lanes: Lanes
     full: Float[np.ndarray, "w s"]
-    rows: Int[np.ndarray, " u"]
-    lack: Float[np.ndarray, "w u"]
+    lack: dict[int, tuple[Int[np.ndarray, " _"], Float[np.ndarray, "_ _"]]]
 
     def take(self, which: Int[np.ndarray, " v"]) -> "Shares":
         """Return those of some of the fits."""
-        if len(which) == len(self.full):
+        if len(which) == len(self.lanes):
             return self
-        return Shares(self.full[which], self.rows, self.lack[which])
+        lack = {}
+        for k, fits in self.lanes.own:
+            own = which[(which >= fits.start) & (which < fits.stop)] - fits.start
+            if k in self.lack and len(own):
+                rows, missing = self.lack[k]
+                lack[k] = rows, missing[own]
+        return Shares(self.lanes.take(which), self.full[which], lack)
 
     def same(self, other: "Shares") -> bool:
         """Tell whether all rows of the same fits count as much."""
         return other is self or (
-            np.array_equal(other.rows, self.rows)
-            and np.array_equal(other.lack, self.lack)
+            self.lack.keys() == other.lack.keys()
+            and all(
+                np.array_equal(one, two)
+                for k, own in self.lack.items()
+                for one, two in zip(own, other.lack[k], strict=True)
+            )
         )
 
     def sums(
         self,
         base: Float[np.ndarray, "w p q"],
-        left: Float[np.ndarray, "s p"],
-        right: Float[np.ndarray, "s q"],
+        left: Float[np.ndarray, "r s p"],
+        right: Float[np.ndarray, "r s q"],
     ) -> Float[np.ndarray, "w p q"]:
         """Return leftᵀ W right, given the sums of rows that count in full."""
-        if not len(self.rows):
+        if not self.lack:
             return base
-        if 2 * len(self.rows) < len(left):
-            some = left[self.rows].T
-            lost = (some * self.lack[:, None, :]) @ right[self.rows]
-            return np.asarray(base - lost)
-        return np.stack([(left.T * share) @ right for share in self.full])
+        found = base.copy()
+        for k, fits in self.lanes.own:
+            if k not in self.lack:
+                continue
+            rows, lack = self.lack[k]
+            if 2 * len(rows) < left.shape[1]:
+                some = left[k, rows].T
+                found[fits] -= (some * lack[:, None, :]) @ right[k, rows]
+                continue
+            turned = left[k].T
+            found[fits] = np.stack(
+                [(turned * share) @ right[k] for share in self.full[fits]]
+            )
+        return found
 
 
 def lanes_of(
@@ -128,5 +206,29 @@ def lanes_of(
     turns = 1 + np.flatnonzero((keep[:, 1:] != keep[:, :-1]).any(axis=0))
     edges = np.concatenate([[0], turns, [len(usable)]]).astype(np.int64)
     return Lanes(
-        (keep & usable).astype(float), usable, edges, keep[:, edges[:-1]] * 1.0
+        (keep & usable).astype(float),
+        usable[None],
+        np.zeros(len(keep), np.int64),
+        (edges,),
+        keep[:, edges[:-1]] * 1.0,
+    )
+
+
+def side_by_side(lanes: Sequence[Lanes], rows: int) -> Lanes:
+    """Return the fits of one recording after those of another, rows filled up."""
+    if len(lanes) == 1:
+        return lanes[0]
+    widest = max(each.member.shape[1] for each in lanes)
+
+    def filled(arrays: Iterator[np.ndarray], width: int) -> np.ndarray:
+        return np.concatenate(
+            [np.pad(one, ((0, 0), (0, width - one.shape[1]))) for one in arrays]
+        )
+
+    return Lanes(
+        filled((each.use for each in lanes), rows),
+        filled((each.usable for each in lanes), rows),
+        np.repeat(np.arange(len(lanes)), [len(each) for each in lanes]),
+        tuple(edges for each in lanes for edges in each.edges),
+        filled((each.member for each in lanes), widest),
     )

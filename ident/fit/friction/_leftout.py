@@ -1,18 +1,21 @@
 """Windows of a recording left out in turn, and what laws fitted without them predict there."""
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from .._errors import FitError
+from .._gather import in_group
 from .._threads import one_blas_thread
 from ._assemble import friction_at
-from ._lanes import Lanes, lanes_of
+from ._lanes import Lanes, lanes_of, side_by_side
 from ._problem import Problem
 from ._result import FrictionFit
-from ._solve import Solved, solve_problem
+from ._solve import Solved, solve_stack
+from ._stack import alike, stack_of
 from ._structure import AbstractStructure
 
 _FEWEST = 30
@@ -27,41 +30,36 @@ class LeftOut:
         problem: The equation of the whole recording, for any law.
         loss: As for `fit_inverse`.
         window: Of each row.
-        lanes: Rows without each window in turn, and last all rows.
-        found: What laws gave that were fitted already.
+        keep: Which rows a fit without a window may use.
     """
 
     problem: Problem
     loss: str
     window: Int[np.ndarray, " s"]
-    lanes: Lanes
-    found: dict[AbstractStructure, list[Solved]]
+    keep: Bool[np.ndarray, "w s"]
 
     @property
     def count(self) -> int:
         """How many windows there are."""
-        return len(self.lanes) - 1
+        return len(self.keep)
 
-    def fits(
-        self, structure: AbstractStructure, *, certain: bool = False
-    ) -> list[Solved]:
-        """Return a law fitted without each window in turn, and last to all rows.
+    @cached_property
+    def lanes(self) -> Lanes:
+        """Rows without each window in turn."""
+        return lanes_of(self.problem.usable, self.keep)
 
-        Args:
-            structure: Kind of law.
-            certain: All covariances are wanted, and not only that of the last one where
-                the law has parameters in words.
-        """
-        known = self.found.get(structure)
-        if known is None or (certain and not all(one.certain for one in known)):
-            wanted = [certain] * self.count + [certain or structure.in_words]
-            self.found[structure] = solve_problem(
-                self.problem.with_structure(structure),
-                self.loss,
-                self.lanes,
-                certain=wanted,
-            )
-        return self.found[structure]
+    @cached_property
+    def every(self) -> Lanes:
+        """Rows without each window in turn, and last all rows."""
+        usable = self.problem.usable
+        keep = np.concatenate([self.keep, np.ones((1, len(usable)), bool)])
+        return lanes_of(usable, keep)
+
+    @cached_property
+    def size(self) -> float:
+        """Root mean square of the load."""
+        load = self.problem.load[self.problem.usable]
+        return float(np.sqrt(np.mean(load**2)))
 
     @cached_property
     def out(self) -> Float[np.ndarray, "w s"]:
@@ -90,8 +88,7 @@ class LeftOut:
         window = self.window_of_samples
         found = np.zeros(len(window))
         try:
-            with one_blas_thread():
-                fits = self.fits(fit.structure, certain=True)
+            (fits,) = in_group(_fit_all, [(self, fit.structure)])
         except FitError:
             fits = []
         for number in range(self.count):
@@ -112,6 +109,26 @@ class LeftOut:
         return found
 
 
+def _fit_all(
+    asked: Sequence[tuple[LeftOut, AbstractStructure]],
+) -> list[list[Solved]]:
+    """Return laws fitted without each window in turn, recordings of equal shape together.
+
+    A window has no say at all in what is fitted without it.
+    """
+    found: dict[int, list[Solved]] = {}
+    for places in alike([(each.problem, (kind,)) for each, kind in asked]):
+        group = [asked[k] for k in places]
+        stack = stack_of([each.problem for each, _ in group])
+        stack = stack.with_structures([kind for _, kind in group])
+        lanes = side_by_side([each.lanes for each, _ in group], stack.rows)
+        with one_blas_thread():
+            solved = solve_stack(stack, group[0][0].loss, lanes, certain=False)
+        for k, (_, fits) in zip(places, lanes.own, strict=True):
+            found[k] = solved[fits]
+    return [found[k] for k in range(len(asked))]
+
+
 def left_out(problem: Problem, loss: str, windows: int) -> LeftOut:
     """Return a recording whose windows are to be left out in turn.
 
@@ -129,9 +146,9 @@ def left_out(problem: Problem, loss: str, windows: int) -> LeftOut:
     share = np.cumsum(problem.usable) / moving
     window = np.minimum((share * windows).astype(np.int64), windows - 1)
     reach = len(problem.lowpass.kernel) // (2 * problem.lowpass.factor)
-    keep = np.ones((windows + 1, len(window)), bool)
+    keep = np.ones((windows, len(window)), bool)
     for number in range(windows):
         # Rows near the window share samples with it through the filter.
         near = np.convolve(window == number, np.ones(2 * reach + 1), mode="same") > 0.5
         keep[number] = ~near
-    return LeftOut(problem, loss, window, lanes_of(problem.usable, keep), {})
+    return LeftOut(problem, loss, window, keep)

@@ -17,11 +17,13 @@ class Linear:
         factors: Of the columns.
         inverse: Of the normal matrices, where samples reach.
         null: Directions of the factors that no sample moves, as columns, per problem.
+        size: RMS of each column.
     """
 
     factors: Float[np.ndarray, "w k"]
     inverse: Float[np.ndarray, "w k k"]
     null: tuple[Float[np.ndarray, "k _"], ...]
+    size: Float[np.ndarray, "w k"]
 
 
 def solve_linear(
@@ -78,4 +80,4 @@ def solve_linear(
         null[lane] = vectors[:, ~seen] / size[lane][:, None]
     inverse /= area
     factors = (inverse @ moment[..., None])[..., 0]
-    return Linear(factors, inverse, tuple(null))
+    return Linear(factors, inverse, tuple(null), size)

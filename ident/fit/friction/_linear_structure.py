@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ._structure import AbstractStructure
 
@@ -51,8 +51,13 @@ class AbstractLinearStructure(AbstractStructure):
         return self.profile(speed, no_shape())
 
     def shaped_profiles(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
+        self,
+        speed: Float[np.ndarray, "r t"],
+        of: Int[np.ndarray, " w"],
+        shapes: Float[np.ndarray, "w s"],
     ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
         """See `AbstractStructure`."""
         count, width = shapes.shape
-        return np.zeros((count, len(speed))), np.zeros((width, count, len(speed)))
+        return np.zeros((count, speed.shape[1])), np.zeros(
+            (width, count, speed.shape[1])
+        )

@@ -63,7 +63,7 @@ def weigh(
     residual: Float[np.ndarray, "w s"],
     lanes: Lanes,
     inflation: Float[np.ndarray, " w"],
-    floor: float,
+    floor: Float[np.ndarray, " w"],
     kept: Sequence[AbstractLoss] | None = None,
 ) -> tuple[Shares, list[AbstractLoss]]:
     """Return how much each row counts in each fit, and the losses that say so.
@@ -73,13 +73,15 @@ def weigh(
         residual: In units of the current.
         lanes: Rows that each fit uses.
         inflation: Factors ≥ 1 that undo the shrinkage by the fitted parameters.
-        floor: Smallest scale.
+        floor: Smallest scale of each fit.
         kept: Losses with scales to keep; taken from the residuals where left out.
     """
     if name not in ("trim", "huber"):
         others = list(kept or ()) or [
-            choose_loss(name, each[use > 0], float(factor), floor)
-            for each, use, factor in zip(residual, lanes.use, inflation, strict=True)
+            choose_loss(name, each[use > 0], float(factor), float(least))
+            for each, use, factor, least in zip(
+                residual, lanes.use, inflation, floor, strict=True
+            )
         ]
         return _weigh_by(others, residual, lanes), others
     size = np.abs(residual) * lanes.use
@@ -92,14 +94,13 @@ def weigh(
     limit = scale * (_FULL if name == "trim" else HUBER)
     kind = TrimLoss if name == "trim" else HuberLoss
     losses: list[AbstractLoss] = [kind(float(each)) for each in scale]
-    if (size.max(axis=1) <= limit).all():
+    partly = np.flatnonzero(size.max(axis=1) > limit)
+    if not len(partly):
         return lanes.all_rows(), losses
-    rows = np.flatnonzero((size > limit[:, None]).any(axis=0))
-    ratio = size[:, rows] / scale[:, None]
-    own = lanes.use[:, rows] * losses[0].share(ratio.ravel()).reshape(ratio.shape)
+    ratio = size[partly] / scale[partly, None]
     full = lanes.use.copy()
-    full[:, rows] = own
-    return Shares(full, rows, lanes.use[:, rows] - own), losses
+    full[partly] *= losses[0].share(ratio.ravel()).reshape(ratio.shape)
+    return lanes.shares(full), losses
 
 
 def _weigh_by(

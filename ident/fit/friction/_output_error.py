@@ -104,7 +104,7 @@ def fit_output_error(
     solution = _solution(problem, shooting, shot)
     return OutputErrorFit(
         friction=assemble(
-            Solved(problem, solution, {}, True), f"output error ({chosen.words})"
+            Solved(problem, solution, {}), f"output error ({chosen.words})"
         ),
         free_run=float(np.sqrt(squares.sum() / counts.sum())),
         window_error=np.sqrt(squares / np.maximum(counts, 1)),

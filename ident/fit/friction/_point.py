@@ -67,6 +67,7 @@ class Point:
             self.linear.factors[which],
             self.linear.inverse[which],
             tuple(self.linear.null[k] for k in which),
+            self.linear.size[which],
         )
         return Point(
             self.shares.take(which),
@@ -87,9 +88,11 @@ class Point:
                 other.null[list(which).index(k)] if k in which else null
                 for k, null in enumerate(self.null)
             ),
+            self.linear.size.copy(),
         )
         linear.factors[which] = other.linear.factors
         linear.inverse[which] = other.linear.inverse
+        linear.size[which] = other.linear.size
         shape, residual = self.shape.copy(), self.residual.copy()
         shape[which], residual[which] = other.shape, other.residual
         moving = self.moving

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._lanes import Shares
+from ._lanes import Lanes, lanes_of
 from ._lowpass import Decimation, decimation
 from ._samples import DriveSamples, saturated
 from ._structure import AbstractStructure
@@ -54,7 +54,7 @@ class Problem:
 
     def _rows_of(self, stack: np.ndarray) -> np.ndarray:
         """Filter what runs along the last axis."""
-        if self.lowpass.factor == 1 and self.sigma is None:
+        if not self.filtered:
             return stack
         flat = stack.reshape(-1, stack.shape[-1])
         return np.ascontiguousarray(self._rows(flat.T).T).reshape(*stack.shape[:-1], -1)
@@ -62,8 +62,8 @@ class Problem:
     def with_structure(self, structure: AbstractStructure) -> "Problem":
         """Return the same rows for another kind of law; what was computed is kept."""
         other = dataclasses.replace(self, structure=structure)
-        kept = ["target", "load", "piece", "speed", "scouted", "usable", "saturated"]
-        kept += ["said"]
+        kept = ["target", "load", "piece", "speed", "usable", "saturated"]
+        kept += ["said", "all_rows", "profiles"]
         if structure.directional == self.structure.directional:
             # Only then are the columns beside friction the same.
             kept += ["_fixed_measured"]
@@ -94,6 +94,11 @@ class Problem:
         return np.asarray(self.lowpass.mostly(good))
 
     @cached_property
+    def all_rows(self) -> Lanes:
+        """A single fit, to all rows that may be used."""
+        return lanes_of(self.usable)
+
+    @cached_property
     def saturated(self) -> Bool[np.ndarray, " t"]:
         """Samples of the recording at the limit of the drive."""
         return saturated(self.samples.current)
@@ -114,11 +119,6 @@ class Problem:
     def said(self) -> list[tuple[str, ...]]:
         """What was already found odd about the recording, in words."""
         return []
-
-    @cached_property
-    def scouted(self) -> dict[tuple[str, bool, bytes], Shares]:
-        """Weights that `scout` found, by loss, direction and rows in use."""
-        return {}
 
     @property
     def fits_inertia(self) -> bool:
@@ -164,20 +164,49 @@ class Problem:
         """Whether a noise-free motion stands beside the measured one."""
         return self.samples.instrument_velocity is not None
 
-    def still(self, *, instrument: bool = False) -> Float[np.ndarray, "t k"]:
-        """Return the linear columns that follow no shape, fixed ones first."""
-        fixed = self._fixed_instrument if instrument else self._fixed_measured
-        own = self.structure.still_columns(self._velocity(instrument))
-        return np.concatenate([fixed, self._rows(own)], axis=1)
+    @cached_property
+    def still(self) -> Float[np.ndarray, "t k"]:
+        """The linear columns that follow no shape, fixed ones first."""
+        # Laws for both directions alike and apart have the same columns but for the sign.
+        key = dataclasses.replace(self.structure, directional=False)
+        if key not in self.profiles:
+            self.profiles[key] = key.still_profile(self.speed_of(False))
+        own = self.structure.signed(self.samples.velocity, self.profiles[key])
+        return np.concatenate([self._fixed_measured, self._rows(own)], axis=1)
+
+    @cached_property
+    def profiles(self) -> dict[AbstractStructure, np.ndarray]:
+        """Columns over the speed of laws that were already asked for."""
+        return {}
+
+    @cached_property
+    def still_instrument(self) -> Float[np.ndarray, "t k"]:
+        """The same of the noise-free motion."""
+        own = self.structure.still_columns(self._velocity(True))
+        return np.concatenate([self._fixed_instrument, self._rows(own)], axis=1)
 
     def shaped(
         self, shapes: Float[np.ndarray, "w h"], *, instrument: bool = False
     ) -> tuple[Float[np.ndarray, "d w t"], Float[np.ndarray, "h d w t"]]:
         """Return the columns that follow the shape, per direction, and their derivatives."""
-        velocity = self._velocity(instrument)
-        signs = self.structure.signs(velocity)[:, None]
-        values, slopes = self.structure.shaped_profiles(np.abs(velocity), shapes)
+        signs = self.signs_of(instrument)[:, None]
+        of = np.zeros(len(shapes), np.int64)
+        speed = self.speed_of(instrument)[None]
+        values, slopes = self.structure.shaped_profiles(speed, of, shapes)
         return self._rows_of(signs * values), self._rows_of(signs * slopes[:, None])
+
+    def speed_of(self, instrument: bool) -> Float[np.ndarray, " t"]:
+        """Return the speed of all samples, in mm/s."""
+        return np.asarray(np.abs(self._velocity(instrument)))
+
+    def signs_of(self, instrument: bool) -> Float[np.ndarray, "d t"]:
+        """Return what the columns of each direction carry as sign."""
+        return self.structure.signs(self._velocity(instrument))
+
+    @property
+    def filtered(self) -> bool:
+        """Whether a row is anything else than a sample."""
+        return self.lowpass.factor != 1 or self.sigma is not None
 
     @cached_property
     def places(self) -> tuple[list[int], list[int]]:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -20,8 +21,7 @@ class FrictionFit:
     Attributes:
         method: How it was found, in words.
         structure: Which kind of law.
-        law: Current over velocity without the offset, or None where the level of friction
-            cannot be told from a constant load.
+        has_law: Whether the level of friction is told from a constant load.
         parameters: By the names of the result file, in load units over mm/s and mm/s²; only
             those that the data determine.
         standard_deviations: Of the same.
@@ -53,7 +53,7 @@ class FrictionFit:
 
     method: str
     structure: AbstractStructure
-    law: AbstractFriction | None
+    has_law: bool
     parameters: Mapping[str, float]
     standard_deviations: Mapping[str, float]
     names: tuple[str, ...]
@@ -79,6 +79,17 @@ class FrictionFit:
     factors: Float[np.ndarray, " k"]
     shape: Float[np.ndarray, " s"]
     law_covariance: Float[np.ndarray, "p p"]
+
+    @cached_property
+    def law(self) -> AbstractFriction | None:
+        """Current over velocity without the offset, in load units.
+
+        None where the level of friction cannot be told from a constant load.
+        """
+        if not self.has_law:
+            return None
+        factors = self.factors.reshape(self.structure.ways, -1)
+        return self.structure.law(factors, self.shape)
 
     def band(
         self, velocity: Float[np.ndarray, " v"]

@@ -7,7 +7,7 @@ V. Pereyra, Separable nonlinear least squares, Inverse Problems 19(2), 2003.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,24 +15,25 @@ from jaxtyping import Bool, Float, Int
 from .._errors import FitError
 from .._loss import AbstractLoss
 from ._equation import Equation
-from ._lanes import Lanes, Shares, lanes_of
-from ._loss import check_loss, weigh
+from ._lanes import Shares
+from ._loss import check_loss
 from ._point import Point
-from ._problem import Problem
-from ._tables import KnotTable, default_knots
-from ._uncertain import uncertainty
+from ._scout import reweigh, scout
+from ._uncertain import roughly, uncertainty
 
 _PASSES = 60
 _FREEZE = 20
 """Pass from which on the scale of the residuals is kept, so that nothing can go in circles."""
+_STILL = 1e-3
+"""Change of a logarithm of the shape that no prediction shows."""
+_LINEAR = 0.2
+"""Share of what a step promised that it may miss, and still be the last."""
+_LIGHT = 1e-5
+"""Gain that is none, as a share of the sum of squares."""
 _STEP = 0.5
 """Longest step of a logarithm of the shape."""
 _SETTLED = 1e-3
 """Largest change of any column's contribution in one pass, in scales, at the end."""
-_FLOOR = 1e-9
-"""Smallest scale of residuals relative to the load."""
-_SCOUT_KNOTS = 12
-_SCOUT_PASSES = 8
 _HALVINGS = 12
 
 
@@ -71,83 +72,33 @@ class Solution:
     weight: float
 
 
-def scout(problem: Problem, lanes: Lanes, loss: str) -> Shares:
-    """Return weights of the samples under a law that can bend anywhere.
-
-    What is wild under a free table is wild under any law, whatever shape is tried. Where
-    nothing is wild in the whole recording, nothing is in a part of it.
-    """
-    whole = lanes_of(problem.usable)
-    if not len(_scouted(problem, whole, loss).rows):
-        return lanes.all_rows()
-    return _scouted(problem, lanes, loss)
-
-
-def _scouted(problem: Problem, lanes: Lanes, loss: str) -> Shares:
-    key = (loss, problem.structure.directional, lanes.use.tobytes())
-    if key not in problem.scouted:
-        problem.scouted[key] = _scout(problem, lanes, loss)
-    return problem.scouted[key]
-
-
-def _scout(problem: Problem, lanes: Lanes, loss: str) -> Shares:
-    shares = lanes.all_rows()
-    knots = default_knots(problem.speed, _SCOUT_KNOTS)
-    if len(set(knots)) < _SCOUT_KNOTS:
-        return shares
-    free = problem.with_structure(KnotTable(problem.structure.directional, knots))
-    equation = Equation(free, lanes, plain=True)
-    for step in range(_SCOUT_PASSES):
-        residual = equation.solve(shares).residual
-        kind = "huber" if step < _SCOUT_PASSES // 2 and loss != "gauss" else loss
-        before = shares
-        shares = _shares(problem, residual, kind, lanes, equation.width)[0]
-        if kind == loss and shares.same(before):
-            break  # and so it would stay
-    return shares
-
-
-def _shares(
-    problem: Problem,
-    residual: np.ndarray,
-    name: str,
-    lanes: Lanes,
-    parameters: int,
-    kept: Sequence[AbstractLoss] | None = None,
-) -> tuple[Shares, list[AbstractLoss]]:
-    count = lanes.count
-    inflation = np.sqrt(count / np.maximum(count - parameters, 0.05 * count))
-    floor = max(_FLOOR * float(np.sqrt(np.mean(problem.load**2))), 1e-300)
-    return weigh(name, residual, lanes, inflation, floor, kept)
-
-
 def separable(equation: Equation, loss: str, certain: Sequence[bool]) -> list[Solution]:
     """Fit factors and shapes of an equation, once for each choice of its rows.
 
     Args:
         equation: The equation.
         loss: Name of the loss.
-        certain: For which fits the covariance is wanted; without it there are zeros, for
-            laws that are only to predict.
+        certain: For which fits the covariance must hold; for others, that are only to
+            predict, it is that of independent noise.
 
     Raises:
         FitError: If hardly any sample is left.
     """
     check_loss(loss)
-    problem, lanes = equation.problem, equation.lanes
-    count = int(lanes.count.min())
-    parameters = len(problem.fixed_names) + len(problem.structure.names)
-    if count <= parameters + len(problem.structure.shapes):
+    lanes = equation.lanes
+    count, parameters = int(lanes.count.min()), equation.width
+    if count <= parameters + equation.height:
         msg = (
             f"{count} samples in motion are left after filtering, "
             f"expected more than the {parameters} parameters."
         )
         raise FitError(msg)
-    going = _start(equation, scout(problem, lanes, loss))
+    shares = scout(equation.stack, lanes, loss)
+    going = _start(equation, shares, equation.best_start(shares))
     found: dict[int, Solution] = {}
     for step in range(_PASSES):
         going.point = going.equation.solve(going.shares, going.shape, going.point)
-        settled = going.weigh_again(problem, loss, parameters, step)
+        settled = going.weigh_again(loss, step)
         last = step + 1 == _PASSES
         done = np.flatnonzero(settled | last)
         for lane in done:
@@ -157,9 +108,61 @@ def separable(equation: Equation, loss: str, certain: Sequence[bool]) -> list[So
             if len(done) == len(settled):
                 break
             going = going.take(np.flatnonzero(~settled))
-        if problem.structure.shapes:
+        if equation.height:
             going.next_shape()
     return [found[lane] for lane in range(len(lanes))]
+
+
+def solve_near(
+    equation: Equation, shares: Shares, laws: Mapping[int, Solution]
+) -> Point:
+    """Return the solutions under given weights, shapes searched from those of given laws.
+
+    Fits without a tenth of the rows lie next to the one with all of them: for most a single
+    step of Gauss and Newton ends there, and the sums for it are made once.
+
+    Args:
+        equation: The equation.
+        shares: Weights of the rows.
+        laws: Of each recording that has fits, by number; for laws with a shape.
+    """
+    if not equation.height:
+        return equation.solve(shares)
+    recordings, of = len(equation.stack.problems), equation.lanes.of
+    shape = np.zeros((recordings, equation.height))
+    factors = np.zeros((recordings, equation.width))
+    for k, law in laws.items():
+        shape[k], factors[k] = law.shape, law.factors
+    if equation.instruments:
+        return _searched(equation, shares, shape[of])
+    step, before, promised = equation.near(shares, shape, factors)
+    low, high = equation.bounds
+    aim = np.clip(shape[of] + step, low, high)
+    point = equation.solve(shares, aim)
+    gain, hope = before - point.cost, before - promised
+    there = (aim == shape[of] + step).all(axis=1) & (np.abs(step).max(axis=1) <= _STEP)
+    there &= np.abs(gain - hope) <= np.maximum(_LINEAR * hope, _LIGHT * promised)
+    left = np.flatnonzero(~there)
+    if not len(left):
+        return point
+    found = _searched(equation.take(left), shares.take(left), shape[of[left]])
+    return point.put(left, found)
+
+
+def _searched(
+    equation: Equation, shares: Shares, shape: Float[np.ndarray, "w h"]
+) -> Point:
+    """Return the solutions under given weights, shapes searched step by step."""
+    going, found = _start(equation, shares, shape), shape.copy()
+    for _ in range(_PASSES):
+        before = going.shape.copy()
+        going.next_shape()
+        found[going.lane] = going.shape
+        moved = np.abs(going.shape - before).max(axis=1) > _STILL
+        if not moved.any():
+            break
+        going = going.take(np.flatnonzero(moved))
+    return equation.solve(shares, found)
 
 
 @dataclasses.dataclass
@@ -201,18 +204,14 @@ class _Going:
             self.passes[which],
         )
 
-    def weigh_again(
-        self, problem: Problem, loss: str, parameters: int, step: int
-    ) -> Bool[np.ndarray, " w"]:
+    def weigh_again(self, loss: str, step: int) -> Bool[np.ndarray, " w"]:
         """Weigh the rows by what is left of them; return which fits have settled."""
         assert self.point is not None
         residual = self.point.residual
         lanes = self.equation.lanes
         if loss != "gauss" or self.losses is None:
             kept = self.losses if step >= _FREEZE else None
-            self.shares, self.losses = _shares(
-                problem, residual, loss, lanes, parameters, kept
-            )
+            self.shares, self.losses = reweigh(self.equation, residual, loss, kept=kept)
         before, self.before = self.before, residual
         if before is None:
             return np.zeros(len(lanes), bool)
@@ -230,13 +229,13 @@ class _Going:
         longest = np.maximum(np.abs(step).max(axis=1), 1e-300)
         step = step * np.minimum(1.0, _STEP / longest)[:, None]
         low, high = equation.bounds
-        if equation.problem.has_instrument:
+        if equation.stack.one.has_instrument:
             self.shape = np.clip(self.shape + step, low, high)
             return
         now = self.point.cost
         left = np.arange(len(now))
         for _ in range(_HALVINGS):
-            trial = np.clip(self.shape[left] + step[left], low, high)
+            trial = np.clip(self.shape[left] + step[left], low[left], high[left])
             there = equation.take(left).solve(self.shares.take(left), trial)
             good = there.cost <= now[left] * (1 + 1e-12)
             self.shape[left[good]] = trial[good]
@@ -252,11 +251,11 @@ class _Going:
             step = 0.5 * step
 
 
-def _start(equation: Equation, shares: Shares) -> _Going:
-    count = len(equation.lanes)
-    shape = equation.best_start(shares)
-    none = np.zeros(count, np.int64)
-    return _Going(np.arange(count), equation, shares, shape, None, None, None, none)
+def _start(
+    equation: Equation, shares: Shares, shape: Float[np.ndarray, "w h"]
+) -> _Going:
+    every = np.arange(len(equation.lanes))
+    return _Going(every, equation, shares, shape, None, None, None, 0 * every)
 
 
 def _ended(
@@ -268,23 +267,23 @@ def _ended(
     assert going.losses is not None
     low, high = equation.bounds
     bound = (going.shape <= low + 1e-6) | (going.shape >= high - 1e-6)
-    width = equation.width + equation.height
-    unknown = np.zeros((width, width)), 0, np.ones(width)
     found = {}
     for place, lane in enumerate(going.lane.tolist()):
         share = going.shares.full[place]
         loss = going.losses[place]
-        covariance, lag, sizes = unknown
         if certain[lane]:
             covariance, lag, sizes = uncertainty(equation, point, place, loss, share)
+        else:
+            covariance, lag, sizes = roughly(equation, point, place, loss)
+        many = len(equation.stack.problems[equation.of(place)].target)
         found[lane] = Solution(
             point.factors[place],
             going.shape[place],
             covariance,
             point.null[place],
             sizes,
-            point.residual[place],
-            share,
+            point.residual[place, :many],
+            share[:many],
             loss,
             lag,
             int(going.passes[place]),

@@ -28,12 +28,14 @@ def choose_weights(equation: Equation, shares: Shares) -> Float[np.ndarray, " w"
     none: inertia, offset and a straight line. The latter are eliminated, and one
     eigendecomposition of what is left serves all weights.
     """
-    problem = equation.problem
+    stack, of = equation.stack, equation.lanes.of
     sums = equation.sums(shares)
-    total = np.einsum("ws,s->w", shares.full, problem.target**2)
-    change, flats = _bends(problem.structure, len(problem.fixed_names))
+    total = np.einsum("ws,ws->w", shares.full, np.square(stack.target)[of])
+    fixed = len(stack.one.fixed_names)
+    bends = [_bends(each.structure, fixed) for each in stack.problems]
+    change, flats = np.stack([one for one, _ in bends])[of], bends[0][1]
     sums = np.concatenate([sums[:, :, :-1] @ change, sums[:, :, -1:]], axis=2)
-    sums = change.T @ sums
+    sums = np.swapaxes(change, 1, 2) @ sums
     inner, reach = sums[:, :flats, :flats], sums[:, :flats, flats:]
     size = np.sqrt(np.maximum(np.einsum("wkk->wk", inner), 1e-300))
     area = size[:, :, None] * size[:, None]
@@ -52,11 +54,11 @@ def choose_weights(equation: Equation, shares: Shares) -> Float[np.ndarray, " w"
     spectrum = np.maximum(spectrum, 0.0)
     along = np.einsum("wks,wk->ws", vectors, rest[:, :, -1])
     seen = spectrum > _NULL * spectrum[:, -1:]
-    bends = np.where(seen, along / np.where(seen, spectrum, 1.0), 0.0)
-    bends = np.einsum("wks,ws->wk", vectors, bends)
-    straight = solved[:, :, -1] - np.einsum("wkb,wb->wk", solved[:, :, :-1], bends)
-    factors = np.concatenate([straight, bends], axis=1) @ change.T
-    count = _independent(equation, shares, factors, len(change))
+    bent = np.where(seen, along / np.where(seen, spectrum, 1.0), 0.0)
+    bent = np.einsum("wks,ws->wk", vectors, bent)
+    straight = solved[:, :, -1] - np.einsum("wkb,wb->wk", solved[:, :, :-1], bent)
+    factors = change @ np.concatenate([straight, bent], axis=1)[:, :, None]
+    count = _independent(equation, shares, factors[:, :, 0])
     weights = _WEIGHTS[:, None]
     both = spectrum[:, None] + weights
     left = total[:, None] - np.einsum("ws,wgs->wg", along**2, 1.0 / both)
@@ -98,25 +100,28 @@ def _independent(
     equation: Equation,
     shares: Shares,
     factors: Float[np.ndarray, "w k"],
-    parameters: int,
 ) -> Int[np.ndarray, " w"]:
     """Return how many rows each fit has that do not resemble their neighbours."""
-    problem = equation.problem
-    left = problem.target - factors @ equation.still.T
-    left *= np.sqrt(shares.full) if len(shares.rows) else shares.full
+    stack, of = equation.stack, equation.lanes.of
+    left = stack.target[of] - equation.lanes.along(factors, equation.still)
+    left *= np.sqrt(shares.full) if shares.lack else shares.full
     seen = (shares.full > 0).sum(axis=1)
-    every = np.array([1 + lag_of(each[:, None], problem.piece) for each in left])
-    return np.asarray(np.maximum(seen // every, parameters + 2))
+    pieces = [each.piece for each in stack.problems]
+    every = [
+        1 + lag_of(each[: len(pieces[k]), None], pieces[k])
+        for k, each in zip(of, left, strict=True)
+    ]
+    return np.asarray(np.maximum(seen // np.array(every), factors.shape[1] + 2))
 
 
 def _weight_of(equation: Equation, shares: Shares, lane: int) -> float:
     """Return the weight for a fit whose straight part its rows do not tell."""
-    problem = equation.problem
+    problem = equation.stack.problems[equation.of(lane)]
     penalty = problem.penalty()
     assert penalty is not None
-    share = shares.full[lane]
+    share = shares.full[lane, : len(problem.target)]
     root = np.sqrt(share)[:, None]
-    x, y = equation.still * root, problem.target * root[:, 0]
+    x, y = problem.still * root, problem.target * root[:, 0]
     size = np.sqrt((x**2).mean(axis=0))
     # A knot that no sample touches has only its neighbours to hold on to.
     size = np.where(size > 1e-6 * size.max(), size, size.max())

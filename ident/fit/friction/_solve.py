@@ -1,7 +1,6 @@
 """A law fitted to choices of rows, a simpler one where the data do not carry the asked one."""
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,8 +8,10 @@ from ._determined import drop_reason, shape_reason
 from ._equation import Equation
 from ._lanes import Lanes
 from ._problem import Problem
-from ._separable import Solution, scout, separable
+from ._scout import scout
+from ._separable import Solution, separable
 from ._smoothing import choose_weights
+from ._stack import Stack
 from ._structures import CoulombViscous, Stribeck
 
 
@@ -22,65 +23,59 @@ class Solved:
         problem: The equation, of a simpler law where the data do not carry the asked one.
         solution: Its solution.
         missing: What the data do not carry, and why.
-        certain: Whether the solution has its covariance.
     """
 
     problem: Problem
     solution: Solution
     missing: dict[str, str]
-    certain: bool
 
 
-def solve_problem(
-    problem: Problem,
+def solve_stack(
+    stack: Stack,
     loss: str,
     lanes: Lanes,
     smoothness: float | None = None,
-    certain: Sequence[bool] | None = None,
+    *,
+    certain: bool = True,
 ) -> list[Solved]:
     """Return what `fit_problem` finds before it is put into words, per choice of rows.
 
     Args:
-        problem: The equation.
+        stack: The equations.
         loss: As for `fit_inverse`.
         lanes: Rows that each fit uses.
         smoothness: As for `fit_inverse`.
-        certain: For which the covariance is wanted; all where left out. It is there as well
-            where the choice of the law needs it.
+        certain: Whether covariances must hold. They do as well where the choice of the law
+            needs it.
     """
-    certain = [True] * len(lanes) if certain is None else list(certain)
-    structure = problem.structure
     # Whether a drop from break-away is one is judged by its standard deviation.
-    judged = [each or bool(structure.shapes) for each in certain]
-    solutions = _solutions(problem, loss, lanes, smoothness, judged)
-    found = [
-        Solved(problem, solution, {}, sure)
-        for solution, sure in zip(solutions, judged, strict=True)
-    ]
-    if isinstance(structure, Stribeck):
-        found = _simpler(found, loss, lanes, certain)
+    judged = certain or bool(stack.structure.shapes)
+    found = _solved(stack, loss, lanes, smoothness, judged)
+    if isinstance(stack.structure, Stribeck):
+        found = _simpler(stack, found, loss, lanes, certain)
     return found
 
 
 def _simpler(
-    found: list[Solved], loss: str, lanes: Lanes, certain: Sequence[bool]
+    stack: Stack, found: list[Solved], loss: str, lanes: Lanes, certain: bool
 ) -> list[Solved]:
     """Return the solutions, of simpler laws where the data do not carry a Stribeck drop."""
-    found = list(found)
-    problem = found[0].problem
-    directional = problem.structure.directional
+    directional = stack.structure.directional
     vague = {
         lane: reason
         for lane, each in enumerate(found)
-        if (reason := shape_reason(problem, each.solution)) is not None
-        and drop_reason(problem, each.solution) is None
+        if (reason := shape_reason(each.problem, each.solution)) is not None
+        and drop_reason(each.problem, each.solution) is None
     }
     if vague:
-        usual = problem.with_structure(Stribeck(directional, 2.0))
+        usual = stack.with_structures(
+            [Stribeck(directional, 2.0)] * len(stack.problems)
+        )
         some = lanes.take(np.array(list(vague)))
-        again = _solutions(usual, loss, some, None, [True] * len(vague))
+        again = _solved(usual, loss, some, None, True)
         for (lane, reason), each in zip(vague.items(), again, strict=True):
-            found[lane] = Solved(usual, each, {"stribeck_shape": reason}, True)
+            missing = {"stribeck_shape": reason}
+            found[lane] = dataclasses.replace(each, missing=missing)
     none = {
         lane: reason
         for lane, each in enumerate(found)
@@ -88,29 +83,29 @@ def _simpler(
     }
     if none:
         ways = ("_positive", "_negative") if directional else ("",)
-        names = [f"breakaway{way}" for way in ways] + list(problem.structure.shapes)
-        plain = problem.with_structure(CoulombViscous(directional))
+        names = [f"breakaway{way}" for way in ways] + list(stack.structure.shapes)
+        law = CoulombViscous(directional)
+        plain = stack.with_structures([law] * len(stack.problems))
         some = lanes.take(np.array(list(none)))
-        wanted = [certain[lane] for lane in none]
-        again = _solutions(plain, loss, some, None, wanted)
+        again = _solved(plain, loss, some, None, certain)
         for (lane, reason), each in zip(none.items(), again, strict=True):
             missing = found[lane].missing | dict.fromkeys(names, reason)
-            found[lane] = Solved(plain, each, missing, certain[lane])
+            found[lane] = dataclasses.replace(each, missing=missing)
     return found
 
 
-def _solutions(
-    problem: Problem,
-    loss: str,
-    lanes: Lanes,
-    smoothness: float | None,
-    certain: Sequence[bool],
-) -> list[Solution]:
-    equation = Equation(problem, lanes)
-    if problem.structure.bends() is not None:
+def _solved(
+    stack: Stack, loss: str, lanes: Lanes, smoothness: float | None, certain: bool
+) -> list[Solved]:
+    equation = Equation(stack, lanes)
+    if stack.structure.bends() is not None:
         if smoothness is None:
-            weights = choose_weights(equation, scout(problem, lanes, loss))
+            weights = choose_weights(equation, scout(stack, lanes, loss))
         else:
             weights = np.full(len(lanes), float(smoothness))
         equation = equation.smoothed(weights)
-    return separable(equation, loss, certain)
+    solutions = separable(equation, loss, [certain] * len(lanes))
+    return [
+        Solved(stack.problems[recording], solution, {})
+        for recording, solution in zip(lanes.of, solutions, strict=True)
+    ]

@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ....models import AbstractFriction
 
@@ -96,9 +96,18 @@ class AbstractStructure(abc.ABC):
 
     @abc.abstractmethod
     def shaped_profiles(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
+        self,
+        speed: Float[np.ndarray, "r t"],
+        of: Int[np.ndarray, " w"],
+        shapes: Float[np.ndarray, "w s"],
     ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
-        """Return the one column that does, for several shapes, and its derivatives."""
+        """Return the one column that does, for several shapes, and its derivatives.
+
+        Args:
+            speed: Of some recordings, in mm/s.
+            of: Recording that each shape is for.
+            shapes: Logarithms.
+        """
 
     @abc.abstractmethod
     def bends(self) -> Float[np.ndarray, "b k"] | None:
@@ -141,14 +150,14 @@ class AbstractStructure(abc.ABC):
     ) -> Float[np.ndarray, "t k"]:
         """Return all columns at velocities in mm/s; at rest they are 0."""
         profile = self.profile(np.abs(velocity), shape)
-        return self._signed(velocity, profile)
+        return self.signed(velocity, profile)
 
     def column_slopes(
         self, velocity: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> list[Float[np.ndarray, "t k"]]:
         """Return their derivatives with respect to the logarithms of the shape."""
         slopes = self.profile_slopes(np.abs(velocity), shape)
-        return [self._signed(velocity, slope) for slope in slopes]
+        return [self.signed(velocity, slope) for slope in slopes]
 
     @property
     def shaped_places(self) -> tuple[int, ...]:
@@ -162,7 +171,7 @@ class AbstractStructure(abc.ABC):
         self, velocity: Float[np.ndarray, " t"]
     ) -> Float[np.ndarray, "t k"]:
         """Return the columns that do not follow the shape, in order."""
-        return self._signed(velocity, self.still_profile(np.abs(velocity)))
+        return self.signed(velocity, self.still_profile(np.abs(velocity)))
 
     def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
         """Return what the columns of each direction carry as sign; 0 elsewhere."""
@@ -170,12 +179,16 @@ class AbstractStructure(abc.ABC):
             return np.asarray(np.sign(velocity)[None])
         return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
-    def _signed(self, velocity: np.ndarray, profile: np.ndarray) -> np.ndarray:
-        if not self.directional:
-            return np.asarray(np.sign(velocity)[:, None] * profile)
-        ahead = np.where((velocity > 0)[:, None], profile, 0.0)
-        back = np.where((velocity < 0)[:, None], profile, 0.0)
-        return np.concatenate([ahead, -back], axis=1)
+    def signed(
+        self, velocity: Float[np.ndarray, " t"], profile: Float[np.ndarray, "t k"]
+    ) -> Float[np.ndarray, "t m"]:
+        """Return columns over velocity, given those of one direction over the speed."""
+        width = profile.shape[1]
+        found = np.empty((len(velocity), self.ways * width))
+        for way, sign in enumerate(self.signs(velocity)):
+            own = found[:, way * width : (way + 1) * width]
+            np.multiply(sign[:, None], profile, out=own)
+        return found
 
     def levels(self) -> Float[np.ndarray, " k"]:
         """Return what a constant added to the level of one direction adds to its factors."""

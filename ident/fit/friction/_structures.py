@@ -6,7 +6,7 @@ from typing import final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ....models import AbstractFriction, StribeckFriction
 from ._linear_structure import AbstractLinearStructure
@@ -18,6 +18,7 @@ _SHAPES = (1.0, 2.0)
 _SHAPE_RANGE = (0.3, 6.0)
 _LARGEST = 700.0
 """Largest power whose exponential is not 0."""
+_FIRST = np.zeros(1, np.int64)
 _REST = 1e-300
 """mm/s that stand for rest, where a logarithm is asked for."""
 
@@ -138,7 +139,7 @@ class Stribeck(AbstractStructure):
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`."""
-        drop = self.shaped_profiles(speed, shape[None])[0][0]
+        drop = self.shaped_profiles(speed[None], _FIRST, shape[None])[0][0]
         return np.stack([np.ones_like(speed), speed, drop], axis=1)
 
     def profile_slopes(
@@ -146,7 +147,9 @@ class Stribeck(AbstractStructure):
     ) -> Float[np.ndarray, "s t k"]:
         """See `AbstractStructure`."""
         result = np.zeros((len(shape), len(speed), 3))
-        result[:, :, 2] = self.shaped_profiles(speed, shape[None])[1][:, 0]
+        result[:, :, 2] = self.shaped_profiles(speed[None], _FIRST, shape[None])[1][
+            :, 0
+        ]
         return result
 
     @property
@@ -159,21 +162,30 @@ class Stribeck(AbstractStructure):
         return np.stack([np.ones_like(speed), speed], axis=1)
 
     def shaped_profiles(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "w s"]
+        self,
+        speed: Float[np.ndarray, "r t"],
+        of: Int[np.ndarray, " w"],
+        shapes: Float[np.ndarray, "w s"],
     ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
         """See `AbstractStructure`."""
         free = self.shape is None
         exponent = np.exp(shapes[:, 1:]) if free else np.full((1, 1), self.shape)
-        # At rest the power is 0: a logarithm far below all others stands for it.
-        logarithm = np.log(np.maximum(speed, _REST))
-        raised = logarithm - shapes[:, :1]
-        raised *= exponent
-        power = np.exp(np.minimum(raised, np.log(_LARGEST)))
+        raised = None
+        if self.shape == _GAUSS:
+            power = speed[of] * np.exp(-shapes[:, :1])
+            np.square(power, out=power)
+        else:
+            # At rest the power is 0: a logarithm far below all others stands for it.
+            raised = np.log(np.maximum(speed, _REST))[of]
+            raised -= shapes[:, :1]
+            raised *= exponent
+            power = np.exp(np.minimum(raised, np.log(_LARGEST)))
+        np.minimum(power, _LARGEST, out=power)
         values = np.exp(-power)
         slopes = np.empty((shapes.shape[1], *values.shape))
         common = np.multiply(power, values, out=power)
         np.multiply(common, exponent, out=slopes[0])
-        if free:
+        if raised is not None and free:
             np.multiply(common, -raised, out=slopes[1])
         return values, slopes
 

@@ -26,11 +26,13 @@ def uncertainty(
         loss: That it ended with.
         share: Weights of the rows.
     """
-    problem, residual = equation.problem, point.residual[lane]
+    problem = equation.stack.problems[equation.of(lane)]
+    many = len(problem.target)
+    residual, share = point.residual[lane, :many], share[:many]
     full = twin = _columns(equation, point, lane, instrument=False)
     if equation.instruments:
         twin = _columns(equation, point, lane, instrument=True)
-    used = equation.lanes.use[lane] > 0
+    used = equation.lanes.use[lane, :many] > 0
     slope = float(loss.slope(residual[used] / loss.scale).mean())
     slope = max(slope, 0.05)
     width = full.shape[1]
@@ -73,24 +75,48 @@ def uncertainty(
     )
 
 
+def roughly(
+    equation: Equation, point: Point, lane: int, loss: AbstractLoss
+) -> tuple[Float[np.ndarray, "p p"], int, Float[np.ndarray, " p"]]:
+    """Return what `uncertainty` does, as if neighbouring samples had nothing in common.
+
+    Shapes are taken for known.
+
+    Args:
+        equation: The equation.
+        point: Its solution.
+        lane: Which of the fits.
+        loss: That it ended with.
+    """
+    width = equation.width + equation.height
+    covariance, sizes = np.zeros((width, width)), np.ones(width)
+    inner = slice(0, equation.width)
+    covariance[inner, inner] = loss.scale**2 * point.linear.inverse[lane]
+    sizes[inner] = point.linear.size[lane]
+    return covariance, 0, sizes
+
+
 def _columns(
     equation: Equation, point: Point, lane: int, *, instrument: bool
 ) -> Float[np.ndarray, "t p"]:
     """Return all columns of one fit in the order of its factors, then its tangents."""
-    still = equation.twin if instrument else equation.still
+    recording = equation.of(lane)
+    problem = equation.stack.problems[recording]
+    still = problem.still_instrument if instrument else problem.still
     if point.moving is None:
         return still
-    moving = point.moving
     one = np.array([lane])
     if instrument:
-        shaped = equation.problem.shaped(point.shape[one], instrument=True)
-        moving = Columns(*shaped)
+        moving = Columns(*problem.shaped(point.shape[one], instrument=True))
     else:
-        moving = moving.take(one)
+        moving = point.moving.take(one)
+    many = len(still)
     found = np.empty((len(still), equation.width + equation.height))
     found[:, equation.places] = still
     for way, place in enumerate(equation.moves):
-        found[:, place] = moving.values[way, 0]
+        found[:, place] = moving.values[way, 0, :many]
     drops = point.factors[lane, equation.moves]
-    found[:, equation.width :] = np.einsum("d,hds->sh", drops, moving.slopes[:, :, 0])
+    found[:, equation.width :] = np.einsum(
+        "d,hds->sh", drops, moving.slopes[:, :, 0, :many]
+    )
     return found

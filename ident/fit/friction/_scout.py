@@ -1,0 +1,98 @@
+"""Which samples count to begin with, and which do by what a law leaves of them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from .._loss import AbstractLoss
+from ._equation import Equation
+from ._lanes import Lanes, Shares
+from ._loss import weigh
+from ._stack import Stack
+from ._tables import KnotTable, default_knots
+
+_FLOOR = 1e-9
+"""Smallest scale of residuals relative to the load."""
+_KNOTS = 12
+_PASSES = 8
+
+
+def scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
+    """Return weights of the samples under a law that can bend anywhere.
+
+    What is wild under a free table is wild under any law, whatever shape is tried. Where
+    nothing is wild in the whole recording, nothing is in a part of it.
+
+    Args:
+        stack: The equations.
+        lanes: Rows that each fit uses.
+        loss: Name of the loss.
+    """
+    whole = _scouted(stack, stack.all_rows, loss)
+    if lanes is stack.all_rows or not whole.lack:
+        return whole if lanes is stack.all_rows else lanes.all_rows()
+    full = lanes.use.copy()
+    which = np.flatnonzero(np.isin(lanes.of, list(whole.lack)))
+    full[which] = _scouted(stack, lanes.take(which), loss).full
+    return lanes.shares(full)
+
+
+def _scouted(stack: Stack, lanes: Lanes, loss: str) -> Shares:
+    key = (loss, stack.structure.directional, lanes.use.tobytes())
+    found = stack.scouted.get(key)
+    if found is None:
+        found = stack.scouted[key] = _scout(stack, lanes, loss)
+    return found
+
+
+def _scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
+    every = [default_knots(each.speed, _KNOTS) for each in stack.problems]
+    full = lanes.use.copy()
+    enough = [k for k, knots in enumerate(every) if len(set(knots)) == _KNOTS]
+    which = np.flatnonzero(np.isin(lanes.of, enough))
+    if not len(which):
+        return lanes.all_rows()
+    way = stack.structure.directional
+    free = stack.with_structures([KnotTable(way, knots) for knots in every])
+    equation = Equation(free, lanes, plain=True).take(which)
+    shares = reweigh(
+        equation, equation.solve(equation.lanes.all_rows()).residual, loss
+    )[0]
+    # Where nothing is wild under least squares, nothing is.
+    wild = np.flatnonzero((shares.full != equation.lanes.use).any(axis=1))
+    if not len(wild):
+        return lanes.all_rows()
+    which, equation = which[wild], equation.take(wild)
+    shares = equation.lanes.all_rows()
+    for step in range(_PASSES):
+        residual = equation.solve(shares).residual
+        kind = "huber" if step < _PASSES // 2 and loss != "gauss" else loss
+        before = shares
+        shares = reweigh(equation, residual, kind)[0]
+        if kind == loss and shares.same(before):
+            break  # and so it would stay
+    full[which] = shares.full
+    return lanes.shares(full)
+
+
+def reweigh(
+    equation: Equation,
+    residual: Float[np.ndarray, "w s"],
+    name: str,
+    *,
+    kept: Sequence[AbstractLoss] | None = None,
+) -> tuple[Shares, list[AbstractLoss]]:
+    """Return how much each row counts by what is left of it, and the losses that say so.
+
+    Args:
+        equation: The equation, for the fits that left it.
+        residual: What they left.
+        name: Of the loss.
+        kept: Losses with scales to keep.
+    """
+    lanes, parameters = equation.lanes, equation.width
+    count = lanes.count
+    inflation = np.sqrt(count / np.maximum(count - parameters, 0.05 * count))
+    floor = np.maximum(_FLOOR * equation.stack.floor, 1e-300)[lanes.of]
+    return weigh(name, residual, lanes, inflation, floor, kept)

@@ -1,0 +1,229 @@
+"""Recordings of equal shape side by side, each under a law of the same kind."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ._lanes import Lanes, Shares, side_by_side
+from ._problem import Problem
+from ._structure import AbstractStructure
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stack:
+    """Equations with the same kinds of columns, rows filled up with zeros.
+
+    Attributes:
+        problems: One per recording; their laws differ in places of knots only.
+        shared: What does not depend on the law, by name.
+        scouted: Weights that `scout` found, by loss, direction and rows in use.
+    """
+
+    problems: tuple[Problem, ...]
+    shared: dict[str, np.ndarray]
+    scouted: dict[tuple[str, bool, bytes], Shares]
+
+    @property
+    def one(self) -> Problem:
+        """Any of them, for what they have in common."""
+        return self.problems[0]
+
+    @property
+    def structure(self) -> AbstractStructure:
+        """Kind of law; where knots lie differs."""
+        return self.one.structure
+
+    @cached_property
+    def rows(self) -> int:
+        """Rows of the longest recording."""
+        return max(len(each.target) for each in self.problems)
+
+    def with_structures(self, kinds: Sequence[AbstractStructure]) -> "Stack":
+        """Return the same recordings under other laws."""
+        pairs = zip(self.problems, kinds, strict=True)
+        other = Stack(
+            tuple(a.with_structure(b) for a, b in pairs), self.shared, self.scouted
+        )
+        other.__dict__["all_rows"] = self.all_rows  # the same object, told by identity
+        return other
+
+    def some(self, which: Sequence[int]) -> "Stack":
+        """Return some of the recordings."""
+        if len(which) == len(self.problems):
+            return self
+        shared = {name: array[list(which)] for name, array in self.shared.items()}
+        return Stack(tuple(self.problems[k] for k in which), shared, {})
+
+    @cached_property
+    def all_rows(self) -> Lanes:
+        """One fit per recording, to all rows that may be used."""
+        return side_by_side([each.all_rows for each in self.problems], self.rows)
+
+    def _once(self, name: str, of: Callable[[Problem], np.ndarray]) -> np.ndarray:
+        if name not in self.shared:
+            self.shared[name] = self._filled([of(each) for each in self.problems])
+        return self.shared[name]
+
+    def _filled(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
+        """Stack arrays over rows, filled up with zeros."""
+        first = arrays[0]
+        if len(arrays) == 1:
+            return first[None]
+        found = np.zeros((len(arrays), self.rows, *first.shape[1:]), first.dtype)
+        for into, array in zip(found, arrays, strict=True):
+            into[: len(array)] = array
+        return found
+
+    @property
+    def target(self) -> Float[np.ndarray, "r s"]:
+        """See `Problem`."""
+        return self._once("target", lambda each: each.target)
+
+    @property
+    def usable(self) -> Bool[np.ndarray, "r s"]:
+        """See `Problem`."""
+        return self._once("usable", lambda each: each.usable)
+
+    @cached_property
+    def right(self) -> Float[np.ndarray, "r s k1"]:
+        """The linear columns that follow no shape, and last the target."""
+        width = self.one.still.shape[1]
+        found = np.zeros((len(self.problems), self.rows, width + 1))
+        for into, each in zip(found, self.problems, strict=True):
+            into[: len(each.target), :width] = each.still
+        found[:, :, width] = self.target
+        return found
+
+    @property
+    def still(self) -> Float[np.ndarray, "r s k"]:
+        """See `Problem`."""
+        return self.right[:, :, :-1]
+
+    @cached_property
+    def still_instrument(self) -> Float[np.ndarray, "r s k"]:
+        """See `Problem`."""
+        return self._filled([each.still_instrument for each in self.problems])
+
+    @cached_property
+    def size(self) -> Float[np.ndarray, "r k"]:
+        """RMS of each of these columns."""
+        square = np.einsum("rsk,rsk->rk", self.still, self.still)
+        many = np.array([len(each.target) for each in self.problems])
+        return np.asarray(np.sqrt(square / many[:, None]))
+
+    @cached_property
+    def bounds(self) -> tuple[Float[np.ndarray, "r h"], Float[np.ndarray, "r h"]]:
+        """Least and largest logarithms of the shape."""
+        pairs = [each.structure.bounds(each.speed) for each in self.problems]
+        return np.stack([low for low, _ in pairs]), np.stack(
+            [high for _, high in pairs]
+        )
+
+    @cached_property
+    def starts(self) -> Float[np.ndarray, "r m h"]:
+        """Logarithms to start from, filled up with the last ones."""
+        every = [list(each.structure.starts(each.speed)) for each in self.problems]
+        many = max(map(len, every))
+        return np.stack([np.stack(one + one[-1:] * (many - len(one))) for one in every])
+
+    def shaped(
+        self,
+        shapes: Float[np.ndarray, "w h"],
+        of: Int[np.ndarray, " w"],
+        *,
+        instrument: bool = False,
+    ) -> tuple[Float[np.ndarray, "d w s"], Float[np.ndarray, "h d w s"]]:
+        """Return the columns that follow the shape, per direction, and their derivatives.
+
+        Args:
+            shapes: Logarithms, fit by fit.
+            of: Recording of each fit, ascending.
+            instrument: Of the noise-free motion.
+        """
+        if len(self.problems) == 1:
+            return self.one.shaped(shapes, instrument=instrument)
+        if self.one.filtered:
+            return self._shaped_alone(shapes, of, instrument)
+        end = "_instrument" if instrument else ""
+        speed = self._once("speed" + end, lambda each: each.speed_of(instrument))
+        way = f"{self.structure.directional}{end}"
+        signs = self._once("signs" + way, lambda each: each.signs_of(instrument).T)
+        sign = np.ascontiguousarray(np.moveaxis(signs, 2, 0))[:, of]
+        values, slopes = self.structure.shaped_profiles(speed, of, shapes)
+        return sign * values, sign * slopes[:, None]
+
+    def _shaped_alone(
+        self, shapes: np.ndarray, of: np.ndarray, instrument: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        found = []
+        for k, problem in enumerate(self.problems):
+            own = shapes[of == k]
+            if len(own):
+                found.append(problem.shaped(own, instrument=instrument))
+
+        def joined(place: int) -> np.ndarray:
+            parts = [each[place] for each in found]
+            widths = [(0, 0)] * (parts[0].ndim - 1)
+            return np.concatenate(
+                [np.pad(p, [*widths, (0, self.rows - p.shape[-1])]) for p in parts], -2
+            )
+
+        return joined(0), joined(1)
+
+    @cached_property
+    def penalty(self) -> Float[np.ndarray, "r k k"] | None:
+        """The smoothness prior over all linear factors."""
+        every = [each.penalty() for each in self.problems]
+        found = [each for each in every if each is not None]
+        return np.stack(found) if found else None
+
+    @cached_property
+    def floor(self) -> Float[np.ndarray, " r"]:
+        """Root mean square of each load."""
+        loads = [float(np.sqrt(np.mean(each.load**2))) for each in self.problems]
+        return np.array(loads)
+
+
+_TOGETHER = 8
+"""Recordings that go side by side: more would leave the caches of a processor."""
+
+
+def alike(
+    asked: Sequence[tuple[Problem, Sequence[AbstractStructure]]],
+) -> list[list[int]]:
+    """Return which recordings can stand side by side under their kinds of law, by number.
+
+    Shorter ones are filled up: they must not be much shorter.
+    """
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for place, (problem, kinds) in enumerate(asked):
+        key = (
+            len(problem.target).bit_length(),
+            problem.lowpass.factor,
+            problem.sigma is None,
+            problem.has_instrument,
+            problem.known.offset is None,
+            problem.fixed_names,
+            tuple((type(k), k.directional, k.names, k.shapes) for k in kinds),
+        )
+        groups.setdefault(key, []).append(place)
+    return [
+        places[start : start + _TOGETHER]
+        for places in groups.values()
+        for start in range(0, len(places), _TOGETHER)
+    ]
+
+
+def stack_of(problems: Sequence[Problem]) -> Stack:
+    """Return recordings side by side; they must have the same kinds of columns."""
+    return Stack(tuple(problems), {}, {})
+
+
+def alone(problem: Problem) -> Stack:
+    """Return one recording by itself."""
+    return stack_of([problem])
