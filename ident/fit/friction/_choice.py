@@ -20,7 +20,7 @@ from ._solve import Solved
 from ._stack import alike
 from ._structure import AbstractStructure
 from ._structures import CoulombViscous, Stribeck
-from ._tables import KnotTable, default_knots
+from ._tables import KnotTable, spread_of
 
 WINDOWS = 10
 KNOTS = (3, 5, 8, 12, 20)
@@ -56,12 +56,13 @@ def default_structures(
     samples: DriveSamples, knots: Sequence[int] = KNOTS
 ) -> tuple[AbstractStructure, ...]:
     """Return the kinds of law to compare: simple, per direction, Stribeck, tables."""
-    speed = np.abs(samples.velocity[samples.in_motion])
+    spread = spread_of(np.abs(samples.velocity[samples.in_motion]))
+    places = [tuple(sorted(set(spread.knots(count)))) for count in knots]
     tables = [
         KnotTable(way, found)
         for way in (False, True)
-        for count in knots
-        if len(found := tuple(sorted(set(default_knots(speed, count))))) == count
+        for count, found in zip(knots, places, strict=True)
+        if len(found) == count
     ]
     ways = (False, True)
     laws = [CoulombViscous(way) for way in ways] + [Stribeck(way) for way in ways]

@@ -10,12 +10,14 @@ from ._equation import Equation
 from ._lanes import Shares, side_by_side
 from ._leftout import LeftOut
 from ._scout import reweigh, scout
-from ._separable import Solution, solve_near
+from ._separable import Solution, search
 from ._smoothing import choose_weights
 from ._solve import Solved, solve_stack
 from ._stack import Stack, stack_of
 from ._structure import AbstractStructure
 
+_NEAR = 0.1
+"""Step of a logarithm of the shape up to which a law is as good as linear in it."""
 _WILD = 4.0
 """Error in scales beyond which a sample says nothing of the law."""
 
@@ -78,14 +80,13 @@ def compete(
     carried: list[list[AbstractStructure]] = [[] for _ in asked]
     for place, kind in enumerate(asked[0].kinds):
         kinds = [each.kinds[place] for each in asked]
-        speaks = list(kinds)
+        lawful, speaks = stack.with_structures(kinds), list(kinds)
         if kind.in_words:
-            lawful = stack.with_structures(kinds)
             for k, solved in enumerate(solve_stack(lawful, held.loss, stack.all_rows)):
                 fits[k][kinds[k]] = solved
                 # Where the data do not carry a law, the simpler one speaks for it.
                 speaks[k] = solved.problem.structure
-        held.look_at(speaks, [fits[k].get(kinds[k]) for k in range(len(asked))])
+        held.look_at(lawful, speaks, [fits[k].get(kinds[k]) for k in range(len(asked))])
         for own, law in zip(carried, speaks, strict=True):
             own.append(law)
     return fits, [
@@ -122,6 +123,19 @@ def _of_one_kind(kinds: dict[int, AbstractStructure]) -> list[list[int]]:
     return list(groups.values())
 
 
+@dataclasses.dataclass(frozen=True)
+class _Errors:
+    """Mean squares of what a law leaves of a recording.
+
+    Attributes:
+        held_out: Of each window, solved without it.
+        fitted: Of all rows.
+    """
+
+    held_out: Float[np.ndarray, " w"]
+    fitted: float
+
+
 class _HeldOut:
     """What laws leave of windows when they are solved without them.
 
@@ -134,68 +148,33 @@ class _HeldOut:
         self.loss = parts[0].loss
         self.lanes = side_by_side([each.every for each in parts], stack.rows)
         self._shares: dict[bool, Shares] = {}
-        self._found: list[dict[AbstractStructure, tuple[np.ndarray, np.ndarray]]] = [
-            {} for _ in parts
-        ]
-        self._out = np.zeros(self.lanes.use.shape)
-        for each, (_, own) in zip(parts, self.lanes.own, strict=True):
-            windows = slice(own.start, own.stop - 1)
-            self._out[windows, : each.out.shape[1]] = each.out
+        self._found: list[dict[AbstractStructure, _Errors]] = [{} for _ in parts]
 
     def look_at(
         self,
+        stack: Stack,
         kinds: Sequence[AbstractStructure],
         solved: Sequence[Solved | None],
     ) -> None:
         """Solve one law for each recording, where that was not done yet.
 
         Args:
-            kinds: The laws.
+            stack: The recordings under the laws asked for.
+            kinds: The laws that the data carry.
             solved: Fitted to all rows, where that was done.
         """
         new = {k: kind for k, kind in enumerate(kinds) if kind not in self._found[k]}
         for places in _of_one_kind(new):
-            stack = self.stack.with_structures(
-                [
-                    kinds[k] if k in places else kinds[places[0]]
-                    for k in range(len(kinds))
-                ]
-            )
+            laws = [kinds[k if k in places else places[0]] for k in range(len(kinds))]
+            if laws != [each.structure for each in stack.problems]:
+                stack = self.stack.with_structures(laws)
             which = np.flatnonzero(np.isin(self.lanes.of, places))
-            lanes = self.lanes.take(which)
-            equation = Equation(stack, lanes)
+            equation = Equation(stack, self.lanes.take(which))
             shares = self._shares_of(stack).take(which)
             known = ((k, solved[k]) for k in places)
-            laws = {k: law.solution for k, law in known if law is not None}
-            held, fitted = self._errors(equation, shares, laws, self._out[which])
-            for k, own in lanes.own:
-                parts = slice(own.start, own.stop - 1)
-                self._found[k][kinds[k]] = held[parts], fitted[parts]
-
-    def _errors(
-        self,
-        equation: Equation,
-        shares: Shares,
-        laws: Mapping[int, Solution],
-        out: Float[np.ndarray, "w s"],
-    ) -> tuple[Float[np.ndarray, " w"], Float[np.ndarray, " w"]]:
-        """Return the mean square per fit over its window, and over the rows it uses."""
-        lanes = equation.lanes
-        last = np.array([own.stop - 1 for _, own in lanes.own])
-        if equation.stack.structure.bends() is not None:
-            weights = choose_weights(equation.take(last), shares.take(last))
-            every = np.repeat(weights, [own.stop - own.start for _, own in lanes.own])
-            equation = equation.smoothed(every)
-        residual = solve_near(equation, shares, laws).residual
-        square = np.square(residual)
-        if self.loss != "gauss":
-            # A wild sample says nothing of the law: no more than where the fit lets go.
-            _, losses = reweigh(equation.take(last), residual[last], self.loss)
-            limit = np.zeros(len(self.parts))
-            limit[lanes.of[last]] = [_WILD * each.scale for each in losses]
-            np.minimum(square, np.square(limit[lanes.of])[:, None], out=square)
-        held = np.einsum("ws,ws->w", square, out)
-        return held, np.einsum("ws,ws->w", square, lanes.use) / lanes.count
+            found = {k: law.solution for k, law in known if law is not None}
+            for k, errors in self._errors(equation, shares, found).items():
+                self._found[k][kinds[k]] = errors
 
     def _shares_of(self, stack: Stack) -> Shares:
         way = stack.structure.directional
@@ -204,6 +183,78 @@ class _HeldOut:
             full = self.lanes.use * share[self.lanes.of]
             self._shares[way] = self.lanes.shares(full)
         return self._shares[way]
+
+    def _errors(
+        self, equation: Equation, shares: Shares, laws: Mapping[int, Solution]
+    ) -> dict[int, _Errors]:
+        """Return what recordings with fits show of one law."""
+        lanes = equation.lanes
+        last = np.array([own.stop - 1 for _, own in lanes.own])
+        if equation.stack.structure.bends() is not None:
+            weights = choose_weights(equation.take(last), shares.take(last))
+            every = np.repeat(weights, [own.stop - own.start for _, own in lanes.own])
+            equation = equation.smoothed(every)
+        held, whole = self._residuals(equation, shares, laws)
+        held, fitted = np.square(held), np.square(whole)
+        if self.loss != "gauss":
+            # A wild sample says nothing of the law: no more than where the fit lets go.
+            _, losses = reweigh(equation.take(last), whole, self.loss)
+            limit = np.square([_WILD * each.scale for each in losses])[:, None]
+            held, fitted = np.minimum(held, limit), np.minimum(fitted, limit)
+        fitted = np.einsum("ws,ws->w", fitted, lanes.use[last]) / lanes.count[last]
+        return {
+            k: _Errors(self.parts[k].mean(square), float(each))
+            for (k, _), square, each in zip(lanes.own, held, fitted, strict=True)
+        }
+
+    def _residuals(
+        self, equation: Equation, shares: Shares, laws: Mapping[int, Solution]
+    ) -> tuple[Float[np.ndarray, "v s"], Float[np.ndarray, "v s"]]:
+        """Return what laws leave of each row, solved without its window, and of all rows."""
+        lanes, stack = equation.lanes, equation.stack
+        recordings = len(stack.problems)
+        shape = np.zeros((recordings, equation.height))
+        linear = np.zeros((recordings, equation.width))
+        for k, law in laws.items():
+            if equation.height:
+                shape[k], linear[k] = law.shape, law.factors
+        columns, factors = equation.near(shares, shape, linear)
+        held, whole = np.zeros((2, len(lanes.own), stack.rows))
+        for left, every, (k, own) in zip(held, whole, lanes.own, strict=True):
+            for lane, (start, end) in enumerate(self.parts[k].bounds, own.start):
+                np.matmul(columns[k, start:end], factors[lane], out=left[start:end])
+            np.matmul(columns[k], factors[own.stop - 1], out=every)
+        target = stack.right[[k for k, _ in lanes.own], :, -1]
+        held, whole = target - held, target - whole
+        if equation.height:
+            self._search_far(equation, shares, factors, shape, held)
+        return held, whole
+
+    def _search_far(
+        self,
+        equation: Equation,
+        shares: Shares,
+        factors: Float[np.ndarray, "w q"],
+        shape: Float[np.ndarray, "r h"],
+        held: Float[np.ndarray, "v s"],
+    ) -> None:
+        """Search shapes without a window that lie so far off that tangents do not lead."""
+        lanes, (low, high) = equation.lanes, equation.bounds
+        begin = shape[lanes.of]
+        step = factors[:, equation.width :]
+        aim = begin + step
+        far = (np.abs(step) > _NEAR) | (aim < low) | (aim > high)
+        if equation.instruments:
+            far[:] = True
+        left = np.flatnonzero(far.any(axis=1))
+        if not len(left):
+            return
+        point = search(equation.take(left), shares.take(left), begin[left])
+        residual = dict(zip(left.tolist(), point.residual, strict=True))
+        for row, (k, own) in zip(held, lanes.own, strict=True):
+            for lane, (start, end) in enumerate(self.parts[k].bounds, own.start):
+                if lane in residual:
+                    row[start:end] = residual[lane][start:end]
 
     def race(
         self,
@@ -219,10 +270,9 @@ class _HeldOut:
             speaks: Those that the data carry, of each.
         """
         size = self.parts[k].size ** 2
-        squares, fitted = (
-            np.stack([self._found[k][kind][place] for kind in speaks]) / size
-            for place in (0, 1)
-        )
+        found = [self._found[k][kind] for kind in speaks]
+        squares = np.stack([each.held_out for each in found]) / size
+        fitted = np.array([each.fitted for each in found]) / size
         error = np.sqrt(squares.mean(axis=1))
         spread = np.std(squares, axis=1, ddof=1) / np.sqrt(squares.shape[1])
         spread /= 2.0 * np.maximum(error, 1e-300)
@@ -231,7 +281,7 @@ class _HeldOut:
             np.sqrt(squares),
             error.tolist(),
             spread.tolist(),
-            np.sqrt(fitted.mean(axis=1)).tolist(),
+            np.sqrt(fitted).tolist(),
             strict=True,
         )
         return tuple(

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._lanes import Lanes, Shares
-from ._linear import solve_linear
+from ._linear import Linear, solve_linear
 from ._point import Columns, Point
 from ._stack import Stack
 
@@ -116,6 +116,17 @@ class Equation:
                 moving = known.moving
             else:
                 moving = self._shaped(shape)
+        linear = self._linear(shares, shape, moving)
+        fitted = self.lanes.along(linear.factors[:, self.places], self.still)
+        residual = self.stack.target[self.lanes.of] - fitted
+        if moving is not None:
+            for way, place in enumerate(self.moves):
+                residual -= linear.factors[:, place, None] * moving.values[way]
+        return Point(shares, shape.copy(), moving, linear, residual)
+
+    def _linear(
+        self, shares: Shares, shape: Float[np.ndarray, "w h"], moving: Columns | None
+    ) -> Linear:
         own, size = self._assembled(shares, moving, moving, own=True)
         matrix = own
         if self.instruments:
@@ -131,13 +142,7 @@ class Equation:
             own = own + prior
             matrix = matrix + prior if self.instruments else own
         matrix = matrix if self.instruments else own
-        linear = solve_linear(own, matrix, moment, size)
-        fitted = self.lanes.along(linear.factors[:, self.places], self.still)
-        residual = self.stack.target[self.lanes.of] - fitted
-        if moving is not None:
-            for way, place in enumerate(self.moves):
-                residual -= linear.factors[:, place, None] * moving.values[way]
-        return Point(shares, shape.copy(), moving, linear, residual)
+        return solve_linear(own, matrix, moment, size)
 
     def _shaped(
         self, shape: Float[np.ndarray, "w h"], *, instrument: bool = False
@@ -223,38 +228,30 @@ class Equation:
         shares: Shares,
         shape: Float[np.ndarray, "r h"],
         factors: Float[np.ndarray, "r k"],
-    ) -> tuple[
-        Float[np.ndarray, "w h"], Float[np.ndarray, " w"], Float[np.ndarray, " w"]
-    ]:
-        """Return steps in the shape from one law per recording, as a linear law has it.
+    ) -> tuple[Float[np.ndarray, "r s q"], Float[np.ndarray, "w q"]]:
+        """Return columns that all fits of a recording share, and what each makes of them.
 
-        As `step` for fits that share columns, without instruments: all that is needed are
-        sums, made once.
+        The last ones are the tangents of the recording's law: their factors are steps in
+        its shape. Sums are made once for all fits, and no row is looked at fit by fit.
 
         Args:
             shares: Weights of the rows.
             shape: Logarithms of each recording's law.
             factors: Its linear factors.
-
-        Returns:
-            Steps, and the weighted sum of squares without and with them.
         """
+        if not self.height:
+            none = np.zeros((len(self.lanes), 0))
+            return self.still, self._linear(shares, none, None).factors
         values, slopes = self.stack.shaped(shape, np.arange(len(shape)))
         tangents = np.einsum("rd,hdrs->rsh", factors[:, self.moves], slopes)
         inner = [self.still, values.transpose(1, 2, 0)]
         right = np.concatenate([*inner, tangents, self._right[:, :, -1:]], axis=2)
+        right[~self.stack.usable] = 0.0
         full = right[:, :, :-1]
         sums = shares.sums(self.lanes.sums(full, right), full, right)
         size = np.sqrt(np.einsum("rsk,rsk->rk", full, full) / full.shape[1])
-        square = np.einsum(
-            "ws,ws->w", shares.full, np.square(self.stack.target)[self.lanes.of]
-        )
-        found, costs = np.zeros((len(self.lanes), 0)), []
-        for width in (self.width, self.width + self.height):
-            own, moment = sums[:, :width, :width], sums[:, :width, -1]
-            found = solve_linear(own, own, moment, size[self.lanes.of, :width]).factors
-            costs.append(square - np.einsum("wk,wk->w", moment, found))
-        return found[:, self.width :], costs[0], costs[1]
+        own, moment = sums[:, :, :-1], sums[:, :, -1]
+        return full, solve_linear(own, own, moment, size[self.lanes.of]).factors
 
     def best_start(self, shares: Shares) -> Float[np.ndarray, "w h"]:
         """Return the best of the structure's starts for each fit, by least squares."""
@@ -266,19 +263,20 @@ class Equation:
         of = np.repeat(np.arange(recordings), many)
         # By powers of two: the same for recordings that stand side by side and alone.
         step = max(1, (1 << self.stack.rows.bit_length()) // _START_ROWS)
-        values = self.stack.shaped(starts.reshape(len(of), -1), of)[0][:, :, ::step]
+        every = starts.reshape(len(of), -1)
+        values = self.stack.shaped(every, of, step=step)[0]
         ways, _, rows = values.shape
         apart = values.reshape(ways, recordings, many, rows).transpose(1, 3, 0, 2)
         flat = apart.reshape(recordings, rows, ways * many)
         right = np.concatenate([self._right[:, ::step], flat], axis=2)
         size = len(self.places)
-        every = np.empty((count, right.shape[2], right.shape[2]))
+        sums = np.empty((count, right.shape[2], right.shape[2]))
         for lane, (k, share) in enumerate(
             zip(lane_of, shares.full[:, ::step], strict=True)
         ):
-            np.matmul(right[k].T * share, right[k], out=every[lane])
-        still = every[:, :size, : size + 1]
-        full = every[:, size + 1 :].reshape(count, ways, many, -1)
+            np.matmul(right[k].T * share, right[k], out=sums[lane])
+        still = sums[:, :size, : size + 1]
+        full = sums[:, size + 1 :].reshape(count, ways, many, -1)
         base = solve_linear(
             still[:, :, :-1],
             still[:, :, :-1],

@@ -77,9 +77,10 @@ class Lanes:
     def sums(
         self, left: Float[np.ndarray, "r s p"], right: Float[np.ndarray, "r s q"]
     ) -> Float[np.ndarray, "w p q"]:
-        """Return leftᵀ right over the rows of each fit."""
-        if not self.usable.all():
-            left = left * self.usable[:, :, None]
+        """Return leftᵀ right over the rows of each fit.
+
+        Rows that may not be used must be zero on one side.
+        """
         found = np.empty((len(self), left.shape[2], right.shape[2]))
         for k, fits in self.own:
             edges = self.edges[k]

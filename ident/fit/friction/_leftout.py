@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -14,7 +15,7 @@ from ._assemble import friction_at
 from ._lanes import Lanes, lanes_of, side_by_side
 from ._problem import Problem
 from ._result import FrictionFit
-from ._solve import Solved, solve_stack
+from ._solve import Solved, solve_as_asked
 from ._stack import alike, stack_of
 from ._structure import AbstractStructure
 
@@ -62,10 +63,17 @@ class LeftOut:
         return float(np.sqrt(np.mean(load**2)))
 
     @cached_property
-    def out(self) -> Float[np.ndarray, "w s"]:
-        """Share of each row in the mean over the window that a fit does without."""
-        rows = (self.window == np.arange(self.count)[:, None]) & self.lanes.usable
-        return np.asarray(rows / rows.sum(axis=1, keepdims=True))
+    def bounds(self) -> list[tuple[int, int]]:
+        """First row of each window, and the one after its last."""
+        edges = np.searchsorted(self.window, np.arange(self.count + 1)).tolist()
+        return list(pairwise(edges))
+
+    def mean(self, square: Float[np.ndarray, " s"]) -> Float[np.ndarray, " w"]:
+        """Return the mean of each window over its rows that may be used."""
+        usable = self.problem.usable
+        starts = [start for start, _ in self.bounds]
+        sums = np.add.reduceat(square[: len(usable)] * usable, starts)
+        return np.asarray(sums / np.add.reduceat(usable * 1.0, starts))
 
     @property
     def window_of_samples(self) -> Int[np.ndarray, " t"]:
@@ -123,7 +131,8 @@ def _fit_all(
         stack = stack.with_structures([kind for _, kind in group])
         lanes = side_by_side([each.lanes for each, _ in group], stack.rows)
         with one_blas_thread():
-            solved = solve_stack(stack, group[0][0].loss, lanes, certain=False)
+            # Whether the data carry the law, all of them have said.
+            solved = solve_as_asked(stack, group[0][0].loss, lanes, certain=False)
         for k, (_, fits) in zip(places, lanes.own, strict=True):
             found[k] = solved[fits]
     return [found[k] for k in range(len(asked))]

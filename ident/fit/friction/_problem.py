@@ -10,6 +10,7 @@ from ._lanes import Lanes, lanes_of
 from ._lowpass import Decimation, decimation
 from ._samples import DriveSamples, saturated
 from ._structure import AbstractStructure
+from ._tables import Spread, spread_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Problem:
         """Return the same rows for another kind of law; what was computed is kept."""
         other = dataclasses.replace(self, structure=structure)
         kept = ["target", "load", "piece", "speed", "usable", "saturated"]
-        kept += ["said", "all_rows", "profiles"]
+        kept += ["said", "all_rows", "profiles", "limits", "scouted", "spread"]
         if structure.directional == self.structure.directional:
             # Only then are the columns beside friction the same.
             kept += ["_fixed_measured"]
@@ -116,9 +117,19 @@ class Problem:
         return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
 
     @cached_property
+    def spread(self) -> Spread:
+        """How the speeds in motion are spread."""
+        return spread_of(self.speed)
+
+    @cached_property
     def said(self) -> list[tuple[str, ...]]:
         """What was already found odd about the recording, in words."""
         return []
+
+    @cached_property
+    def scouted(self) -> dict[tuple[str, bool], Float[np.ndarray, " s"]]:
+        """Weights of all rows that `scout` found, by loss and whether per direction."""
+        return {}
 
     @property
     def fits_inertia(self) -> bool:
@@ -173,6 +184,23 @@ class Problem:
             self.profiles[key] = key.still_profile(self.speed_of(False))
         own = self.structure.signed(self.samples.velocity, self.profiles[key])
         return np.concatenate([self._fixed_measured, self._rows(own)], axis=1)
+
+    @property
+    def bounds(self) -> tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"]]:
+        """Least and largest logarithms of the shape."""
+        key = dataclasses.replace(self.structure, directional=False)
+        if key not in self.limits:
+            self.limits[key] = key.bounds(self.speed)
+        return self.limits[key]
+
+    @cached_property
+    def limits(
+        self,
+    ) -> dict[
+        AbstractStructure, tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"]]
+    ]:
+        """Bounds of laws that were already asked for."""
+        return {}
 
     @cached_property
     def profiles(self) -> dict[AbstractStructure, np.ndarray]:

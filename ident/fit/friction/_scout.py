@@ -10,7 +10,7 @@ from ._equation import Equation
 from ._lanes import Lanes, Shares
 from ._loss import weigh
 from ._stack import Stack
-from ._tables import KnotTable, default_knots
+from ._tables import KnotTable
 
 _FLOOR = 1e-9
 """Smallest scale of residuals relative to the load."""
@@ -29,25 +29,31 @@ def scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
         lanes: Rows that each fit uses.
         loss: Name of the loss.
     """
-    whole = _scouted(stack, stack.all_rows, loss)
+    whole = _of_all_rows(stack, loss)
     if lanes is stack.all_rows or not whole.lack:
         return whole if lanes is stack.all_rows else lanes.all_rows()
     full = lanes.use.copy()
     which = np.flatnonzero(np.isin(lanes.of, list(whole.lack)))
-    full[which] = _scouted(stack, lanes.take(which), loss).full
+    full[which] = _scout(stack, lanes.take(which), loss).full
     return lanes.shares(full)
 
 
-def _scouted(stack: Stack, lanes: Lanes, loss: str) -> Shares:
-    key = (loss, stack.structure.directional, lanes.use.tobytes())
-    found = stack.scouted.get(key)
-    if found is None:
-        found = stack.scouted[key] = _scout(stack, lanes, loss)
-    return found
+def _of_all_rows(stack: Stack, loss: str) -> Shares:
+    lanes, key = stack.all_rows, (loss, stack.structure.directional)
+    new = [k for k, each in enumerate(stack.problems) if key not in each.scouted]
+    if new:
+        found = _scout(stack, lanes.take(np.array(new)), loss).full
+        for k, row in zip(new, found, strict=True):
+            problem = stack.problems[k]
+            problem.scouted[key] = row[: len(problem.target)]
+    full = lanes.use.copy()
+    for row, each in zip(full, stack.problems, strict=True):
+        row[: len(each.target)] = each.scouted[key]
+    return lanes.shares(full)
 
 
 def _scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
-    every = [default_knots(each.speed, _KNOTS) for each in stack.problems]
+    every = [each.spread.knots(_KNOTS) for each in stack.problems]
     full = lanes.use.copy()
     enough = [k for k, knots in enumerate(every) if len(set(knots)) == _KNOTS]
     which = np.flatnonzero(np.isin(lanes.of, enough))

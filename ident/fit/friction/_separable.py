@@ -7,7 +7,6 @@ V. Pereyra, Separable nonlinear least squares, Inverse Problems 19(2), 2003.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -26,10 +25,6 @@ _FREEZE = 20
 """Pass from which on the scale of the residuals is kept, so that nothing can go in circles."""
 _STILL = 1e-3
 """Change of a logarithm of the shape that no prediction shows."""
-_LINEAR = 0.2
-"""Share of what a step promised that it may miss, and still be the last."""
-_LIGHT = 1e-5
-"""Gain that is none, as a share of the sum of squares."""
 _STEP = 0.5
 """Longest step of a logarithm of the shape."""
 _SETTLED = 1e-3
@@ -72,14 +67,14 @@ class Solution:
     weight: float
 
 
-def separable(equation: Equation, loss: str, certain: Sequence[bool]) -> list[Solution]:
+def separable(equation: Equation, loss: str, certain: bool) -> list[Solution]:
     """Fit factors and shapes of an equation, once for each choice of its rows.
 
     Args:
         equation: The equation.
         loss: Name of the loss.
-        certain: For which fits the covariance must hold; for others, that are only to
-            predict, it is that of independent noise.
+        certain: Whether covariances must hold; if not, they are those of independent noise,
+            for laws that are only to predict.
 
     Raises:
         FitError: If hardly any sample is left.
@@ -113,48 +108,18 @@ def separable(equation: Equation, loss: str, certain: Sequence[bool]) -> list[So
     return [found[lane] for lane in range(len(lanes))]
 
 
-def solve_near(
-    equation: Equation, shares: Shares, laws: Mapping[int, Solution]
+def search(
+    equation: Equation, shares: Shares, shape: Float[np.ndarray, "w h"]
 ) -> Point:
-    """Return the solutions under given weights, shapes searched from those of given laws.
-
-    Fits without a tenth of the rows lie next to the one with all of them: for most a single
-    step of Gauss and Newton ends there, and the sums for it are made once.
+    """Return the solutions under given weights, shapes searched from where they may be.
 
     Args:
         equation: The equation.
         shares: Weights of the rows.
-        laws: Of each recording that has fits, by number; for laws with a shape.
+        shape: Logarithms to start from, fit by fit.
     """
-    if not equation.height:
-        return equation.solve(shares)
-    recordings, of = len(equation.stack.problems), equation.lanes.of
-    shape = np.zeros((recordings, equation.height))
-    factors = np.zeros((recordings, equation.width))
-    for k, law in laws.items():
-        shape[k], factors[k] = law.shape, law.factors
-    if equation.instruments:
-        return _searched(equation, shares, shape[of])
-    step, before, promised = equation.near(shares, shape, factors)
-    low, high = equation.bounds
-    aim = np.clip(shape[of] + step, low, high)
-    point = equation.solve(shares, aim)
-    gain, hope = before - point.cost, before - promised
-    there = (aim == shape[of] + step).all(axis=1) & (np.abs(step).max(axis=1) <= _STEP)
-    there &= np.abs(gain - hope) <= np.maximum(_LINEAR * hope, _LIGHT * promised)
-    left = np.flatnonzero(~there)
-    if not len(left):
-        return point
-    found = _searched(equation.take(left), shares.take(left), shape[of[left]])
-    return point.put(left, found)
-
-
-def _searched(
-    equation: Equation, shares: Shares, shape: Float[np.ndarray, "w h"]
-) -> Point:
-    """Return the solutions under given weights, shapes searched step by step."""
     going, found = _start(equation, shares, shape), shape.copy()
-    for _ in range(_PASSES):
+    for _ in range(_PASSES if equation.height else 0):
         before = going.shape.copy()
         going.next_shape()
         found[going.lane] = going.shape
@@ -258,9 +223,7 @@ def _start(
     return _Going(every, equation, shares, shape, None, None, None, 0 * every)
 
 
-def _ended(
-    going: _Going, settled: np.ndarray, certain: Sequence[bool]
-) -> dict[int, Solution]:
+def _ended(going: _Going, settled: np.ndarray, certain: bool) -> dict[int, Solution]:
     """Return the solutions under the last weights, by lane."""
     equation = going.equation
     point = equation.solve(going.shares, going.shape, going.point)
@@ -271,7 +234,7 @@ def _ended(
     for place, lane in enumerate(going.lane.tolist()):
         share = going.shares.full[place]
         loss = going.losses[place]
-        if certain[lane]:
+        if certain:
             covariance, lag, sizes = uncertainty(equation, point, place, loss, share)
         else:
             covariance, lag, sizes = roughly(equation, point, place, loss)

@@ -31,12 +31,7 @@ class Solved:
 
 
 def solve_stack(
-    stack: Stack,
-    loss: str,
-    lanes: Lanes,
-    smoothness: float | None = None,
-    *,
-    certain: bool = True,
+    stack: Stack, loss: str, lanes: Lanes, smoothness: float | None = None
 ) -> list[Solved]:
     """Return what `fit_problem` finds before it is put into words, per choice of rows.
 
@@ -45,19 +40,15 @@ def solve_stack(
         loss: As for `fit_inverse`.
         lanes: Rows that each fit uses.
         smoothness: As for `fit_inverse`.
-        certain: Whether covariances must hold. They do as well where the choice of the law
-            needs it.
     """
-    # Whether a drop from break-away is one is judged by its standard deviation.
-    judged = certain or bool(stack.structure.shapes)
-    found = _solved(stack, loss, lanes, smoothness, judged)
+    found = solve_as_asked(stack, loss, lanes, smoothness)
     if isinstance(stack.structure, Stribeck):
-        found = _simpler(stack, found, loss, lanes, certain)
+        found = _simpler(stack, found, loss, lanes)
     return found
 
 
 def _simpler(
-    stack: Stack, found: list[Solved], loss: str, lanes: Lanes, certain: bool
+    stack: Stack, found: list[Solved], loss: str, lanes: Lanes
 ) -> list[Solved]:
     """Return the solutions, of simpler laws where the data do not carry a Stribeck drop."""
     directional = stack.structure.directional
@@ -72,7 +63,7 @@ def _simpler(
             [Stribeck(directional, 2.0)] * len(stack.problems)
         )
         some = lanes.take(np.array(list(vague)))
-        again = _solved(usual, loss, some, None, True)
+        again = solve_as_asked(usual, loss, some)
         for (lane, reason), each in zip(vague.items(), again, strict=True):
             missing = {"stribeck_shape": reason}
             found[lane] = dataclasses.replace(each, missing=missing)
@@ -87,16 +78,30 @@ def _simpler(
         law = CoulombViscous(directional)
         plain = stack.with_structures([law] * len(stack.problems))
         some = lanes.take(np.array(list(none)))
-        again = _solved(plain, loss, some, None, certain)
+        again = solve_as_asked(plain, loss, some)
         for (lane, reason), each in zip(none.items(), again, strict=True):
             missing = found[lane].missing | dict.fromkeys(names, reason)
             found[lane] = dataclasses.replace(each, missing=missing)
     return found
 
 
-def _solved(
-    stack: Stack, loss: str, lanes: Lanes, smoothness: float | None, certain: bool
+def solve_as_asked(
+    stack: Stack,
+    loss: str,
+    lanes: Lanes,
+    smoothness: float | None = None,
+    *,
+    certain: bool = True,
 ) -> list[Solved]:
+    """Return what `solve_stack` does, not asked whether the data carry the law.
+
+    Args:
+        stack: The equations.
+        loss: As for `fit_inverse`.
+        lanes: Rows that each fit uses.
+        smoothness: As for `fit_inverse`.
+        certain: Whether covariances must hold; if not, they are those of independent noise.
+    """
     equation = Equation(stack, lanes)
     if stack.structure.bends() is not None:
         if smoothness is None:
@@ -104,7 +109,7 @@ def _solved(
         else:
             weights = np.full(len(lanes), float(smoothness))
         equation = equation.smoothed(weights)
-    solutions = separable(equation, loss, [certain] * len(lanes))
+    solutions = separable(equation, loss, certain)
     return [
         Solved(stack.problems[recording], solution, {})
         for recording, solution in zip(lanes.of, solutions, strict=True)

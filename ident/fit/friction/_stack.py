@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._lanes import Lanes, Shares, side_by_side
+from ._lanes import Lanes, side_by_side
 from ._problem import Problem
 from ._structure import AbstractStructure
 
@@ -21,12 +21,10 @@ class Stack:
     Attributes:
         problems: One per recording; their laws differ in places of knots only.
         shared: What does not depend on the law, by name.
-        scouted: Weights that `scout` found, by loss, direction and rows in use.
     """
 
     problems: tuple[Problem, ...]
     shared: dict[str, np.ndarray]
-    scouted: dict[tuple[str, bool, bytes], Shares]
 
     @property
     def one(self) -> Problem:
@@ -46,18 +44,9 @@ class Stack:
     def with_structures(self, kinds: Sequence[AbstractStructure]) -> "Stack":
         """Return the same recordings under other laws."""
         pairs = zip(self.problems, kinds, strict=True)
-        other = Stack(
-            tuple(a.with_structure(b) for a, b in pairs), self.shared, self.scouted
-        )
+        other = Stack(tuple(a.with_structure(b) for a, b in pairs), self.shared)
         other.__dict__["all_rows"] = self.all_rows  # the same object, told by identity
         return other
-
-    def some(self, which: Sequence[int]) -> "Stack":
-        """Return some of the recordings."""
-        if len(which) == len(self.problems):
-            return self
-        shared = {name: array[list(which)] for name, array in self.shared.items()}
-        return Stack(tuple(self.problems[k] for k in which), shared, {})
 
     @cached_property
     def all_rows(self) -> Lanes:
@@ -91,12 +80,17 @@ class Stack:
 
     @cached_property
     def right(self) -> Float[np.ndarray, "r s k1"]:
-        """The linear columns that follow no shape, and last the target."""
+        """The linear columns that follow no shape, and last the target.
+
+        Rows that may not be used have none, so that they enter no sum.
+        """
         width = self.one.still.shape[1]
         found = np.zeros((len(self.problems), self.rows, width + 1))
         for into, each in zip(found, self.problems, strict=True):
             into[: len(each.target), :width] = each.still
         found[:, :, width] = self.target
+        if not self.usable.all():
+            found[~self.usable] = 0.0
         return found
 
     @property
@@ -119,7 +113,7 @@ class Stack:
     @cached_property
     def bounds(self) -> tuple[Float[np.ndarray, "r h"], Float[np.ndarray, "r h"]]:
         """Least and largest logarithms of the shape."""
-        pairs = [each.structure.bounds(each.speed) for each in self.problems]
+        pairs = [each.bounds for each in self.problems]
         return np.stack([low for low, _ in pairs]), np.stack(
             [high for _, high in pairs]
         )
@@ -137,6 +131,7 @@ class Stack:
         of: Int[np.ndarray, " w"],
         *,
         instrument: bool = False,
+        step: int = 1,
     ) -> tuple[Float[np.ndarray, "d w s"], Float[np.ndarray, "h d w s"]]:
         """Return the columns that follow the shape, per direction, and their derivatives.
 
@@ -144,17 +139,18 @@ class Stack:
             shapes: Logarithms, fit by fit.
             of: Recording of each fit, ascending.
             instrument: Of the noise-free motion.
+            step: Of every so-manieth row.
         """
-        if len(self.problems) == 1:
-            return self.one.shaped(shapes, instrument=instrument)
         if self.one.filtered:
-            return self._shaped_alone(shapes, of, instrument)
+            values, slopes = self._shaped_alone(shapes, of, instrument)
+            return values[..., ::step], slopes[..., ::step]
         end = "_instrument" if instrument else ""
         speed = self._once("speed" + end, lambda each: each.speed_of(instrument))
         way = f"{self.structure.directional}{end}"
         signs = self._once("signs" + way, lambda each: each.signs_of(instrument).T)
-        sign = np.ascontiguousarray(np.moveaxis(signs, 2, 0))[:, of]
-        values, slopes = self.structure.shaped_profiles(speed, of, shapes)
+        sign = np.ascontiguousarray(np.moveaxis(signs[:, ::step], 2, 0))[:, of]
+        thin = np.ascontiguousarray(speed[:, ::step])
+        values, slopes = self.structure.shaped_profiles(thin, of, shapes)
         return sign * values, sign * slopes[:, None]
 
     def _shaped_alone(
@@ -189,7 +185,7 @@ class Stack:
         return np.array(loads)
 
 
-_TOGETHER = 8
+_TOGETHER = 16
 """Recordings that go side by side: more would leave the caches of a processor."""
 
 
@@ -221,7 +217,7 @@ def alike(
 
 def stack_of(problems: Sequence[Problem]) -> Stack:
     """Return recordings side by side; they must have the same kinds of columns."""
-    return Stack(tuple(problems), {}, {})
+    return Stack(tuple(problems), {})
 
 
 def alone(problem: Problem) -> Stack:

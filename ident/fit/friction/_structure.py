@@ -7,6 +7,7 @@ Columns carry the sign of the motion, so a factor is a current that opposes it.
 import abc
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -138,7 +139,7 @@ class AbstractStructure(abc.ABC):
         """How many sets of factors there are."""
         return 2 if self.directional else 1
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all factors in the order of `columns`."""
         if not self.directional:

@@ -113,12 +113,33 @@ def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ..
     Half of the weight goes to where the axis spends its time, half to even steps of the
     logarithm, so that the bend near rest is not missed.
     """
+    return spread_of(speed).knots(count)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Spread:
+    """How the speeds of a recording are spread.
+
+    Attributes:
+        level: Logarithms of speed in mm/s, ascending.
+        share: Of the knots that should lie below each, 0 to 1.
+    """
+
+    level: Float[np.ndarray, " n"]
+    share: Float[np.ndarray, " n"]
+
+    def knots(self, count: int) -> tuple[float, ...]:
+        """Return so many knots in mm/s."""
+        evenly = np.linspace(0, 1, count)
+        return tuple(np.exp(np.interp(evenly, self.share, self.level)).tolist())
+
+
+def spread_of(speed: Float[np.ndarray, " t"]) -> Spread:
+    """Return how speeds in mm/s are spread, for `default_knots` of several numbers."""
     seen = np.sort(speed[speed > 0])
     # The slowest few samples are mostly what a filter made of a standstill.
     low, high = np.log(seen[len(seen) // 200]), np.log(seen[-1])
     level = np.linspace(low, high, 400)
     share = np.searchsorted(seen, np.exp(level)) / len(seen)
     mixed = 0.5 * share + 0.5 * (level - low) / (high - low)
-    mixed = (mixed - mixed[0]) / (mixed[-1] - mixed[0])
-    places = np.exp(np.interp(np.linspace(0, 1, count), mixed, level))
-    return tuple(float(place) for place in places)
+    return Spread(level, (mixed - mixed[0]) / (mixed[-1] - mixed[0]))
