@@ -45,11 +45,6 @@ class Lanes:
         return np.asarray(self.use.sum(axis=1).astype(np.int64))
 
     @cached_property
-    def hidden(self) -> Float[np.ndarray, "w s"]:
-        """Infinity where a fit does not use a row, else 0."""
-        return np.where(self.use > 0, 0.0, np.inf)
-
-    @cached_property
     def own(self) -> list[tuple[int, slice]]:
         """Recordings with any fits, and which these are."""
         ends = np.searchsorted(self.of, np.arange(len(self.usable) + 1)).tolist()
@@ -82,13 +77,14 @@ class Lanes:
         Rows that may not be used must be zero on one side.
         """
         found = np.empty((len(self), left.shape[2], right.shape[2]))
+        flat = found.reshape(len(found), -1)
         for k, fits in self.own:
-            edges = self.edges[k]
+            edges = self.edges[k].tolist()
             parts = np.empty((len(edges) - 1, *found.shape[1:]))
             for (start, end), part in zip(pairwise(edges), parts, strict=True):
                 np.matmul(left[k, start:end].T, right[k, start:end], out=part)
             member = self.member[fits, : len(parts)]
-            found[fits] = np.tensordot(member, parts, 1)
+            np.dot(member, parts.reshape(len(parts), -1), out=flat[fits])
         return found
 
     def times(
@@ -162,16 +158,12 @@ class Shares:
                 lack[k] = rows, missing[own]
         return Shares(self.lanes.take(which), self.full[which], lack)
 
-    def same(self, other: "Shares") -> bool:
-        """Tell whether all rows of the same fits count as much."""
-        return other is self or (
-            self.lack.keys() == other.lack.keys()
-            and all(
-                np.array_equal(one, two)
-                for k, own in self.lack.items()
-                for one, two in zip(own, other.lack[k], strict=True)
-            )
-        )
+    def same(self, other: "Shares", recording: int) -> bool:
+        """Tell whether all rows count as much in the same fits of a recording."""
+        one, two = self.lack.get(recording), other.lack.get(recording)
+        if other is self or one is None or two is None:
+            return one is two
+        return np.array_equal(one[0], two[0]) and np.array_equal(one[1], two[1])
 
     def sums(
         self,

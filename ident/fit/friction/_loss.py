@@ -89,7 +89,7 @@ def weigh(
         scale = np.array([each.scale for each in kept])
     else:
         # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
-        typical = _medians(size + lanes.hidden, lanes.count)
+        typical = _medians(size, lanes.count)
         scale = np.maximum(1.4826 * typical * inflation, floor)
     limit = scale * (_FULL if name == "trim" else HUBER)
     kind = TrimLoss if name == "trim" else HuberLoss
@@ -116,11 +116,12 @@ def _weigh_by(
 def _medians(
     size: Float[np.ndarray, "w s"], count: Int[np.ndarray, " w"]
 ) -> Float[np.ndarray, " w"]:
-    """Return the median of the smallest so many values of each row."""
+    """Return the median of the largest so many values of each row; the others are 0."""
     found = np.empty(len(size))
-    for lane, (row, many) in enumerate(zip(size, count, strict=True)):
-        middle = int(many) // 2
+    for lane, (row, many) in enumerate(zip(size, count.tolist(), strict=True)):
+        middle = len(row) - many + many // 2
         part = np.partition(row, middle)
         upper = part[middle]
-        found[lane] = upper if many % 2 else 0.5 * (part[:middle].max() + upper)
+        odd = many % 2 or not middle
+        found[lane] = upper if odd else 0.5 * (part[:middle].max() + upper)
     return found

@@ -64,7 +64,15 @@ class Problem:
         """Return the same rows for another kind of law; what was computed is kept."""
         other = dataclasses.replace(self, structure=structure)
         kept = ["target", "load", "piece", "speed", "usable", "saturated"]
-        kept += ["said", "all_rows", "profiles", "limits", "scouted", "spread"]
+        kept += [
+            "said",
+            "all_rows",
+            "profiles",
+            "limits",
+            "scouted",
+            "spread",
+            "senses",
+        ]
         if structure.directional == self.structure.directional:
             # Only then are the columns beside friction the same.
             kept += ["_fixed_measured"]
@@ -178,12 +186,32 @@ class Problem:
     @cached_property
     def still(self) -> Float[np.ndarray, "t k"]:
         """The linear columns that follow no shape, fixed ones first."""
+        found = np.empty((len(self.target), self.still_width))
+        self.put_still(found)
+        return found
+
+    @property
+    def still_width(self) -> int:
+        """How many columns follow no shape."""
+        return len(self.fixed_names) + len(self.structure.names) - len(self.places[1])
+
+    def put_still(self, into: Float[np.ndarray, "t k"]) -> None:
+        """Write the linear columns that follow no shape, fixed ones first.
+
+        Args:
+            into: Where to.
+        """
         # Laws for both directions alike and apart have the same columns but for the sign.
         key = dataclasses.replace(self.structure, directional=False)
         if key not in self.profiles:
             self.profiles[key] = key.still_profile(self.speed_of(False))
-        own = self.structure.signed(self.samples.velocity, self.profiles[key])
-        return np.concatenate([self._fixed_measured, self._rows(own)], axis=1)
+        fixed = len(self.fixed_names)
+        into[:, :fixed] = self._fixed_measured
+        signs, profile = self.signs_of(False), self.profiles[key]
+        if self.filtered:
+            into[:, fixed:] = self._rows(self.structure.signed(signs, profile))
+        else:
+            self.structure.put_signed(signs, profile, into[:, fixed:])
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"]]:
@@ -229,7 +257,15 @@ class Problem:
 
     def signs_of(self, instrument: bool) -> Float[np.ndarray, "d t"]:
         """Return what the columns of each direction carry as sign."""
-        return self.structure.signs(self._velocity(instrument))
+        key = self.structure.directional, instrument
+        if key not in self.senses:
+            self.senses[key] = self.structure.signs(self._velocity(instrument))
+        return self.senses[key]
+
+    @cached_property
+    def senses(self) -> dict[tuple[bool, bool], Float[np.ndarray, "d t"]]:
+        """Signs, by whether per direction and of the noise-free motion."""
+        return {}
 
     @property
     def filtered(self) -> bool:

@@ -16,6 +16,8 @@ _FLOOR = 1e-9
 """Smallest scale of residuals relative to the load."""
 _KNOTS = 12
 _PASSES = 8
+_HUBER = 2
+"""First passes, in which no sample can pull far."""
 
 
 def scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
@@ -65,21 +67,31 @@ def _scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
     shares = reweigh(
         equation, equation.solve(equation.lanes.all_rows()).residual, loss
     )[0]
-    # Where nothing is wild under least squares, nothing is.
-    wild = np.flatnonzero((shares.full != equation.lanes.use).any(axis=1))
-    if not len(wild):
-        return lanes.all_rows()
-    which, equation = which[wild], equation.take(wild)
-    shares = equation.lanes.all_rows()
+    out = (shares.full == 0.0) & (equation.lanes.use > 0.0)
+    wild = out.any(axis=1) | (loss not in ("trim", "gauss"))
+    partly = (shares.full != equation.lanes.use).any(axis=1)
+    # Where nothing is wild under least squares, nothing is; where samples are only
+    # doubted, it is near enough. Else a loss that no sample can pull far comes first.
+    for some, first in ((partly & ~wild, loss), (wild, "huber")):
+        own = np.flatnonzero(some)
+        if len(own):
+            begin = shares.take(own) if first == loss else None
+            full[which[own]] = _settled(equation.take(own), loss, begin).full
+    return lanes.shares(full)
+
+
+def _settled(equation: Equation, loss: str, begin: Shares | None) -> Shares:
+    """Return weights that a law no longer changes, from some or by the Huber loss."""
+    shares = equation.lanes.all_rows() if begin is None else begin
     for step in range(_PASSES):
         residual = equation.solve(shares).residual
-        kind = "huber" if step < _PASSES // 2 and loss != "gauss" else loss
+        kind = "huber" if begin is None and step < _HUBER else loss
         before = shares
         shares = reweigh(equation, residual, kind)[0]
-        if kind == loss and shares.same(before):
+        every = (k for k, _ in equation.lanes.own)
+        if kind == loss and all(shares.same(before, k) for k in every):
             break  # and so it would stay
-    full[which] = shares.full
-    return lanes.shares(full)
+    return shares
 
 
 def reweigh(

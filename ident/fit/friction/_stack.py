@@ -84,10 +84,10 @@ class Stack:
 
         Rows that may not be used have none, so that they enter no sum.
         """
-        width = self.one.still.shape[1]
+        width = self.one.still_width
         found = np.zeros((len(self.problems), self.rows, width + 1))
         for into, each in zip(found, self.problems, strict=True):
-            into[: len(each.target), :width] = each.still
+            each.put_still(into[: len(each.target), :width])
         found[:, :, width] = self.target
         if not self.usable.all():
             found[~self.usable] = 0.0
@@ -185,7 +185,7 @@ class Stack:
         return np.array(loads)
 
 
-_TOGETHER = 16
+_TOGETHER = 32
 """Recordings that go side by side: more would leave the caches of a processor."""
 
 

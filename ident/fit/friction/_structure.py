@@ -151,14 +151,14 @@ class AbstractStructure(abc.ABC):
     ) -> Float[np.ndarray, "t k"]:
         """Return all columns at velocities in mm/s; at rest they are 0."""
         profile = self.profile(np.abs(velocity), shape)
-        return self.signed(velocity, profile)
+        return self.signed(self.signs(velocity), profile)
 
     def column_slopes(
         self, velocity: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> list[Float[np.ndarray, "t k"]]:
         """Return their derivatives with respect to the logarithms of the shape."""
         slopes = self.profile_slopes(np.abs(velocity), shape)
-        return [self.signed(velocity, slope) for slope in slopes]
+        return [self.signed(self.signs(velocity), slope) for slope in slopes]
 
     @property
     def shaped_places(self) -> tuple[int, ...]:
@@ -172,7 +172,7 @@ class AbstractStructure(abc.ABC):
         self, velocity: Float[np.ndarray, " t"]
     ) -> Float[np.ndarray, "t k"]:
         """Return the columns that do not follow the shape, in order."""
-        return self.signed(velocity, self.still_profile(np.abs(velocity)))
+        return self.signed(self.signs(velocity), self.still_profile(np.abs(velocity)))
 
     def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
         """Return what the columns of each direction carry as sign; 0 elsewhere."""
@@ -181,15 +181,24 @@ class AbstractStructure(abc.ABC):
         return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
     def signed(
-        self, velocity: Float[np.ndarray, " t"], profile: Float[np.ndarray, "t k"]
+        self, signs: Float[np.ndarray, "w t"], profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "t m"]:
         """Return columns over velocity, given those of one direction over the speed."""
-        width = profile.shape[1]
-        found = np.empty((len(velocity), self.ways * width))
-        for way, sign in enumerate(self.signs(velocity)):
-            own = found[:, way * width : (way + 1) * width]
-            np.multiply(sign[:, None], profile, out=own)
+        found = np.empty((len(profile), self.ways * profile.shape[1]))
+        self.put_signed(signs, profile, found)
         return found
+
+    def put_signed(
+        self,
+        signs: Float[np.ndarray, "w t"],
+        profile: Float[np.ndarray, "t k"],
+        into: Float[np.ndarray, "t m"],
+    ) -> None:
+        """Write what `signed` returns."""
+        width = profile.shape[1]
+        for way, sign in enumerate(signs):
+            own = into[:, way * width : (way + 1) * width]
+            np.multiply(sign[:, None], profile, out=own)
 
     def levels(self) -> Float[np.ndarray, " k"]:
         """Return what a constant added to the level of one direction adds to its factors."""

@@ -102,7 +102,9 @@ def _columns(
     """Return all columns of one fit in the order of its factors, then its tangents."""
     recording = equation.of(lane)
     problem = equation.stack.problems[recording]
-    still = problem.still_instrument if instrument else problem.still
+    stack = equation.stack
+    every = stack.still_instrument if instrument else stack.still
+    still = every[recording, : len(problem.target)]
     if point.moving is None:
         return still
     one = np.array([lane])
