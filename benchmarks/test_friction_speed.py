@@ -25,10 +25,12 @@ from axcomp.ident.fit.friction import (
     AbstractSolver,
     CoulombViscous,
     DriveSamples,
+    Knots,
     Marquardt,
     fit_inverse,
     fit_output_error,
     fit_stribeck_batch,
+    place_knots,
 )
 
 AXES, SAMPLES = 1000, 2000
@@ -43,6 +45,7 @@ BUTTER = np.asarray(butter(4, 0.2, output="sos"))  # 100 Hz at 1 kHz
 COLD, WARM = 3.0, 0.7  # s
 NUMBA_COST = 1e-3
 """Relative difference of the cost of two solvers of one output-error problem."""
+CURVES, KNOTS_TIME = 40, 6e-3  # s of CPU; 3.4 ms on an idle core
 
 
 def fleet() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -156,6 +159,42 @@ def test_batch(benchmark: BenchmarkFixture) -> None:
     assert min(times["loop"]) / own >= FASTER_THAN_LOOP
     assert min(times["vmap"]) / own >= FASTER_THAN_VMAP
     benchmark(lambda: jax.block_until_ready(batch()))
+
+
+def test_knots_of_a_list(benchmark: BenchmarkFixture) -> None:
+    speed = np.unique(
+        np.concatenate([np.geomspace(0.1, 300.0, 200), np.linspace(0.1, 300.0, 200)])
+    )
+    rng = np.random.default_rng(5)
+    places = np.exp(rng.uniform(np.log(1.0), np.log(60.0), CURVES))
+    curves = [
+        1.0 + rng.uniform(0.2, 1.5) * np.exp(-((speed / place) ** rng.uniform(0.7, 2.0)))
+        + rng.uniform(0.1, 1.0) * speed / 300.0
+        for place in places
+    ]  # fmt: skip
+    even = np.ones_like(speed)
+
+    def place_all() -> list[Knots]:
+        return [place_knots(speed, curve, even, unit=0.01) for curve in curves]
+
+    found, times = place_all(), []
+    for _ in range(ROUNDS):
+        begin = time.thread_time()
+        place_all()
+        times.append((time.thread_time() - begin) / CURVES)
+    rms = [knots.rms / knots.unit for knots in found]
+    benchmark.extra_info |= {
+        "cpu_s_per_list": min(times),
+        "rms_in_units": float(np.mean(rms)),
+        "worst_rms_in_units": max(rms),
+        "unrounded_rms_in_units": float(
+            np.mean([knots.unrounded_rms / knots.unit for knots in found])
+        ),
+    }
+    # Rounding alone would cost 0.24 units, sqrt(2/3)/sqrt(12).
+    assert max(rms) <= 0.24
+    assert min(times) <= KNOTS_TIME
+    benchmark(place_all)
 
 
 @numba.njit

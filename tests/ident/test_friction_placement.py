@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from axcomp.ident.fit import FitError
 from axcomp.ident.fit.friction import place_knots
@@ -40,6 +41,35 @@ def test_knots_are_as_good_as_any_placement_found_by_brute_force(inner: int) -> 
     assert knots.rms <= 1.05 * best
 
 
+@pytest.mark.parametrize("entries", [8, 12, 20])
+def test_knots_are_as_good_as_the_best_of_many_starts(entries: int) -> None:
+    curve, inner = stribeck(SPEED), entries - 2
+    # The peer knows where knots belong: as densely as the bend to the power of 2/5.
+    bend = np.abs(np.gradient(np.gradient(curve, SPEED), SPEED)) ** 0.4
+    dense = np.append(0.0, np.cumsum((bend[1:] + bend[:-1]) * np.diff(SPEED)))
+
+    def missed(between: np.ndarray) -> np.ndarray:
+        steps = np.append(0.0, np.cumsum(np.exp(between - between.max())))
+        at = np.interp(steps / steps[-1], dense / dense[-1], SPEED)
+        hats = np.stack([np.interp(SPEED, at, hat) for hat in np.eye(inner)], axis=1)
+        return np.asarray(hats @ np.linalg.lstsq(hats, curve, rcond=None)[0] - curve)
+
+    starts = np.random.default_rng(4).normal(0.0, 0.3, (8, inner - 1))
+    best = min(2.0 * least_squares(missed, s, max_nfev=40).cost for s in starts)
+    knots = place_knots(SPEED, curve, EVEN, entries=entries, unit=1e-6)
+    # 1 %: what is asked.
+    assert knots.rms <= 1.01 * np.sqrt(best / len(SPEED))
+
+
+def test_a_table_that_was_fitted_is_found_again() -> None:
+    at = np.geomspace(SPEED[0], SPEED[-1], 12)
+    heights = stribeck(at) + 0.05 * np.random.default_rng(1).normal(size=12)
+    curve = np.interp(SPEED, at, heights)
+    knots = place_knots(SPEED, curve, EVEN, entries=14, unit=1e-4)
+    # A list unit: the whole µm/s cost less than that too.
+    assert knots.rms <= 1e-4
+
+
 def test_velocities_ascend_from_one_step_to_beyond_the_fastest_speed() -> None:
     knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=20, unit=1e-3)
     assert len(knots.velocity) <= 20
@@ -58,6 +88,22 @@ def test_rounding_to_whole_currents_costs_no_more_than_rounding_does() -> None:
     knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=20, unit=0.01)
     # A value off by up to half a unit, evenly, is off by unit/sqrt(12) rms.
     assert knots.rms <= knots.unrounded_rms + 0.01 / np.sqrt(12)
+
+
+def test_knots_go_where_whole_currents_are_on_the_curve() -> None:
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=20, unit=0.05)
+    # Rounding each height alone costs unit/sqrt(12) at the knots and 0.8 of it, sqrt(2/3),
+    # between them. What is left is less than a quarter of that.
+    assert knots.rms <= 0.25 * np.sqrt(2 / 3) * 0.05 / np.sqrt(12)
+
+
+def test_knots_of_a_narrow_range_have_velocities_of_their_own() -> None:
+    speed = np.linspace(0.010, 0.030, 60)  # 20 list units for 18 knots
+    curve = 2.0 + 0.5 * np.sin(speed * 900.0)
+    knots = place_knots(speed, curve, np.ones(60), entries=20, unit=1e-3)
+    assert len(knots.velocity) <= 20
+    assert np.all(np.diff(knots.velocity) > 0)
+    assert knots.rms <= 0.1 * np.std(curve)
 
 
 def test_speeds_that_nobody_drove_have_no_say() -> None:

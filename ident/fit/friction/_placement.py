@@ -7,19 +7,28 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .._errors import FitError
-from ._polyline import Curve, Points, best_heights, best_path, polished
+from ._curve import Curve, Points
+from ._path import best_break, best_break_of, best_path
+from ._polyline import best_heights, polished
 
 SLOWEST = 1e-3
 """mm/s: the list reaches down to it, 1 µm/s, its smallest step."""
 
 _PER_MM = 1000.0
-_PLACES = 140
-_SHARES = np.linspace(-1.0, 1.0, 7)
-_REACHES = (0.9, 0.9, 0.9, 0.45)
+_PLACES = 40
+"""Places of which the first knots are chosen, at least; two for each."""
+_BENT = 0.75
+"""Share of them that lie where the curve bends."""
+_REACHES = (0.9, 0.4)
 """Shares of the gap beside a knot in which its place is looked for again."""
-_AGAIN = (0.9,)
-_ROUNDED = (0.9, 0.9, 0.45, 0.15)
-_HEIGHTS = np.array([-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0])
+_BESIDE = np.linspace(-1.0, 1.0, 9)
+_ROUNDED = (0.9, 0.9, 0.45, 0.2)
+"""The same for whole heights."""
+_MIDDLE = 3
+_AROUND = np.linspace(-1.0, 1.0, 2 * _MIDDLE + 1)
+_LAST = (4.0, 1.0)
+"""List units of speed by which whole places are moved in the end."""
+_BLOCK = np.stack([np.repeat([-1.0, 0.0, 1.0], 3), np.tile([-1.0, 0.0, 1.0], 3)])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,10 +68,10 @@ def place_knots(
 
     The first knot lies at 1 µm/s and the last beyond the fastest speed, both level with
     their neighbours: what the controller does outside a friction table is not
-    documented (S-27), and nobody measured there. Those between are found by a dynamic
-    programme over places on the curve, which is exact on its lattice, then over places
-    and heights around what it found; they go downhill from there, and a last programme
-    runs over the whole numbers of the list around them.
+    documented (S-27), and nobody measured there. Those between begin where straight
+    lines of their own would end, found by a dynamic programme over places, and go
+    downhill from there as a polyline. Programmes over whole places and heights around
+    them then find the whole numbers of the list.
 
     Args:
         velocity: Speeds in mm/s, ascending, positive: those that the axis drives.
@@ -133,83 +142,103 @@ def _refuse(
 
 def _best(curve: Curve, low: int, high: int, count: int) -> Points:
     """Return the best knots, places and heights any numbers, ends pinned in place."""
-    places = _candidates(curve, low, high)
+    places = _candidates(curve, low, high, max(_PLACES, 2 * count))
     count = min(count, len(places))
     if count < 3:
-        return polished(curve, Points(places[[0, -1]], curve.at(places[[0, -1]])))
-    # Heights on the curve first: how far they miss it tells how far to look beside it.
-    every = np.stack([np.full(places.shape, places[0]), places, places, places])
-    every[-1] = places[-1]
-    found = best_path(curve, every, curve.at(every)[:, :, None], again=count - 3)
+        return polished(curve, places[[0, -1]])
+    found = best_break_of(curve, places, count)
     for reach in _REACHES:
-        beside = 0.4 * curve.rms(found) * _HEIGHTS
-        found = _around(curve, found, reach * _SHARES, beside)
-    found = polished(curve, found)
-    for reach in _AGAIN:
-        beside = 0.4 * curve.rms(found) * _HEIGHTS
-        found = _around(curve, found, reach * _SHARES, beside)
+        found = best_break(curve, found[:, None] + _beside(found, reach * _BESIDE))
     return polished(curve, found)
 
 
-def _candidates(curve: Curve, low: int, high: int) -> Float[np.ndarray, " c"]:
-    """Return places to begin with: even in speed, in its logarithm, and in the data."""
-    third = _PLACES // 3
-    share = np.cumsum(curve.weight)
-    data = np.interp(np.linspace(0, 1, third), share, curve.place)
-    places = np.concatenate(
-        [np.geomspace(low, high, third), np.linspace(low, high, third), data]
-    )
-    return np.unique(np.clip(np.round(places), low, high))
+def _candidates(
+    curve: Curve, low: int, high: int, count: int
+) -> Float[np.ndarray, " c"]:
+    """Return places to begin with: most where the curve bends, some of them anywhere.
 
-
-def _around(
-    curve: Curve,
-    points: Points,
-    shares: Float[np.ndarray, " a"],
-    beside: Float[np.ndarray, " b"],
-    *,
-    whole: bool = False,
-) -> Points:
-    """Return the best knots near some, ends pinned in place.
-
-    Args:
-        curve: What they are to follow.
-        points: The knots.
-        shares: Steps of a place, of the gaps beside it.
-        beside: Steps of a height.
-        whole: Places are whole numbers.
+    Straight lines follow a curve best where their ends lie as densely as the fifth root
+    of weight times bend squared.
     """
-    gaps = np.diff(points.places)
+    place = curve.place
+    gap = np.diff(place)
+    across = 0.5 * (gap[1:] + gap[:-1])
+    bend = np.diff(np.diff(curve.height) / gap) / across
+    dense = across * (bend * bend * curve.weight[1:-1] / across) ** 0.2
+    bends = np.concatenate([[0.0], np.cumsum(dense), [dense.sum()]])
+    evenly = [np.log(place / place[0]), place - place[0], np.cumsum(curve.weight)]
+    share = sum(each / each[-1] for each in evenly) * (1.0 - _BENT) / 3.0
+    share = share + _BENT * bends / max(bends[-1], 1e-300)
+    found = np.interp(np.linspace(share[0], share[-1], count), share, place)
+    found[0], found[-1] = low, high
+    return np.unique(np.clip(np.round(found), low, high))
+
+
+def _beside(
+    places: Float[np.ndarray, " k"], shares: Float[np.ndarray, " a"]
+) -> Float[np.ndarray, "k a"]:
+    """Return steps from each knot, in shares of the gap to the next; ends are pinned."""
+    gaps = np.diff(places)
     ahead = np.append(gaps, 0.0)[:, None] * np.maximum(shares, 0.0)
-    back = np.append(0.0, gaps)[:, None] * np.minimum(shares, 0.0)
-    step = ahead + back
+    step = ahead + np.append(0.0, gaps)[:, None] * np.minimum(shares, 0.0)
     step[[0, -1]] = 0.0
-    places = points.places[:, None] + (np.round(step) if whole else step)
-    heights = points.heights[:, None, None] + beside
-    return best_path(
-        curve, places, np.broadcast_to(heights, (*places.shape, len(beside)))
-    )
+    return np.asarray(step)
 
 
 def _on_whole_numbers(curve: Curve, points: Points, low: int, high: int) -> Points:
     """Return the best whole numbers near the best knots."""
-    places = np.round(points.places)
+    # No two on one place.
+    rank = np.arange(float(len(points.places)))
+    places = np.maximum.accumulate(np.round(points.places) - rank) + rank
+    places = np.minimum(places, high - rank[::-1])
     found = Points(places, np.round(best_heights(curve, places)))
-    beside = np.arange(-2.0, 3.0)
-    # Where rounding costs more than a place does, knots move far to save it.
+    off = points.heights - curve.at(points.places)
     for reach in _ROUNDED:
-        step = max(1.0, np.round(reach * curve.rms(found)))
-        found = _around(curve, found, reach * _SHARES, step * beside, whole=True)
-    # Rounding the heights moves the best places by more than one step where the curve
-    # is flat; a few rounds follow them.
-    for reach in (8, 3, 1):
-        steps = np.arange(-reach, reach + 1.0)
-        around = np.clip(found.places[:, None] + steps, low, high)
-        around[[0, -1]] = found.places[[0, -1], None]
-        heights = found.heights[:, None, None] + beside
-        heights = np.broadcast_to(heights, (*around.shape, len(beside)))
-        found = best_path(curve, around, heights)
+        found = best_path(curve, *_crossings(curve, found, off, reach))
+    for step in _LAST:
+        beside = found.places[:, None] + step * _BLOCK[0]
+        beside[[0, -1]] = found.places[[0, -1], None]
+        found = best_path(
+            curve, np.clip(beside, low, high), found.heights[:, None] + _BLOCK[1]
+        )
     return found
+
+
+def _crossings(
+    curve: Curve, found: Points, off: Float[np.ndarray, " k"], reach: float
+) -> tuple[Float[np.ndarray, "k c"], Float[np.ndarray, "k c"]]:
+    """Return whole places beside each knot where the best knots would have whole heights.
+
+    Rounding a height costs most where the curve is steep; there the place can move to
+    where nothing needs rounding. Where it is flat both whole heights are candidates.
+
+    Args:
+        curve: What they are to follow.
+        found: The knots.
+        off: How far the best heights are from the curve, per knot.
+        reach: Share of the gaps beside a knot.
+    """
+    shares = reach * _AROUND
+    step = _beside(found.places, shares)
+    place = found.places[:, None] + step
+    height = curve.at(place) + off[:, None]
+    below = np.floor(height)
+    slope = np.interp(place, curve.place, curve.slope)
+    slope = np.where(np.abs(slope) > 1e-12, slope, 1e-12)
+    # No further than half the way to the candidate beside.
+    order = np.maximum(np.abs(np.arange(len(shares)) - _MIDDLE), 1)
+    limit = 0.5 * np.abs(step) / order
+    limit[:, _MIDDLE] = np.maximum(limit[:, _MIDDLE - 1], limit[:, _MIDDLE + 1])
+    moved = [
+        place + np.minimum(np.maximum((whole - height) / slope, -limit), limit)
+        for whole in (below, below + 1.0)
+    ]
+    places = np.round(np.concatenate([found.places[:, None], *moved], axis=1))
+    heights = np.concatenate([found.heights[:, None], below, below + 1.0], axis=1)
+    # The ends cannot move: heights around them.
+    around = np.resize([0.0, 1.0, -1.0, 2.0, -2.0], heights.shape[1])
+    heights[[0, -1]] = found.heights[[0, -1], None] + around
+    return places, heights
 
 
 def _needed(

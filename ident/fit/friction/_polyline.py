@@ -1,243 +1,236 @@
-"""The polyline that follows a curve best: a dynamic programme, and the way downhill from it."""
+"""The polyline that follows a curve best, downhill from where its knots are."""
 
 import dataclasses
-from functools import cached_property
 from typing import final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-_MOST = 60
+from ._curve import Curve, Points
+
+_MOST = 25
 """Steps downhill at most."""
-_SETTLED = 1e-7
+_SETTLED = 1e-4
 """Share of the squares that a last step gains at most."""
+_ENOUGH = 1e-8
+"""Squares, in list units, below which nothing is left to gain."""
+_CLOSEST = 1e-6
+"""List units of speed: knots closer than that count as so far apart."""
+_MOVES = 3
+"""Knots that are taken elsewhere at most."""
+_TRIED = 0.2
+"""Share of its loss that a knot must gain elsewhere to be taken there: the others follow."""
+_WORTH = 0.999
+"""Share of the squares that is left at most where that was worth it."""
 _SHRINK = 0.7
 """Share of a gap between knots that one step may take away."""
 _LIGHT = 1e-10
 """Share of the heaviest knot with which each leans on the curve: some have no point beside."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Points:
-    """Knots of a polyline.
-
-    Attributes:
-        places: Ascending, in list units of speed.
-        heights: In list units of current.
-    """
-
-    places: Float[np.ndarray, " k"]
-    heights: Float[np.ndarray, " k"]
-
-
 @final
-@dataclasses.dataclass(frozen=True)
-class Curve:
-    """A curve with weights, and the sums that tell the misfit of any straight line at once.
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Hats:
+    """Knots with the heights that follow a curve best, and the sums that tell what moves them.
+
+    Each segment has two hats: what the knot on its left says, falling from 1 to 0 along
+    it, and what the knot on its right says.
 
     Attributes:
-        place: Ascending, in list units of speed.
-        height: In list units of current.
-        raw_weight: How much each place counts.
+        points: Knots.
+        cost: Weighted squares.
+        gaps: Lengths of the segments.
+        cell: Segment of each place of the curve.
+        share: Way along its segment that each has gone, 0 to 1.
+        left: Left hat there, times the weight.
+        right: Right hat there, times the weight.
+        missed: What the polyline lacks there.
+        squares: Left hat squared, left times right and right squared, summed by segment.
+        inverse: Of the matrix of the heights.
     """
 
-    place: Float[np.ndarray, " m"]
-    height: Float[np.ndarray, " m"]
-    raw_weight: Float[np.ndarray, " m"]
+    points: Points
+    cost: float
+    gaps: Float[np.ndarray, " s"]
+    cell: Int[np.ndarray, " m"]
+    share: Float[np.ndarray, " m"]
+    left: Float[np.ndarray, " m"]
+    right: Float[np.ndarray, " m"]
+    missed: Float[np.ndarray, " m"]
+    squares: tuple[
+        Float[np.ndarray, " s"], Float[np.ndarray, " s"], Float[np.ndarray, " s"]
+    ]
+    inverse: Float[np.ndarray, "k k"]
 
-    @cached_property
-    def weight(self) -> Float[np.ndarray, " m"]:
-        """How much each place counts, all together 1."""
-        return np.asarray(self.raw_weight / self.raw_weight.sum())
+    def slopes(self) -> tuple[Float[np.ndarray, "i i"], Float[np.ndarray, " i"]]:
+        """Return the curvature of half the squares over the inner places, and the way down.
 
-    @cached_property
-    def middle(self) -> float:
-        """Mean place; sums are about it, since a misfit is a small difference of them."""
-        return float(self.weight @ self.place)
+        Moving a knot by a little lowers the line by its slope, as far as the knot has a
+        say: the columns of the places are those of the heights times the slope. The
+        heights follow the places (variable projection).
+        """
+        count = len(self.gaps)
+        lean = np.diff(self.points.heights) / self.gaps
+        ahead = lean * np.bincount(self.cell, self.left * self.missed, count)
+        back = lean * np.bincount(self.cell, self.right * self.missed, count)
+        first, mixed, last = (lean * each for each in self.squares)
+        inner = count - 1
+        both = np.zeros((inner, inner))
+        _diagonal(both, 0)[:] = (lean * last)[:-1] + (lean * first)[1:]
+        _diagonal(both, 1)[:] = _diagonal(both, -1)[:] = (lean * mixed)[1:-1]
+        across = np.zeros((count + 1, inner))
+        flat = across.reshape(-1)
+        flat[:: inner + 1][:inner] = -mixed[:-1]
+        flat[inner :: inner + 1][:inner] = -last[:-1] - first[1:]
+        flat[2 * inner :: inner + 1][:inner] = -mixed[1:]
+        both -= across.T @ (self.inverse @ across)
+        return both, -ahead[1:] - back[:-1]
 
-    @cached_property
-    def level(self) -> float:
-        """Mean height."""
-        return float(self.weight @ self.height)
+    def exchanged(self) -> Float[np.ndarray, " k"] | None:
+        """Return the places with one knot taken to where it gains more, or None.
 
-    @cached_property
-    def sums(self) -> Float[np.ndarray, "6 m1"]:
-        """Weight, x, x², y, xy and y² summed up to each place."""
-        x, y, w = self.place - self.middle, self.height - self.level, self.weight
-        terms = np.stack([w, w * x, w * x * x, w * y, w * x * y, w * y * y])
-        return np.concatenate([np.zeros((6, 1)), np.cumsum(terms, axis=1)], axis=1)
+        What taking a knot away costs, and what one more in the middle of a segment
+        gains, both follow from the sums that are there; each for itself.
+        """
+        count = len(self.gaps)
+        if count < 3:
+            return None
+        per_gap = 1.0 / self.gaps
+        lean = np.diff(self.points.heights) * per_gap
+        rows = np.arange(count - 1)
+        bend = np.zeros((count - 1, count + 1))
+        bend[rows, rows], bend[rows, rows + 2] = per_gap[:-1], per_gap[1:]
+        bend[rows, rows + 1] = -per_gap[:-1] - per_gap[1:]
+        lost = np.diff(lean) ** 2 / ((bend @ self.inverse) * bend).sum(axis=1)
+        hat = 2.0 * np.minimum(self.share, 1.0 - self.share)
+        raised = np.minimum(self.left, self.right) * 2.0
+        first = np.bincount(self.cell, hat * self.left, count)
+        last = np.bincount(self.cell, hat * self.right, count)
+        whole = np.bincount(self.cell, hat * raised, count)
+        cells = np.arange(count)
+        own = whole - (
+            first * first * self.inverse[cells, cells]
+            + 2.0 * first * last * self.inverse[cells, cells + 1]
+            + last * last * self.inverse[cells + 1, cells + 1]
+        )
+        gained = np.bincount(self.cell, raised * self.missed, count) ** 2
+        gained = np.where(own > 1e-6 * whole, gained / np.maximum(own, 1e-300), 0.0)
+        # A knot beside the segment would be missed there.
+        worth = gained[:, None] - _TRIED * lost
+        worth[cells[1:], rows] = worth[cells[:-1], rows] = -np.inf
+        to, knot = divmod(int(np.argmax(worth)), count - 1)
+        if not worth[to, knot] > 0:
+            return None
+        middle = 0.5 * (self.points.places[to] + self.points.places[to + 1])
+        rest = np.delete(self.points.places, knot + 1)
+        return np.sort(np.append(rest, middle))
 
-    def at(self, place: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
-        """Return the height of the curve at places."""
-        return np.asarray(np.interp(place, self.place, self.height))
 
-    def rms(self, points: Points) -> float:
-        """Return the weighted root mean square distance of a polyline."""
-        error = np.interp(self.place, points.places, points.heights) - self.height
-        return float(np.sqrt(self.weight @ error**2))
+def _diagonal(matrix: Float[np.ndarray, "r c"], above: int) -> Float[np.ndarray, " d"]:
+    """Return a view of a diagonal of a square matrix."""
+    width = len(matrix)
+    flat = matrix.reshape(-1)
+    begin = above if above >= 0 else -above * width
+    return flat[begin :: width + 1][: width - abs(above)]
 
 
-def best_path(
-    curve: Curve,
-    places: Float[np.ndarray, "k a"],
-    heights: Float[np.ndarray, "k a b"],
-    *,
-    again: int | None = None,
-) -> Points:
-    """Return the best polyline through one candidate of each knot.
-
-    Args:
-        curve: What it is to follow.
-        places: Candidates per knot.
-        heights: Candidates at each of them.
-        again: Where all knots between the ends have the same candidates, four are given,
-            and the step between the two in the middle is taken so many times.
-    """
-    misfit = _misfits(curve, places, heights)
-    knots = np.arange(len(places))
-    steps = list(misfit)
-    if again is not None:
-        knots = np.array([0, 1, *[1] * again, 3])
-        steps = [misfit[0], *[misfit[1]] * again, misfit[2]]
-    cost = np.zeros(misfit.shape[2])
-    came = []
-    for each in steps:
-        total = each + cost
-        best = np.argmin(total, axis=1)
-        came.append(best)
-        cost = total[np.arange(len(best)), best]
-    at = int(np.argmin(cost))
-    path = [at]
-    for step in reversed(came):
-        path.append(int(step[path[-1]]))
-    path.reverse()
-    width = heights.shape[2]
-    which = np.array(path)
-    return Points(
-        places[knots, which // width], heights[knots, which // width, which % width]
+def _hats(curve: Curve, places: Float[np.ndarray, " k"]) -> _Hats:
+    """Return the best heights of knots at these places."""
+    count = len(places) - 1
+    edges = np.empty(count + 1, np.int64)
+    edges[0], edges[-1] = 0, len(curve.place)
+    edges[1:-1] = curve.place.searchsorted(places[1:-1], "right")
+    cell = np.repeat(np.arange(count), edges[1:] - edges[:-1])
+    gaps = np.maximum(places[1:] - places[:-1], _CLOSEST)
+    share = (curve.place - places[cell]) / gaps[cell]
+    share = np.minimum(np.maximum(share, 0.0), 1.0)
+    right = curve.weight * share
+    left = curve.weight - right
+    mixed = np.bincount(cell, left * share, count)
+    first = np.bincount(cell, left, count) - mixed
+    last = np.bincount(cell, right * share, count)
+    on = curve.at(places)
+    missed = curve.height - on[cell] - share * (on[1:] - on[:-1])[cell]
+    matrix = np.zeros((count + 1, count + 1))
+    diagonal = _diagonal(matrix, 0)
+    diagonal[:-1] = first
+    diagonal[1:] += last
+    # Knots with no point beside them lean on the curve, ever so lightly.
+    diagonal += _LIGHT * diagonal.max()
+    _diagonal(matrix, 1)[:] = _diagonal(matrix, -1)[:] = mixed
+    wanted = np.zeros(count + 1)
+    wanted[:-1] = np.bincount(cell, left * missed, count)
+    wanted[1:] += np.bincount(cell, right * missed, count)
+    inverse = np.linalg.inv(matrix)
+    off = inverse @ wanted
+    missed -= off[cell] + share * (off[1:] - off[:-1])[cell]
+    return _Hats(
+        points=Points(places, on + off),
+        cost=float(curve.weight @ (missed * missed)),
+        gaps=gaps,
+        cell=cell,
+        share=share,
+        left=left,
+        right=right,
+        missed=missed,
+        squares=(first, mixed, last),
+        inverse=inverse,
     )
-
-
-def _misfits(
-    curve: Curve,
-    places: Float[np.ndarray, "k a"],
-    heights: Float[np.ndarray, "k a b"],
-) -> Float[np.ndarray, "k1 c c"]:
-    """Return the weighted squares under the line to each candidate (rows) from each before.
-
-    A knot's own point belongs to the segment on its left, that of the first knot to the
-    first segment. Lines that do not go to the right are infinitely bad.
-    """
-    begin = np.searchsorted(curve.place, places[:-1], "right")
-    begin[0] = 0  # a first knot may have been rounded up, beyond the first point
-    end = np.searchsorted(curve.place, places[1:], "right")
-    total = curve.sums[:, end][:, :, :, None] - curve.sums[:, begin][:, :, None]
-    one, x, xx, y, xy, yy = total
-    # Heights about the curve at the left knot: squares of small numbers lose no digits.
-    level = (curve.at(places[:-1]) - curve.level)[:, None]
-    yy = yy - 2.0 * level * y + level * level * one
-    y, xy = y - level * one, xy - level * x
-    x0 = (places[:-1] - curve.middle)[:, None]
-    width = (places[1:] - curve.middle)[:, :, None] - x0
-    good = width > 0.5
-    width = np.where(good, width, 1.0)
-    # Sums over the share of the way from left to right that each point has gone.
-    u = (x - x0 * one) / width
-    uu = (xx - 2.0 * x0 * x + x0 * x0 * one) / (width * width)
-    uy = (xy - x0 * y) / width
-    height = heights - curve.level
-    left = (height[:-1] - level[:, 0, :, None])[:, None, None]
-    right = height[1:, :, :, None, None] - level[:, :, None, :, None]
-
-    def spread(values: np.ndarray) -> np.ndarray:
-        return values[:, :, None, :, None]
-
-    least = spread(np.where(good, yy, np.inf))
-    from_left = least + left * (
-        spread(one - 2.0 * u + uu) * left - spread(2.0 * (y - uy))
-    )
-    from_right = right * (spread(uu) * right - spread(2.0 * uy))
-    found = spread(2.0 * (u - uu)) * left
-    found = found * right
-    found += from_left
-    found += from_right
-    count = heights.shape[1] * heights.shape[2]
-    return np.maximum(found, 0.0).reshape(len(found), count, count)
-
-
-def polished(curve: Curve, points: Points) -> Points:
-    """Return the knots after their places went downhill, ends pinned, heights the best ones.
-
-    Damped Gauss-Newton steps of places and heights together; then the heights drop out
-    (variable projection). No gap between knots shrinks to nothing in one step.
-    """
-    places, heights = points.places.astype(float), points.heights
-    heights, cost, normal, push = _downhill(curve, places)
-    damping, inner = 1e-3, slice(1, len(places) - 1)
-    if len(places) < 3:
-        return Points(places, heights)
-    for _ in range(_MOST):
-        gaps = np.diff(places)
-        # In shares of the gaps beside a knot, steps of all knots compare.
-        scale = np.minimum(gaps[1:], gaps[:-1])
-        matrix = normal * scale * scale[:, None]
-        diagonal = np.diag(matrix)
-        ridge = damping * np.maximum(diagonal, 1e-9 * diagonal.max() + 1e-300)
-        step = scale * np.linalg.solve(matrix + np.diag(ridge), scale * push)
-        change = np.diff(np.concatenate([[0.0], step, [0.0]]))
-        step *= min(1.0, _SHRINK / max(float(np.max(-change / gaps)), 1e-300))
-        trial = places.copy()
-        trial[inner] += step
-        there = _downhill(curve, trial)
-        if there[1] >= cost:
-            damping *= 8.0
-            if damping > 1e9:
-                break
-            continue
-        gain = cost - there[1]
-        places = trial
-        heights, cost, normal, push = there
-        damping = max(0.2 * damping, 1e-9)
-        if gain <= _SETTLED * cost:
-            break
-    return Points(places, heights)
 
 
 def best_heights(
     curve: Curve, places: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, " k"]:
     """Return the heights of knots at these places that follow the curve best."""
-    return _downhill(curve, places)[0]
+    return _hats(curve, places).points.heights
 
 
-def _downhill(
-    curve: Curve, at: Float[np.ndarray, " k"]
-) -> tuple[
-    Float[np.ndarray, " k"], float, Float[np.ndarray, "i i"], Float[np.ndarray, " i"]
-]:
-    """Return the best heights of knots, their squares, and what moves the inner knots.
+def polished(curve: Curve, places: Float[np.ndarray, " k"]) -> Points:
+    """Return the knots after their places went downhill, ends pinned, heights the best ones.
 
-    Moving a knot by a little lowers the line by its slope, as far as the knot has a say:
-    the columns of the places are those of the heights times the slope.
+    Where a knot serves more elsewhere it is taken there, and all go downhill again.
     """
-    count, rows = len(at), np.arange(len(curve.place))
-    cell = np.clip(np.searchsorted(at, curve.place, "right") - 1, 0, count - 2)
-    gaps = np.maximum(np.diff(at), 1e-300)
-    share = np.clip((curve.place - at[cell]) / gaps[cell], 0.0, 1.0)
-    root = np.sqrt(curve.weight)
-    hats = np.zeros((len(rows), count))
-    hats[rows, cell], hats[rows, cell + 1] = root * (1.0 - share), root * share
-    squares = hats.T @ hats
-    # Knots with no point beside them lean on the curve, ever so lightly.
-    light = _LIGHT * float(squares.diagonal().max())
-    squares[np.diag_indices(count)] += light
-    wanted = hats.T @ (root * curve.height) + light * curve.at(at)
-    inverse = np.linalg.inv(squares)
-    heights = inverse @ wanted
-    slope = (np.diff(heights) / gaps)[cell]
-    left = root * curve.height - hats @ heights
-    moved = hats[:, 1:-1] * -slope[:, None]
-    across = hats.T @ moved
-    normal = moved.T @ moved - across.T @ inverse @ across
-    push = moved.T @ left
-    return heights, float(left @ left), normal, push
+    found = _downhill(curve, _hats(curve, places.astype(float)))
+    for _ in range(_MOVES):
+        moved = None if found.cost < _ENOUGH else found.exchanged()
+        if moved is None:
+            break
+        there = _downhill(curve, _hats(curve, moved))
+        if there.cost > _WORTH * found.cost:
+            break
+        found = there
+    return found.points
+
+
+def _downhill(curve: Curve, now: _Hats) -> _Hats:
+    """Return where damped Gauss-Newton steps of the places lead.
+
+    No gap between knots shrinks to nothing in one step.
+    """
+    if len(now.gaps) < 2:
+        return now
+    matrix, push = now.slopes()
+    damping = 1e-3
+    for _ in range(_MOST):
+        # In shares of the gaps beside a knot, steps of all knots compare.
+        scale = np.minimum(now.gaps[1:], now.gaps[:-1])
+        damped = matrix * scale * scale[:, None]
+        diagonal = _diagonal(damped, 0)
+        diagonal += damping * np.maximum(diagonal, 1e-9 * diagonal.max() + 1e-300)
+        step = np.zeros(len(now.gaps) + 1)
+        step[1:-1] = scale * np.linalg.solve(damped, scale * push)
+        shrunk = float(np.max((step[:-1] - step[1:]) / now.gaps))
+        step *= min(1.0, _SHRINK / max(shrunk, 1e-300))
+        there = _hats(curve, now.points.places + step)
+        if there.cost >= now.cost:
+            damping *= 8.0
+            if damping > 1e9:
+                break
+            continue
+        gain = now.cost - there.cost
+        now = there
+        if gain <= _SETTLED * now.cost or now.cost < _ENOUGH:
+            break
+        matrix, push = now.slopes()
+        damping = max(0.2 * damping, 1e-9)
+    return now
