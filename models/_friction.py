@@ -67,7 +67,8 @@ class FrictionTable(AbstractFriction):
                 f"got shape {self.values.shape}."
             )
             raise ValueError(msg)
-        if is_known(self.nodes.points) and self.nodes.points[0] < 0:
+        # By NumPy: an operation of JAX on one number takes longer than all the rest.
+        if is_known(self.nodes.points) and np.asarray(self.nodes.points)[0] < 0:
             msg = f"speeds cannot be negative, got {self.nodes.points[0]!s} mm/s."
             raise ValueError(msg)
 

@@ -92,7 +92,8 @@ class FrictionCompensation(eqx.Module):
             if getattr(self, name) < 0:
                 msg = f"{name} cannot be negative, got {getattr(self, name)!r} cycles."
                 raise ValueError(msg)
-        if is_known(self.position_delay) and not self.position_delay >= 0:
+        delay = self.position_delay
+        if is_known(delay) and not np.all(np.asarray(delay) >= 0):
             msg = f"position_delay cannot be negative, got {self.position_delay!s} mm."
             raise ValueError(msg)
 

@@ -14,8 +14,8 @@ def check_structures(view: ListView) -> None:
     """Judge what must stand and what must agree, for the functions that are in use."""
     known = registry()
     skipped = _other_generation(view)
-    for row in known.by_key.values():
-        if row.kind != view.file.kind or row.key in skipped:
+    for row in known.ruled.get(view.file.kind, ()):
+        if row.key in skipped:
             continue
         active = row.structure in view.in_use or row.structure == "kopf"
         if active and row.needed is not None and row.key not in view.columns:

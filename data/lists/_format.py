@@ -200,7 +200,9 @@ def comment_lines(comment: str, encoding: str, newline: str) -> list[str]:
             text.encode(encoding)
         except UnicodeEncodeError:
             text = _plain_letters(text)
-        kept = "".join(sign if sign.isprintable() else " " for sign in text)
+        kept = text
+        if not text.isprintable():
+            kept = "".join(sign if sign.isprintable() else " " for sign in text)
         line = f"# {kept}".rstrip()
         # An empty comment keeps its blank: "#" alone breaks the manuals' own rule.
         lines.append(("# " if line == "#" else line) + newline)

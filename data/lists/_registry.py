@@ -51,6 +51,8 @@ class Registry:
         """Row of an id; the present one where an id changed its meaning."""
         self.aliases: dict[str, tuple[Parameter, Alias]] = {}
         """Row and alias of every other name."""
+        self.ruled: dict[Kind, list[Parameter]] = {}
+        """By kind of list: rows that must stand somewhere, or agree with others."""
         self.kinds = dict(kinds)
         for row in sorted(self.rows, key=lambda row: row.generation == "old"):
             if row.key:
@@ -61,6 +63,9 @@ class Registry:
                 self.by_id.setdefault(misspelt, row)
             for alias in row.aliases:
                 self.aliases[alias.name] = (row, alias)
+        for row in self.by_key.values():
+            if row.needed is not None or row.conditions:
+                self.ruled.setdefault(row.kind, []).append(row)
 
     def canonical(self, key: str) -> str:
         """Return the canonical key of ``key``; an unknown one comes back as it is.

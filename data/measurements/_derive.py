@@ -73,8 +73,8 @@ def derive_motion(
         clock = read_clock(time)
         cutoff = min(0.1 / clock.sample_time, 100.0) if cutoff is None else cutoff
         if clock.uniform:
-            return filtered_motion(time, position, cutoff=cutoff)
-        return smoothed_motion(time, position, bandwidth=cutoff)
+            return filtered_motion(time, position, cutoff=cutoff, clock=clock)
+        return smoothed_motion(time, position, bandwidth=cutoff, clock=clock)
     except SignalError as error:
         raise MeasurementError(str(measurement.source), f"{role}: {error}") from error
 

@@ -71,6 +71,8 @@ class Dialect:
 
     def all_plain(self, cells: Sequence[str]) -> bool:
         """Whether every cell is a finite number of ordinary length, and nothing else."""
+        if not cells or not cells[-1]:
+            return False  # the pattern takes the end of a line for the last one's
         return _MANY[self.decimal].fullmatch("\n".join(cells)) is not None
 
     def is_number(self, cell: str) -> bool:

@@ -11,6 +11,10 @@ from ._table import Skipped
 from ._units import find_unit
 
 _SAMPLE = 400
+_BELOW = 200
+"""Rows that tell what a column holds."""
+_LONGEST_HEADER = 10_000
+"""Characters of a header line that one look is enough for."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,6 +61,11 @@ def find_layout(path: Path, text: str) -> Layout:
     Raises:
         MeasurementError: If there is no row of data.
     """
+    return _plain_layout(text) or _layout_by_lines(path, text)
+
+
+def _layout_by_lines(path: Path, text: str) -> Layout:
+    """Return the layout of any text table."""
     offsets, head = _head(text)
     dialect = sniff([line for line in head if line.strip()])
     comments = [
@@ -77,7 +86,7 @@ def find_layout(path: Path, text: str) -> Layout:
         header, first = tuple(rows[0]), 1
         if len(rows) > 1 and _is_unit_row(rows[1], len(header)):
             units, first = rows[1], 2
-    below = rows[first : first + 200]
+    below = rows[first : first + _BELOW]
     if not below:
         reason = f"found a header ({', '.join(header)[:60]}) and no rows, expected rows"
         raise MeasurementError(str(path), reason)
@@ -100,6 +109,45 @@ def find_layout(path: Path, text: str) -> Layout:
         body_line=body_at + 1,
         numeric=tuple(_is_numeric(dialect, below, at) for at in range(width)),
         skipped=tuple(Skipped(at + 1, "comment") for at in comments if at < body_at),
+    )
+
+
+def _plain_layout(text: str) -> Layout | None:
+    """Return the layout of a header above rows of plain numbers between commas.
+
+    That is what most files are, and one look at their first rows tells what `find_layout`
+    finds line by line: no other separator leaves several columns, every cell is a number,
+    and nothing stands aside. None for all others.
+    """
+    top, ended, _ = text[:_LONGEST_HEADER].partition("\n")
+    if not (ended and top.strip()) or '"' in top or top.startswith("sep="):
+        return None
+    first = len(top) + 1
+    end, rows = first - 1, 0
+    while rows < _BELOW and 0 <= (found := text.find("\n", end + 1)):
+        end, rows = found, rows + 1
+    if rows < _BELOW and end + 1 < len(text):
+        end, rows = len(text), rows + 1  # the last line ends with the text
+    dialect, body = Dialect(",", "."), text[first:end]
+    header, below = dialect.split(top), body.split("\n")
+    width = len(header)
+    if rows < 2 or width < 2 or not header[-1] or dialect.is_comment(top):
+        return None
+    if {line.count(",") for line in below} != {width - 1}:
+        return None
+    if not dialect.all_plain(body.replace(",", "\n").split("\n")):
+        return None
+    one = dialect.split(below[0])
+    if not _is_header(dialect, [header, one]) or _is_unit_row(one, width):
+        return None
+    return Layout(
+        dialect=dialect,
+        names=tuple(map(parse_name, header)),
+        header=tuple(header),
+        body=first,
+        body_line=2,
+        numeric=(True,) * width,
+        skipped=(),
     )
 
 

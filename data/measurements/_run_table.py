@@ -16,6 +16,7 @@ from ._units import unit as named_unit
 _ASSIGNED = re.compile(
     r"(?P<key>[A-Za-z_]\w*)\s*(?:\[(?P<index>[^\]]*)\])?\s*=\s*(?P<value>.*)"
 )
+_READING = re.compile(r"(?m)^\s*(?:TGT_DATA|REF_DATA_(?:FWD|BWD))\s*\[")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _SIDES = {"REF_DATA_FWD": 1, "REF_DATA_BWD": -1}
 _PLAIN = {"REF_PV", "TEST_PV", "TGT_SET_PV", "UNIT", "CYCLES", "POSITIONS", "DEC"}
@@ -23,9 +24,8 @@ _PLAIN = {"REF_PV", "TEST_PV", "TGT_SET_PV", "UNIT", "CYCLES", "POSITIONS", "DEC
 
 def is_run_table(text: str) -> bool:
     """Whether a text assigns targets or readings in this form."""
-    return (
-        re.search(r"(?m)^\s*(?:TGT_DATA|REF_DATA_(?:FWD|BWD))\s*\[", text) is not None
-    )
+    words = "TGT_DATA" in text or "REF_DATA_" in text
+    return words and _READING.search(text) is not None
 
 
 def read_run_table(path: Path, text: str) -> Table:

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._clock import Clock, read_clock
+from ._clock import Clock
 from ._current import Polarity, Saturation, find_polarity, find_saturation
 from ._errors import check_lengths
 from ._motion import Motion
@@ -101,7 +101,7 @@ def examine(
         SignalError: If the lengths differ.
     """
     check_lengths("recording", motion.time.size, current.size, least=8)
-    clock, phases = read_clock(motion.time), find_phases(motion)
+    clock, phases = motion.clock, find_phases(motion)
     saturation = find_saturation(current, limit=limit)
     sure = np.where(motion.settled & ~saturation.rows, phases.direction, 0)
     polarity = find_polarity(current, sure, motion.acceleration)

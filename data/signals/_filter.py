@@ -4,6 +4,7 @@ A fit that compares signals must filter them alike; what is done to the velocity
 be done to the current. These functions are linear and shift nothing in time.
 """
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ def zero_phase(
         SignalError: If the cutoff is not below half the sample rate, or there are too
             few samples.
     """
-    from scipy.signal import butter, filtfilt
+    from scipy.signal import filtfilt
 
     nyquist = 0.5 / sample_time
     if not 0.0 < cutoff < nyquist:
@@ -47,9 +48,23 @@ def zero_phase(
         what = "zero-phase filter"
         raise SignalError(what, f"a cutoff of {cutoff:g} Hz", expected)
     check_lengths("zero-phase filter", len(values), least=_PAD * (order + 1) + 1)
-    coefficients: Any = butter(order, cutoff / nyquist)
-    smooth: np.ndarray = filtfilt(coefficients[0], coefficients[1], values, axis=0)
+    over, under = _low_pass(order, cutoff / nyquist)
+    smooth: np.ndarray = filtfilt(over, under, values, axis=0)
     return smooth
+
+
+@functools.lru_cache(maxsize=64)
+def _low_pass(
+    order: int, cutoff: float
+) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:
+    """Return both polynomials of a Butterworth filter; the cutoff in half sample rates.
+
+    Its design takes longer than its use on a short recording.
+    """
+    from scipy.signal import butter
+
+    coefficients: Any = butter(order, cutoff)
+    return coefficients[0], coefficients[1]
 
 
 def bandwidth(cutoff: float, order: int = 4) -> float:

@@ -1,11 +1,12 @@
 """Velocity and acceleration from positions, with the noise that they carry."""
 
 import dataclasses
+import functools
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ._clock import read_clock
+from ._clock import Clock, read_clock
 from ._errors import SignalError, check_lengths
 from ._filter import SETTLING, bandwidth, central_differences, zero_phase
 from ._noise import noise_gain, noise_of
@@ -30,6 +31,7 @@ class Motion:
         acceleration_noise: What it becomes in the acceleration.
         settled: False within reach of an end of the record or of a jump of the clock,
             where the values rest on one side only.
+        clock: How the times run.
     """
 
     time: Float[np.ndarray, " t"]
@@ -41,6 +43,7 @@ class Motion:
     velocity_noise: float
     acceleration_noise: float
     settled: Bool[np.ndarray, " t"]
+    clock: Clock
 
 
 def filtered_motion(
@@ -49,6 +52,7 @@ def filtered_motion(
     *,
     cutoff: float = 100.0,
     order: int = 4,
+    clock: Clock | None = None,
 ) -> Motion:
     """Return the motion by a zero-phase Butterworth filter and central differences.
 
@@ -62,28 +66,19 @@ def filtered_motion(
         position: In mm or °.
         cutoff: Of one pass of the filter in Hz.
         order: Of one pass.
+        clock: Of the times; read from them where left out.
 
     Raises:
         SignalError: If the steps are not equal (`smoothed_motion` takes such), the
             cutoff does not fit them, or there are too few samples.
     """
     check_lengths("motion", time.size, position.size, least=8)
-    clock = read_clock(time)
+    clock = clock or read_clock(time)
     if not clock.uniform:
         found = f"steps of {1e3 * clock.sample_time:g} ms ± {1e3 * clock.jitter:.2g} ms"
         what = "filtered motion"
         raise SignalError(what, found, "equal steps, or `smoothed_motion`")
     step = clock.sample_time
-
-    def smooth(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        return zero_phase(values, step, cutoff=cutoff, order=order)
-
-    def rate(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        return central_differences(smooth(values), step)
-
-    def curvature(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        return central_differences(rate(values), step)
-
     reach = max(2, round(SETTLING / cutoff / step))
     least = max(3 * (order + 1) + 1, 2 * reach + 1)
     rows = np.zeros((3, time.size))
@@ -95,9 +90,10 @@ def filtered_motion(
             if part.size > 1:
                 rows[1, segment] = central_differences(part, step)
             continue
-        rows[:, segment] = smooth(part), rate(part), curvature(part)
+        rows[:, segment] = _by_filter(part, step, cutoff, order)
         settled[segment.start + reach : segment.stop - reach] = True
-    noise, length = noise_of(position), 10 * max(reach, 20)
+    noise = noise_of(position)
+    gains = _gains(step, cutoff, order, 10 * max(reach, 20))
     return Motion(
         time=time,
         position=rows[0],
@@ -105,10 +101,33 @@ def filtered_motion(
         acceleration=rows[2],
         bandwidth=bandwidth(cutoff, order),
         position_noise=noise,
-        velocity_noise=noise * noise_gain(rate, length),
-        acceleration_noise=noise * noise_gain(curvature, length),
+        velocity_noise=noise * gains[0],
+        acceleration_noise=noise * gains[1],
         settled=settled,
+        clock=clock,
     )
+
+
+def _by_filter(
+    values: Float[np.ndarray, " n"], step: float, cutoff: float, order: int
+) -> Float[np.ndarray, "3 n"]:
+    """Return what a filter leaves of positions, its rate, and the rate of that."""
+    smooth = zero_phase(values, step, cutoff=cutoff, order=order)
+    rate = central_differences(smooth, step)
+    return np.stack([smooth, rate, central_differences(rate, step)])
+
+
+@functools.lru_cache(maxsize=64)
+def _gains(step: float, cutoff: float, order: int, length: int) -> tuple[float, float]:
+    """Return what white noise of 1 becomes in the velocity and in the acceleration.
+
+    Recordings with the same clock share it.
+    """
+
+    def gain(row: int) -> float:
+        return noise_gain(lambda x: _by_filter(x, step, cutoff, order)[row], length)
+
+    return gain(1), gain(2)
 
 
 def smoothed_motion(
@@ -116,6 +135,7 @@ def smoothed_motion(
     position: Float[np.ndarray, " t"],
     *,
     bandwidth: float,
+    clock: Clock | None = None,
 ) -> Motion:
     r"""Return the motion by a cubic smoothing spline of a stated bandwidth.
 
@@ -128,6 +148,7 @@ def smoothed_motion(
         time: In s, rising within segments.
         position: In mm or °.
         bandwidth: In Hz.
+        clock: Of the times; read from them where left out.
 
     Raises:
         SignalError: If there are too few samples or the bandwidth is not below a
@@ -136,7 +157,7 @@ def smoothed_motion(
     from scipy.interpolate import make_smoothing_spline
 
     check_lengths("motion", time.size, position.size, least=8)
-    clock = read_clock(time)
+    clock = clock or read_clock(time)
     step = clock.sample_time
     if not 0.0 < bandwidth <= 0.25 / step:
         found, limit = f"a bandwidth of {bandwidth:g} Hz", 0.25 / step
@@ -180,4 +201,5 @@ def smoothed_motion(
         velocity_noise=noise * gain(1),
         acceleration_noise=noise * gain(2),
         settled=settled,
+        clock=clock,
     )

@@ -1,6 +1,7 @@
 """What an axis does in a recording: rest, constant speed, reversals."""
 
 import dataclasses
+import functools
 import itertools
 
 import numpy as np
@@ -67,19 +68,30 @@ class Phases:
     """What the axis does at each row, and its stretches.
 
     Attributes:
+        motion: That they are of.
         direction: +1 or −1 where the sign of the velocity is certain, else 0.
         rest: Standstill: no direction for at least the shortest rest.
-        plateaus: Stretches of constant speed, in order.
         reversals: In order.
         slowest: Speed in mm/s or °/s below which the sign of the velocity is not
             certain.
+        shortest_plateau: In s, after the ends are cut off.
+        tolerance: Share of its speed by which a plateau may vary.
     """
 
+    motion: Motion
     direction: Int[np.ndarray, " t"]
     rest: Bool[np.ndarray, " t"]
-    plateaus: tuple[Plateau, ...]
     reversals: tuple[Reversal, ...]
     slowest: float
+    shortest_plateau: float
+    tolerance: float
+
+    @functools.cached_property
+    def plateaus(self) -> tuple[Plateau, ...]:
+        """Stretches of constant speed, in order; looked for when they are asked for."""
+        return _plateaus(
+            self.motion, self.direction, self.shortest_plateau, self.tolerance
+        )
 
 
 def find_phases(
@@ -122,11 +134,13 @@ def find_phases(
     else:
         travel = least_travel
     return Phases(
+        motion=motion,
         direction=direction,
         rest=rest,
-        plateaus=_plateaus(motion, direction, step, shortest_plateau, tolerance),
         reversals=_reversals(motion, direction, travel, shortest_rest),
         slowest=slowest,
+        shortest_plateau=shortest_plateau,
+        tolerance=tolerance,
     )
 
 
@@ -192,10 +206,10 @@ def _reversals(
 def _plateaus(
     motion: Motion,
     direction: Int[np.ndarray, " t"],
-    step: float,
     shortest: float,
     tolerance: float,
 ) -> tuple[Plateau, ...]:
+    step = float(np.median(np.diff(motion.time)))
     least = max(4, round(shortest / step))
     cut = max(1, round(0.5 / motion.bandwidth / step))
     found: list[Plateau] = []

@@ -47,6 +47,7 @@ from ._external import (
     to_interface as to_interface,
 )
 from ._friction import (
+    FrictionNumbers as FrictionNumbers,
     entries_of_friction as entries_of_friction,
     friction_from_list as friction_from_list,
     has_friction as has_friction,

@@ -1,5 +1,7 @@
 """Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -22,6 +24,25 @@ BY_SPEED = 3
 _PER_MILLE = 1000
 _FASTEST_ENTRY = 2**31 - 2
 _MOST = {"position_delay": 10, "reversal_lookahead": 4, "delay_cycles": 248}
+
+
+@dataclasses.dataclass(frozen=True)
+class FrictionNumbers:
+    """What a friction list says, before it is rounded.
+
+    Attributes:
+        speeds: Of the entries in mm/s or °/s, ascending.
+        currents: Of the entries in list units, held at both ends.
+        position_delay: In mm or °.
+        reversal_lookahead: In cycles.
+        delay_cycles: In cycles.
+    """
+
+    speeds: Float[np.ndarray, " p"]
+    currents: Float[np.ndarray, " p"]
+    position_delay: float = 0.0
+    reversal_lookahead: int = 0
+    delay_cycles: int = 0
 
 
 def has_friction(listing: ListFile) -> bool:
@@ -100,7 +121,7 @@ def _not_negative(listing: ListFile, name: str) -> int:
 
 
 def entries_of_friction(
-    friction: FrictionCompensation,
+    friction: FrictionCompensation | FrictionNumbers,
     *,
     fastest: float = 0.0,
     existing: ListFile | None = None,
@@ -115,7 +136,7 @@ def entries_of_friction(
     engineer; the scaling of the model goes into the entries.
 
     Args:
-        friction: Its law must be a table whose ends are held.
+        friction: Its law must be a table whose ends are held; or just its numbers.
         fastest: Velocity in mm/s or °/s that the table must reach.
         existing: List that will be edited.
         max_points: Wanted size of the memory, or None to write it only where needed.
@@ -124,20 +145,9 @@ def entries_of_friction(
     Raises:
         ExchangeError: If something does not fit into a list.
     """
-    table = friction.law
-    if not isinstance(table, FrictionTable):
-        raise ExchangeError(
-            where=PREFIX,
-            found=f"a {type(table).__name__}",
-            expected="a friction table (sample_friction makes one of a law)",
-        )
-    if not (table.held_below and table.held_above):
-        raise ExchangeError(
-            where=PREFIX,
-            found="a table that is not held at its ends",
-            expected="one that is held: only the list can say what happens there",
-        )
-    speeds, currents = _with_ends(table, fastest)
+    if isinstance(friction, FrictionCompensation):
+        friction = _numbers_of(friction)
+    speeds, currents = _with_ends(friction, fastest)
     entries: dict[str, int | str] = {}
     size = max_points_entry(
         len(speeds) + 1,
@@ -178,11 +188,34 @@ def entries_of_friction(
     return entries
 
 
+def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
+    table = friction.law
+    if not isinstance(table, FrictionTable):
+        raise ExchangeError(
+            where=PREFIX,
+            found=f"a {type(table).__name__}",
+            expected="a friction table (sample_friction makes one of a law)",
+        )
+    if not (table.held_below and table.held_above):
+        raise ExchangeError(
+            where=PREFIX,
+            found="a table that is not held at its ends",
+            expected="one that is held: only the list can say what happens there",
+        )
+    return FrictionNumbers(
+        speeds=np.asarray(table.nodes.points),
+        currents=np.asarray(table.scaling) * np.asarray(table.values),
+        position_delay=float(friction.position_delay),
+        reversal_lookahead=friction.reversal_lookahead,
+        delay_cycles=friction.delay_cycles,
+    )
+
+
 def _with_ends(
-    table: FrictionTable, fastest: float
+    friction: FrictionNumbers, fastest: float
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Return velocities and currents in list units, from 1 µm/s to a flat end."""
-    knots = np.asarray(table.nodes.points)
+    knots, level = friction.speeds, friction.currents
     speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))
     if (np.diff(speeds) <= 0).any():
         at = int(np.argmax(np.diff(speeds) <= 0))
@@ -191,7 +224,6 @@ def _with_ends(
             found=f"{knots[at]:.6g} and {knots[at + 1]:.6g} mm/s",
             expected="velocities that differ by 0.001 mm/s or more (110591)",
         )
-    level = np.asarray(table.scaling) * np.asarray(table.values)
     currents = _round(level, f"{PREFIX}.table[].out", (SGN32[0] + 1, SGN32[1]))
     if speeds[0] != 1:
         # At rest there is no current: an entry for 0 stands for the slowest motion.

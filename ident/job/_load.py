@@ -1,8 +1,9 @@
 """A job file, read and checked as far as it can be before any work starts."""
 
 import dataclasses
+import functools
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ class Job:
         spec: What it says.
         conventions: Rules of the controller.
         verified: Names of those that a log or a second measurement has settled.
-        lines: Line of every key.
+        text: What stands in the file.
         inputs: Every file that the job names, existing.
     """
 
@@ -34,8 +35,13 @@ class Job:
     spec: JobFile
     conventions: Conventions
     verified: frozenset[str]
-    lines: Mapping[KeyPath, int]
+    text: str
     inputs: tuple[Path, ...]
+
+    @functools.cached_property
+    def lines(self) -> dict[KeyPath, int]:
+        """Line of every key, looked for once something is wrong with one."""
+        return key_lines(self.text)
 
     def file(self, name: str) -> Path:
         """Return a path of the job, which is relative to the job file."""
@@ -45,7 +51,7 @@ class Job:
         """Return the error that a key is, ready to raise."""
         return JobError(
             str(self.path),
-            line_of(dict(self.lines), where),
+            line_of(self.lines, where),
             f"{key_words(where)}: {reason}" if where else reason,
         )
 
@@ -67,12 +73,11 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
         OSError: If the job file cannot be read.
     """
     text, values = _parsed(path)
-    lines = key_lines(text)
     try:
         spec = JobFile.model_validate(values)
     except pydantic.ValidationError as error:
-        raise first_fault(path, error, values, lines) from None
-    job = Job(path, spec, Conventions(), frozenset(), lines, ())
+        raise first_fault(path, error, values, key_lines(text)) from None
+    job = Job(path, spec, Conventions(), frozenset(), text, ())
     if needs_fits and not spec.fits:
         found = "found 0 values, expected 1"
         missing = "found nothing, expected this key"

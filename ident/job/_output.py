@@ -116,7 +116,7 @@ class OutFolder:
         self._sync = sync
         self.written: list[Path] = []
         self.remarks: list[str] = []
-        self._sources = [source.resolve() for source in sources]
+        self._sources = tuple(sources)
         self._made = not root.exists()
         try:
             root.mkdir(parents=True, exist_ok=True)
@@ -152,9 +152,10 @@ class OutFolder:
         """
         if self._made:
             return  # nothing could lie in it before
+        theirs = {source.resolve() for source in self._sources}
         for name in names:
             target = self.root / name
-            if target.resolve() in self._sources:
+            if target.resolve() in theirs:
                 raise OutputError(
                     path=str(target),
                     reason="is an input of the job and is never written onto,"

@@ -121,7 +121,8 @@ def _slopes_with_ends(table: GateTable, way: int, rows: np.ndarray) -> np.ndarra
     if table.closed[way]:
         return np.concatenate([slopes[:, :1], slopes, slopes[:, -1:]], axis=1)
     # Outside the table the controller holds its edge: the slope there is 0.
-    return np.pad(slopes, [(0, 0), (1, 1)])
+    flat = np.zeros((len(slopes), 1))
+    return np.concatenate([flat, slopes, flat], axis=1)
 
 
 def kink(table: GateTable) -> tuple[float, str]:

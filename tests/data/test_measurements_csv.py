@@ -288,6 +288,27 @@ def test_bulk_and_careful_path_read_the_same(
 numbers = st.floats(-1e6, 1e6).map(lambda v: round(v, 6))
 
 
+@pytest.mark.parametrize("end", ["", "\n"])
+def test_an_empty_last_cell_is_a_cell_that_holds_no_number(
+    tmp_path: Path, end: str
+) -> None:
+    path = write(tmp_path, f"x,e\n1,2\n2,3\n3,{end}")
+    error = read_table(path).columns[1]
+    np.testing.assert_array_equal(error.values, [2.0, 3.0, np.nan])
+    assert error.bad is not None
+    assert error.bad.line == 4
+
+
+@pytest.mark.parametrize("code", range(32))
+def test_control_characters_are_no_text(tmp_path: Path, code: int) -> None:
+    path = write(tmp_path, b"x,e\n1,2\n" + bytes([code]) + b"\n2,3\n")
+    if chr(code) in "\t\n\f\r":
+        assert read_table(path).rows == 2
+        return
+    with pytest.raises(AxcompError, match=rf"3: found binary data \(byte 0x{code:02X}"):
+        read_table(path)
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     rows=st.lists(st.tuples(numbers, numbers), min_size=2, max_size=8),

@@ -33,7 +33,7 @@ from .._output import OutFolder
 from .._result import Remark
 from .._source import Tables
 from ._identify import Identified, friction_of, identify, steady
-from ._listing import OutUnit, compensation, in_units, knots_of, law_curve, out_unit
+from ._listing import OutUnit, knots_of, law_curve, numbers_of, out_unit
 from ._recording import DriveRecording, read_drive
 from ._result import FrictionResult, FrictionView, LawCurve
 
@@ -104,23 +104,18 @@ class FrictionDraft(AbstractDraft):
     def replaces(self) -> tuple[str, ...]:
         return () if self.knots is None else ("frict_comp.table[",)
 
-    def model(self, job: Job) -> FrictionCompensation:
-        """Return the list as the controller runs it, currents in list units."""
-        assert self.knots is not None  # asked for only where a list is written
-        template = None
-        existing = self.lists.compensation
-        if existing is not None and has_friction(existing):
-            template = friction_from_list(existing, job.conventions)
-        return compensation(self.knots, self.found.reversal, template)
-
     def entries(self, job: Job) -> dict[str, Value]:
         if self.knots is None:
             return {}
+        existing = self.lists.compensation
         try:
+            before = None
+            if existing is not None and has_friction(existing):
+                before = friction_from_list(existing, job.conventions)
             return dict(
                 entries_of_friction(
-                    self.model(job),
-                    existing=self.lists.compensation,
+                    numbers_of(self.knots, self.found.reversal, before),
+                    existing=existing,
                     max_points=self.fit.max_points,
                     build=job.spec.controller.build,
                 )
@@ -179,8 +174,7 @@ class FrictionDraft(AbstractDraft):
         law = found.fit.law
         from_file = before.copy()
         if back is not None and self.unit.current is not None:
-            table = in_units(back.law, self.unit.current)
-            from_file = before - steady(table, samples.velocity)
+            from_file = before - steady(back.law, samples.velocity, self.unit.current)
         elif law is not None:
             from_file = before - steady(law, samples.velocity)
         moving = self.recording.moving

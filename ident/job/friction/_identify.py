@@ -98,13 +98,24 @@ def _best_law(choice: Choice) -> int:
     return laws.index(min(good, key=lambda each: each.parameters))
 
 
-def steady(law: AbstractFriction, velocity: Float[np.ndarray, " t"]) -> np.ndarray:
-    """Return the current of a law at velocities, as NumPy has it."""
+def steady(
+    law: AbstractFriction, velocity: Float[np.ndarray, " t"], unit: float = 1.0
+) -> np.ndarray:
+    """Return the current of a law at velocities, as NumPy has it.
+
+    Args:
+        law: The law.
+        velocity: In mm/s or °/s.
+        unit: What one unit of a table is in that of the current.
+    """
     if isinstance(law, FrictionTable) and law.held_below and law.held_above:
         # A compiled table would have to be compiled anew for every number of entries.
-        entries = np.asarray(law.scaling) * np.asarray(law.values)
+        entries = np.asarray(law.scaling) * (np.asarray(law.values) * unit)
         level = np.interp(np.abs(velocity), np.asarray(law.nodes.points), entries)
         return np.asarray(np.sign(velocity) * level)
+    if unit != 1.0:
+        assert isinstance(law, FrictionTable)
+        law = dataclasses.replace(law, values=law.values * unit)
     found: np.ndarray = np.array(law(velocity), dtype=float)
     return found
 

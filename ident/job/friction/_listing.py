@@ -2,16 +2,11 @@
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ....models import (
-    AbstractFriction,
-    FrictionCompensation,
-    FrictionTable,
-    Setpoints,
-)
+from ....models import FrictionCompensation
+from ...exchange import FrictionNumbers
 from ...fit.friction import DriveSamples, FrictionFit, Knots, ReversalFit, place_knots
 from .._fit_schema import FrictionSpec
 from ._result import LawCurve
@@ -108,36 +103,33 @@ def knots_of(curve: LawCurve, spec: FrictionSpec, unit: float, fastest: float) -
     )
 
 
-def compensation(
-    knots: Knots, reversal: ReversalFit | None, template: FrictionCompensation | None
-) -> FrictionCompensation:
-    """Return the list as the controller runs it, currents in list units.
+def numbers_of(
+    knots: Knots, reversal: ReversalFit | None, before: FrictionCompensation | None
+) -> FrictionNumbers:
+    """Return what the list says, currents in list units.
 
     Args:
         knots: Entries.
-        reversal: What was found around reversals; nothing of it is set where None.
-        template: With the controller's rules for open points, or None.
+        reversal: What was found around reversals; where None, all stays as it was.
+        before: What the list said, or None where there was none.
     """
-    table = FrictionTable(
-        Setpoints(jnp.asarray(knots.velocity / 1000.0)),
-        jnp.asarray(knots.out.astype(float)),
-    )
-    whole = FrictionCompensation(table)
-    if template is not None:
-        whole = dataclasses.replace(template, law=table)
-    if reversal is None:
-        return whole
-    sure = reversal.undetermined
-    delay = min(reversal.position_delay, _MOST_DELAY)
+    entries = FrictionNumbers(knots.velocity / 1000.0, knots.out.astype(float))
+    if reversal is not None:
+        unknown = reversal.undetermined
+        delay = min(reversal.position_delay, _MOST_DELAY)
+        return dataclasses.replace(
+            entries,
+            reversal_lookahead=(
+                0 if "reversal_lookahead" in unknown else reversal.lookahead
+            ),
+            position_delay=0.0 if "position_delay" in unknown else delay,
+            delay_cycles=0 if "delay_cycles" in unknown else reversal.delay_cycles,
+        )
+    if before is None:
+        return entries
     return dataclasses.replace(
-        whole,
-        reversal_lookahead=0 if "reversal_lookahead" in sure else reversal.lookahead,
-        position_delay=jnp.asarray(0.0 if "position_delay" in sure else delay),
-        delay_cycles=0 if "delay_cycles" in sure else reversal.delay_cycles,
+        entries,
+        reversal_lookahead=before.reversal_lookahead,
+        position_delay=float(before.position_delay),
+        delay_cycles=before.delay_cycles,
     )
-
-
-def in_units(table: AbstractFriction, unit: float) -> AbstractFriction:
-    """Return a table with its currents in the unit of the recording."""
-    assert isinstance(table, FrictionTable)
-    return dataclasses.replace(table, values=table.values * unit)

@@ -1,0 +1,115 @@
+"""Header and body of text tables: one look at plain ones finds what all lines tell."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from axcomp.data.measurements._layout import (
+    _layout_by_lines,
+    _plain_layout,
+    find_layout,
+)
+
+FILE = Path("file.csv")
+ROWS = ["0.0100,1.5e-3,-7", "+.5,2.,1E6", "-0,0.25,12"]
+
+HEADER_CELLS = st.sampled_from(
+    [
+        *(
+            "x",
+            "t",
+            "X.position [mm]",
+            "dz_um",
+            " i ",
+            "a b",
+            "p\tq",
+            "x;y",
+            "#x",
+            "; x",
+        ),
+        *(
+            "mm",
+            "s",
+            "1",
+            "2.5",
+            "",
+            " ",
+            "nan",
+            '"x"',
+            "sep=",
+            "t / s",
+            "%",
+            "//",
+            "!",
+        ),
+    ]
+)
+CELLS = st.sampled_from(["0", "-1.5", "+.25", "3.", "1e-3", "7E+20", "9" * 40])
+ODD_LINES = st.sampled_from(
+    [
+        *("", " ", "# 1,2", ";1,2", "x,y", "nan,1", "1;2", "1\t2", '"1,5","2"', "1,"),
+        *(",1", "1 2", "mm,mm", "[mm],[s]", "sep=,", "1,2,3,4,5", "9" * 41 + ",1"),
+        "1e,2",
+    ]
+)
+
+
+@st.composite
+def texts(draw: st.DrawFn) -> str:
+    """Tables of some columns, most of them plain, of a few or some hundred rows."""
+    width = draw(st.integers(1, 4))
+    header = draw(st.lists(HEADER_CELLS, min_size=width, max_size=width))
+    row = st.lists(CELLS, min_size=width, max_size=width).map(",".join)
+    lines = draw(st.lists(row, max_size=5)) * draw(st.sampled_from([1, 1, 45, 90]))
+    if draw(st.booleans()):
+        lines.insert(draw(st.integers(0, len(lines))), draw(ODD_LINES))
+    top = [",".join(header)] if draw(st.integers(0, 4)) else []
+    return "\n".join([*top, *lines]) + draw(st.sampled_from(["", "\n", "\n\n"]))
+
+
+@settings(max_examples=400)
+@given(text=texts())
+def test_one_look_finds_what_all_lines_tell(text: str) -> None:
+    plain = _plain_layout(text)
+    assert plain is None or plain == _layout_by_lines(FILE, text)
+
+
+@pytest.mark.parametrize("count", [2, 199, 200, 201, 1000])
+@pytest.mark.parametrize("end", ["", "\n"])
+@pytest.mark.parametrize("header", ["t,x,i", "t [s], X.position [mm] ,dz_um"])
+def test_one_look_is_enough_for_a_plain_table(
+    count: int, end: str, header: str
+) -> None:
+    text = "\n".join([header, *(ROWS * count)[:count]]) + end
+    assert _plain_layout(text) == _layout_by_lines(FILE, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "t,x,i",
+        "t,x,i\n1,2,3",
+        "x\n1\n2\n",
+        "t,x,i" + "y" * 20_000 + "\n1,2,3\n4,5,6\n",
+        "\n1,2\n3,4\n",
+        "t,x\n1,2\n3,\n",
+        "t,x\n1,2\n\n3,4\n",
+        "t,x\n1,2\n3,4,\n",
+        "t,x\nmm,mm\n1,2\n3,4\n",
+        "t,x,\n1,2\n3,4\n",
+        '"t,x",y\n1,2\n3,4\n',
+        "1,2\n3,4\n5,6\n",
+        "# t,x\n1,2\n3,4\n",
+        "sep=,\n1,2\n3,4\n",
+        "t;x\n1,5;2,5\n3,5;4,5\n",
+    ],
+)
+def test_what_is_not_plain_is_read_line_by_line(text: str) -> None:
+    assert _plain_layout(text) is None
+
+
+def test_an_odd_line_far_below_changes_nothing_of_the_layout() -> None:
+    text = "t,x,i\n" + "\n".join(ROWS * 70 + ['"a";b\tc', "# end"])
+    assert find_layout(FILE, text) == _layout_by_lines(FILE, text)
