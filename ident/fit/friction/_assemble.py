@@ -139,12 +139,25 @@ def friction_at(
     Returns:
         None where these rows do not tell the level of friction.
     """
-    named = _named(solved, used, moving)
-    if not named.has_law:
+    problem, solution = solved.problem, solved.solution
+    structure = problem.structure
+    if solution.null.shape[1] or not all(directions_seen(problem, moving)):
+        named = _named(solved, used, moving)
+        known, own = named.has_law, named.own
+    else:
+        # Every direction of the factors is seen: a level can only be vague.
+        vague = vague_columns(problem, solution, used)
+        levels = np.flatnonzero(np.tile(structure.levels(), structure.ways))
+        known = not any(structure.names[place] in vague for place in levels)
+        fixed = len(problem.fixed_names)
+        factors = solution.factors
+        if structure.directional and problem.known.offset is None:
+            state = np.concatenate([factors, solution.shape])
+            factors = _gauge(problem, solution)[1] @ state
+        own = factors[fixed : len(solution.factors)]
+    if not known:
         return None
-    shape = solved.solution.shape
-    columns = solved.problem.structure.columns(velocity, shape)
-    return np.asarray(columns @ named.own)
+    return np.asarray(structure.columns(velocity, solution.shape) @ own)
 
 
 def assemble(solved: Solved, method: str) -> FrictionFit:
