@@ -1,8 +1,10 @@
 """What friction and its list do to a circle: quadrant spikes, simulated."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Hashable, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,13 +16,12 @@ from ...models import (
     AbstractFriction,
     FrictionCompensation,
     FrictionTable,
-    Setpoints,
 )
 from ..fit import in_group
 
 _FORGOTTEN = 40.0
 """Time constants of the loop after which nothing is left of how it began."""
-_BESIDE = 8
+_BESIDE = 16
 """Circles that are followed side by side."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
@@ -102,7 +103,52 @@ def circular_test(
         loop: The control loop; a usual one if left out.
         cycle: Of the controller in s.
     """
-    loop = ServoLoop() if loop is None else loop
+    course = _course(radius, feed, ServoLoop() if loop is None else loop, cycle)
+    one = _Circle(law, inertia, compensation, out_unit, course)
+    runs = in_group(_follow_all, [one])[0]
+    # Along the radius: this axis has cos of the angle, the other one does not err.
+    shown = slice(course.before, None)
+    phase, wanted = course.phase[shown], course.motion[shown, 0]
+    without, with_list = (runs[shown].T - wanted) * np.cos(phase)
+    return CircularTest(
+        angle=np.rad2deg(phase - phase[0]),
+        without=without,
+        with_list=with_list,
+        radius=radius,
+        feed=feed,
+        loop=course.loop,
+    )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Course:
+    """Which way a circle goes.
+
+    Attributes:
+        loop: The control loop that follows it.
+        cycle: In s.
+        phase: Angle in each cycle in rad.
+        motion: Place, speed and acceleration of the axis in mm and s.
+        before: Cycles before the turn that is shown.
+    """
+
+    loop: ServoLoop
+    cycle: float
+    phase: Float[np.ndarray, " t"]
+    motion: Float[np.ndarray, "t 3"]
+    before: int
+
+    @property
+    def gains(self) -> tuple[float, float, float, float]:
+        """Of the loop, and the cycle."""
+        loop = self.loop
+        per_time = 1.0 / loop.integral_time
+        return loop.position_gain, loop.velocity_gain, per_time, self.cycle
+
+
+@functools.lru_cache(maxsize=8)
+def _course(radius: float, feed: float, loop: ServoLoop, cycle: float) -> _Course:
+    """Return the way of a circle, one object for all that go it."""
     speed = feed / radius
     turn = round(2 * np.pi / (speed * cycle))
     # By then the loop has forgotten how it began; the turn that is shown is a later one.
@@ -112,62 +158,45 @@ def circular_test(
     phase = speed * cycle * (np.arange(-before, turn) + 2 * turn + 0.5)
     position = radius * np.cos(phase)
     velocity = -radius * speed * np.sin(phase)
-    whole = _filled_up(compensation)
-    listed = whole.run(whole.start(), position, velocity)[0]
-    gains = (loop.position_gain, loop.velocity_gain, 1.0 / loop.integral_time, cycle)
-    one = _Circle(
-        law=law,
-        inertia=inertia,
-        motion=np.stack([position, velocity, -speed * speed * position], axis=1),
-        added=out_unit * np.asarray(listed),
-        gains=gains,
-    )
-    runs = in_group(_follow_all, [one])[0]
-    # Along the radius: this axis has cos of the angle, the other one does not err.
-    without, with_list = ((runs.T - position) * np.cos(phase))[:, before:]
-    angle = phase[before:]
-    return CircularTest(
-        angle=np.rad2deg(angle - angle[0]),
-        without=without,
-        with_list=with_list,
-        radius=radius,
-        feed=feed,
-        loop=loop,
-    )
-
-
-def _filled_up(compensation: FrictionCompensation) -> FrictionCompensation:
-    """Return the same list with more entries behind the last one, where that is held."""
-    table = compensation.law
-    if not isinstance(table, FrictionTable) or not table.held_above:
-        return compensation
-    lack = -table.nodes.count % _ENTRIES
-    points, values = np.asarray(table.nodes.points), np.asarray(table.values)
-    beyond = points[-1] + np.arange(1.0, lack + 1.0) * max(points[-1], 1.0)
-    more = dataclasses.replace(
-        table,
-        nodes=Setpoints(jnp.asarray(np.concatenate([points, beyond]))),
-        values=jnp.asarray(np.concatenate([values, np.full(lack, values[-1])])),
-    )
-    return dataclasses.replace(compensation, law=more)
+    motion = np.stack([position, velocity, -speed * speed * position], axis=1)
+    return _Course(loop, cycle, phase, motion, before)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Circle:
-    """A circle to follow: gains as in `ServoLoop`, and the cycle in s."""
+    """A circle to follow: arguments as of `circular_test`."""
 
     law: AbstractFriction
     inertia: float
-    motion: Float[np.ndarray, "t 3"]
-    added: Float[np.ndarray, " t"]
-    gains: tuple[float, float, float, float]
+    compensation: FrictionCompensation
+    out_unit: float
+    course: _Course
+
+    @functools.cached_property
+    def flat(self) -> tuple[list[np.ndarray], Any]:
+        """The numbers of law and list, and their structure.
+
+        A list that is held above gets more entries there: any length is one program.
+        """
+        leaves, tree = jax.tree.flatten((self.law, self.compensation))
+        found = [np.asarray(leaf) for leaf in leaves]
+        table = self.compensation.law
+        if isinstance(table, FrictionTable) and table.held_above:
+            lack = -table.nodes.count % _ENTRIES
+            at = len(leaves) - len(jax.tree.leaves(self.compensation))
+            for k, leaf in enumerate(leaves[at:], at):
+                if leaf is table.nodes.points:
+                    wide = max(found[k][-1], 1.0) * np.arange(1.0, lack + 1.0)
+                    found[k] = np.append(found[k], found[k][-1] + wide)
+                elif leaf is table.values:
+                    found[k] = np.append(found[k], np.full(lack, found[k][-1]))
+        return found, tree
 
     @property
     def kind(self) -> tuple[Hashable, ...]:
-        """Circles of one kind go together: laws alike, and the same motion."""
-        leaves, tree = jax.tree.flatten(self.law)
-        shapes = tuple(np.shape(leaf) for leaf in leaves)
-        return tree, shapes, self.gains, self.motion.tobytes()
+        """Circles of one kind go together: laws and lists alike, and the same course."""
+        leaves, tree = self.flat
+        return tree, tuple(leaf.shape for leaf in leaves), self.course
 
 
 def _follow_all(circles: Sequence[_Circle]) -> list[Float[np.ndarray, "t 2"]]:
@@ -184,19 +213,20 @@ def _follow_all(circles: Sequence[_Circle]) -> list[Float[np.ndarray, "t 2"]]:
         for start in range(0, len(own), _BESIDE):
             some = own[start : start + _BESIDE]
             full = [circles[k] for k in some + some[-1:] * (_BESIDE - len(some))]
-            laws = jax.tree.map(
-                lambda *leaves: np.stack(leaves), *(c.law for c in full)
+            leaves, tree = zip(*(each.flat for each in full), strict=True)
+            laws, lists = jax.tree.unflatten(
+                tree[0], [np.stack(same) for same in zip(*leaves, strict=True)]
             )
-            added = np.stack([c.added for c in full], axis=1)
             runs = _follow(
                 laws,
-                jnp.array([c.inertia for c in full]),
-                jnp.asarray(full[0].motion),
-                jnp.asarray(np.stack([np.zeros_like(added), added], axis=2)),
-                jnp.array(full[0].gains),
+                jnp.array([each.inertia for each in full]),
+                lists,
+                jnp.array([each.out_unit for each in full]),
+                jnp.asarray(full[0].course.motion),
+                jnp.array(full[0].course.gains),
             )
-            for lane, place in enumerate(some):
-                found[place] = np.asarray(runs[:, lane])
+            for place, run in zip(some, np.asarray(runs).swapaxes(0, 1), strict=False):
+                found[place] = run
     return [found[place] for place in range(len(circles))]
 
 
@@ -204,15 +234,23 @@ def _follow_all(circles: Sequence[_Circle]) -> list[Float[np.ndarray, "t 2"]]:
 def _follow(
     laws: AbstractFriction,
     inertia: Float[Array, " j"],
+    lists: FrictionCompensation,
+    out_unit: Float[Array, " j"],
     motion: Float[Array, "t 3"],
-    added: Float[Array, "t j 2"],
     gains: Float[Array, " 4"],
 ) -> Float[Array, "t j 2"]:
     """Return where the axes are in each cycle, in mm.
 
     A step of the second order per cycle, over which the drive pushes evenly. Where an
-    axis comes to rest on the way, the rest of the cycle begins anew from there.
+    axis comes to rest on the way, the rest of the cycle begins anew from there. What
+    friction takes until half of a step, which foretells the speed there, is what it took
+    in the middle of the step before, or at rest: the law is asked once per step.
     """
+    listed = eqx.filter_vmap(
+        lambda each: each.run(each.start(), motion[:, 0], motion[:, 1])[0]
+    )(lists)
+    added = (out_unit[:, None] * listed).T
+    added = jnp.stack([jnp.zeros_like(added), added], axis=2)
     kv, kp, per_time, cycle = gains
     mass = inertia[:, None]
 
@@ -228,29 +266,34 @@ def _follow(
     held = slowing(rest, rest + 1.0), slowing(rest, rest - 1.0)
 
     def cycle_of(
-        state: tuple[Array, Array, Array], now: tuple[Array, Array]
-    ) -> tuple[tuple[Array, Array, Array], Array]:
-        place, speed, integral = state
+        state: tuple[Array, Array, Array, Array], now: tuple[Array, Array]
+    ) -> tuple[tuple[Array, Array, Array, Array], Array]:
+        place, speed, integral, taken = state
         (wanted, fast, push), extra = now
         lag = fast + kv * (wanted - place) - speed
         integral = integral + kp * per_time * lag * cycle
         free = push + kp * lag + integral + extra / mass
-        way = jnp.where(jnp.where(speed == 0.0, free, speed) < 0.0, -1.0, 1.0)
-        slower = free - way * slowing(jnp.abs(speed), way)
-        half = jnp.maximum(way * (speed + 0.5 * cycle * slower), 0.0)
-        after = speed + cycle * (free - way * slowing(half, way))
+        rests = speed == 0.0
+        way = jnp.where(jnp.where(rests, free, speed) < 0.0, -1.0, 1.0)
+        taken = jnp.where(rests, jnp.where(way < 0.0, held[1], held[0]), taken)
+        half = jnp.maximum(way * (speed + 0.5 * cycle * (free - way * taken)), 0.0)
+        taken = slowing(half, way)
+        after = speed + cycle * (free - way * taken)
         onward = place + 0.5 * cycle * (speed + after)
         # At rest on the way: friction takes what it can get, and the axis sticks, or
         # goes the other way for what is left of the cycle.
         begun = jnp.abs(speed) + jnp.abs(after)
         until = cycle * jnp.abs(speed) / jnp.where(begun > 0.0, begun, 1.0)
         stop = place + 0.5 * until * speed
-        over = jnp.maximum(jnp.abs(free) - jnp.where(free < 0.0, held[1], held[0]), 0.0)
+        holds = jnp.where(free < 0.0, held[1], held[0])
+        over = jnp.maximum(jnp.abs(free) - holds, 0.0)
         back = jnp.sign(free) * over * (cycle - until)
         goes_on = way * after > 0.0
         speed_after = jnp.where(goes_on, after, back)
         place_after = jnp.where(goes_on, onward, stop + 0.5 * (cycle - until) * back)
-        return (place_after, speed_after, integral), place
+        taken = jnp.where(goes_on, taken, holds)
+        return (place_after, speed_after, integral, taken), place
 
-    start = (motion[0, 0] + rest, motion[0, 1] + rest, rest)
-    return jax.lax.scan(cycle_of, start, (motion, added))[1]
+    place, speed = motion[0, 0] + rest, motion[0, 1] + rest
+    taken = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
+    return jax.lax.scan(cycle_of, (place, speed, rest, taken), (motion, added))[1]
