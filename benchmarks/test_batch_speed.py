@@ -311,37 +311,13 @@ def write_log(path: Path, rows: int) -> None:
             file.write_table(pa.table({"x": x, "y": y, "e": error}))
 
 
-_STREAM_JOB = """
-[axes.X]
-number = 1
-[axes.Y]
-number = 2
-[axes.Z]
-number = 3
-[measurements.log]
-file = "log.parquet"
-stream = true
-[measurements.log.columns]
-"X.position" = "x"
-"Y.position" = "y"
-"Z.error" = "e"
-[[fits]]
-compensation = "plane"
-axis = "Z"
-masters = ["X", "Y"]
-measurement = "log"
-start = [0.0, 0.0]
-interval = [10.0, 10.0]
-points = [101, 101]
-loss = "{loss}"
-"""
-
-
 @pytest.mark.parametrize("loss", ["gauss", "student"])
 def test_streamed_job(benchmark: BenchmarkFixture, tmp_path: Path, loss: str) -> None:
     write_log(tmp_path / "log.parquet", 10_000_000)
     job = tmp_path / "job.toml"
-    job.write_text(_STREAM_JOB.format(loss=loss))
+    _FLEET.plane_job(
+        job, "log.parquet", 101, 10.0, read="stream = true", fit=f'loss = "{loss}"'
+    )
     command = [sys.executable, "-m", "axcomp", "fit", str(job)]
     command += ["--out", str(tmp_path / "out")]
     call = {"check": True, "capture_output": True}

@@ -17,6 +17,9 @@ _BYTES = 1 << 25
 """Of a CSV file that are read at once."""
 BUFFER = 1 << 20
 """Bytes of each column of a Parquet file that are read at once."""
+_LEAST, _MOST = 1 << 16, 1 << 21
+"""Rows of the row groups that are read one by one, which is faster; smaller ones go together,
+larger ones must not lie in memory whole."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,25 +48,33 @@ class LogPart:
         for columns in self.columns_of(rows):
             yield np.stack(columns, axis=1)
 
-    def columns_of(self, rows: int = ROWS) -> Iterator[list[Float[np.ndarray, " t"]]]:
+    def columns_of(
+        self, rows: int = ROWS, *, threads: bool = True, checked: bool = True
+    ) -> Iterator[list[Float[np.ndarray, " t"]]]:
         """Yield the same, column by column, without a copy where the file allows it.
+
+        Args:
+            rows: Of a piece at most.
+            threads: Read columns side by side; not where parts are.
+            checked: Refuse cells that hold no finite number; else they come as they are,
+                missing ones as NaN.
 
         Raises:
             MeasurementError: As `pieces`.
         """
         row = 0
-        for batch in self._batches(rows):
+        for batch in self._batches(rows, threads):
             found = [
                 self._numbers(batch.column(k), name)
                 for k, name in enumerate(self.columns)
             ]
             # Summing up finds any bad cell; looking for it is for when there is one.
-            if not all(np.isfinite(column.sum()) for column in found):
+            if checked and not all(np.isfinite(column.sum()) for column in found):
                 self._refuse_gaps(np.stack(found, axis=1), row)
             row += batch.num_rows
             yield found
 
-    def _batches(self, rows: int) -> Iterator[Any]:
+    def _batches(self, rows: int, threads: bool) -> Iterator[Any]:
         import pyarrow as pa
         import pyarrow.csv as pv
         import pyarrow.parquet as pq
@@ -89,9 +100,17 @@ class LogPart:
                 self.path, pre_buffer=False, buffer_size=BUFFER
             ) as file:
                 self._refuse_missing(file.schema_arrow.names)
-                groups = range(self.first, _stop(file, self.stop))
-                for batch in file.iter_batches(rows, list(groups), columns=names):
-                    yield batch.select(names)
+                groups = list(range(self.first, _stop(file, self.stop)))
+                about = file.metadata
+                sizes = [about.row_group(k).num_rows for k in groups]
+                how: Any = {"columns": names, "use_threads": threads}
+                if not all(_LEAST <= size <= _MOST for size in sizes):
+                    for batch in file.iter_batches(rows, groups, **how):
+                        yield batch.select(names)
+                    return
+                for group in groups:
+                    table = file.read_row_group(group, **how).select(names)
+                    yield from table.to_batches(max_chunksize=rows)
         except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
             raise MeasurementError(str(self.path), str(error).splitlines()[0]) from None
 

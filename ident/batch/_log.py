@@ -2,7 +2,9 @@
 
 import contextlib
 import dataclasses
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -10,30 +12,49 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.measurements import LogPart, log_parts
-from ..fit import Ahead, Samples, TableFit, TableLayout, fit_streamed, in_turn
+from ..fit import (
+    Ahead,
+    Apply,
+    FitError,
+    Part,
+    Samples,
+    TableFit,
+    TableLayout,
+    fit_streamed,
+    in_turn,
+)
 from ._cluster import workers_of
 
 _PARTS = 32
 """Parts of a log: enough to share out evenly, few enough to send their sums about."""
-_ROWS = 1 << 19
+_ROWS = 1 << 18
 """Rows of a piece."""
+_APIECE = 4
+"""Parts for each thread at least: else one of them ends long after the others."""
 
 _Columns = list[Float[np.ndarray, " t"]]
 
 
 @dataclasses.dataclass(frozen=True)
 class _Readings:
-    """Part of a log as readings of a fit, piece by piece."""
+    """Part of a log as readings of a fit, piece by piece.
+
+    Attributes:
+        part: Of the log.
+        factor: mm or ° per unit of the error.
+        threads: Whether columns are read side by side.
+    """
 
     part: LogPart
     factor: float
+    threads: bool = False
 
     def __call__(self) -> Iterator[Samples]:
         return map(self.samples, self.columns())
 
-    def columns(self) -> Iterator[_Columns]:
+    def columns(self, checked: bool = False) -> Iterator[_Columns]:
         """Yield the columns of each piece as they come from the file."""
-        return self.part.columns_of(_ROWS)
+        return self.part.columns_of(_ROWS, threads=self.threads, checked=checked)
 
     def samples(self, columns: _Columns) -> Samples:
         """Return the readings of a piece."""
@@ -79,17 +100,46 @@ def fit_log(
     parts = [
         _Readings(part, factor) for part in log_parts(path, (*positions, error), _PARTS)
     ]
-    local = scheduler is None and workers <= 1
     with contextlib.ExitStack() as stack:
-        client: Any = None
-        if not local:
-            client = stack.enter_context(workers_of(scheduler, workers))
+        own, apply = _shared(parts, scheduler, workers, stack)
+        try:
+            return fit_streamed(
+                layout, own, smoothness=smoothness, loss=loss, apply=apply
+            )
+        except FitError:
+            _refuse_gaps(parts)
+            raise
+
+
+def _shared(
+    parts: Sequence[_Readings],
+    scheduler: str | None,
+    workers: int,
+    stack: contextlib.ExitStack,
+) -> tuple[Sequence[Part], Apply]:
+    """Return the parts and what sums them up: on workers, on threads or one by one."""
+    if scheduler is not None or workers > 1:
+        client: Any = stack.enter_context(workers_of(scheduler, workers))
 
         def apply(call: Callable[[Any], Any], items: Sequence[Any]) -> Iterable[Any]:
-            if client is None:
-                return in_turn(call, items)
             found: list[Any] = client.gather(client.map(call, list(items), pure=False))
             return found
 
-        own = [Ahead(part.columns, part.samples) for part in parts] if local else parts
-        return fit_streamed(layout, own, smoothness=smoothness, loss=loss, apply=apply)
+        return parts, apply
+    threads = min(os.cpu_count() or 1, len(parts) // _APIECE)
+    if threads > 1:
+        # Neither reading nor summing holds the interpreter.
+        return parts, stack.enter_context(ThreadPoolExecutor(threads)).map
+    parts = [dataclasses.replace(part, threads=True) for part in parts]
+    return [Ahead(part.columns, part.samples) for part in parts], in_turn
+
+
+def _refuse_gaps(parts: Sequence[_Readings]) -> None:
+    """Name the first cell that holds no finite number, after a fit that met one.
+
+    Raises:
+        MeasurementError: If there is one.
+    """
+    for part in parts:
+        for _ in part.columns(checked=True):
+            pass

@@ -11,10 +11,12 @@ from ._gather import (
 from ._grid import Grid as Grid
 from ._passes import (
     AbstractPass as AbstractPass,
+    Apply as Apply,
     Grouping as Grouping,
     Part as Part,
     Place as Place,
     Stream as Stream,
+    added as added,
 )
 from ._predict import (
     leave_out as leave_out,

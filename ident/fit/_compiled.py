@@ -3,7 +3,8 @@
 Scatters are cheap on a processor, large temporaries are not: each block is scanned in chunks
 that stay in cache, one scalar scatter per moment. The place of a reading in its cell is found
 by the controller model's own nodes. The plain NumPy code in `_information` gives the same
-sums; it serves few readings, for which compiling would take longer than summing.
+sums; it serves few readings, for which compiling would take longer than summing. Planes that
+need no weights of a loss are summed by `_kernel`, which is faster still.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,23 +13,20 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from ...models import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints
+from ._grid import spacing_of
 
 CHUNK, CHUNKS = 32_768, 4
 BLOCK = CHUNK * CHUNKS
 """Readings per compiled call; the last block is filled up with readings of weight 0."""
 
-_EVEN = 1e-9
-"""Nodes count as equidistant when they lie on a straight line to this share of a cell."""
-
 
 def axis_nodes(nodes: Float[np.ndarray, " n"], ring: bool = False) -> AbstractNodes:
     """Return the controller model's nodes for node positions along one axis."""
-    interval = (nodes[-1] - nodes[0]) / max(len(nodes) - 1, 1)
-    even = nodes[0] + interval * np.arange(len(nodes))
-    if np.abs(nodes - even).max() <= _EVEN * interval:
+    interval = spacing_of(nodes)
+    if interval is not None:
         result: EquidistantNodes | Setpoints = EquidistantNodes(
             jnp.asarray(nodes[0]), jnp.asarray(interval), len(nodes)
         )
@@ -113,84 +111,6 @@ def moments(
 
     count = (degree + 1) * (across + 1)
     return jnp.stack(_scan(terms, (cell, u, v, weight), cells, count))
-
-
-@partial(jax.jit, static_argnames=("columns", "edges"))
-def plane_moments(
-    positions: Float[Array, "t 2"],
-    error: Float[Array, " t"],
-    weight: Float[Array, " t"] | None,
-    *,
-    slow: AbstractNodes,
-    fast: AbstractNodes,
-    columns: tuple[int, int],
-    edges: bool = False,
-) -> tuple[Float[Array, "p c"], Float[Array, "q c"], Bool[Array, ""]]:
-    """Return the moments of a plane and those of its readings, located and summed at once.
-
-    Last comes whether any reading may lie on the edge of its cell, and so not touch all of
-    the cell's nodes.
-
-    Args:
-        positions: Columns as measured.
-        error: Readings.
-        weight: Their weights; None for weight 1 all over.
-        slow: Nodes along the slow axis.
-        fast: Nodes along the fast axis.
-        columns: Columns of the positions along the slow and along the fast axis.
-        edges: Whether edges are looked for; else any reading may lie on one.
-    """
-    l, u = slow.locate(positions[:, columns[0]])
-    s, v = fast.locate(positions[:, columns[1]])
-    cell = l * (fast.count - 1) + s
-    # Else XLA finds the cell anew in each of the thirteen scatters.
-    places = jax.lax.optimization_barrier((cell, u, v))  # type: ignore[no-untyped-call]
-
-    def terms(
-        cell: Array, u: Array, v: Array, error: Array, *weights: Array
-    ) -> tuple[Array, list[Array]]:
-        own = weights[0] if weights else jnp.ones_like(u)
-        moved = weights[0] * error if weights else error
-        return cell, _powers(u, v, own, 2, 2) + _powers(u, v, moved, 1, 1)
-
-    cells = (slow.count - 1) * (fast.count - 1)
-    arrays = (*places, error) if weight is None else (*places, error, weight)
-    total = _scan(terms, arrays, cells, 13)
-    edge = jnp.ones((), bool)
-    if edges:
-        edge = jnp.any((u <= 0) | (u >= 1) | (v <= 0) | (v >= 1))
-    return jnp.stack(total[:9]), jnp.stack(total[9:]), edge
-
-
-@partial(jax.jit, static_argnames=("columns",))
-def plane_classes(
-    positions: Float[Array, "t 2"],
-    counted: Float[Array, " t"],
-    *,
-    slow: AbstractNodes,
-    fast: AbstractNodes,
-    columns: tuple[int, int],
-) -> Float[Array, "c 3 3"]:
-    """Return how many readings of each cell lie at its ends (0 and 2) or between (1).
-
-    Args:
-        positions: Columns as measured.
-        counted: 1 for a reading, 0 for what fills up the last block.
-        slow: As for `plane_moments`.
-        fast: As for `plane_moments`.
-        columns: As for `plane_moments`.
-    """
-    l, u = slow.locate(positions[:, columns[0]])
-    s, v = fast.locate(positions[:, columns[1]])
-
-    def place(share: Array) -> Array:
-        return (share > 0).astype(jnp.int32) + (share >= 1).astype(jnp.int32)
-
-    cell = l * (fast.count - 1) + s
-    code = (cell * 9).astype(jnp.int32) + 3 * place(u) + place(v)
-    cells = (slow.count - 1) * (fast.count - 1)
-    (total,) = _scan(lambda code, one: (code, [one]), (code, counted), 9 * cells, 1)
-    return total.reshape(cells, 3, 3)
 
 
 @partial(jax.jit, static_argnames=("fast", "planar"))

@@ -6,13 +6,15 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ._chain import chain_prior
 from ._errors import FitError
 from ._evidence import choose_smoothness
 from ._grid import Grid
 from ._logs import fixed_smoothness
 from ._loss import AbstractLoss, choose_loss
-from ._posterior import Posterior, Problem, solve
-from ._prior import Smoothness, TablePrior, chain_prior
+from ._posterior import Posterior, solve
+from ._prior import Smoothness, TablePrior
+from ._problem import Problem
 from ._readings import Readings, pseudo_readings
 from ._reconsider import crowded_places, local_start, mixture_cost
 from ._suspects import nearest

@@ -2,29 +2,32 @@
 
 Four weights at most (second and fourth differences along each axis), searched in their
 logarithms. Small tables are searched with exact evaluations only. For a large plane a
-spectral surrogate gives start and curvature, and a few exact Newton steps finish.
+spectral surrogate gives the start; bent to the exact slope it gives every further step. A
+step takes one factor and the elements of the inverse, which the deviations need anyway.
 """
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ._exact import search_exact
-from ._logs import HIGH, LEAST, active_weights, smoothness_of
-from ._posterior import Posterior, Problem, solve
+from ._logs import LEAST, active_weights, smoothness_of, stiffest
+from ._posterior import Posterior, about, solve
 from ._prior import Smoothness
-from ._spectrum import spectral_start
+from ._problem import Problem
+from ._slopes import slopes
+from ._spectrum import SHARE, Spectrum, spectral_start
 
+_LIGHT = 1e-3
+"""Weights relative to the density of the fit about which all others are looked for."""
 _NEGLIGIBLE = 2.0
 """Expected gain at which the search ends."""
-_DIFFERENCE = 0.2
-"""Step in a logarithm for slopes: wide, since what sums rounded in another order change of the
-evidence is divided by it."""
-_COARSE = 0.1
-"""Step to which logarithms are rounded on a large plane."""
-_STEPS, _RADIUS = 8, 3.0
-"""Exact evaluations on a large plane, and the largest step in a logarithm."""
-_SMALL = 5e6
-"""Operations of one band Cholesky up to which exact evaluations are cheap."""
+_STEPS, _RADIUS, _BACK = 10, 3.0, 0.3
+"""Exact evaluations on a large plane, the largest step in a logarithm, and how much of a step
+that led nowhere is tried next."""
+_SOFT, _LESS = float(np.log(1e4)), 2.0
+"""Logarithm that every factor bears, and how much is taken off one that it did not bear."""
+_LIFT = 0.5
+"""Curvature of weights that tell nothing."""
 
 
 def choose_smoothness(problem: Problem) -> Posterior | None:
@@ -33,97 +36,84 @@ def choose_smoothness(problem: Problem) -> Posterior | None:
     Args:
         problem: Sums about a current estimate.
     """
-    grid = problem.normal.grid
     density = problem.normal.density
     active = active_weights(problem)
     if not active.any():
         posterior = solve(problem, Smoothness((0.0, 0.0)))
         return posterior
-    full = grid.size * (4.0 * grid.fast) ** 2
-    if full <= _SMALL:
+    weight = _LIGHT * density
+    fast = (weight, 0.0) if active[2] else (0.0, 0.0)
+    light = solve(problem, Smoothness((weight, 0.0), fast))
+    if light is None:
+        return search_exact(problem, density, active) if problem.small else None
+    # About a table near the readings the sums keep the digits that tell the weights.
+    problem = about(light)
+    if problem.small:
         return search_exact(problem, density, active)
-    return _search_large(problem, density, active)
-
-
-def _slope(
-    problem: Problem,
-    density: float,
-    log: Float[np.ndarray, " 4"],
-    alive: Bool[np.ndarray, " 4"],
-    value: float,
-    curvature: Float[np.ndarray, "k k"],
-) -> Float[np.ndarray, " k"]:
-    """Return the slope of the evidence over the weights alive, by forward differences.
-
-    What the curvature adds over the step is taken off. The analytic slope needs traces of
-    inverse × penalty, which cancel for smooth tables; the evidence itself stays exact.
-    """
-    result = []
-    for k in np.flatnonzero(alive):
-        moved = log.copy()
-        moved[k] += _DIFFERENCE
-        posterior = solve(problem, smoothness_of(moved, density))
-        result.append(
-            np.nan if posterior is None else (posterior.evidence - value) / _DIFFERENCE
-        )
-    return np.array(result) - 0.5 * _DIFFERENCE * np.diag(curvature)
+    return _search_large(problem, light, density, active)
 
 
 def _search_large(
     problem: Problem,
+    light: Posterior,
     density: float,
     active: Bool[np.ndarray, " 4"],
 ) -> Posterior | None:
-    """Spectral start, then quasi-Newton steps with exact slopes."""
-    found = spectral_start(problem, density, active)
-    if found is None:
-        return None
-    surrogate, log = found
-    alive = active & (log > LEAST + 1e-9)
-    log = _coarse(log, alive)
-    curvature = surrogate.information(log)[np.ix_(alive, alive)]
+    """Spectral start, one step of the surrogate bent to the exact slope, quasi-Newton steps."""
+    high = stiffest(problem.prior)
+    surrogate, log, louder = spectral_start(light, active, high)
+    # Fourth differences are there or not; second ones always, however weak.
+    alive = active & ((log > LEAST + 1e-9) | np.array([True, False, True, False]))
     best: Posterior | None = None
     best_log, best_slope = log, np.zeros(int(alive.sum()))
+    curvature: Float[np.ndarray, "k k"] | None = None
     step = best_slope
     for _ in range(_STEPS):
         posterior = solve(problem, smoothness_of(log, density))
-        if posterior is None or not np.isfinite(posterior.evidence):
+        rise = None
+        if posterior is not None and np.isfinite(posterior.evidence):
+            worse = best is not None and posterior.evidence > best.evidence
+            rise = None if worse else slopes(posterior)
+        if posterior is None or rise is None or not np.isfinite(rise).all():
             if best is None:
-                log = np.minimum(log, np.log(1e4))
+                # Too stiff for a factor: as stiff as it bears.
+                log = np.where(log > _SOFT, np.maximum(log - _LESS, _SOFT), log)
                 continue
-            step = 0.3 * step
-        elif best is not None and posterior.evidence > best.evidence:
-            step = 0.3 * step
+            step = _BACK * step
         else:
-            slope = _slope(problem, density, log, alive, posterior.evidence, curvature)
-            if best is not None:
-                moved = log[alive] - best_log[alive]
-                curvature = _updated(curvature, moved, slope - best_slope)
+            slope = rise[alive]
+            if best is None:
+                there = surrogate.best_near(alive, log, louder, rise, _RADIUS, high)
+                step = there[alive] - log[alive]
+            else:
+                if curvature is None:
+                    curvature = _curvature(surrogate, log, alive)
+                change = log[alive] - best_log[alive]
+                curvature = _updated(curvature, change, slope - best_slope)
+                # What stands at its end and wants to go on stays.
+                ahead = np.where(slope < 0, high[alive] - log[alive], np.inf)
+                free = ahead > 0
+                step = np.zeros(len(slope))
+                step[free] = -np.linalg.solve(
+                    curvature[np.ix_(free, free)], slope[free]
+                )
+                step = np.clip(step, -_RADIUS, _RADIUS)
+                step = np.minimum(step, high[alive] - log[alive])
             best, best_log, best_slope = posterior, log, slope
-            step = -np.linalg.solve(curvature, slope)
-            step *= min(1.0, _RADIUS / max(float(np.abs(step).max()), 1e-12))
         # Expected gain well below one unit of log-likelihood: statistically the same weights.
         if -0.5 * float(best_slope @ step) < _NEGLIGIBLE:
-            return best
+            break
         log = best_log.copy()
-        log[alive] += step
-        log = _coarse(log, alive)
-        if np.array_equal(log, best_log):
-            return best
+        log[alive] = np.clip(log[alive] + step, LEAST[alive] + 2e-9, high[alive])
     return best
 
 
-def _coarse(
-    log: Float[np.ndarray, " 4"], alive: Bool[np.ndarray, " 4"]
-) -> Float[np.ndarray, " 4"]:
-    """Return logarithms to a step that matters to nobody, within their ends.
-
-    So sums rounded in another order are searched at the same places.
-    """
-    result = log.copy()
-    steps = np.round(log[alive] / _COARSE) * _COARSE
-    result[alive] = np.clip(steps, LEAST[alive] + 2e-9, HIGH[alive])
-    return result
+def _curvature(
+    surrogate: Spectrum, log: Float[np.ndarray, " 4"], alive: Bool[np.ndarray, " 4"]
+) -> Float[np.ndarray, "k k"]:
+    """Return what the surrogate says of the curvature of the evidence, lifted off zero."""
+    found = SHARE * surrogate.information(log)[np.ix_(alive, alive)]
+    return np.asarray(found + _LIFT * np.eye(len(found)))
 
 
 def _updated(

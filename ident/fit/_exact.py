@@ -13,20 +13,27 @@ from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 
 from ._logs import LEAST, LOW, spread_logs, stiffest, weights_of
-from ._posterior import Posterior, Problem, solve
+from ._posterior import BEARS, Posterior, solve
+from ._problem import Problem
 
 _DIFFERENCE = 0.02
 """Step in a logarithm for the slopes of the descent."""
-_WIDTH = 0.1
+_GAIN = 1e-2
+"""Gain in evidence of one step at which the descent ends."""
+_WIDTH = 0.2
 """Step in a logarithm for slopes and curvatures at the bottom: wide enough to stand out of
 the rounding of the evidence."""
-_STEPS, _RADIUS, _SETTLED = 30, 2.0, 1e-5
-"""Newton steps at most, the largest one, and the last one: the next would be its square."""
+_STEPS, _RADIUS, _SETTLED = 30, 2.0, 1e-3
+"""Newton steps at most, the largest one, and the last one."""
+_NEAR, _POLISHED, _TOUCHES = 0.05, 1e-9, 6
+"""First step of the polish at most, the one at which it ends, and how many at most."""
 _HALVES = 4
 _ROUNDING, _NOTHING = 1e-11, 1e-5
 """Of the evidence, relative to its size; and how much of it is nothing to anybody."""
 _WORTH = 0.1
 """Gain in evidence below which the simpler of two priors is taken."""
+_ROUGHLY = 1e9
+"""`BEARS` of the way down, where the evidence may be out by what is nothing to anybody."""
 _HOPELESS = 1e30
 
 Log = Float[np.ndarray, " 4"]
@@ -44,14 +51,15 @@ def search_exact(
         active: Which of the four weights have any difference to act on.
     """
     evidence = _Evidence(problem, density, stiffest(problem.prior))
-    log = _deepest(evidence, active)
+    roughly = dataclasses.replace(evidence, bears=_ROUGHLY)
+    log = _deepest(roughly, active)
     if evidence(log) >= _HOPELESS:
         return None
-    log = _bottom(evidence, _simplest(evidence, log))
+    log = _bottom(roughly, _simplest(evidence, log))
     simple = _simplest(evidence, log)
     if not np.array_equal(simple, log):
-        log = _bottom(evidence, simple)
-    return evidence.posterior(log)
+        log = _bottom(roughly, simple)
+    return evidence.posterior(_polished(evidence, log))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,15 +70,17 @@ class _Evidence:
         problem: Sums about a current estimate.
         density: Of the readings.
         high: Upper ends of the logarithms.
+        bears: As for `solve`.
     """
 
     problem: Problem
     density: float
     high: Log
+    bears: float = BEARS
 
     def posterior(self, log: Log) -> Posterior | None:
         """Return the posterior for these weights, None where there is none."""
-        return solve(self.problem, weights_of(log, self.density))
+        return solve(self.problem, weights_of(log, self.density), bears=self.bears)
 
     def __call__(self, log: Log) -> float:
         posterior = self.posterior(log)
@@ -110,9 +120,11 @@ def _deepest(evidence: _Evidence, active: Bool[np.ndarray, " 4"]) -> Log:
     for log in starts:
         # A weight at its lower bound has no slope there: lift it a little so that it can grow.
         lifted = np.minimum(np.maximum(log, least + 1.0), high)
+        # Relative to the evidence, as the routine has it.
+        gain = _GAIN / max(abs(lowest), 1.0)
         minimize(
             cost, lifted, bounds=bounds, method="L-BFGS-B",
-            options={"maxiter": 30, "ftol": 1e-8, "gtol": 1e-2, "eps": _DIFFERENCE},
+            options={"maxiter": 30, "ftol": gain, "gtol": 1e-2, "eps": _DIFFERENCE},
         )  # fmt: skip
     return best
 
@@ -127,10 +139,7 @@ def _bottom(evidence: _Evidence, log: Log) -> Log:
         slope, curvature = _derivatives(evidence, log, free, value)
         if not np.isfinite(curvature).all():
             break
-        bends, ways = np.linalg.eigh(curvature)
-        # Uphill bends are gone down, too; where nothing bends no weight matters.
-        bends = np.maximum(np.abs(bends), 1e-9)
-        step = -ways @ ((ways.T @ slope) / bends)
+        step = -_inverse(curvature) @ slope
         step *= min(1.0, _RADIUS / max(float(np.abs(step).max()), 1e-300))
         moved = log
         for _ in range(_HALVES):
@@ -149,6 +158,50 @@ def _bottom(evidence: _Evidence, log: Log) -> Log:
     return log
 
 
+def _polished(evidence: _Evidence, log: Log) -> Log:
+    """Return the bottom from next to it, to the digits that the evidence has.
+
+    Steps with the same curvature shrink by a factor; the last ones are far below what
+    rounding elsewhere does to a table.
+    """
+    free = np.flatnonzero(evidence.free(log))
+    if not len(free):
+        return log
+    slope, curvature = _derivatives(evidence, log, free, evidence(log))
+    if not np.isfinite(curvature).all():
+        return log
+    inverse, size = _inverse(curvature), 2.0 * _NEAR
+    for _ in range(_TOUCHES):
+        step = -inverse @ slope
+        if not float(np.abs(step).max()) <= 0.5 * size:
+            break
+        size = float(np.abs(step).max())
+        log = log.copy()
+        log[free] = np.clip(log[free] + step, LEAST[free], evidence.high[free])
+        if size <= _POLISHED:
+            break
+        ahead, behind = _beside(evidence, log, free)
+        slope = (ahead - behind) / (2.0 * _WIDTH)
+    return log
+
+
+def _inverse(curvature: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
+    """Return the inverse of a curvature with every bend taken for a valley."""
+    bends, ways = np.linalg.eigh(curvature)
+    # Uphill bends are gone down, too; where nothing bends no weight matters.
+    return np.asarray((ways / np.maximum(np.abs(bends), 1e-9)) @ ways.T)
+
+
+def _beside(
+    evidence: _Evidence, log: Log, free: np.ndarray
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return the evidence a step ahead and a step behind along each free weight."""
+    steps = _WIDTH * np.eye(4)[free]
+    ahead = np.array([evidence(log + step) for step in steps])
+    behind = np.array([evidence(log - step) for step in steps])
+    return ahead, behind
+
+
 def _derivatives(
     evidence: _Evidence, log: Log, free: np.ndarray, value: float
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k k"]]:
@@ -157,11 +210,10 @@ def _derivatives(
     The analytic slope needs traces of inverse × penalty, which cancel for smooth tables;
     the evidence itself stays exact.
     """
-    steps = _WIDTH * np.eye(4)[free]
-    ahead = np.array([evidence(log + step) for step in steps])
-    behind = np.array([evidence(log - step) for step in steps])
+    ahead, behind = _beside(evidence, log, free)
     if max(*ahead, *behind) >= _HOPELESS:
         return ahead, np.full((len(free), len(free)), np.inf)
+    steps = _WIDTH * np.eye(4)[free]
     slope = (ahead - behind) / (2.0 * _WIDTH)
     own = (ahead + behind - 2.0 * value) / _WIDTH**2
     curvature = np.diag(own)

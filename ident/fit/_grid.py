@@ -18,6 +18,19 @@ MANY = 100_000
 """From this many readings on, compiled code pays for loading the compiler."""
 
 
+_EVEN = 1e-9
+"""Nodes count as equidistant when they lie on a straight line to this share of a cell."""
+
+
+def spacing_of(nodes: Float[np.ndarray, " n"]) -> float | None:
+    """Return the distance of equidistant nodes, None where they are not."""
+    interval = (nodes[-1] - nodes[0]) / max(len(nodes) - 1, 1)
+    even = nodes[0] + interval * np.arange(len(nodes))
+    if np.abs(nodes - even).max() <= _EVEN * interval:
+        return float(interval)
+    return None
+
+
 @dataclasses.dataclass(frozen=True)
 class Located:
     """Cell and place within it of every reading: the stencil in compact form.

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ._grid import Grid
-from ._posterior import Problem
 from ._prior import Smoothness, TablePrior
+from ._problem import Problem
 
 LOW = float(np.log(1e-4))
 """Below this fourth differences do nothing."""

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float
 
-from ._prior import ChainPrior
+from ._chain import ChainPrior
 
 
 @dataclasses.dataclass(frozen=True)

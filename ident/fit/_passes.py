@@ -35,11 +35,11 @@ class Place:
 
 
 class AbstractPass(abc.ABC):
-    """What is asked of one pass; what pieces give adds up with ``+``."""
+    """What is asked of one pass; what parts give adds up with ``+``."""
 
     @abc.abstractmethod
-    def of(self, grid: Grid, samples: Samples, place: Place) -> Any:
-        """Return what a piece gives."""
+    def onto(self, done: Any, grid: Grid, samples: Samples, place: Place) -> Any:
+        """Return what a piece gives, added to what those before it gave (None)."""
 
 
 _Result = TypeVar("_Result")
@@ -104,7 +104,8 @@ class Stream:
         totals: list[Any] = [None] * len(wanted)
         for found in self.apply(call, jobs):
             totals = [
-                _added(total, own) for total, own in zip(totals, found, strict=True)
+                total if own is None else added(total, own)
+                for total, own in zip(totals, found, strict=True)
             ]
         if any(total is None for total in totals):
             msg = "found 0 readings, expected at least one per node."
@@ -133,13 +134,15 @@ def _over_part(
                 own = samples.take(groups != left_out)
             if not len(own.error):
                 continue
-            totals[k] = _added(totals[k], one.of(grid, own, Place(number, rows[k])))
+            totals[k] = one.onto(totals[k], grid, own, Place(number, rows[k]))
             rows[k] += len(own.error)
     return totals
 
 
-def _added(total: Any, more: Any) -> Any:
-    """Return a sum of which either may be missing."""
-    if total is None or more is None:
-        return more if total is None else total
-    return total + more
+def added(total: _Result | None, more: _Result) -> _Result:
+    """Return a sum that may not have begun."""
+    if total is None:
+        return more
+    before: Any = total
+    result: _Result = before + more
+    return result

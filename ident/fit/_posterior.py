@@ -1,59 +1,23 @@
 """The Gaussian posterior of a table: node values, run effects, evidence, variances."""
 
 import dataclasses
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
 from ._band import BandFactor, factorise
-from ._information import Normal, assemble
-from ._prior import Smoothness, TablePrior
+from ._information import assemble
+from ._prior import Smoothness
+from ._problem import Problem
+from ._root import stiff_factor
 
-
-@dataclasses.dataclass(frozen=True)
-class Border:
-    """Run effects beside the node values: their sums, and their coupling to the nodes.
-
-    Attributes:
-        coupling: Σ w x zᵀ, shape (slow, fast, r).
-        matrix: Σ w z zᵀ, shape (r, r).
-        vector: Σ w z y about the current effects, shape (r,).
-    """
-
-    coupling: Float[np.ndarray, "l s r"]
-    matrix: Float[np.ndarray, "r r"]
-    vector: Float[np.ndarray, " r"]
-
-
-@dataclasses.dataclass(frozen=True)
-class Problem:
-    """A table fit as sums about a current estimate, so that nothing cancels.
-
-    Attributes:
-        normal: Normal matrix of the node values.
-        prior: Smoothness prior.
-        vector: Σ w y x over the nodes, with y the reading minus the current estimate.
-        square: Σ w y².
-        count: Number of readings.
-        values: Current node values over (slow, fast).
-        effects: Current run effects, shape (r,).
-        border: Sums of the run effects, None without them.
-    """
-
-    normal: Normal
-    prior: TablePrior
-    vector: Float[np.ndarray, "l s"]
-    square: float
-    count: int
-    values: Float[np.ndarray, "l s"]
-    effects: Float[np.ndarray, " r"]
-    border: Border | None = None
-
-    @property
-    def free(self) -> int:
-        """Readings beyond those that the prior's null space and the run effects use up."""
-        return self.count - self.prior.null - len(self.effects)
+BEARS = 1e6
+"""Largest precision of the prior, relative to the readings, that a plain factor bears: beyond
+it the rounding of the evidence leads the search for its best weights."""
+_REFINED, _TIMES = 1e-13, 4
+"""Relative change at which the refinement of a solution ends, and how often at most."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,17 +65,9 @@ class Posterior:
         """
         grid = self.problem.normal.grid
         steps = list(self.problem.normal.diagonals)
-        band = self.factor.columns.shape[1] - 1
         if not grid.layout.periodic:
-            offsets = {step: step[0] * grid.fast + step[1] for step in steps}
-            inside = [offset for offset in offsets.values() if offset <= band]
-            found = self.factor.inverse_diagonals(inside)
-            shape = (grid.slow, grid.fast)
-            return {
-                step: found[offset].reshape(shape) + self._border_share(*step)
-                for step, offset in offsets.items()
-                if offset in found
-            }
+            return self.elements(steps)
+        band = self.factor.columns.shape[1] - 1
         found = self.factor.inverse_diagonals(range(band + 1))
         stack = np.stack([found[offset] for offset in range(band + 1)])
         result = {}
@@ -125,6 +81,24 @@ class Posterior:
             offset = ((high - low) * grid.fast)[:, None]
             result[step] = stack[offset, column] + self._border_share(*step)
         return result
+
+    def elements(
+        self, steps: Iterable[tuple[int, int]]
+    ) -> dict[tuple[int, int], Float[np.ndarray, "l s"]]:
+        """Return elements of the inverse as `inverse` does, of any pairs within the band.
+
+        Not around a ring.
+        """
+        grid = self.problem.normal.grid
+        band = self.factor.columns.shape[1] - 1
+        offsets = {step: step[0] * grid.fast + step[1] for step in steps}
+        inside = {step: offset for step, offset in offsets.items() if offset <= band}
+        found = self.factor.inverse_diagonals(list(inside.values()))
+        shape = (grid.slow, grid.fast)
+        return {
+            step: found[offset].reshape(shape) + self._border_share(*step)
+            for step, offset in inside.items()
+        }
 
     def _border_share(self, dl: int, ds: int) -> Float[np.ndarray, "l s"]:
         """Return what the uncertainty of the run effects adds to the inverse."""
@@ -153,7 +127,10 @@ class Posterior:
 
 
 def solve(
-    problem: Problem, smoothness: Smoothness, like: Posterior | None = None
+    problem: Problem,
+    smoothness: Smoothness,
+    like: Posterior | None = None,
+    bears: float = BEARS,
 ) -> Posterior | None:
     """Return the posterior, or None where the matrix is numerically singular.
 
@@ -161,17 +138,18 @@ def solve(
         problem: Sums about a current estimate.
         smoothness: Weights of the prior.
         like: Another solution; where its matrix is the same its factor serves again.
+        bears: Precision of the prior relative to the readings above which a small table gets
+            a factor that keeps its digits.
     """
     grid = problem.normal.grid
     factor: BandFactor | None
     if like is not None and like.has_matrix_of(problem, smoothness):
         factor = like.factor
     else:
-        factor = factorise(assemble(problem.normal, problem.prior, smoothness))
+        factor = _factor_of(problem, smoothness, bears)
     if factor is None or not np.isfinite(factor.logdet):
         return None
-    right = problem.vector - problem.prior.apply(smoothness, problem.values)
-    step = factor.solve(_to_band(grid.rank, right))
+    step = _solved(problem, smoothness, factor, problem.vector, problem.values)
     count = len(problem.effects)
     gain = np.zeros((grid.size, count))
     schur_inverse: Float[np.ndarray, "r r"] = np.zeros((count, count))
@@ -180,7 +158,13 @@ def solve(
     if problem.border is not None and count:
         border = problem.border
         coupling = _to_band(grid.rank, border.coupling)
-        gain = factor.solve(coupling)
+        gain = np.stack(
+            [
+                _solved(problem, smoothness, factor, column, np.zeros_like(column))
+                for column in np.moveaxis(border.coupling, 2, 0)
+            ],
+            axis=1,
+        )
         schur = border.matrix - coupling.T @ gain
         try:
             root = np.linalg.cholesky(schur)
@@ -215,15 +199,63 @@ def solve(
     )
 
 
+def _factor_of(
+    problem: Problem, smoothness: Smoothness, bears: float
+) -> BandFactor | None:
+    normal, prior = problem.normal, problem.prior
+    stiffness = prior.slow.stiffness(smoothness.slow)
+    if prior.fast is not None:
+        stiffness += prior.fast.stiffness(smoothness.fast)
+    stiff = bool(stiffness > bears * normal.density)
+    if stiff and problem.small:
+        return stiff_factor(normal, prior, smoothness)
+    return factorise(assemble(normal, prior, smoothness), stiff)
+
+
+def _solved(
+    problem: Problem,
+    smoothness: Smoothness,
+    factor: BandFactor,
+    vector: Float[np.ndarray, "l s"],
+    values: Float[np.ndarray, "l s"],
+) -> Float[np.ndarray, " n"]:
+    """Return the step from a table to the solution, in the order of the band."""
+    rank = problem.normal.grid.rank
+    right = vector - problem.prior.apply(smoothness, values)
+    step = factor.solve(_to_band(rank, right))
+    if not factor.stiff:
+        return step
+    for _ in range(_TIMES):
+        table = step.reshape(values.shape)[rank]
+        left = vector - problem.normal.apply(table)
+        # Of the sum: what the differences of both have in common is lost in neither.
+        left -= problem.prior.apply(smoothness, values + table)
+        more = factor.solve(_to_band(rank, left))
+        step = step + more
+        if float(np.abs(more).max()) <= _REFINED * float(np.abs(step).max()):
+            break
+    return step
+
+
 def about(posterior: Posterior) -> Problem:
-    """Return the sums of the same readings about the table that they gave, without runs."""
-    problem = posterior.problem
+    """Return the sums of the same readings about the table that they gave."""
+    problem, border = posterior.problem, posterior.problem.border
     move = posterior.values - problem.values
+    vector = problem.vector - problem.normal.apply(move)
+    if border is not None:
+        change = posterior.effects - problem.effects
+        vector -= border.coupling @ change
+        pull = np.einsum("lsr,ls->r", border.coupling, move)
+        border = dataclasses.replace(
+            border, vector=border.vector - pull - border.matrix @ change
+        )
     return dataclasses.replace(
         problem,
-        vector=problem.vector - problem.normal.apply(move),
+        vector=vector,
         square=posterior.residual_square,
         values=posterior.values,
+        effects=posterior.effects,
+        border=border,
     )
 
 

@@ -14,8 +14,8 @@ from ._information import (
     vector_from_moments,
 )
 from ._loss import AbstractLoss
-from ._posterior import Border, Problem
 from ._prior import TablePrior
+from ._problem import Border, Problem
 
 _RIDGE = 1e-9
 """Weight, relative to the mean information on a run effect, that holds it at zero."""

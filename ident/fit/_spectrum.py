@@ -7,42 +7,45 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 
-from ._logs import HIGH, LEAST, LOW, spread_logs
+from ._logs import LEAST, LOW, spread_logs
 from ._modes import Modes, modes_of
-from ._posterior import Posterior, Problem, solve
-from ._prior import Smoothness
+from ._posterior import Posterior
 
 WORTH = 2.0
 """Gain in evidence below which the fourth differences are left out."""
+_CLOSELY = {"maxiter": 200, "ftol": 1e-15, "gtol": 1e-7}
+"""To the digits that the surrogate has."""
+SHARE = 0.5
+"""How much the evidence bends, relative to the surrogate: what was seen on rough and on smooth
+planes alike."""
 _NONE = 1e-30
 """Precision of a mode that no penalty holds."""
 
 
 def spectral_start(
-    problem: Problem, density: float, active: Bool[np.ndarray, " 4"]
-) -> "tuple[Spectrum, Float[np.ndarray, ' 4']] | None":
-    """Return the surrogate and its best logs; fourth differences only where worth it.
+    light: Posterior, active: Bool[np.ndarray, " 4"], high: Float[np.ndarray, " 4"]
+) -> "tuple[Spectrum, Float[np.ndarray, ' 4'], float]":
+    """Return the surrogate, its best logs and how much louder the modes are.
 
+    Fourth differences are there only where they are worth it.
     The modes of second differences bend nowhere at the ends of the table, those of fourth
     differences may: smooth errors need the latter, or their ends look rough.
     """
-    weight = 1e-3 * density
-    light = solve(problem, Smoothness((weight, 0.0), (weight, 0.0)))
-    if light is None:
-        return None
     bases = np.log((1e-2, 1.0, 1e2, 1e4))
     plain = active & np.array([True, False, True, False])
     rough = Spectrum.of(light, 2)
-    rough_cost, rough_log = rough.descend(plain, [np.full(4, base) for base in bases])
+    rough_cost, rough_log, rough_louder = rough.descend(
+        plain, [np.full(4, base) for base in bases], high
+    )
     if not active[1::2].any():
-        return rough, rough_log
+        return rough, rough_log, rough_louder
     smooth = Spectrum.of(light, 4)
     starts = [np.where(plain, base, base + np.log(30.0)) for base in bases]
     starts.append(np.where(plain, rough_log, rough_log[[0, 0, 2, 2]] + np.log(1e2)))
-    smooth_cost, smooth_log = smooth.descend(active, starts)
+    smooth_cost, smooth_log, smooth_louder = smooth.descend(active, starts, high)
     if smooth_cost < rough_cost - WORTH:
-        return smooth, smooth_log
-    return rough, rough_log
+        return smooth, smooth_log, smooth_louder
+    return rough, rough_log, rough_louder
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,17 +117,20 @@ class Spectrum:
         return cost, np.append(weights * (self._terms @ scale), excess.sum())
 
     def information(self, log: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "4 4"]:
-        """Return the expected second derivative of the cost, lifted off zero."""
+        """Return the expected second derivative of the cost."""
         columns = self._weights(log)[:, None] * self._terms
         precision = np.maximum(columns.sum(axis=0), _NONE)
         scale = np.where(precision > _NONE, 1.0 / (precision * (1.0 + precision)), 0.0)
         columns = scale * columns
-        return np.asarray(columns @ columns.T + np.eye(4))
+        return np.asarray(columns @ columns.T)
 
     def descend(
-        self, mask: Bool[np.ndarray, " 4"], starts: list[Float[np.ndarray, " 4"]]
-    ) -> tuple[float, Float[np.ndarray, " 4"]]:
-        """Return the best cost and logs over the weights in ``mask``."""
+        self,
+        mask: Bool[np.ndarray, " 4"],
+        starts: list[Float[np.ndarray, " 4"]],
+        high: Float[np.ndarray, " 4"],
+    ) -> tuple[float, Float[np.ndarray, " 4"], float]:
+        """Return the best cost and logs over the weights in ``mask``, and how much louder."""
         keep = np.append(mask, True)
 
         def cost(
@@ -135,13 +141,62 @@ class Spectrum:
             )
             return value, slope[keep]
 
-        bounds = [*zip(LEAST[mask], HIGH[mask], strict=True), (-0.7, 2.0)]
+        bounds = [*zip(LEAST[mask], high[mask], strict=True), (-0.7, 2.0)]
         results = [
             minimize(
-                cost, np.append(np.clip(log, LEAST + 0.5, HIGH)[mask], 0.0), jac=True,
+                cost, np.append(np.clip(log, LEAST + 0.5, high)[mask], 0.0), jac=True,
                 bounds=bounds, method="L-BFGS-B", options={"maxiter": 60},
             )
             for log in starts
         ]  # fmt: skip
         best = min(results, key=lambda found: float(found.fun))
-        return float(best.fun), spread_logs(mask, best.x[:-1])
+        # To the end, which is then one of the data and not of the way there.
+        best = minimize(
+            cost, best.x, jac=True, bounds=bounds, method="L-BFGS-B", options=_CLOSELY
+        )
+        return float(best.fun), spread_logs(mask, best.x[:-1]), float(best.x[-1])
+
+    def best_near(
+        self,
+        mask: Bool[np.ndarray, " 4"],
+        log: Float[np.ndarray, " 4"],
+        louder: float,
+        slope: Float[np.ndarray, " 4"],
+        radius: float,
+        high: Float[np.ndarray, " 4"],
+    ) -> Float[np.ndarray, " 4"]:
+        """Return the best logs of what bends as the evidence does and has a given slope.
+
+        Args:
+            mask: Which weights may move.
+            log: Where the slope is known.
+            louder: As `descend` returned it.
+            slope: Of the evidence.
+            radius: Largest step.
+            high: Upper ends.
+        """
+        here, own = self.cost(log, louder)
+        bend = (slope - SHARE * own[:-1])[mask]
+        start = log[mask]
+
+        def cost(
+            reduced: Float[np.ndarray, " k"],
+        ) -> tuple[float, Float[np.ndarray, " k"]]:
+            moved = log.copy()
+            moved[mask] = reduced
+            value, rise = self.cost(moved, louder)
+            pull = float(bend @ (reduced - start))
+            return SHARE * (value - here) + pull, SHARE * rise[:-1][mask] + bend
+
+        bounds = zip(
+            np.maximum(LEAST[mask] + 2e-9, start - radius),
+            np.minimum(high[mask], start + radius),
+            strict=True,
+        )
+        best = minimize(
+            cost, start, jac=True, bounds=list(bounds), method="L-BFGS-B",
+            options=_CLOSELY,
+        )  # fmt: skip
+        result = log.copy()
+        result[mask] = best.x
+        return result

@@ -20,7 +20,8 @@ from ._grid import Grid
 from ._information import evaluate
 from ._loss import choose_loss
 from ._passes import Apply, Asking, Grouping, Part, Stream
-from ._streamed_estimate import Estimate, Options, closely, least_squares
+from ._streamed_asked import Estimate, Options
+from ._streamed_estimate import closely, least_squares
 from ._streamed_looks import (
     Count,
     Counted,
@@ -166,8 +167,9 @@ def _by_least_squares(
         _refuse_few(0, options.prior.null)
     assert first is not None
     # Any table will do to sum about; one near the readings keeps the digits.
-    values = np.full((grid.slow, grid.fast), float(np.median(first.error)))
-    found: ByGroup = stream.ask(SumByGroup(values, stream.grouping))
+    centre = float(np.median(first.error))
+    values = np.full((grid.slow, grid.fast), centre)
+    found: ByGroup = stream.ask(SumByGroup(centre, stream.grouping)).finished()
     check_extent(grid.layout, found.extent, False)
     spread = float(np.ptp(first.error))
     whole = least_squares(options, found.without(None), values, spread)

@@ -1,7 +1,6 @@
 """The iterations of a table fit over a stream: `_estimate` and `_table`, asking for passes."""
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -9,13 +8,13 @@ from jaxtyping import Float, Int
 from ._errors import FitError
 from ._estimate import PASSES, ROUGHLY, SAME, SETTLED, solved
 from ._evidence import choose_smoothness
-from ._grid import Grid
-from ._logs import fixed_smoothness
 from ._loss import AbstractLoss, choose_loss
 from ._passes import Asking
-from ._posterior import Posterior, Problem, about
-from ._prior import Smoothness, TablePrior
+from ._posterior import Posterior, about
+from ._prior import Smoothness
+from ._problem import Problem
 from ._reconsider import crowded
+from ._streamed_asked import Estimate, Options
 from ._streamed_looks import Judge, Judged, Rule, Thin
 from ._streamed_sums import Half, Sums, SumUp
 from ._suspects import distrusted
@@ -33,68 +32,6 @@ _EXACT = 1e-5
 """Smallest scatter relative to the spread of the readings."""
 
 Table = Float[np.ndarray, "l s"]
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """What is asked of a fit.
-
-    Attributes:
-        grid: Nodes.
-        prior: Smoothness prior.
-        smoothness: As for `fit_table`.
-        loss: As for `fit_table`.
-        allow_gaps: Accept fewer readings than nodes.
-    """
-
-    grid: Grid
-    prior: TablePrior
-    smoothness: float | str | Mapping[str, float]
-    loss: str
-    allow_gaps: bool = False
-
-    @property
-    def fixed(self) -> bool:
-        """Whether the smoothness is given."""
-        return not isinstance(self.smoothness, str)
-
-    def of_fold(self, fit: TableFit) -> "Options":
-        """Return what is asked of a fit without some of the readings."""
-        return dataclasses.replace(
-            self, smoothness=dict(fit.smoothness), loss=fit.loss, allow_gaps=True
-        )
-
-    def start(self, density: float, count: int) -> Smoothness:
-        """Return the smoothness of the first steps, which is the last one where it is given."""
-        if not isinstance(self.smoothness, str):
-            return fixed_smoothness(self.smoothness, density, self.grid)
-        plenty = count >= 10 * self.grid.size
-        weight = density * (1e-2 if plenty else 1.0)
-        return Smoothness(
-            (weight, 0.0), (weight, 0.0) if self.grid.planar else (0.0, 0.0)
-        )
-
-
-@dataclasses.dataclass(frozen=True)
-class Estimate:
-    """A table, and which readings it rests on.
-
-    Attributes:
-        fit: The table.
-        count: Number of readings.
-        wild: How many are wild.
-        rule: By what they are; None where none is.
-        crowded: Nodes at which wild readings stand side by side.
-        last: Table, in the order of the fit, and loss by which the others counted; None: all
-            of them in full.
-    """
-
-    fit: TableFit
-    count: int
-    wild: int = 0
-    rule: Rule | None = None
-    crowded: int = 0
-    last: Rule | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,7 +67,7 @@ def least_squares(
     else:
         choice = _chosen(problem)
         # About its own table the last digits are right, however stiff it is.
-        posterior = solved(about(choice), choice.smoothness)
+        posterior = solved(about(choice), choice.smoothness, choice)
     square = posterior.residual_square
     fit = _result(options, posterior, sums.support, square, sums.count, spread, True)
     return Estimate(fit, sums.count)

@@ -11,7 +11,8 @@ from ._checks import Extent, check_finite
 from ._grid import Grid, Located
 from ._information import evaluate
 from ._loss import AbstractLoss
-from ._passes import AbstractPass, Grouping, Part, Place
+from ._passes import AbstractPass, Grouping, Part, Place, added
+from ._plane_sums import has_cells, plane_residual
 from ._suspects import nearest
 from ._types import Samples
 
@@ -57,14 +58,16 @@ class Count(AbstractPass):
 
     grouping: Grouping | None
 
-    def of(self, grid: Grid, samples: Samples, place: Place) -> Counted:
+    def onto(
+        self, done: Counted | None, grid: Grid, samples: Samples, place: Place
+    ) -> Counted:
         """See `AbstractPass`."""
         check_finite(samples)
         rows = {
             (place.part, group): len(own.error)
             for group, own in by_group(samples, self.grouping).items()
         }
-        return Counted(rows, Extent.of(grid.layout, samples))
+        return added(done, Counted(rows, Extent.of(grid.layout, samples)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,7 +114,9 @@ class TakeEvery(AbstractPass):
     step: int
     starts: tuple[int, ...]
 
-    def of(self, grid: Grid, samples: Samples, place: Place) -> Thin:
+    def onto(
+        self, done: Thin | None, grid: Grid, samples: Samples, place: Place
+    ) -> Thin:
         """See `AbstractPass`."""
         row = self.starts[place.part] + place.row
         part = slice(-row % self.step, None, self.step)
@@ -121,7 +126,8 @@ class TakeEvery(AbstractPass):
             None if samples.branch is None else samples.branch[part],
         )
         weight = weights_of(samples)[part]
-        return Thin(len(samples.error), grid.locate(few), few.error, weight)
+        found = Thin(len(samples.error), grid.locate(few), few.error, weight)
+        return added(done, found)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -164,28 +170,44 @@ class Judge(AbstractPass):
     loss: AbstractLoss
     rule: Rule | None
 
-    def of(self, grid: Grid, samples: Samples, place: Place) -> Judged:
+    def onto(
+        self, done: Judged | None, grid: Grid, samples: Samples, place: Place
+    ) -> Judged:
         """See `AbstractPass`."""
         where, weight = grid.locate(samples), weights_of(samples)
-        residual = samples.error - evaluate(grid, where, self.values)
-        active = believed(grid, where, samples, self.rule)
+        known = None if has_cells(grid) else where
+        residual = residual_of(grid, samples, known, self.values)
+        active = believed(grid, known, samples, self.rule)
         share = self.loss.share(residual * np.sqrt(weight) / self.loss.scale)
         node = nearest(grid, where)
-        return Judged(
+        found = Judged(
             float((weight * residual**2)[active].sum()),
             np.bincount(node, minlength=grid.size),
             np.bincount(node, np.where(active, share, 0.0), grid.size),
             np.bincount(node[~active], minlength=grid.size),
         )
+        return added(done, found)
+
+
+def residual_of(
+    grid: Grid,
+    samples: Samples,
+    where: Located | None,
+    values: Float[np.ndarray, "l s"],
+) -> Float[np.ndarray, " t"]:
+    """Return reading − table; ``where`` may be None for a grid that `has_cells`."""
+    if where is None:
+        return plane_residual(grid, samples, values)
+    return np.asarray(samples.error - evaluate(grid, where, values))
 
 
 def believed(
-    grid: Grid, where: Located, samples: Samples, rule: Rule | None
+    grid: Grid, where: Located | None, samples: Samples, rule: Rule | None
 ) -> Bool[np.ndarray, " t"]:
     """Tell which readings a rule believes; without one, all."""
     if rule is None:
         return np.ones(len(samples.error), bool)
-    residual = samples.error - evaluate(grid, where, rule[0])
+    residual = residual_of(grid, samples, where, rule[0])
     scaled = residual * np.sqrt(weights_of(samples))
     return np.asarray(~rule[1].wild(scaled / rule[1].scale))
 

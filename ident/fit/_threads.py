@@ -6,6 +6,7 @@ fight for the same cores: one BLAS thread is faster, and much faster on a busy m
 
 import contextlib
 import functools
+import os
 from collections.abc import Iterator
 
 from threadpoolctl import ThreadpoolController
@@ -21,3 +22,8 @@ def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread inside the block."""
     with _controller().limit(limits=1, user_api="blas"):
         yield
+
+
+def cores() -> int:
+    """Return the number of processors of this machine."""
+    return os.cpu_count() or 1

@@ -16,6 +16,7 @@ from axcomp.ident.fit import (
     predict,
 )
 from axcomp.ident.fit._band import factorise
+from axcomp.ident.fit._chain import ChainPrior
 from axcomp.ident.fit._estimate import table_prior
 from axcomp.ident.fit._grid import Grid, Located
 from axcomp.ident.fit._information import (
@@ -26,8 +27,9 @@ from axcomp.ident.fit._information import (
     touched,
     vector_from_moments,
 )
-from axcomp.ident.fit._posterior import Border, Posterior, Problem, solve
-from axcomp.ident.fit._prior import ChainPrior, Smoothness
+from axcomp.ident.fit._posterior import Posterior, solve
+from axcomp.ident.fit._prior import Smoothness
+from axcomp.ident.fit._problem import Border, Problem
 
 COUNT = 300
 UNEVEN = np.cumsum([0.0, 1.5, 2.0, 2.5, 1.0, 2.2, 1.8, 2.0, 1.6, 2.4, 2.0])

@@ -15,8 +15,6 @@ import pytest
 from axcomp.data.measurements import LogPart, MeasurementError, log_parts
 from axcomp.ident.batch import fit_log
 from axcomp.ident.fit import FitError, Samples, TableFit, TableLayout, fit_streamed
-from axcomp.ident.fit._grid import Grid
-from axcomp.ident.fit._plane_sums import sums_and_support, sums_of, touched_by
 from axcomp.ident.fit._table import _closely
 from axcomp.ident.fit.lanes import TableRequest
 
@@ -212,6 +210,48 @@ def test_a_file_read_ahead_gives_what_it_gives_in_memory(tmp_path: Path) -> None
     assert_same(found, whole, 1e-12)
 
 
+@pytest.mark.parametrize("loss", ["gauss", "student"])
+def test_the_number_of_threads_does_not_change_a_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loss: str
+) -> None:
+    samples = log(PLANE, 60_000)
+    table = pa.table({"x": samples.positions[:, 0], "e": samples.error})
+    table = table.append_column("y", [samples.positions[:, 1]])
+    path, columns = tmp_path / "log.parquet", ("x", "y")
+    pq.write_table(table, path, row_group_size=4_000)
+    found = []
+    for cores in (1, 2, 3):  # one reads ahead, the others take parts side by side
+        monkeypatch.setattr("os.cpu_count", lambda cores=cores: cores)
+        found.append(fit_log(path, PLANE, columns, "e", smoothness=0.5, loss=loss))
+    assert np.array_equal(found[0].values, found[1].values)
+    assert np.array_equal(found[0].values, found[2].values)
+
+
+@pytest.mark.parametrize("size", [700, 70_000, 3_000_000])
+def test_row_groups_of_any_size_are_read(tmp_path: Path, size: int) -> None:
+    count = 150_000 if size < 1_000_000 else 2_200_000
+    x = np.arange(float(count))
+    pq.write_table(pa.table({"x": x}), tmp_path / "log.parquet", row_group_size=size)
+    parts = log_parts(tmp_path / "log.parquet", ("x",), 3)
+    cut = [piece for part in parts for (piece,) in part.columns_of(50_000)]
+    assert max(map(len, cut)) <= 50_000
+    assert np.array_equal(np.concatenate(cut), x)
+
+
+def test_a_missing_cell_is_said_from_threads_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    samples = log(PLANE, 60_000)
+    x, y = samples.positions.T.copy()
+    y[41_234] = np.inf
+    table = pa.table({"x": x, "y": y, "e": samples.error})
+    pq.write_table(table, tmp_path / "log.parquet", row_group_size=4_000)
+    for loss in ("gauss", "huber"):
+        with pytest.raises(MeasurementError, match=r"row \d+, y: found inf"):
+            fit_log(tmp_path / "log.parquet", PLANE, ("x", "y"), "e", loss=loss)
+
+
 def test_a_bad_cell_far_on_in_a_file_read_ahead_is_said(tmp_path: Path) -> None:
     x = np.tile(np.linspace(0.0, 100.0, 1_000), 50)
     x[45_678] = np.nan
@@ -221,21 +261,3 @@ def test_a_bad_cell_far_on_in_a_file_read_ahead_is_said(tmp_path: Path) -> None:
         MeasurementError, match="x: found nan, expected a finite number"
     ):
         fit_log(tmp_path / "log.parquet", LINE, ("x",), "e")
-
-
-@pytest.mark.parametrize("on_nodes", [0.0, 0.2, 1.0])
-def test_readings_summed_and_counted_at_once_are_those_counted_apart(
-    on_nodes: float,
-) -> None:
-    rng = np.random.default_rng(5)
-    samples = log(PLANE, 300_000)
-    place = samples.positions.copy()
-    hit = rng.random(len(place)) < on_nodes
-    place[hit, 0] = 10.0 * rng.integers(0, 11, hit.sum())
-    samples, grid = Samples(place, samples.error), Grid(PLANE)
-    normal, vector, support = sums_and_support(grid, samples)
-    plain, right = sums_of(grid, samples)
-    assert np.array_equal(vector, right)
-    for key, values in plain.diagonals.items():
-        assert np.array_equal(normal.diagonals[key], values)
-    assert np.array_equal(support, touched_by(grid, samples))

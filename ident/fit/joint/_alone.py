@@ -7,8 +7,8 @@ from .._evidence import choose_smoothness
 from .._grid import Grid
 from .._information import Normal
 from .._logs import LOW
-from .._posterior import Problem
 from .._prior import TablePrior
+from .._problem import Problem
 from ._design import Component
 from ._problem import Solution
 from ._tables import CrossEffect, LeadscrewEffect, PlaneEffect

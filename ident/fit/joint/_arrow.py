@@ -8,7 +8,7 @@ from jaxtyping import Float
 from scipy.linalg import cho_solve, get_blas_funcs, get_lapack_funcs
 
 from .._band import BandFactor, factorise
-from .._prior import _lower_band
+from .._bands import lower_band
 from ._blocks import BandBlocks
 from ._sums import Sums
 from ._weights import Weight, Weights
@@ -175,7 +175,7 @@ def arrow_of(
     band, blocks, logdet = None, None, 0.0
     coupled = half = np.zeros((0, len(dense)))
     if count:
-        own = _lower_band(sums.band)
+        own = lower_band(sums.band)
         width = max([own.shape[1], *(part.band.shape[1] for _, part in leading)])
         columns = np.zeros((count, width))
         columns[:, : own.shape[1]] = own

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float, Int
 
-from .._prior import ChainPrior
+from .._chain import ChainPrior
 from ._design import Component
 from ._sums import Sums
 from ._wander import WalkPrior

@@ -8,8 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
+from .._bands import lower_band
 from .._logs import HIGH, LEAST, LOW, smoothness_of
-from .._prior import Smoothness, TablePrior, _lower_band
+from .._prior import Smoothness, TablePrior
 from ._design import Component, Design
 from ._wander import WalkPrior
 
@@ -35,7 +36,7 @@ class Weight:
     @cached_property
     def band(self) -> Float[np.ndarray, "n w"]:
         """The penalty matrix as lower band."""
-        return _lower_band(self.gram)
+        return lower_band(self.gram)
 
 
 @dataclasses.dataclass(frozen=True)

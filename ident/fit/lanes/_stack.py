@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .._chain import ChainPrior, chain_prior
 from .._grid import Grid, Located
-from .._prior import ChainPrior, chain_prior
 from .._runs import RunDesign
 
 _EVEN = 1e-9

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Int
 
 from ...exchange import AbstractTable
-from ...fit import AbstractPass, Grid, Grouping, Place, Samples, Stream
+from ...fit import AbstractPass, Grid, Grouping, Place, Samples, Stream, added
 from ...proof import blocks_of, run_groups
 from .._runs import places_of, visits_overlap
 from ._readings import LogReadings
@@ -83,7 +83,9 @@ class _Visit(AbstractPass):
 
     table: AbstractTable
 
-    def of(self, grid: Grid, samples: Samples, place: Place) -> _Visits:
+    def onto(
+        self, done: _Visits | None, grid: Grid, samples: Samples, place: Place
+    ) -> _Visits:
         """See `AbstractPass`."""
         nodes = tuple(each.positions for each in self.table.nodes)
         direction = None
@@ -93,4 +95,5 @@ class _Visit(AbstractPass):
         cells = places_of(samples.positions, nodes, direction)
         pairs = np.unique(np.stack([samples.run, cells], axis=1), axis=0)
         runs, counts = np.unique(samples.run, return_counts=True)
-        return _Visits(pairs, dict(zip(runs.tolist(), counts.tolist(), strict=True)))
+        found = _Visits(pairs, dict(zip(runs.tolist(), counts.tolist(), strict=True)))
+        return added(done, found)

@@ -2,22 +2,28 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.lists import ListFile
-from ...exchange import Model, by_branch
-from ...fit import AbstractPass, Grid, Place, Samples, Stream, in_turn, predict
+from ...exchange import Model
+from ...fit import (
+    AbstractPass,
+    Grid,
+    Place,
+    Samples,
+    Stream,
+    added,
+    in_turn,
+    predict,
+)
 from ...proof import ErrorFigures, held_out_deviation
-from .._lists import AxisFiles
-from .._load import Job
 from .._output import OutFolder
-from .._prove import without_use
-from .._remarks import Counts, fit_remarks, outside
-from .._result import Remark, SampleView, Streamed, TableResult
-from .._wanted import masters_of
+from .._prove import Proof
+from .._remarks import Counts, outside
+from .._result import Remark, SampleView, Streamed
 from ._fit import StreamedFitted
 
 _SHOWN = 20_000
@@ -30,37 +36,17 @@ Columns = dict[str, np.ndarray]
 
 
 def prove_streamed(
-    job: Job,
-    folder: OutFolder,
-    one: StreamedFitted,
-    frame: dict[str, Any],
-    files: AxisFiles,
-    written: tuple[Path, ...],
-    cycles: int | None,
-) -> TableResult:
-    """Return one fit with its proof: the file as it lies in the folder, read back.
-
-    Arguments are those of `prove`.
-    """
-    table, spec = one.plan.table, one.plan.fit
+    folder: OutFolder, one: StreamedFitted, written: tuple[Path, ...]
+) -> Proof:
+    """Return the proof of a fit, as `prove` does; the readings that it shows are a few."""
+    table = one.plan.table
     back = table.read(ListFile.read(folder.root / written[0]))
     every = max(1, one.estimate.count // _SHOWN)
     stream = Stream(Grid(table.layout), one.readings.parts, in_turn)
     tally: _Tally = stream.ask(_Take(one, back, every))
     view = tally.columns()
-    error = tally.figures()
-    entries = table.sign * one.offset
-    old = one.plan.old_offset
-    linear = job.spec.axes[spec.axis].kind == "linear"
-    counts = Counts(one.estimate.count, one.estimate.wild, tally.outside)
-    return TableResult(
-        **frame,
-        masters=masters_of(spec),
-        nodes=tuple(nodes.positions for nodes in table.nodes),
-        table=by_branch(table, entries),
-        old_table=None if old is None else by_branch(table, table.sign * old),
-        standard_deviation=by_branch(table, one.fit.standard_deviation),
-        support=by_branch(table, one.fit.support),
+    count, wild = one.estimate.count, one.estimate.wild
+    return Proof(
         fit=dataclasses.replace(
             one.fit,
             residual=view["residual"],
@@ -78,20 +64,11 @@ def prove_streamed(
             predicted_sd=view["predicted_sd"],
             share=view["share"],
         ),
-        error=error,
-        rounding=one.rounding,
-        remarks=(
-            *one.plan.remarks,
-            *one.readings.remarks,
-            *_of_the_stream(one, every),
-            *fit_remarks(one, counts, linear),
-            *without_use(error, one.by_run),
-            *files.remarks,
-        ),
-        files=files.of_lists(written),
-        cycles=cycles if table.branches == 2 else None,
-        held_out="run" if one.by_run else "block",
-        streamed=Streamed(counts.readings, counts.wild, every),
+        error=tally.figures(),
+        counts=Counts(count, wild, tally.outside),
+        by_run=one.by_run,
+        remarks=(*one.readings.remarks, *_of_the_stream(one, every)),
+        streamed=Streamed(count, wild, every),
     )
 
 
@@ -232,7 +209,9 @@ class _Take(AbstractPass):
     back: Model
     every: int
 
-    def of(self, grid: Grid, samples: Samples, place: Place) -> _Tally:
+    def onto(
+        self, done: _Tally | None, grid: Grid, samples: Samples, place: Place
+    ) -> _Tally:
         """See `AbstractPass`."""
         one, table = self.one, self.one.plan.table
         wild, share = one.estimate.judged(samples)
@@ -265,7 +244,7 @@ class _Take(AbstractPass):
         view["row"] = place.row + np.flatnonzero(keep)
         view["part"] = np.full(len(view["row"]), place.part)
         pieces = {name: [values] for name, values in view.items()}
-        return _Tally(sizes, out, {place.part: len(before)}, pieces)
+        return added(done, _Tally(sizes, out, {place.part: len(before)}, pieces))
 
     def _held_out(
         self, samples: Samples, groups: Int[np.ndarray, " t"]

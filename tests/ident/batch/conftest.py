@@ -106,15 +106,7 @@ def friction_fleet(folder: Path, count: int) -> list[str]:
     return [f"{k:05d}" for k in range(count)]
 
 
-def endless_job(folder: Path, name: str) -> None:
-    """Write a plane of so many nodes that its fit takes minutes."""
-    side = np.linspace(0.0, 1.0, 170)
-    x, y = (grid.ravel() for grid in np.meshgrid(side, side))
-    error = np.random.default_rng(0).normal(size=len(x))
-    rows = [f"{a:.6f},{b:.6f},{e:.5f}" for a, b, e in zip(x, y, error, strict=True)]
-    (folder / f"{name}.csv").write_text("x,y,e\n" + "\n".join(rows) + "\n")
-    (folder / f"{name}.toml").write_text(
-        f"""\
+_PLANE = """\
 [axes.X]
 number = 1
 [axes.Y]
@@ -122,7 +114,8 @@ number = 2
 [axes.Z]
 number = 3
 [measurements.probe]
-file = "{name}.csv"
+file = "{file}"
+{read}
 [measurements.probe.columns]
 "X.position" = "x"
 "Y.position" = "y"
@@ -133,10 +126,36 @@ axis = "Z"
 masters = ["X", "Y"]
 measurement = "probe"
 start = [0.0, 0.0]
-interval = [0.006, 0.006]
-points = [168, 168]
+interval = [{step}, {step}]
+points = [{side}, {side}]
+{fit}
 """
-    )
+
+
+def plane_job(
+    path: Path, file: str, side: int, step: float, *, read: str = "", fit: str = ""
+) -> None:
+    """Write the job of a square plane over a file of x, y and e.
+
+    Args:
+        path: Of the job.
+        file: Beside it.
+        side: Nodes along each axis.
+        step: Between them, in mm.
+        read: Further keys of the measurement.
+        fit: Further keys of the fit.
+    """
+    path.write_text(_PLANE.format(file=file, side=side, step=step, read=read, fit=fit))
+
+
+def endless_job(folder: Path, name: str) -> None:
+    """Write a plane of so many nodes that its fit takes far longer than any time limit here."""
+    side = np.linspace(0.0, 1.0, 222)
+    x, y = (grid.ravel() for grid in np.meshgrid(side, side))
+    error = np.random.default_rng(0).normal(size=len(x))
+    rows = [f"{a:.6f},{b:.6f},{e:.5f}" for a, b, e in zip(x, y, error, strict=True)]
+    (folder / f"{name}.csv").write_text("x,y,e\n" + "\n".join(rows) + "\n")
+    plane_job(folder / f"{name}.toml", f"{name}.csv", 220, 0.0045)
 
 
 @pytest.fixture(name="fleet", scope="session")
