@@ -1,5 +1,6 @@
 """The proof of one fit: its file, read back and evaluated by the controller's rules."""
 
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,9 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ..exchange import Model, by_branch
+from ..fit import TableFit
 from ..proof import ErrorFigures, error_figures
-from ._fitting import Fitted
+from ._fitting import AbstractFitted, Fitted
 from ._lists import AxisFiles
 from ._load import Job
 from ._output import OutFolder
@@ -18,6 +20,7 @@ from ._remarks import Counts, fit_remarks, outside
 from ._result import (
     Remark,
     SampleView,
+    Streamed,
     TableResult,
 )
 from ._source import masters_of
@@ -32,52 +35,43 @@ def offset_at_readings(one: Fitted, model: Model) -> Float[np.ndarray, " t"]:
     )
 
 
-def prove(
-    job: Job,
-    folder: OutFolder,
-    one: Fitted,
-    frame: dict[str, Any],
-    files: AxisFiles,
-    written: tuple[Path, ...],
-    cycles: int | None,
-) -> TableResult:
-    """Return one fit with its proof: the file as it lies in the folder, read back.
+@dataclasses.dataclass(frozen=True)
+class Proof:
+    """A fit and its readings under the file as it lies in the folder.
+
+    Attributes:
+        fit: The estimate; its arrays over readings are those of ``samples``.
+        samples: The readings that are shown.
+        error: By stage, over all readings.
+        counts: Of the readings.
+        by_run: Whether runs were held out, else spatial blocks.
+        remarks: What is to be said of the readings.
+        streamed: What was read in pieces; None: all readings were in memory.
+    """
+
+    fit: TableFit
+    samples: SampleView
+    error: Mapping[str, ErrorFigures]
+    counts: Counts
+    by_run: bool
+    remarks: tuple[Remark, ...]
+    streamed: Streamed | None = None
+
+
+def prove(folder: OutFolder, one: Fitted, written: tuple[Path, ...]) -> Proof:
+    """Return the proof of a fit: the file as it lies in the folder, read back.
 
     Args:
-        job: The job.
         folder: Where the files lie.
         one: The fit.
-        frame: What every result says alike (`AbstractDraft.frame`).
-        files: The lists of the axis.
         written: Their names in the folder, the compensation list first.
-        cycles: Value of P-AXIS-00243, where a table of the axis has two directions.
     """
-    plan, readings = one.plan, one.readings
-    table, spec = plan.table, plan.fit
+    readings, table = one.readings, one.plan.table
     back = ListFile.read(folder.root / written[0])
     from_file = one.before + offset_at_readings(one, table.read(back)) - one.active
     runs = readings.run_table(table.masters == (table.axis,))
-    entries = table.sign * one.offset
-    old = plan.old_offset
-    linear = job.spec.axes[spec.axis].kind == "linear"
-    counts = Counts(
-        len(one.before),
-        int(one.fit.wild.sum()),
-        int(outside(table, readings.positions).sum()),
-    )
-    error = {
-        "before": error_figures(one.before, runs, one.fit.wild),
-        "predicted": error_figures(one.held_out.residual, runs, one.fit.wild),
-        "from_file": error_figures(from_file, runs, one.fit.wild),
-    }
-    return TableResult(
-        **frame,
-        masters=masters_of(spec),
-        nodes=tuple(nodes.positions for nodes in table.nodes),
-        table=by_branch(table, entries),
-        old_table=None if old is None else by_branch(table, table.sign * old),
-        standard_deviation=by_branch(table, one.fit.standard_deviation),
-        support=by_branch(table, one.fit.support),
+    wild, left = one.fit.wild, one.held_out
+    return Proof(
         fit=one.fit,
         samples=SampleView(
             positions=readings.positions,
@@ -85,27 +79,76 @@ def prove(
             run=readings.run,
             order=readings.order,
             before=one.before,
-            predicted=one.held_out.residual,
+            predicted=left.residual,
             from_file=from_file,
-            predicted_sd=one.held_out.standard_deviation,
+            predicted_sd=left.standard_deviation,
             share=one.fit.share,
         ),
-        error=error,
+        error={
+            "before": error_figures(one.before, runs, wild),
+            "predicted": error_figures(left.residual, runs, wild),
+            "from_file": error_figures(from_file, runs, wild),
+        },
+        counts=Counts(
+            len(one.before),
+            int(wild.sum()),
+            int(outside(table, readings.positions).sum()),
+        ),
+        by_run=left.by_run,
+        remarks=tuple(readings.remarks),
+    )
+
+
+def result_of(
+    job: Job,
+    one: AbstractFitted,
+    proof: Proof,
+    frame: dict[str, Any],
+    files: AxisFiles,
+    written: tuple[Path, ...],
+    cycles: int | None,
+) -> TableResult:
+    """Return the result of a fit, wherever its readings are.
+
+    Args:
+        job: The job.
+        one: The fit.
+        proof: Its proof.
+        frame: What every result says alike (`AbstractDraft.frame`).
+        files: The lists of the axis.
+        written: Their names in the folder, the compensation list first.
+        cycles: Value of P-AXIS-00243, where a table of the axis has two directions.
+    """
+    plan = one.plan
+    table, spec, old = plan.table, plan.fit, plan.old_offset
+    linear = job.spec.axes[spec.axis].kind == "linear"
+    return TableResult(
+        **frame,
+        masters=masters_of(spec),
+        nodes=tuple(nodes.positions for nodes in table.nodes),
+        table=by_branch(table, table.sign * one.offset),
+        old_table=None if old is None else by_branch(table, table.sign * old),
+        standard_deviation=by_branch(table, one.fit.standard_deviation),
+        support=by_branch(table, one.fit.support),
+        fit=proof.fit,
+        samples=proof.samples,
+        error=proof.error,
         rounding=one.rounding,
         remarks=(
             *plan.remarks,
-            *readings.remarks,
-            *fit_remarks(one, counts, linear),
-            *without_use(error, one.held_out.by_run),
+            *proof.remarks,
+            *fit_remarks(one, proof.counts, linear),
+            *_without_use(proof.error, proof.by_run),
             *files.remarks,
         ),
         files=files.of_lists(written),
         cycles=cycles if table.branches == 2 else None,
-        held_out="run" if one.held_out.by_run else "block",
+        held_out="run" if proof.by_run else "block",
+        streamed=proof.streamed,
     )
 
 
-def without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark]:
+def _without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark]:
     """Return a warning where the list would not have helped on data it has not seen."""
     if error["predicted"].sound.rms < error["before"].sound.rms:
         return []

@@ -1,5 +1,6 @@
 """Plane, cross and leadscrew as a job handles every compensation."""
 
+import abc
 import dataclasses
 from pathlib import Path
 from typing import final
@@ -14,7 +15,7 @@ from ._lists import AxisFiles
 from ._load import Job
 from ._output import OutFolder
 from ._plan import plan_fit
-from ._prove import offset_at_readings, prove
+from ._prove import Proof, offset_at_readings, prove, result_of
 from ._readings import read_fit
 from ._result import Remark, TableResult
 from ._source import Tables
@@ -115,6 +116,28 @@ class AbstractTableDraft(AbstractDraft):
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
         return restart_of_table(existing, listing, self.one)
 
+    def prove(
+        self,
+        job: Job,
+        folder: OutFolder,
+        gate: tuple[GateCheck, ...],
+        files: AxisFiles,
+        written: tuple[Path, ...],
+        cycles: int | None,
+    ) -> TableResult:
+        frame = self.frame(job, gate, files, _CONVENTIONS[self.compensation])
+        proof = self.proof(folder, written)
+        return result_of(job, self.one, proof, frame, files, written, cycles)
+
+    @abc.abstractmethod
+    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
+        """Return the proof of the fit: its file, read back.
+
+        Args:
+            folder: Where the files lie.
+            written: Their names in the folder, the compensation list first.
+        """
+
     @property
     def _bilateral(self) -> bool:
         return self.one.plan.table.branches == 2
@@ -134,17 +157,8 @@ class TableDraft(AbstractTableDraft):
             (self.axis, name): added[rows] for name, rows in one.readings.slices.items()
         }
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> TableResult:
-        frame = self.frame(job, gate, files, _CONVENTIONS[self.compensation])
-        return prove(job, folder, self.one, frame, files, written, cycles)
+    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
+        return prove(folder, self.one, written)
 
 
 @final
@@ -154,14 +168,5 @@ class StreamedDraft(AbstractTableDraft):
 
     one: StreamedFitted
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> TableResult:
-        frame = self.frame(job, gate, files, _CONVENTIONS[self.compensation])
-        return prove_streamed(job, folder, self.one, frame, files, written, cycles)
+    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
+        return prove_streamed(folder, self.one, written)
