@@ -288,12 +288,11 @@ class Equation:
         apart = values.reshape(ways, recordings, many, rows).transpose(1, 3, 0, 2)
         flat = apart.reshape(recordings, rows, ways * many)
         right = np.concatenate([self._right[:, ::step], flat], axis=2)
+        right[~self.stack.usable[:, ::step]] = 0.0
+        lanes = self.lanes.thinned(step)
+        thin = lanes.shares(shares.full[:, ::step])
+        sums = thin.sums(lanes.sums(right, right), right, right)
         size = len(self.places)
-        sums = np.empty((count, right.shape[2], right.shape[2]))
-        for lane, (k, share) in enumerate(
-            zip(lane_of, shares.full[:, ::step], strict=True)
-        ):
-            np.matmul(right[k].T * share, right[k], out=sums[lane])
         still = sums[:, :size, : size + 1]
         full = sums[:, size + 1 :].reshape(count, ways, many, -1)
         base = solve_linear(

@@ -69,6 +69,16 @@ class Lanes:
             self.member[which],
         )
 
+    def thinned(self, step: int) -> "Lanes":
+        """Return the fits with every so-manieth row only."""
+        return Lanes(
+            self.use[:, ::step],
+            self.usable[:, ::step],
+            self.of,
+            tuple(-(-edges // step) for edges in self.edges),
+            self.member,
+        )
+
     def sums(
         self, left: Float[np.ndarray, "r s p"], right: Float[np.ndarray, "r s q"]
     ) -> Float[np.ndarray, "w p q"]:
