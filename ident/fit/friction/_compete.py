@@ -227,7 +227,7 @@ class _HeldOut:
         target = stack.right[[k for k, _ in lanes.own], :, -1]
         held, whole = target - held, target - whole
         if equation.height:
-            self._search_far(equation, shares, factors, shape, held)
+            self._search_far(equation, shares, factors, shape, held, whole)
         return held, whole
 
     def _search_far(
@@ -237,8 +237,9 @@ class _HeldOut:
         factors: Float[np.ndarray, "w q"],
         shape: Float[np.ndarray, "r h"],
         held: Float[np.ndarray, "v s"],
+        whole: Float[np.ndarray, "v s"],
     ) -> None:
-        """Search shapes without a window that lie so far off that tangents do not lead."""
+        """Search shapes that lie so far off that tangents do not lead there."""
         lanes, (low, high) = equation.lanes, equation.bounds
         begin = shape[lanes.of]
         step = factors[:, equation.width :]
@@ -251,10 +252,11 @@ class _HeldOut:
             return
         point = search(equation.take(left), shares.take(left), begin[left])
         residual = dict(zip(left.tolist(), point.residual, strict=True))
-        for row, (k, own) in zip(held, lanes.own, strict=True):
+        for row, every, (k, own) in zip(held, whole, lanes.own, strict=True):
             for lane, (start, end) in enumerate(self.parts[k].bounds, own.start):
                 if lane in residual:
                     row[start:end] = residual[lane][start:end]
+            every[:] = residual.get(own.stop - 1, every)
 
     def race(
         self,
