@@ -122,6 +122,18 @@ def test_recordings_side_by_side_are_chosen_for_as_alone() -> None:
         np.testing.assert_allclose(held, wanted, rtol=1e-9)
 
 
+def test_recordings_side_by_side_keep_their_own_loss() -> None:
+    samples = recording(0.03)
+    calls = [partial(choose_law, samples, loss=loss) for loss in ("trim", "student")]
+    for call, found in zip(calls, Gathering().run(calls), strict=True):
+        assert isinstance(found, Choice)
+        alone = call()
+        # The same numbers: what is asked for with another loss is solved apart.
+        np.testing.assert_array_equal(found.fit.values, alone.fit.values)
+        held = found.left_out.predicted(found.fit)
+        np.testing.assert_array_equal(held, alone.left_out.predicted(alone.fit))
+
+
 def test_sliding_sums_are_sums_over_lags_with_bartletts_weights() -> None:
     rng = np.random.default_rng(0)
     noise = rng.normal(size=(503, 3))

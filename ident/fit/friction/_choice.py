@@ -110,7 +110,9 @@ def choose_law(
 def _choose_all(asked: Sequence[Competition]) -> list[Choice]:
     """Choose for each recording, those of equal shape side by side."""
     found: dict[int, Choice] = {}
-    for places in alike([(each.parts.problem, each.kinds) for each in asked]):
+    for places in alike(
+        [(each.parts.problem, each.kinds, each.parts.loss) for each in asked]
+    ):
         group = [asked[k] for k in places]
         with one_blas_thread():
             choices = _choose(group)

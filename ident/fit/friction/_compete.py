@@ -118,8 +118,7 @@ def fit_all(
 def _of_one_kind(kinds: dict[int, AbstractStructure]) -> list[list[int]]:
     groups: dict[tuple[object, ...], list[int]] = {}
     for k, kind in kinds.items():
-        key = (type(kind), kind.directional, kind.names, kind.shapes)
-        groups.setdefault(key, []).append(k)
+        groups.setdefault(kind.kind, []).append(k)
     return list(groups.values())
 
 

@@ -125,7 +125,7 @@ def _fit_all(
     A window has no say at all in what is fitted without it.
     """
     found: dict[int, list[Solved]] = {}
-    for places in alike([(each.problem, (kind,)) for each, kind in asked]):
+    for places in alike([(each.problem, (kind,), each.loss) for each, kind in asked]):
         group = [asked[k] for k in places]
         stack = stack_of([each.problem for each, _ in group])
         stack = stack.with_structures([kind for _, kind in group])

@@ -11,9 +11,6 @@ from ._curve import Curve, Points
 from ._path import best_break, best_break_of, best_path
 from ._polyline import best_heights, polished
 
-SLOWEST = 1e-3
-"""mm/s: the list reaches down to it, 1 µm/s, its smallest step."""
-
 _PER_MM = 1000.0
 _PLACES = 40
 """Places of which the first knots are chosen, at least; two for each."""

@@ -32,8 +32,10 @@ def scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
         loss: Name of the loss.
     """
     whole = _of_all_rows(stack, loss)
-    if lanes is stack.all_rows or not whole.lack:
-        return whole if lanes is stack.all_rows else lanes.all_rows()
+    if lanes is stack.all_rows:
+        return whole
+    if not whole.lack:
+        return lanes.all_rows()
     full = lanes.use.copy()
     which = np.flatnonzero(np.isin(lanes.of, list(whole.lack)))
     full[which] = _scout(stack, lanes.take(which), loss).full

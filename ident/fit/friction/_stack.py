@@ -190,22 +190,26 @@ _TOGETHER = 32
 
 
 def alike(
-    asked: Sequence[tuple[Problem, Sequence[AbstractStructure]]],
+    asked: Sequence[tuple[Problem, Sequence[AbstractStructure], str]],
 ) -> list[list[int]]:
-    """Return which recordings can stand side by side under their kinds of law, by number.
+    """Return which recordings can stand side by side, by number.
 
     Shorter ones are filled up: they must not be much shorter.
+
+    Args:
+        asked: Recordings with their laws and the name of the loss.
     """
     groups: dict[tuple[object, ...], list[int]] = {}
-    for place, (problem, kinds) in enumerate(asked):
+    for place, (problem, kinds, loss) in enumerate(asked):
         key = (
+            loss,
             len(problem.target).bit_length(),
             problem.lowpass.factor,
             problem.sigma is None,
             problem.has_instrument,
             problem.known.offset is None,
             problem.fixed_names,
-            tuple((type(k), k.directional, k.names, k.shapes) for k in kinds),
+            tuple(each.kind for each in kinds),
         )
         groups.setdefault(key, []).append(place)
     return [

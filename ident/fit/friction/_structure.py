@@ -139,6 +139,11 @@ class AbstractStructure(abc.ABC):
         """How many sets of factors there are."""
         return 2 if self.directional else 1
 
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What laws have in common whose columns are the same but for places of knots."""
+        return type(self), self.directional, self.names, self.shapes
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all factors in the order of `columns`."""
