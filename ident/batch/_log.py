@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -20,6 +19,7 @@ from ..fit import (
     Samples,
     TableFit,
     TableLayout,
+    cores,
     fit_streamed,
     in_turn,
 )
@@ -126,7 +126,7 @@ def _shared(
             return found
 
         return parts, apply
-    threads = min(os.cpu_count() or 1, len(parts) // _APIECE)
+    threads = min(cores(), len(parts) // _APIECE)
     if threads > 1:
         # Neither reading nor summing holds the interpreter.
         return parts, stack.enter_context(ThreadPoolExecutor(threads)).map

@@ -29,7 +29,7 @@ from ._streamed import (
     fit_with_folds as fit_with_folds,
 )
 from ._table import fit_table as fit_table
-from ._threads import one_blas_thread as one_blas_thread
+from ._threads import cores as cores, one_blas_thread as one_blas_thread
 from ._types import (
     RunEffect as RunEffect,
     Samples as Samples,

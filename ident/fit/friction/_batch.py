@@ -8,7 +8,6 @@ over all data its bottom. On a grid whose $v_s$ shrinks by $\sqrt 2$ the next ex
 the square of the last, so the whole grid needs a single one.
 """
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
@@ -18,6 +17,8 @@ import jax.numpy as jnp
 from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
+
+from .._threads import cores
 
 LANES = 25
 """Axes that pass through the caches of a processor together."""
@@ -113,11 +114,11 @@ def fit_stribeck_batch(
     if count == 0 or velocity.shape[1] == 0:
         msg = f"fit_stribeck_batch needs axes and samples, got shape {velocity.shape}."
         raise ValueError(msg)
-    cores = min(os.cpu_count() or 1, count // WORTH_A_CORE)
-    if cores < 2 or isinstance(velocity, Tracer):
+    shares = min(cores(), count // WORTH_A_CORE)
+    if shares < 2 or isinstance(velocity, Tracer):
         return StribeckBatch(*_in_lanes(velocity, current, lanes, max_passes))
     # The lanes of one call keep one core busy; whole lanes per core leave every sum as it is.
-    size = lanes * -(-count // (cores * lanes))
+    size = lanes * -(-count // (shares * lanes))
     cuts = [slice(first, first + size) for first in range(0, count, size)]
     with ThreadPoolExecutor(len(cuts)) as pool:
         found = list(

@@ -1,14 +1,13 @@
 """The joint estimator: readings of several axes in, all effects with uncertainty out."""
 
 import dataclasses
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._threads import one_blas_thread
+from .._threads import cores, one_blas_thread
 from ._axis import AxisFit, fit_axis
 from ._data import JointData
 from ._effect import AbstractEffect
@@ -122,7 +121,7 @@ def _fit(
 
     with one_blas_thread():
         # Axes share no unknowns; their matrix products leave the interpreter free.
-        workers = max(min(len(groups), os.cpu_count() or 1), 1)
+        workers = max(min(len(groups), cores()), 1)
         # The largest first, so that none is left alone at the end.
         size = {a: sum(placed[n].size for n in groups[a]) for a in groups}
         order = sorted(groups, key=lambda axis: -size[axis])
