@@ -27,6 +27,8 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from ._machine_code import machine_code
+
 RECORD = 16
 """Numbers of a record."""
 _CHUNK = 128
@@ -254,22 +256,13 @@ def _take_off(along, across, error, slow, fast, values, rest):
             rest[start + k] = error[start + k] - (low + u[k] * (high - low))
 
 
-def _machine_code(function: Any, signature: Any) -> Any:
-    """Return a function compiled; kept for the next process, where that can be written."""
-    options: Any = {"nogil": True, "error_model": "numpy"}
-    try:
-        return njit(signature, cache=True, **options)(function)
-    except (RuntimeError, OSError):  # nowhere to write, or no space left
-        return njit(signature, **options)(function)
-
-
-sum_plane = _machine_code(
+sum_plane = machine_code(
     _sum_plane,
     types.void(
         *(_Given, _Given, _Given, _Given, types.float64),
         *(_Axis, _Axis, _Numbers, _Counts, _Numbers),
     ),
 )
-take_off = _machine_code(
+take_off = machine_code(
     _take_off, types.void(_Given, _Given, _Given, _Axis, _Axis, _Numbers, _Numbers)
 )

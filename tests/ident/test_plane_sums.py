@@ -254,10 +254,10 @@ def test_a_small_fit_loads_no_compiler() -> None:
 def test_where_nothing_can_be_kept_the_sums_are_compiled_all_the_same() -> None:
     from numba import types
 
-    from axcomp.ident.fit._kernel import _machine_code
+    from axcomp.ident.fit._machine_code import machine_code
 
     # What comes from no file has no place for what is compiled.
     scope: dict[str, object] = {}
     exec("def twice(x):\n    return 2.0 * x", scope)
-    twice = _machine_code(scope["twice"], types.float64(types.float64))
+    twice = machine_code(scope["twice"], types.float64(types.float64))
     assert twice(21.0) == 42.0

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ._equation import Equation
+from ._equation import AbstractEquation
 from ._lanes import Shares, side_by_side
 from ._leftout import LeftOut
+from ._pairs import equation_of
 from ._scout import reweigh, scout
 from ._separable import Solution, search
 from ._smoothing import choose_weights
@@ -168,7 +169,7 @@ class _HeldOut:
             if laws != [each.structure for each in stack.problems]:
                 stack = self.stack.with_structures(laws)
             which = np.flatnonzero(np.isin(self.lanes.of, places))
-            equation = Equation(stack, self.lanes.take(which))
+            equation = equation_of(stack, self.lanes.take(which))
             shares = self._shares_of(stack).take(which)
             known = ((k, solved[k]) for k in places)
             found = {k: law.solution for k, law in known if law is not None}
@@ -180,11 +181,11 @@ class _HeldOut:
         if way not in self._shares:
             share = scout(stack, self.stack.all_rows, self.loss).full
             full = self.lanes.use * share[self.lanes.of]
-            self._shares[way] = self.lanes.shares(full)
+            self._shares[way] = Shares(self.lanes, full)
         return self._shares[way]
 
     def _errors(
-        self, equation: Equation, shares: Shares, laws: Mapping[int, Solution]
+        self, equation: AbstractEquation, shares: Shares, laws: Mapping[int, Solution]
     ) -> dict[int, _Errors]:
         """Return what recordings with fits show of one law."""
         lanes = equation.lanes
@@ -207,7 +208,7 @@ class _HeldOut:
         }
 
     def _residuals(
-        self, equation: Equation, shares: Shares, laws: Mapping[int, Solution]
+        self, equation: AbstractEquation, shares: Shares, laws: Mapping[int, Solution]
     ) -> tuple[Float[np.ndarray, "v s"], Float[np.ndarray, "v s"]]:
         """Return what laws leave of each row, solved without its window, and of all rows."""
         lanes, stack = equation.lanes, equation.stack
@@ -217,23 +218,17 @@ class _HeldOut:
         for k, law in laws.items():
             if equation.height:
                 shape[k], linear[k] = law.shape, law.factors
-        columns, factors = equation.near(shares, shape, linear)
-        held, whole = np.zeros((2, len(lanes.own), stack.rows))
-        for left, every, (k, own) in zip(held, whole, lanes.own, strict=True):
-            for lane, (start, end) in enumerate(self.parts[k].bounds, own.start):
-                np.matmul(columns[k, start:end], factors[lane], out=left[start:end])
-            np.matmul(columns[k], factors[own.stop - 1], out=every)
-        target = stack.right[[k for k, _ in lanes.own], :, -1]
-        held, whole = target - held, target - whole
+        bounds = {k: self.parts[k].bounds for k, _ in lanes.own}
+        held, whole, step = equation.held_out(shares, shape, linear, bounds)
         if equation.height:
-            self._search_far(equation, shares, factors, shape, held, whole)
+            self._search_far(equation, shares, step, shape, held, whole)
         return held, whole
 
     def _search_far(
         self,
-        equation: Equation,
+        equation: AbstractEquation,
         shares: Shares,
-        factors: Float[np.ndarray, "w q"],
+        step: Float[np.ndarray, "w h"],
         shape: Float[np.ndarray, "r h"],
         held: Float[np.ndarray, "v s"],
         whole: Float[np.ndarray, "v s"],
@@ -241,7 +236,6 @@ class _HeldOut:
         """Search shapes that lie so far off that tangents do not lead there."""
         lanes, (low, high) = equation.lanes, equation.bounds
         begin = shape[lanes.of]
-        step = factors[:, equation.width :]
         aim = begin + step
         far = (np.abs(step) > _NEAR) | (aim < low) | (aim > high)
         if equation.instruments:

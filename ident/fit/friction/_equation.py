@@ -1,5 +1,6 @@
 """Equations of a law for several choices of rows: solved at shapes, stepped, compared."""
 
+import abc
 import copy
 
 import numpy as np
@@ -16,60 +17,121 @@ _RIDGE = 1e-9
 """Of the trace, added where a step is solved for."""
 
 
-class Equation:
+class AbstractEquation(abc.ABC):
     """Sums, solutions and steps of one kind of law, for several choices of rows.
 
     Attributes:
         stack: The equations.
         lanes: Rows that each fit uses.
+        places: Of the linear factors whose columns follow no shape.
+        moves: Of those whose columns do, one per direction.
         width: Number of linear factors.
         height: Number of shapes.
+        instruments: Whether a noise-free motion stands beside the measured one.
     """
 
-    def __init__(self, stack: Stack, lanes: Lanes, *, plain: bool = False) -> None:
-        """Prepare the sums, without a prior.
+    def __init__(self, stack: Stack, lanes: Lanes) -> None:
+        """Prepare an equation without a prior.
 
         Args:
             stack: The equations.
             lanes: Rows that each fit uses.
-            plain: Least squares, though there may be instruments.
         """
         self.stack, self.lanes = stack, lanes
-        self.still = self.twin = stack.still
-        self.instruments = stack.one.has_instrument and not plain
-        if self.instruments:
-            self.twin = stack.still_instrument
         self.places, self.moves = stack.one.places
         self.width = len(self.places) + len(self.moves)
         self.height = len(stack.structure.shapes)
-        self._right = stack.right
-        self._own = lanes.sums(self.still, self._right)
-        self._cross = self._own
-        if self.instruments:
-            self._cross = lanes.sums(self.twin, self._right)
+        self.instruments = False
         self._weights: np.ndarray | None = None
 
-    def smoothed(self, weights: Float[np.ndarray, " w"]) -> "Equation":
+    def smoothed(self, weights: Float[np.ndarray, " w"]) -> "AbstractEquation":
         """Return the equation with a smoothness prior, weights relative to 1/noise²."""
         other = copy.copy(self)
         other._weights = weights
         return other
 
-    def sums(self, shares: Shares) -> Float[np.ndarray, "w k k1"]:
-        """Return XᵀW [X, target] of a law without a shape."""
-        return shares.sums(self._own, self.still, self._right)
-
-    def take(self, which: Int[np.ndarray, " v"]) -> "Equation":
+    def take(self, which: Int[np.ndarray, " v"]) -> "AbstractEquation":
         """Return the equation for some of the fits."""
         if len(which) == len(self.lanes):
             return self
         other = copy.copy(self)
         other.lanes = self.lanes.take(which)
-        other._own = self._own[which]
-        other._cross = self._cross[which] if self.instruments else other._own
         if self._weights is not None:
             other._weights = self._weights[which]
         return other
+
+    @abc.abstractmethod
+    def sums(self, shares: Shares) -> Float[np.ndarray, "w k k1"]:
+        """Return XᵀW [X, target] of a law without a shape."""
+
+    @abc.abstractmethod
+    def left(
+        self, factors: Float[np.ndarray, "w k"], moving: Columns | None
+    ) -> Float[np.ndarray, "w s"]:
+        """Return target − fit."""
+
+    @abc.abstractmethod
+    def columns(
+        self, point: Point, lane: int, *, instrument: bool = False
+    ) -> Float[np.ndarray, "t p"]:
+        """Return all columns of one fit in the order of its factors, then its tangents.
+
+        Args:
+            point: Where it was solved.
+            lane: Which of the fits.
+            instrument: Of the noise-free motion.
+        """
+
+    @abc.abstractmethod
+    def held_out(
+        self,
+        shares: Shares,
+        shape: Float[np.ndarray, "r h"],
+        factors: Float[np.ndarray, "r k"],
+        bounds: dict[int, list[tuple[int, int]]],
+    ) -> tuple[
+        Float[np.ndarray, "v s"], Float[np.ndarray, "v s"], Float[np.ndarray, "w h"]
+    ]:
+        """Return what laws leave of each row, solved without its window, and of all rows.
+
+        Laws with a shape take a joint step from those given. Sums are made once for all
+        fits of a recording, and no row is looked at fit by fit.
+
+        Args:
+            shares: Weights of the rows; fits of a recording must give a row the same one.
+            shape: Logarithms of each recording's law.
+            factors: Its linear factors.
+            bounds: By recording, first row and end of each window, in the order of its
+                fits; the fit after the last one is that of all rows.
+
+        Returns:
+            Both for each recording with any fits, and the steps in the shape of each fit.
+        """
+
+    @abc.abstractmethod
+    def _linear(
+        self, shares: Shares, shape: Float[np.ndarray, "w h"], moving: Columns | None
+    ) -> Linear:
+        """Return the linear factors at weights and shapes."""
+
+    @abc.abstractmethod
+    def _shaped(self, shape: Float[np.ndarray, "w h"]) -> Columns:
+        """Return the columns that follow the shape."""
+
+    @abc.abstractmethod
+    def _pushes(
+        self, point: Point
+    ) -> tuple[
+        Float[np.ndarray, "w k h"],
+        Float[np.ndarray, "w h k"],
+        Float[np.ndarray, "w h h"],
+        Float[np.ndarray, "w h"],
+    ]:
+        """Return sums over tangents T: XᵀWT, TᵀWX, TᵀWT and TᵀW times what is left."""
+
+    @abc.abstractmethod
+    def still_and_target(self, step: int) -> Float[np.ndarray, "r s k1"]:
+        """Return columns that follow no shape and the target, of every so-manieth row."""
 
     def of(self, lane: int) -> int:
         """Return the recording that a fit is of."""
@@ -119,11 +181,7 @@ class Equation:
             else:
                 moving = self._shaped(shape)
         linear = self._linear(shares, shape, moving)
-        fitted = self.lanes.along(linear.factors[:, self.places], self.still)
-        residual = self.stack.target[self.lanes.of] - fitted
-        if moving is not None:
-            for way, place in enumerate(self.moves):
-                residual -= linear.factors[:, place, None] * moving.values[way]
+        residual = self.left(linear.factors, moving)
         point = Point(shares, shape.copy(), moving, linear, residual)
         if known is not None and len(kept):
             # To the bit as if these recordings stood alone: sums may be rounded elsewhere
@@ -138,139 +196,22 @@ class Equation:
         stays = (shape == known.shape).all(axis=1)
         found = [
             np.arange(fits.start, fits.stop)
-            for k, fits in self.lanes.own
-            if stays[fits].all() and shares.same(known.shares, k)
+            for _, fits in self.lanes.own
+            if stays[fits].all() and shares.same(known.shares, fits)
         ]
         return np.concatenate([np.zeros(0, np.int64), *found])
-
-    def _linear(
-        self, shares: Shares, shape: Float[np.ndarray, "w h"], moving: Columns | None
-    ) -> Linear:
-        own, size = self._assembled(shares, moving, moving, own=True)
-        matrix = own
-        if self.instruments:
-            other = None
-            if self.height:
-                other = self._shaped(shape, instrument=True)
-            matrix, _ = self._assembled(shares, other, moving, own=False)
-        moment = matrix[:, :, -1]
-        own, matrix = own[:, :, :-1], matrix[:, :, :-1]
-        penalty = self.stack.penalty
-        if penalty is not None and self._weights is not None:
-            prior = self._weights[:, None, None] * penalty[self.lanes.of]
-            own = own + prior
-            matrix = matrix + prior if self.instruments else own
-        matrix = matrix if self.instruments else own
-        return solve_linear(own, matrix, moment, size)
-
-    def _shaped(
-        self, shape: Float[np.ndarray, "w h"], *, instrument: bool = False
-    ) -> Columns:
-        return Columns(*self.stack.shaped(shape, self.lanes.of, instrument=instrument))
-
-    def _assembled(
-        self, shares: Shares, left: Columns | None, right: Columns | None, *, own: bool
-    ) -> tuple[Float[np.ndarray, "w k k1"], Float[np.ndarray, "w k"]]:
-        """Return leftᵀ W [right, target] in the order of the factors, and column sizes."""
-        twin = self.still if own else self.twin
-        still = shares.sums(self._own if own else self._cross, twin, self._right)
-        count, size = len(self.lanes), self.stack.size[self.lanes.of]
-        if left is None or right is None:
-            return still, size
-        places, moves = self.places, self.moves
-        found = np.empty((count, self.width, self.width + 1))
-        found[:, np.array(places)[:, None], [*places, self.width]] = still
-        sizes = np.empty((count, self.width))
-        sizes[:, places] = size
-        for row, place in enumerate(moves):
-            part = shares.full * left.values[row]
-            found[:, place, [*places, self.width]] = self.lanes.times(part, self._right)
-            for column, beside in enumerate(moves):
-                found[:, place, beside] = np.einsum(
-                    "ws,ws->w", part, right.values[column]
-                )
-            if own:
-                found[:, places, place] = found[:, place, places]
-            else:
-                part = shares.full * right.values[row]
-                found[:, places, place] = self.lanes.times(part, twin)
-            square = np.einsum("ws,ws->w", right.values[row], right.values[row])
-            sizes[:, place] = np.sqrt(square / right.values.shape[2])
-        return found, sizes
-
-    def tangents(
-        self, point: Point, moving: Columns | None = None
-    ) -> Float[np.ndarray, "h w s"]:
-        """Return the derivative of the fit with respect to the logarithms of the shape."""
-        moving = point.moving if moving is None else moving
-        assert moving is not None
-        drops = point.factors[:, self.moves].T
-        return np.asarray(np.einsum("dw,hdws->hws", drops, moving.slopes))
 
     def step(self, point: Point) -> Float[np.ndarray, "w h"]:
         """Return the Gauss-Newton step in the shape, the factors following.
 
         What the linear columns can follow is no reason to move.
         """
-        assert point.moving is not None
-        shares = point.shares.full
-        tangents = self.tangents(point)
-        columns, twist = point.moving, tangents
-        if self.instruments:
-            columns = self._shaped(point.shape, instrument=True)
-            twist = self.tangents(point, columns)
-        count, high = len(self.lanes), self.height
-        after = np.empty((count, self.width, high))
-        before = np.empty((count, high, self.width))
-        matrix, push = np.empty((count, high, high)), np.empty((count, high))
-        for k in range(high):
-            part = shares * tangents[k]
-            after[:, self.places, k] = self.lanes.times(part, self.twin)
-            bent = part if twist is tangents else shares * twist[k]
-            before[:, k, self.places] = self.lanes.times(bent, self.still)
-            for way, place in enumerate(self.moves):
-                after[:, place, k] = np.einsum("ws,ws->w", part, columns.values[way])
-                before[:, k, place] = np.einsum(
-                    "ws,ws->w", bent, point.moving.values[way]
-                )
-            for other in range(high):
-                matrix[:, k, other] = np.einsum("ws,ws->w", bent, tangents[other])
-            push[:, k] = np.einsum("ws,ws->w", bent, point.residual)
+        after, before, matrix, push = self._pushes(point)
         matrix = matrix - before @ (point.linear.inverse @ after)
         trace = np.abs(np.einsum("whh->wh", matrix)).sum(axis=1)
         ridge = _RIDGE * np.maximum(trace, 1e-300)
-        inverse = np.linalg.pinv(matrix + ridge[:, None, None] * np.eye(high))
+        inverse = np.linalg.pinv(matrix + ridge[:, None, None] * np.eye(self.height))
         return np.asarray((inverse @ push[..., None])[..., 0])
-
-    def near(
-        self,
-        shares: Shares,
-        shape: Float[np.ndarray, "r h"],
-        factors: Float[np.ndarray, "r k"],
-    ) -> tuple[Float[np.ndarray, "r s q"], Float[np.ndarray, "w q"]]:
-        """Return columns that all fits of a recording share, and what each makes of them.
-
-        The last ones are the tangents of the recording's law: their factors are steps in
-        its shape. Sums are made once for all fits, and no row is looked at fit by fit.
-
-        Args:
-            shares: Weights of the rows.
-            shape: Logarithms of each recording's law.
-            factors: Its linear factors.
-        """
-        if not self.height:
-            none = np.zeros((len(self.lanes), 0))
-            return self.still, self._linear(shares, none, None).factors
-        values, slopes = self.stack.shaped(shape, np.arange(len(shape)))
-        tangents = np.einsum("rd,hdrs->rsh", factors[:, self.moves], slopes)
-        inner = [self.still, values.transpose(1, 2, 0)]
-        right = np.concatenate([*inner, tangents, self._right[:, :, -1:]], axis=2)
-        right[~self.stack.usable] = 0.0
-        full = right[:, :, :-1]
-        sums = shares.sums(self.lanes.sums(full, right), full, right)
-        size = np.sqrt(np.einsum("rsk,rsk->rk", full, full) / full.shape[1])
-        own, moment = sums[:, :, :-1], sums[:, :, -1]
-        return full, solve_linear(own, own, moment, size[self.lanes.of]).factors
 
     def best_start(self, shares: Shares) -> Float[np.ndarray, "w h"]:
         """Return the best of the structure's starts for each fit, by least squares."""
@@ -287,44 +228,41 @@ class Equation:
         ways, _, rows = values.shape
         apart = values.reshape(ways, recordings, many, rows).transpose(1, 3, 0, 2)
         flat = apart.reshape(recordings, rows, ways * many)
-        right = np.concatenate([self._right[:, ::step], flat], axis=2)
+        right = np.concatenate([self.still_and_target(step), flat], axis=2)
         right[~self.stack.usable[:, ::step]] = 0.0
         lanes = self.lanes.thinned(step)
-        thin = lanes.shares(shares.full[:, ::step])
+        thin = Shares(lanes, shares.full[:, ::step])
         sums = thin.sums(lanes.sums(right, right), right, right)
         size = len(self.places)
         still = sums[:, :size, : size + 1]
         full = sums[:, size + 1 :].reshape(count, ways, many, -1)
-        base = solve_linear(
-            still[:, :, :-1],
-            still[:, :, :-1],
-            still[:, :, -1],
-            self.stack.size[lane_of],
-        )
+        normal = still[:, :, :-1]
+        square = np.einsum("wkk->wk", normal)
+        base = solve_linear(normal, normal, still[:, :, -1], np.sqrt(square))
         # What the still columns leave of the others, and of the target.
         with_still = full[..., :size]
         follow = with_still @ base.inverse[:, None]
         left = full[..., size] - np.einsum("wdmk,wk->wdm", follow, still[:, :, -1])
         gain = np.zeros((count, many))
-        square = np.empty((count, many, ways, ways))
+        inner = np.empty((count, many, ways, ways))
         at = np.arange(many)
         for one in range(ways):
             for other in range(ways):
                 both = full[:, one, at, size + 1 + other * many + at]
-                square[:, :, one, other] = both - np.einsum(
+                inner[:, :, one, other] = both - np.einsum(
                     "wmk,wmk->wm", follow[:, one], with_still[:, other]
                 )
         sizes = np.einsum("rsk,rsk->rk", flat, flat)[lane_of]
         sizes = sizes.reshape(count, ways, many)
         for one in range(ways):
-            pivot = square[:, :, one, one]
+            pivot = inner[:, :, one, one]
             seen = pivot > 1e-9 * sizes[:, one]
             share = np.where(seen, left[:, one] / np.where(seen, pivot, 1.0), 0.0)
             gain += share * left[:, one]
             for other in range(one + 1, ways):
-                left[:, other] -= share * square[:, :, one, other]
+                left[:, other] -= share * inner[:, :, one, other]
                 factor = np.where(
-                    seen, square[:, :, one, other] / np.where(seen, pivot, 1.0), 0.0
+                    seen, inner[:, :, one, other] / np.where(seen, pivot, 1.0), 0.0
                 )
-                square[:, :, other, other] -= factor * square[:, :, one, other]
+                inner[:, :, other, other] -= factor * inner[:, :, one, other]
         return np.asarray(starts[lane_of, np.argmax(gain, axis=1)])

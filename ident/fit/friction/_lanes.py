@@ -126,18 +126,7 @@ class Lanes:
 
     def all_rows(self) -> "Shares":
         """Return weights with which every row that is used counts in full."""
-        return Shares(self, self.use, {})
-
-    def shares(self, full: Float[np.ndarray, "w s"]) -> "Shares":
-        """Return weights given row by row; what a fit does not use must have none."""
-        partly = full != self.use
-        some = partly.any(axis=1)
-        lack = {}
-        for k, fits in self.own:
-            if some[fits].any():
-                rows = np.flatnonzero(partly[fits].any(axis=0))
-                lack[k] = rows, self.use[fits][:, rows] - full[fits][:, rows]
-        return Shares(self, full, lack)
+        return Shares(self, self.use)
 
 
 @final
@@ -147,33 +136,46 @@ class Shares:
 
     Attributes:
         lanes: The fits.
-        full: 0 to 1.
-        lack: By recording, rows that count in part in some of its fits though they are
-            used, and what they lack of 1 in each.
+        full: 0 to 1; what a fit does not use must have 0.
     """
 
     lanes: Lanes
     full: Float[np.ndarray, "w s"]
-    lack: dict[int, tuple[Int[np.ndarray, " _"], Float[np.ndarray, "_ _"]]]
+
+    @cached_property
+    def plain(self) -> bool:
+        """Whether every row that is used counts in full."""
+        return self.full is self.lanes.use or np.array_equal(self.full, self.lanes.use)
+
+    @cached_property
+    def lack(
+        self,
+    ) -> dict[int, tuple[Int[np.ndarray, " _"], Float[np.ndarray, "_ _"]]]:
+        """By recording, rows that count in part in some of its fits though they are used.
+
+        And what they lack of 1 in each.
+        """
+        found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        use = self.lanes.use
+        if self.plain:
+            return found
+        partly = self.full != use
+        some = partly.any(axis=1)
+        for k, fits in self.lanes.own:
+            if some[fits].any():
+                rows = np.flatnonzero(partly[fits].any(axis=0))
+                found[k] = rows, use[fits][:, rows] - self.full[fits][:, rows]
+        return found
 
     def take(self, which: Int[np.ndarray, " v"]) -> "Shares":
         """Return those of some of the fits."""
         if len(which) == len(self.lanes):
             return self
-        lack = {}
-        for k, fits in self.lanes.own:
-            own = which[(which >= fits.start) & (which < fits.stop)] - fits.start
-            if k in self.lack and len(own):
-                rows, missing = self.lack[k]
-                lack[k] = rows, missing[own]
-        return Shares(self.lanes.take(which), self.full[which], lack)
+        return Shares(self.lanes.take(which), self.full[which])
 
-    def same(self, other: "Shares", recording: int) -> bool:
-        """Tell whether all rows count as much in the same fits of a recording."""
-        one, two = self.lack.get(recording), other.lack.get(recording)
-        if other is self or one is None or two is None:
-            return one is two
-        return np.array_equal(one[0], two[0]) and np.array_equal(one[1], two[1])
+    def same(self, other: "Shares", fits: slice) -> bool:
+        """Tell whether all rows count as much in the same of the same fits."""
+        return other is self or np.array_equal(self.full[fits], other.full[fits])
 
     def sums(
         self,

@@ -17,7 +17,6 @@ from ._problem import Problem
 from ._result import FrictionFit
 from ._solve import Solved, solve_as_asked
 from ._stack import alike, stack_of
-from ._structure import AbstractStructure
 
 _FEWEST = 30
 """Samples in motion, after filtering, that a window needs."""
@@ -96,7 +95,7 @@ class LeftOut:
         window = self.window_of_samples
         found = np.zeros(len(window))
         try:
-            (fits,) = in_group(_fit_all, [(self, fit.structure)])
+            (fits,) = in_group(_fit_all, [(self, fit)])
         except FitError:
             fits = []
         for number in range(self.count):
@@ -118,21 +117,26 @@ class LeftOut:
 
 
 def _fit_all(
-    asked: Sequence[tuple[LeftOut, AbstractStructure]],
+    asked: Sequence[tuple[LeftOut, FrictionFit]],
 ) -> list[list[Solved]]:
     """Return laws fitted without each window in turn, recordings of equal shape together.
 
     A window has no say at all in what is fitted without it.
     """
     found: dict[int, list[Solved]] = {}
-    for places in alike([(each.problem, (kind,), each.loss) for each, kind in asked]):
+    for places in alike(
+        [(each.problem, (fit.structure,), each.loss) for each, fit in asked]
+    ):
         group = [asked[k] for k in places]
         stack = stack_of([each.problem for each, _ in group])
-        stack = stack.with_structures([kind for _, kind in group])
+        stack = stack.with_structures([fit.structure for _, fit in group])
         lanes = side_by_side([each.lanes for each, _ in group], stack.rows)
         with one_blas_thread():
             # Whether the data carry the law, all of them have said.
-            solved = solve_as_asked(stack, group[0][0].loss, lanes, certain=False)
+            about = np.stack([fit.shape for _, fit in group])
+            solved = solve_as_asked(
+                stack, group[0][0].loss, lanes, certain=False, about=about
+            )
         for k, (_, fits) in zip(places, lanes.own, strict=True):
             found[k] = solved[fits]
     return [found[k] for k in range(len(asked))]

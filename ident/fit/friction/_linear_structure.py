@@ -46,9 +46,11 @@ class AbstractLinearStructure(AbstractStructure):
         """See `AbstractStructure`."""
         return ()
 
-    def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+    def profile(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`."""
-        return self.profile(speed, no_shape())
+        return self.still_profile(speed)
 
     def shaped_profiles(
         self,

@@ -100,7 +100,7 @@ def weigh(
     ratio = size[partly] / scale[partly, None]
     full = lanes.use.copy()
     full[partly] *= losses[0].share(ratio.ravel()).reshape(ratio.shape)
-    return lanes.shares(full), losses
+    return Shares(lanes, full), losses
 
 
 def _weigh_by(
@@ -110,7 +110,7 @@ def _weigh_by(
     shares = [
         each.share(row / each.scale) for each, row in zip(losses, residual, strict=True)
     ]
-    return lanes.shares(lanes.use * np.stack(shares))
+    return Shares(lanes, lanes.use * np.stack(shares))
 
 
 def _medians(

@@ -67,7 +67,7 @@ class Problem:
         kept += [
             "said",
             "all_rows",
-            "profiles",
+            "met",
             "limits",
             "scouted",
             "spread",
@@ -75,7 +75,7 @@ class Problem:
         ]
         if structure.directional == self.structure.directional:
             # Only then are the columns beside friction the same.
-            kept += ["_fixed_measured"]
+            kept += ["beside"]
         for name in kept:
             other.__dict__[name] = getattr(self, name)
         return other
@@ -171,7 +171,8 @@ class Problem:
         return self._rows(np.stack(columns, axis=1))
 
     @cached_property
-    def _fixed_measured(self) -> np.ndarray:
+    def beside(self) -> Float[np.ndarray, "s f"]:
+        """The columns that do not belong to friction, of the measured motion."""
         return self._fixed(self.samples.acceleration)
 
     @cached_property
@@ -201,13 +202,10 @@ class Problem:
         Args:
             into: Where to.
         """
-        # Laws for both directions alike and apart have the same columns but for the sign.
-        key = dataclasses.replace(self.structure, directional=False)
-        if key not in self.profiles:
-            self.profiles[key] = key.still_profile(self.speed_of(False))
         fixed = len(self.fixed_names)
-        into[:, :fixed] = self._fixed_measured
-        signs, profile = self.signs_of(False), self.profiles[key]
+        into[:, :fixed] = self.beside
+        signs = self.signs_of(False)
+        profile = self.structure.still_profile(self.speed_of(False))
         if self.filtered:
             into[:, fixed:] = self._rows(self.structure.signed(signs, profile))
         else:
@@ -230,9 +228,21 @@ class Problem:
         """Bounds of laws that were already asked for."""
         return {}
 
+    def pairs(self) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]:
+        """Return which factors of one direction each sample meets, and both columns."""
+        # Laws for both directions alike and apart have the same ones.
+        key = dataclasses.replace(self.structure, directional=False)
+        if key not in self.met:
+            self.met[key] = key.pairs(self.speed_of(False))
+        return self.met[key]
+
     @cached_property
-    def profiles(self) -> dict[AbstractStructure, np.ndarray]:
-        """Columns over the speed of laws that were already asked for."""
+    def met(
+        self,
+    ) -> dict[
+        AbstractStructure, tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]
+    ]:
+        """Pairs of laws that were already asked for."""
         return {}
 
     @cached_property
@@ -283,7 +293,7 @@ class Problem:
     def design(self, shape: Float[np.ndarray, " s"]) -> Float[np.ndarray, "t k"]:
         """Return all linear columns, fixed ones first, of the measured motion."""
         own = self.structure.columns(self.samples.velocity, shape)
-        return np.concatenate([self._fixed_measured, self._rows(own)], axis=1)
+        return np.concatenate([self.beside, self._rows(own)], axis=1)
 
     def tangents(
         self, shape: Float[np.ndarray, " s"], factors: Float[np.ndarray, " k"]

@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .._loss import AbstractLoss
-from ._equation import Equation
+from ._equation import AbstractEquation
 from ._lanes import Lanes, Shares
 from ._loss import weigh
+from ._pairs import equation_of
 from ._stack import Stack
 from ._tables import KnotTable
 
@@ -34,12 +35,13 @@ def scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
     whole = _of_all_rows(stack, loss)
     if lanes is stack.all_rows:
         return whole
-    if not whole.lack:
+    if whole.plain:
         return lanes.all_rows()
     full = lanes.use.copy()
-    which = np.flatnonzero(np.isin(lanes.of, list(whole.lack)))
+    partly = (whole.full != whole.lanes.use).any(axis=1)
+    which = np.flatnonzero(partly[lanes.of])
     full[which] = _scout(stack, lanes.take(which), loss).full
-    return lanes.shares(full)
+    return Shares(lanes, full)
 
 
 def _of_all_rows(stack: Stack, loss: str) -> Shares:
@@ -53,7 +55,7 @@ def _of_all_rows(stack: Stack, loss: str) -> Shares:
     full = lanes.use.copy()
     for row, each in zip(full, stack.problems, strict=True):
         row[: len(each.target)] = each.scouted[key]
-    return lanes.shares(full)
+    return Shares(lanes, full)
 
 
 def _scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
@@ -65,7 +67,7 @@ def _scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
         return lanes.all_rows()
     way = stack.structure.directional
     free = stack.with_structures([KnotTable(way, knots) for knots in every])
-    equation = Equation(free, lanes, plain=True).take(which)
+    equation = equation_of(free, lanes, plain=True).take(which)
     shares = reweigh(
         equation, equation.solve(equation.lanes.all_rows()).residual, loss
     )[0]
@@ -79,10 +81,10 @@ def _scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
         if len(own):
             begin = shares.take(own) if first == loss else None
             full[which[own]] = _settled(equation.take(own), loss, begin).full
-    return lanes.shares(full)
+    return Shares(lanes, full)
 
 
-def _settled(equation: Equation, loss: str, begin: Shares | None) -> Shares:
+def _settled(equation: AbstractEquation, loss: str, begin: Shares | None) -> Shares:
     """Return weights that a law no longer changes, from some or by the Huber loss."""
     shares = equation.lanes.all_rows() if begin is None else begin
     for step in range(_PASSES):
@@ -90,14 +92,13 @@ def _settled(equation: Equation, loss: str, begin: Shares | None) -> Shares:
         kind = "huber" if begin is None and step < _HUBER else loss
         before = shares
         shares = reweigh(equation, residual, kind)[0]
-        every = (k for k, _ in equation.lanes.own)
-        if kind == loss and all(shares.same(before, k) for k in every):
+        if kind == loss and shares.same(before, slice(None)):
             break  # and so it would stay
     return shares
 
 
 def reweigh(
-    equation: Equation,
+    equation: AbstractEquation,
     residual: Float[np.ndarray, "w s"],
     name: str,
     *,

@@ -13,7 +13,8 @@ from jaxtyping import Bool, Float, Int
 
 from .._errors import FitError
 from .._loss import AbstractLoss
-from ._equation import Equation
+from ._equation import AbstractEquation
+from ._interpolated import shapes_about
 from ._lanes import Shares
 from ._loss import check_loss
 from ._point import Point
@@ -30,6 +31,8 @@ _STEP = 0.5
 _SETTLED = 1e-3
 """Largest change of any column's contribution in one pass, in scales, at the end."""
 _HALVINGS = 12
+_VALLEY = 0.7
+"""Distance of a logarithm of the shape from the best start: two steps of the starts."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +70,12 @@ class Solution:
     weight: float
 
 
-def separable(equation: Equation, loss: str, certain: bool) -> list[Solution]:
+def separable(
+    equation: AbstractEquation,
+    loss: str,
+    certain: bool,
+    about: Float[np.ndarray, "r h"] | None = None,
+) -> list[Solution]:
     """Fit factors and shapes of an equation, once for each choice of its rows.
 
     Args:
@@ -75,6 +83,8 @@ def separable(equation: Equation, loss: str, certain: bool) -> list[Solution]:
         loss: Name of the loss.
         certain: Whether covariances must hold; if not, they are those of independent noise,
             for laws that are only to predict.
+        about: Logarithms near which each recording's shapes may be; anywhere where left
+            out. What is found does not depend on them, but for the time it takes.
 
     Raises:
         FitError: If hardly any sample is left.
@@ -89,7 +99,7 @@ def separable(equation: Equation, loss: str, certain: bool) -> list[Solution]:
         )
         raise FitError(msg)
     shares = scout(equation.stack, lanes, loss)
-    going = _start(equation, shares, equation.best_start(shares))
+    going = _start(equation, shares, *_begin(equation, shares, about))
     found: dict[int, Solution] = {}
     for step in range(_PASSES):
         going.point = going.equation.solve(going.shares, going.shape, going.point)
@@ -109,7 +119,7 @@ def separable(equation: Equation, loss: str, certain: bool) -> list[Solution]:
 
 
 def search(
-    equation: Equation, shares: Shares, shape: Float[np.ndarray, "w h"]
+    equation: AbstractEquation, shares: Shares, shape: Float[np.ndarray, "w h"]
 ) -> Point:
     """Return the solutions under given weights, shapes searched from where they may be.
 
@@ -118,7 +128,8 @@ def search(
         shares: Weights of the rows.
         shape: Logarithms to start from, fit by fit.
     """
-    going, found = _start(equation, shares, shape), shape.copy()
+    nothing = np.zeros(len(shape), bool)
+    going, found = _start(equation, shares, shape, nothing), shape.copy()
     for _ in range(_PASSES if equation.height else 0):
         before = going.shape.copy()
         going.next_shape()
@@ -143,16 +154,18 @@ class _Going:
         before: Residuals of the pass before, or None.
         losses: With their scales, or None.
         passes: That were made.
+        sought: Which shapes were searched to the end, under the weights to begin with.
     """
 
     lane: Int[np.ndarray, " w"]
-    equation: Equation
+    equation: AbstractEquation
     shares: Shares
     shape: Float[np.ndarray, "w h"]
     point: Point | None
     before: Float[np.ndarray, "w s"] | None
     losses: list[AbstractLoss] | None
     passes: Int[np.ndarray, " w"]
+    sought: Bool[np.ndarray, " w"]
 
     def take(self, which: Int[np.ndarray, " v"]) -> "_Going":
         """Return some of them."""
@@ -167,21 +180,23 @@ class _Going:
             None if self.before is None else self.before[which],
             None if self.losses is None else [self.losses[k] for k in which],
             self.passes[which],
+            self.sought[which],
         )
 
     def weigh_again(self, loss: str, step: int) -> Bool[np.ndarray, " w"]:
         """Weigh the rows by what is left of them; return which fits have settled."""
         assert self.point is not None
         residual = self.point.residual
-        lanes = self.equation.lanes
+        weights = self.shares
         if loss != "gauss" or self.losses is None:
             kept = self.losses if step >= _FREEZE else None
             self.shares, self.losses = reweigh(self.equation, residual, loss, kept=kept)
         before, self.before = self.before, residual
         if before is None:
-            return np.zeros(len(lanes), bool)
+            same = (self.shares.full == weights.full).all(axis=1)
+            return np.asarray(self.sought & same)
         if before is residual:
-            return np.ones(len(lanes), bool)
+            return np.ones(len(residual), bool)
         moved = np.abs(residual - before) * (self.shares.full > 0)
         scale = np.array([each.scale for each in self.losses])
         return np.asarray(moved.max(axis=1) <= _SETTLED * scale)
@@ -216,11 +231,29 @@ class _Going:
             step = 0.5 * step
 
 
+def _begin(
+    equation: AbstractEquation,
+    shares: Shares,
+    about: Float[np.ndarray, "r h"] | None,
+) -> tuple[Float[np.ndarray, "w h"], Bool[np.ndarray, " w"]]:
+    """Return shapes to begin with, and which of them are the best under these weights."""
+    shape = equation.best_start(shares)
+    if about is None or equation.height != 1 or equation.instruments:
+        return shape, np.zeros(len(shape), bool)
+    there, sought = shapes_about(equation, shares, about)
+    # Another valley, maybe a lower one: it is searched from its own start.
+    sought &= (np.abs(there - shape) < _VALLEY)[:, 0]
+    return np.where(sought[:, None], there, shape), sought
+
+
 def _start(
-    equation: Equation, shares: Shares, shape: Float[np.ndarray, "w h"]
+    equation: AbstractEquation,
+    shares: Shares,
+    shape: Float[np.ndarray, "w h"],
+    sought: Bool[np.ndarray, " w"],
 ) -> _Going:
     every = np.arange(len(equation.lanes))
-    return _Going(every, equation, shares, shape, None, None, None, 0 * every)
+    return _Going(every, equation, shares, shape, None, None, None, 0 * every, sought)
 
 
 def _ended(going: _Going, settled: np.ndarray, certain: bool) -> dict[int, Solution]:

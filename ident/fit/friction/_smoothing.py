@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._covariance import lag_of
-from ._equation import Equation
+from ._equation import AbstractEquation
 from ._lanes import Shares
 from ._structure import AbstractStructure
 
@@ -17,7 +17,9 @@ _SURE = 1e10
 """Condition up to which the straight part of the law is simply eliminated."""
 
 
-def choose_weights(equation: Equation, shares: Shares) -> Float[np.ndarray, " w"]:
+def choose_weights(
+    equation: AbstractEquation, shares: Shares
+) -> Float[np.ndarray, " w"]:
     """Return the weight of the smoothness prior that makes each fit's rows most likely.
 
     Restricted likelihood of a linear model with Gaussian noise of unknown size. Residuals
@@ -97,14 +99,14 @@ def _bends(
 
 
 def _independent(
-    equation: Equation,
+    equation: AbstractEquation,
     shares: Shares,
     factors: Float[np.ndarray, "w k"],
 ) -> Int[np.ndarray, " w"]:
     """Return how many rows each fit has that do not resemble their neighbours."""
     stack, of = equation.stack, equation.lanes.of
-    left = stack.target[of] - equation.lanes.along(factors, equation.still)
-    left *= np.sqrt(shares.full) if shares.lack else shares.full
+    left = equation.left(factors, None)
+    left *= shares.full if shares.plain else np.sqrt(shares.full)
     seen = (shares.full > 0).sum(axis=1)
     pieces = [each.piece for each in stack.problems]
     every = [
@@ -114,7 +116,7 @@ def _independent(
     return np.asarray(np.maximum(seen // np.array(every), factors.shape[1] + 2))
 
 
-def _weight_of(equation: Equation, shares: Shares, lane: int) -> float:
+def _weight_of(equation: AbstractEquation, shares: Shares, lane: int) -> float:
     """Return the weight for a fit whose straight part its rows do not tell."""
     problem = equation.stack.problems[equation.of(lane)]
     penalty = problem.penalty()

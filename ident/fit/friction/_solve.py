@@ -3,10 +3,11 @@
 import dataclasses
 
 import numpy as np
+from jaxtyping import Float
 
 from ._determined import drop_reason, shape_reason
-from ._equation import Equation
 from ._lanes import Lanes
+from ._pairs import equation_of
 from ._problem import Problem
 from ._scout import scout
 from ._separable import Solution, separable
@@ -92,6 +93,7 @@ def solve_as_asked(
     smoothness: float | None = None,
     *,
     certain: bool = True,
+    about: Float[np.ndarray, "r h"] | None = None,
 ) -> list[Solved]:
     """Return what `solve_stack` does, not asked whether the data carry the law.
 
@@ -101,15 +103,16 @@ def solve_as_asked(
         lanes: Rows that each fit uses.
         smoothness: As for `fit_inverse`.
         certain: Whether covariances must hold; if not, they are those of independent noise.
+        about: As for `separable`.
     """
-    equation = Equation(stack, lanes)
+    equation = equation_of(stack, lanes)
     if stack.structure.bends() is not None:
         if smoothness is None:
             weights = choose_weights(equation, scout(stack, lanes, loss))
         else:
             weights = np.full(len(lanes), float(smoothness))
         equation = equation.smoothed(weights)
-    solutions = separable(equation, loss, certain)
+    solutions = separable(equation, loss, certain, about)
     return [
         Solved(stack.problems[recording], solution, {})
         for recording, solution in zip(lanes.of, solutions, strict=True)

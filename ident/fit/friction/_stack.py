@@ -78,6 +78,47 @@ class Stack:
         """See `Problem`."""
         return self._once("usable", lambda each: each.usable)
 
+    @property
+    def beside(self) -> Float[np.ndarray, "r s f"]:
+        """The columns that do not belong to friction."""
+        name = f"beside{self.structure.directional}"
+        return self._once(name, lambda each: each.beside)
+
+    @property
+    def sign(self) -> Float[np.ndarray, "r s"]:
+        """Of each row's velocity."""
+        return self._once("sign", lambda each: np.sign(each.samples.velocity))
+
+    @property
+    def way(self) -> Int[np.ndarray, "r s"]:
+        """Which of the directions that have factors of their own each row goes."""
+        if self.structure.directional:
+            return self._once("way", lambda each: (each.samples.velocity < 0) * 1)
+        return self._once("one_way", lambda each: np.zeros(len(each.target), np.int64))
+
+    @cached_property
+    def cell(self) -> Int[np.ndarray, "r s"]:
+        """See `AbstractStructure.pairs`."""
+        return self._filled([each.pairs()[0] for each in self.problems])
+
+    @cached_property
+    def pair(self) -> Float[np.ndarray, "r s 2"]:
+        """See `AbstractStructure.pairs`."""
+        return self._filled([each.pairs()[1] for each in self.problems])
+
+    def profiles(
+        self, shapes: Float[np.ndarray, "w h"], of: Int[np.ndarray, " w"] | None
+    ) -> tuple[Float[np.ndarray, "w s"], Float[np.ndarray, "h w s"]]:
+        """Return the column that follows the shape over the speed, and its derivatives.
+
+        Args:
+            shapes: Logarithms, fit by fit.
+            of: Recording of each fit; one of each where left out.
+        """
+        of = np.arange(len(shapes)) if of is None else of
+        speed = self._once("speed", lambda each: each.speed_of(False))
+        return self.structure.shaped_profiles(speed, of, shapes)
+
     @cached_property
     def right(self) -> Float[np.ndarray, "r s k1"]:
         """The linear columns that follow no shape, and last the target.

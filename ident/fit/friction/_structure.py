@@ -92,8 +92,21 @@ class AbstractStructure(abc.ABC):
         """Places of the factors of one direction whose columns follow the shape."""
 
     @abc.abstractmethod
+    def pairs(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]:
+        """Return which of the factors of one direction that follow no shape each speed meets.
+
+        They are two neighbours: place of the first, and the columns of both.
+        """
+
     def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
         """Return the columns of one direction that do not follow the shape."""
+        cell, both = self.pairs(speed)
+        found = np.zeros((len(speed), len(self.factors) - len(self.shaped)))
+        rows = np.arange(len(speed))
+        found[rows, cell], found[rows, cell + 1] = both.T
+        return found
 
     @abc.abstractmethod
     def shaped_profiles(

@@ -48,11 +48,11 @@ class CoulombViscous(AbstractLinearStructure):
         """See `AbstractStructure`."""
         return ("coulomb",)
 
-    def profile(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "t k"]:
+    def pairs(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]:
         """See `AbstractStructure`."""
-        return np.stack([np.ones_like(speed), speed], axis=1)
+        return _level_and_slope(speed)
 
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`."""
@@ -157,9 +157,11 @@ class Stribeck(AbstractStructure):
         """See `AbstractStructure`: the drop."""
         return (2,)
 
-    def still_profile(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+    def pairs(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]:
         """See `AbstractStructure`."""
-        return np.stack([np.ones_like(speed), speed], axis=1)
+        return _level_and_slope(speed)
 
     def shaped_profiles(
         self,
@@ -223,3 +225,11 @@ class Stribeck(AbstractStructure):
 def _ways(values: Float[np.ndarray, " w"]) -> Array:
     """Return one number, or the pair of both directions, as the models take it."""
     return jnp.asarray(values[0]) if len(values) == 1 else jnp.asarray(values)
+
+
+def _level_and_slope(
+    speed: Float[np.ndarray, " t"],
+) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]:
+    """Return the columns of Coulomb and viscous friction, which every speed meets."""
+    cell = np.zeros(len(speed), np.int64)
+    return cell, np.stack([np.ones_like(speed), speed], axis=1)

@@ -5,7 +5,7 @@ from typing import final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ....models import AbstractFriction, FrictionTable, Setpoints
 from ._linear_structure import AbstractLinearStructure
@@ -62,19 +62,14 @@ class KnotTable(AbstractLinearStructure):
         """See `AbstractStructure`."""
         return self.factors
 
-    def profile(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "t k"]:
+    def pairs(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]:
         """See `AbstractStructure`."""
-        knots = np.asarray(self.knots)
-        place = np.interp(speed, knots, np.arange(len(knots)))
-        cell = np.minimum(place.astype(int), len(knots) - 2)
+        place = np.interp(speed, self.knots, np.arange(len(self.knots)))
+        cell = np.minimum(place.astype(np.int64), len(self.knots) - 2)
         share = place - cell
-        result = np.zeros((len(speed), len(knots)))
-        rows = np.arange(len(speed))
-        result[rows, cell] = 1.0 - share
-        result[rows, cell + 1] = share
-        return result
+        return cell, np.stack([1.0 - share, share], axis=1)
 
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`: how far each knot lies off the line of its neighbours.

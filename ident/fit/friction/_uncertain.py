@@ -5,13 +5,13 @@ from jaxtyping import Float
 
 from .._loss import AbstractLoss
 from ._covariance import larger_covariance, score_covariance
-from ._equation import Equation
+from ._equation import AbstractEquation
 from ._linear import solve_linear
-from ._point import Columns, Point
+from ._point import Point
 
 
 def uncertainty(
-    equation: Equation,
+    equation: AbstractEquation,
     point: Point,
     lane: int,
     loss: AbstractLoss,
@@ -29,9 +29,9 @@ def uncertainty(
     problem = equation.stack.problems[equation.of(lane)]
     many = len(problem.target)
     residual, share = point.residual[lane, :many], share[:many]
-    full = twin = _columns(equation, point, lane, instrument=False)
+    full = twin = equation.columns(point, lane)
     if equation.instruments:
-        twin = _columns(equation, point, lane, instrument=True)
+        twin = equation.columns(point, lane, instrument=True)
     used = equation.lanes.use[lane, :many] > 0
     slope = float(loss.slope(residual[used] / loss.scale).mean())
     slope = max(slope, 0.05)
@@ -49,12 +49,12 @@ def uncertainty(
     own = slope * own
     if large is not None:
         own, matrix = own + large, matrix + large
-    size = np.sqrt(np.einsum("tk,tk->k", full, full) / len(full))
+    sizes = np.sqrt(np.einsum("tk,tk->k", some, some) / len(some))
     inverse = solve_linear(
         own[None],
         own[None] if twin is full else matrix[None],
         np.zeros((1, width)),
-        size[None],
+        sizes[None],
     ).inverse[0]
     leverage = slope * np.einsum("tk,tk->t", some @ inverse, other)
     psi = (share * residual)[used] / np.clip(1.0 - leverage, 0.1, 1.0)
@@ -67,7 +67,6 @@ def uncertainty(
     if large is not None:
         prior = loss.scale**2 * large
         inner, even = inner + prior, even + prior
-    sizes = np.sqrt(np.einsum("tk,tk->k", some, some) / len(some))
     return (
         larger_covariance(inverse @ inner @ inverse.T, inverse @ even @ inverse.T),
         lag,
@@ -76,7 +75,7 @@ def uncertainty(
 
 
 def roughly(
-    equation: Equation, point: Point, lane: int, loss: AbstractLoss
+    equation: AbstractEquation, point: Point, lane: int, loss: AbstractLoss
 ) -> tuple[Float[np.ndarray, "p p"], int, Float[np.ndarray, " p"]]:
     """Return what `uncertainty` does, as if neighbouring samples had nothing in common.
 
@@ -94,31 +93,3 @@ def roughly(
     covariance[inner, inner] = loss.scale**2 * point.linear.inverse[lane]
     sizes[inner] = point.linear.size[lane]
     return covariance, 0, sizes
-
-
-def _columns(
-    equation: Equation, point: Point, lane: int, *, instrument: bool
-) -> Float[np.ndarray, "t p"]:
-    """Return all columns of one fit in the order of its factors, then its tangents."""
-    recording = equation.of(lane)
-    problem = equation.stack.problems[recording]
-    stack = equation.stack
-    every = stack.still_instrument if instrument else stack.still
-    still = every[recording, : len(problem.target)]
-    if point.moving is None:
-        return still
-    one = np.array([lane])
-    if instrument:
-        moving = Columns(*problem.shaped(point.shape[one], instrument=True))
-    else:
-        moving = point.moving.take(one)
-    many = len(still)
-    found = np.empty((len(still), equation.width + equation.height))
-    found[:, equation.places] = still
-    for way, place in enumerate(equation.moves):
-        found[:, place] = moving.values[way, 0, :many]
-    drops = point.factors[lane, equation.moves]
-    found[:, equation.width :] = np.einsum(
-        "d,hds->sh", drops, moving.slopes[:, :, 0, :many]
-    )
-    return found

@@ -1,0 +1,14 @@
+"""Functions of numbers as machine code, compiled once per machine."""
+
+from typing import Any
+
+from numba import njit
+
+
+def machine_code(function: Any, signature: Any) -> Any:
+    """Return a function compiled; kept for the next process, where that can be written."""
+    options: Any = {"nogil": True, "error_model": "numpy"}
+    try:
+        return njit(signature, cache=True, **options)(function)
+    except (RuntimeError, OSError):  # nowhere to write, or no space left
+        return njit(signature, **options)(function)

@@ -1,0 +1,131 @@
+"""Shapes of laws for many choices of rows, searched in sums about one that is nearly theirs.
+
+Without one window of ten, a recording's law has nearly the shape that all rows give it. There
+the column that follows the shape is interpolated between those of a few shapes: sums over the
+rows are made once for all choices, and the search goes on in them, row for row to the tenth
+digit. Source for the nodes: L. N. Trefethen, Approximation Theory and Approximation Practice,
+chapter 2.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.polynomial import chebyshev
+
+from ._equation import AbstractEquation
+from ._lanes import Shares
+from ._linear import solve_linear
+
+_REACH = 0.1
+"""Distance of a logarithm up to which columns are interpolated."""
+_NODES = 8
+"""Shapes between which they are: the error is below 1e-10 of the column."""
+_STEPS = 12
+_STILL = 1e-9
+"""Step of a logarithm of the shape after which the next one would be lost in rounding."""
+_INSIDE = 0.9
+"""Share of the reach within which a shape must end."""
+
+
+def shapes_about(
+    equation: AbstractEquation, shares: Shares, about: Float[np.ndarray, "r 1"]
+) -> tuple[Float[np.ndarray, "w 1"], Bool[np.ndarray, " w"]]:
+    """Return the best shape of each fit near that of its recording, and whether it is there.
+
+    Args:
+        equation: A law with one number of shape.
+        shares: Weights of the rows.
+        about: Logarithm of each recording's shape.
+    """
+    rest = _rest(equation, shares, about)
+    low, high = equation.bounds
+    centre = about[equation.lanes.of, 0]
+    place, before = np.zeros(len(centre)), np.full(len(centre), 1e-3)
+    slope, slope_before = _slope(rest, place), _slope(rest, before)
+    rising = np.ones(len(centre), bool)
+    for _ in range(_STEPS):
+        change, run = slope - slope_before, place - before
+        moving = np.abs(run) > _STILL
+        rising = np.where(moving, change * run > 0.0, rising)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.where(moving & rising, -slope * run / change, 0.0)
+        before, slope_before = place, slope
+        place = np.clip(place + step, -_REACH, _REACH)
+        slope = _slope(rest, place)
+    found = (centre + place)[:, None]
+    there = rising & (np.abs(place) < _INSIDE * _REACH)
+    there &= np.abs(place - before) <= _STILL
+    there &= ((found > low) & (found < high))[:, 0]
+    return found, there
+
+
+def _rest(
+    equation: AbstractEquation, shares: Shares, about: Float[np.ndarray, "r 1"]
+) -> Float[np.ndarray, "w q q"]:
+    """Return XᵀWX of the target and the columns of all nodes, still columns taken out.
+
+    The target first, then node by node, each with a column per direction.
+    """
+    stack, lanes = equation.stack, equation.lanes
+    recordings = len(about)
+    angle = np.pi * (np.arange(_NODES) + 0.5) / _NODES
+    shapes = (about + _REACH * np.cos(angle)).reshape(-1, 1)
+    values = stack.shaped(shapes, np.repeat(np.arange(recordings), _NODES))[0]
+    ways, _, rows = values.shape
+    apart = values.reshape(ways, recordings, _NODES, rows).transpose(1, 3, 2, 0)
+    still = equation.still_and_target(1)
+    right = np.concatenate([still, apart.reshape(recordings, rows, -1)], axis=2)
+    right[~stack.usable] = 0.0
+    sums = shares.sums(lanes.sums(right, right), right, right)
+    size = still.shape[2] - 1
+    own = sums[:, :size, :size]
+    scale = np.sqrt(np.einsum("wkk->wk", own))
+    linear = solve_linear(own, own, sums[:, :size, size], scale)
+    beside = sums[:, :size, size:]
+    follow = np.swapaxes(beside, 1, 2) @ linear.inverse
+    return np.asarray(sums[:, size:, size:] - follow @ beside)
+
+
+def _slope(
+    rest: Float[np.ndarray, "w q q"], place: Float[np.ndarray, " w"]
+) -> Float[np.ndarray, " w"]:
+    """Return the derivative of half the cost with respect to the shape, drops following."""
+    count, ways = len(rest), (rest.shape[1] - 1) // _NODES
+    value, bent = _shares_of_nodes(place / _REACH)
+    blocks = rest[:, 1:, 1:].reshape(count, _NODES, ways * _NODES * ways)
+
+    def along(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        half = (one[:, None] @ blocks).reshape(count, ways, _NODES, ways)
+        half = half.transpose(0, 1, 3, 2)
+        return np.asarray((half @ other[:, None, :, None])[..., 0])
+
+    target = rest[:, 0, 1:].reshape(count, _NODES, ways)
+    drop = np.linalg.solve(
+        along(value, value) + _ridge(rest), (value[:, None] @ target)[:, 0, :, None]
+    )[:, :, 0]
+    push = (bent[:, None] @ target)[:, 0]
+    bend = (along(bent, value) @ drop[:, :, None])[:, :, 0]
+    return np.asarray(np.einsum("wd,wd->w", drop, bend - push) / _REACH)
+
+
+def _ridge(rest: Float[np.ndarray, "w q q"]) -> Float[np.ndarray, "w d d"]:
+    """Return what keeps a direction without rows from stopping the others."""
+    ways = (rest.shape[1] - 1) // _NODES
+    size = np.einsum("wqq->w", rest[:, 1:, 1:])
+    return np.asarray(1e-14 * np.maximum(size, 1e-300)[:, None, None] * np.eye(ways))
+
+
+def _shares_of_nodes(
+    place: Float[np.ndarray, " w"],
+) -> tuple[Float[np.ndarray, "w m"], Float[np.ndarray, "w m"]]:
+    """Return shares of Chebyshev's nodes in what lies between them, and their derivatives.
+
+    Args:
+        place: From −1 to 1.
+    """
+    order = np.arange(_NODES)
+    angle = np.pi * (order + 0.5) / _NODES
+    weight = chebyshev.chebvander(np.cos(angle), _NODES - 1)
+    weight *= np.where(order > 0, 2.0, 1.0) / _NODES
+    here = chebyshev.chebvander(place, _NODES - 1)
+    bent = here[:, :-1] @ chebyshev.chebder(np.eye(_NODES))
+    return here @ weight.T, bent @ weight.T

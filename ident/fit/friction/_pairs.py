@@ -1,0 +1,315 @@
+"""Equations whose rows are samples: each meets few columns, and only these are summed up."""
+
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._equation import AbstractEquation
+from ._lanes import Lanes, Shares
+from ._linear import Linear, solve_linear
+from ._matrices import MatrixEquation
+from ._point import Columns, Point
+from ._stack import Stack
+
+
+def equation_of(stack: Stack, lanes: Lanes, *, plain: bool = False) -> AbstractEquation:
+    """Return the equation of a law for several choices of rows, without a prior.
+
+    Args:
+        stack: The recordings with their laws.
+        lanes: Rows that each fit uses.
+        plain: Least squares, though there may be instruments.
+    """
+    if stack.one.filtered or (stack.one.has_instrument and not plain):
+        return MatrixEquation(stack, lanes, plain=plain)
+    return PairEquation(stack, lanes)
+
+
+class PairEquation(AbstractEquation):
+    """Sums row by row, in machine code."""
+
+    @property
+    def _rows(self) -> tuple[np.ndarray, ...]:
+        """What a row meets beside what follows the shape, as the kernel takes it."""
+        stack = self.stack
+        return stack.beside, stack.sign, stack.way, stack.cell, stack.pair
+
+    @property
+    def _law(self) -> tuple[int, int]:
+        """Factors of one direction, and which of them follows the shape; −1: none."""
+        structure = self.stack.structure
+        return len(structure.factors), (structure.shaped or (-1,))[0]
+
+    def _normal(
+        self,
+        of: Int[np.ndarray, " g"],
+        first: Int[np.ndarray, " g"],
+        end: Int[np.ndarray, " g"],
+        weight: Float[np.ndarray, "n s"],
+        target: Float[np.ndarray, "_ s"],
+        moving: Columns | None,
+        tangents: Float[np.ndarray, "n s h"] | None = None,
+        *,
+        by_fit: bool,
+    ) -> Float[np.ndarray, "g q q1"]:
+        """Return XᵀW [X, target] over ranges of rows.
+
+        Args:
+            of: Recording of each range.
+            first: Its first row.
+            end: The one after its last.
+            weight: Of the rows, by range or by recording.
+            target: Likewise, or by recording.
+            moving: What follows the shape, like the weights.
+            tangents: Further columns, after those beside friction, like the weights.
+            by_fit: Whether weights are by range.
+        """
+        from . import _pair_kernel
+
+        each = np.arange(len(of)) if by_fit else of
+        more, drop = _given(moving, tangents, weight.shape)
+        size = self.width + more.shape[2]
+        found = np.empty((len(of), size, size + 1))
+        beside, *rows = self._rows
+        aim = each if target is not self.stack.target else of
+        _pair_kernel.normal(
+            *(beside, more, *rows, drop, *self._law),
+            *(of, each, first, end, weight, target, aim, found),
+        )
+        return found
+
+    def _every_row(self) -> tuple[Int[np.ndarray, " w"], Int[np.ndarray, " w"]]:
+        count = len(self.lanes)
+        return np.zeros(count, np.int64), np.full(count, self.stack.rows)
+
+    def _sums(
+        self, shares: Shares, moving: Columns | None
+    ) -> Float[np.ndarray, "w k k1"]:
+        """Return XᵀW [X, target] of each fit."""
+        ends = self._every_row()
+        target = self.stack.target
+        of = self.lanes.of
+        return self._normal(of, *ends, shares.full, target, moving, by_fit=True)
+
+    def sums(self, shares: Shares) -> Float[np.ndarray, "w k k1"]:
+        """See `AbstractEquation`."""
+        return self._sums(shares, None)
+
+    def _linear(
+        self, shares: Shares, shape: Float[np.ndarray, "w h"], moving: Columns | None
+    ) -> Linear:
+        size = self._size[self.lanes.of]
+        if moving is not None:
+            values = moving.values[0]
+            square = np.einsum("ws,ws->w", values, values) / values.shape[1]
+            size[:, self.moves] = np.sqrt(square)[:, None]
+        return self._solved(self._sums(shares, moving), size)
+
+    @cached_property
+    def _size(self) -> Float[np.ndarray, "r k"]:
+        """RMS of the columns that follow no shape over all rows of each recording."""
+        stack, every = self.stack, np.arange(len(self.stack.problems))
+        ends = 0 * every, np.full(len(every), stack.rows)
+        usable = stack.usable * 1.0
+        sums = self._normal(every, *ends, usable, stack.target, None, by_fit=True)
+        return _sizes(sums, stack.rows)
+
+    def _solved(
+        self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]
+    ) -> Linear:
+        own, moment = sums[:, :, :-1], sums[:, :, -1]
+        penalty = self.stack.penalty
+        if penalty is not None and self._weights is not None:
+            own = own + self._weights[:, None, None] * penalty[self.lanes.of]
+        return solve_linear(own, own, moment, size)
+
+    def left(
+        self, factors: Float[np.ndarray, "w k"], moving: Columns | None
+    ) -> Float[np.ndarray, "w s"]:
+        """See `AbstractEquation`."""
+        found = np.empty((len(self.lanes), self.stack.rows))
+        each = np.arange(len(found))
+        self._put_left(self.lanes.of, each, *self._every_row(), factors, moving, found)
+        return found
+
+    def _put_left(
+        self,
+        of: Int[np.ndarray, " g"],
+        beside: Int[np.ndarray, " g"],
+        first: Int[np.ndarray, " g"],
+        end: Int[np.ndarray, " g"],
+        factors: Float[np.ndarray, "g q"],
+        moving: Columns | None,
+        found: Float[np.ndarray, "v s"],
+        tangents: Float[np.ndarray, "n s h"] | None = None,
+        into: Int[np.ndarray, " g"] | None = None,
+    ) -> None:
+        """Write target − fit of ranges of rows, each where ``beside`` or ``into`` says."""
+        from . import _pair_kernel
+
+        shape = (len(found) if tangents is None else len(tangents), self.stack.rows)
+        more, drop = _given(moving, tangents, shape)
+        columns, *rows = self._rows
+        into = beside if into is None else into
+        factors = np.ascontiguousarray(factors)
+        _pair_kernel.left(
+            *(columns, more, *rows, drop, *self._law),
+            *(of, beside, first, end, factors, self.stack.target, into, found),
+        )
+
+    def columns(
+        self, point: Point, lane: int, *, instrument: bool = False
+    ) -> Float[np.ndarray, "t p"]:
+        """See `AbstractEquation`."""
+        stack, k = self.stack, int(self.lanes.of[lane])
+        many = len(stack.problems[k].target)
+        fixed, (width, third) = stack.beside.shape[2], self._law
+        found = np.zeros((many, self.width + self.height))
+        found[:, :fixed] = stack.beside[k, :many]
+        rows, sign = np.arange(many), stack.sign[k, :many]
+        base = fixed + width * stack.way[k, :many]
+        at = base + stack.cell[k, :many]
+        found[rows, at] = sign * stack.pair[k, :many, 0]
+        found[rows, at + 1] = sign * stack.pair[k, :many, 1]
+        if point.moving is not None:
+            found[rows, base + third] = sign * point.moving.values[0, lane, :many]
+            one = np.array([lane])
+            bent = self._tangents(point.factors[one], point.moving.take(one), one)
+            found[:, self.width :] = bent[0, :many]
+        return found
+
+    def _shaped(self, shape: Float[np.ndarray, "w h"]) -> Columns:
+        """Return the column that follows the shape, whatever the direction and its sign."""
+        values, slopes = self.stack.profiles(shape, self.lanes.of)
+        return Columns(values[None], slopes[:, None])
+
+    def _tangents(
+        self,
+        factors: Float[np.ndarray, "n k"],
+        moving: Columns,
+        lanes: Int[np.ndarray, " n"] | None = None,
+    ) -> Float[np.ndarray, "n s h"]:
+        """Return the derivatives of the fit with respect to the logarithms of the shape.
+
+        Args:
+            factors: Fit by fit.
+            moving: Columns that follow the shape.
+            lanes: Which fits these are; by recording where left out.
+        """
+        stack = self.stack
+        of = slice(None) if lanes is None else self.lanes.of[lanes]
+        drop = stack.sign[of] * factors[:, self.moves[:1]]
+        if len(self.moves) > 1:
+            back = stack.way[of] > 0
+            drop = np.where(back, stack.sign[of] * factors[:, self.moves[1:]], drop)
+        return np.ascontiguousarray(np.moveaxis(drop * moving.slopes[:, 0], 0, 2))
+
+    def _pushes(
+        self, point: Point
+    ) -> tuple[
+        Float[np.ndarray, "w k h"],
+        Float[np.ndarray, "w h k"],
+        Float[np.ndarray, "w h h"],
+        Float[np.ndarray, "w h"],
+    ]:
+        assert point.moving is not None
+        every = np.arange(len(self.lanes))
+        tangents = self._tangents(point.factors, point.moving, every)
+        sums = self._normal(
+            *(self.lanes.of, *self._every_row(), point.shares.full, point.residual),
+            *(point.moving, tangents),
+            by_fit=True,
+        )
+        bent, factors = self._apart()
+        matrix = sums[:, bent[:, None], bent]
+        after = sums[:, factors[:, None], bent]
+        return after, np.swapaxes(after, 1, 2), matrix, sums[:, bent, -1]
+
+    def _apart(self) -> tuple[Int[np.ndarray, " h"], Int[np.ndarray, " k"]]:
+        """Return where tangents stand among all columns, and where the factors do."""
+        fixed = self.stack.beside.shape[2]
+        places = np.arange(self.width + self.height)
+        bent = places[fixed : fixed + self.height]
+        return bent, np.delete(places, bent)
+
+    def held_out(
+        self,
+        shares: Shares,
+        shape: Float[np.ndarray, "r h"],
+        factors: Float[np.ndarray, "r k"],
+        bounds: dict[int, list[tuple[int, int]]],
+    ) -> tuple[
+        Float[np.ndarray, "v s"], Float[np.ndarray, "v s"], Float[np.ndarray, "w h"]
+    ]:
+        """See `AbstractEquation`."""
+        stack, lanes = self.stack, self.lanes
+        moving = tangents = None
+        if self.height:
+            moving = Columns(*(part[None] for part in stack.profiles(shape, None)))
+            moving = Columns(moving.values, np.moveaxis(moving.slopes, 0, 1))
+            tangents = self._tangents(factors, moving)
+        weight = np.zeros((len(stack.problems), stack.rows))
+        for k, own in lanes.own:
+            weight[k] = shares.full[own.stop - 1]
+        spans = [(k, *span) for k, _ in lanes.own for span in pairwise(lanes.edges[k])]
+        of, first, end = np.array(spans, np.int64).T.copy()
+        parts = self._normal(
+            of, first, end, weight, stack.target, moving, tangents, by_fit=False
+        )
+        width, begin = parts.shape[1], 0
+        sums = np.empty((len(lanes), width * (width + 1)))
+        size = np.empty((len(lanes), width))
+        for k, own in lanes.own:
+            many = len(lanes.edges[k]) - 1
+            part = parts[begin : begin + many].reshape(many, -1)
+            np.dot(lanes.member[own, :many], part, out=sums[own])
+            whole = part.sum(axis=0).reshape(1, width, width + 1)
+            size[own] = _sizes(whole, stack.rows)
+            begin += many
+        found = self._solved(sums.reshape(-1, width, width + 1), size).factors
+        held, whole = np.zeros((2, len(lanes.own), stack.rows))
+        windows = [
+            (k, place, *span, own.start + lane)
+            for place, (k, own) in enumerate(lanes.own)
+            for lane, span in enumerate(bounds[k])
+        ]
+        of, into, first, end, lane = np.array(windows, np.int64).T.copy()
+        self._put_left(of, of, first, end, found[lane], moving, held, tangents, into)
+        last = np.array([(k, own.stop - 1) for k, own in lanes.own]).T
+        of, into = np.ascontiguousarray(last[0]), np.arange(len(held))
+        ends = 0 * of, np.full(len(of), stack.rows)
+        self._put_left(of, of, *ends, found[last[1]], moving, whole, tangents, into)
+        return held, whole, found[:, self._apart()[0]]
+
+    def still_and_target(self, step: int) -> Float[np.ndarray, "r s k1"]:
+        """See `AbstractEquation`."""
+        stack = self.stack
+        fixed, width = stack.beside.shape[2], len(self.places)
+        beside, sign = stack.beside[:, ::step], stack.sign[:, ::step]
+        found = np.zeros((*sign.shape, width + 1))
+        found[:, :, :fixed] = beside
+        own = (width - fixed) // stack.structure.ways
+        at = fixed + own * stack.way[:, ::step] + stack.cell[:, ::step]
+        both = sign[:, :, None] * stack.pair[:, ::step]
+        places = np.stack([at, at + 1], axis=2)
+        np.put_along_axis(found, places, both, axis=2)
+        found[:, :, width] = stack.target[:, ::step]
+        return found
+
+
+def _given(
+    moving: Columns | None,
+    tangents: Float[np.ndarray, "n s h"] | None,
+    shape: tuple[int, int],
+) -> tuple[Float[np.ndarray, "n s h"], Float[np.ndarray, "m s"]]:
+    """Return further columns and what follows the shape as the kernel takes them."""
+    more = np.zeros((*shape, 0)) if tangents is None else tangents
+    drop = np.zeros((0, shape[1])) if moving is None else moving.values[0]
+    return more, np.ascontiguousarray(drop)
+
+
+def _sizes(sums: Float[np.ndarray, "n q q1"], rows: int) -> Float[np.ndarray, "n q"]:
+    """Return the RMS of each column, given sums over all rows."""
+    return np.asarray(np.sqrt(np.einsum("wkk->wk", sums[:, :, :-1]) / rows))
