@@ -47,31 +47,49 @@ class RunDesign:
 
     def start(self, error: Float[np.ndarray, " t"]) -> Float[np.ndarray, " c"]:
         """Return effects to begin with: the median of each run, so that a far one is not wild."""
-        median = medians(self.index, error, len(self.labels))
-        result = np.zeros(self.count)
-        result[: self.contrast.shape[1]] = self.contrast.T @ median
-        return result
+        return np.asarray(starts_of([self], error[None])[0])
 
     def effects(
         self, values: Float[np.ndarray, " c"], covariance: Float[np.ndarray, "c c"]
     ) -> tuple[RunEffect, ...]:
         """Return the effects run by run."""
-        part = self.contrast.shape[1]
-        deviation = []
-        result = []
-        for start in range(0, len(values), part):
-            block = covariance[start : start + part, start : start + part]
-            spread = np.einsum("rc,cd,rd->r", self.contrast, block, self.contrast)
-            deviation.append(np.sqrt(np.maximum(spread, 0.0)))
-            result.append(self.contrast @ values[start : start + part])
-        zero = np.zeros(len(self.labels))
-        drift, drift_sd = (result[1], deviation[1]) if len(result) > 1 else (zero, zero)
-        return tuple(
-            RunEffect(int(label), *map(float, row))
-            for label, *row in zip(
-                self.labels, result[0], deviation[0], drift, drift_sd, strict=True
-            )
+        (found,) = effects_of([self], values[None], covariance[None])
+        return found
+
+
+def starts_of(
+    designs: Sequence[RunDesign], error: Float[np.ndarray, "k t"]
+) -> Float[np.ndarray, "k c"]:
+    """Return effects to begin with, for several fits with the same contrast."""
+    contrast = designs[0].contrast
+    median = run_medians(designs, error)
+    result = np.zeros((len(designs), designs[0].count))
+    result[:, : contrast.shape[1]] = np.matmul(contrast.T, median[..., None])[..., 0]
+    return result
+
+
+def effects_of(
+    designs: Sequence[RunDesign],
+    values: Float[np.ndarray, "k c"],
+    covariance: Float[np.ndarray, "k c c"],
+) -> list[tuple[RunEffect, ...]]:
+    """Return the effects run by run, for several fits with the same contrast."""
+    contrast = designs[0].contrast
+    part = contrast.shape[1]
+    table = np.zeros((len(designs), len(contrast), 4))
+    for column, start in enumerate(range(0, values.shape[1], part)):
+        own = slice(start, start + part)
+        found = np.matmul(contrast, values[:, own, None])[..., 0]
+        spread = np.einsum("rc,kcd,rd->kr", contrast, covariance[:, own, own], contrast)
+        table[:, :, 2 * column] = found
+        table[:, :, 2 * column + 1] = np.sqrt(np.maximum(spread, 0.0))
+    return [
+        tuple(
+            RunEffect(label, *row)
+            for label, row in zip(design.labels.tolist(), rows, strict=True)
         )
+        for design, rows in zip(designs, table.tolist(), strict=True)
+    ]
 
 
 def run_design(
@@ -131,3 +149,12 @@ def medians(
     low, high = first + (several - 1) // 2, first + several // 2
     result[size > 0] = 0.5 * (ascending[low] + ascending[high])
     return result
+
+
+def run_medians(
+    designs: Sequence[RunDesign], values: Float[np.ndarray, "k t"]
+) -> Float[np.ndarray, "k r"]:
+    """Return the median of the values of each run, for several fits with as many runs."""
+    count = len(designs[0].labels)
+    run = np.concatenate([count * k + one.index for k, one in enumerate(designs)])
+    return medians(run, values.ravel(), count * len(designs)).reshape(-1, count)

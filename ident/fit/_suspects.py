@@ -3,7 +3,7 @@
 from statistics import median
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ._grid import Grid, Located
 from ._runs import RunDesign, medians
@@ -40,10 +40,24 @@ def distrusted(
     grid: Grid, count: Int[np.ndarray, " n"], kept: Float[np.ndarray, " n"]
 ) -> tuple[int, ...]:
     """Return the same from the number of the nearest readings and the weight they keep."""
+    return named(grid, doubted(count, kept))
+
+
+def doubted(
+    count: Int[np.ndarray, "*k n"], kept: Float[np.ndarray, "*k n"]
+) -> Bool[np.ndarray, "*k n"]:
+    """Return whether the readings next to a node were mostly set aside."""
     # A share of 0.5 is the Student weight at two scales; a lone reading must be further off.
     limit = np.where(count > 1, _TRUSTED, 0.5 * _TRUSTED) * count
-    named = ((count > 0) & (kept < limit)).reshape(grid.slow, grid.fast)
-    return tuple(int(index) for index in np.flatnonzero(grid.to_table(named)))
+    return np.asarray((count > 0) & (kept < limit))
+
+
+def named(grid: Grid, doubted: Bool[np.ndarray, " n"]) -> tuple[int, ...]:
+    """Return flat table indices of nodes that are told as flat index over (slow, fast)."""
+    if not doubted.any():
+        return ()
+    table = grid.to_table(doubted.reshape(grid.slow, grid.fast))
+    return tuple(int(index) for index in np.flatnonzero(table))
 
 
 def suspect_runs(
@@ -56,9 +70,21 @@ def suspect_runs(
     if design is None or len(design.labels) < 3:
         return ()
     scatter = medians(design.index, np.abs(residual), len(design.labels))
-    loud = scatter > _LOUD * median(scatter.tolist())
-    offset = np.array([effect.offset for effect in effects])
-    error = np.array([effect.offset_sd for effect in effects])
-    away = np.abs(offset - median(offset.tolist()))
-    far = (away > _FAR * median(away.tolist())) & (away > _FAR * error)
-    return tuple(int(label) for label in design.labels[loud | far])
+    return contradicting(scatter.tolist(), effects)
+
+
+def contradicting(
+    scatter: list[float], effects: tuple[RunEffect, ...]
+) -> tuple[int, ...]:
+    """Return the same from the median of the residuals of each run, and its effects."""
+    if len(effects) < 3:
+        return ()
+    quiet = _LOUD * median(scatter)
+    middle = median(effect.offset for effect in effects)
+    away = [abs(effect.offset - middle) for effect in effects]
+    near = _FAR * median(away)
+    return tuple(
+        effect.run
+        for effect, own, off in zip(effects, scatter, away, strict=True)
+        if own > quiet or (off > near and off > _FAR * effect.offset_sd)
+    )

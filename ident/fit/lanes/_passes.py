@@ -5,6 +5,8 @@ look at the readings (second thoughts about wild ones) is left to it.
 """
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -70,7 +72,10 @@ def _refined(state: State, loss: str) -> State:
         choice = solve_lanes(part, weights, factors)
         fresh = _robust(part.stack, loss, weights, choice.unknowns, True, SETTLED)
         fresh.sound &= found
-        _put(state, going, fresh)
+        if len(going) == len(state.sound):
+            state = fresh
+        else:
+            _put(state, going, fresh)
         size = stack.size
         moved = fresh.solutions.unknowns[:, :size] - choice.unknowns[:, :size]
         spread = np.sqrt(fresh.solutions.variance / density[going])
@@ -94,7 +99,8 @@ def _robust(
     normal = stack.normal(active)
     factors = factors_of(stack, normal, weights)
     inflation = np.ones(len(normal))
-    going, part, result = np.arange(len(normal)), stack, None
+    going, part = np.arange(len(normal)), stack
+    ended: list[_Ended] = []
     for step in range(PASSES):
         root = np.sqrt(part.weight)
         residual = part.residual(unknowns)
@@ -120,8 +126,8 @@ def _robust(
         state = State(
             problems, factors, solutions, scale, weights, active, done, factors.sound
         )
-        result = state if result is None else _put(result, going, state)
-        if done.all():
+        if done.all() or step == PASSES - 1:
+            ended.append(_Ended(going, np.arange(len(going)), state))
             break
         going_on = np.flatnonzero(~done)
         plenty = problems.count >= 20 * part.size
@@ -130,18 +136,50 @@ def _robust(
         inflation = np.sqrt(problems.count / free)
         unknowns = solutions.unknowns
         if done.any():
+            # From here on nothing changes these arrays: the others go on with copies.
+            ready = np.flatnonzero(done)
+            ended.append(_Ended(going[ready], ready, state))
             going, part = going[going_on], part.take(going_on)
             factors = factors.take(going_on)
             normal, weights, unknowns, inflation, active = (
                 each[going_on]
                 for each in (normal, weights, unknowns, inflation, active)
             )
-        else:
-            # What a state holds must not change under it.
-            active, normal = active.copy(), normal.copy()
-            factors = factors.take(going_on)
-    assert result is not None
-    return result
+    return _joined(stack, ended)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Ended:
+    """Lanes that came to their end together: which ones, and their rows in a state."""
+
+    lanes: Int[np.ndarray, " k"]
+    rows: Int[np.ndarray, " k"]
+    state: State
+
+
+def _joined(stack: Stack, ended: Sequence[_Ended]) -> State:
+    """Return the ends of all lanes of a stack as one state."""
+    if len(ended) == 1:
+        return ended[0].state
+    count = len(stack.lanes)
+
+    def joined(values: Sequence[Any]) -> Any:
+        first = values[0]
+        if isinstance(first, Stack):
+            return stack
+        if isinstance(first, str):
+            return first
+        if isinstance(first, np.ndarray):
+            result = np.empty((count, *first.shape[1:]), first.dtype)
+            for one, value in zip(ended, values, strict=True):
+                result[one.lanes] = value[one.rows]
+            return result
+        names = [field.name for field in dataclasses.fields(first)]
+        parts = {name: joined([getattr(v, name) for v in values]) for name in names}
+        return dataclasses.replace(first, **parts)
+
+    found: State = joined([one.state for one in ended])
+    return found
 
 
 def _pseudo(
@@ -185,26 +223,14 @@ def _problems(
     )
 
 
-def _put(state: State, lanes: Int[np.ndarray, " k"], other: State) -> State:
-    """Replace some lanes of a state and return it."""
-    if len(lanes) == len(state.sound):
-        for field in dataclasses.fields(State):
-            setattr(state, field.name, getattr(other, field.name))
-        return state
-    for name in ("weights", "active", "converged", "sound"):
-        own = getattr(state, name).copy()
-        own[lanes] = getattr(other, name)
-        setattr(state, name, own)
-    for name in ("problems", "factors", "solutions", "scale"):
-        old, new = getattr(state, name), getattr(other, name)
-        changed = {}
-        for field in dataclasses.fields(old):
-            if isinstance(value := getattr(old, field.name), np.ndarray):
-                value = value.copy()
-                value[lanes] = getattr(new, field.name)
-                changed[field.name] = value
-        setattr(state, name, dataclasses.replace(old, **changed))
-    return state
+def _put(state: Any, lanes: Int[np.ndarray, " k"], other: Any) -> None:
+    """Replace some lanes of a state, or of a value that it holds, by those of another."""
+    for field in dataclasses.fields(state):
+        own, new = getattr(state, field.name), getattr(other, field.name)
+        if isinstance(own, np.ndarray):
+            own[lanes] = new
+        elif not isinstance(own, Stack | str):
+            _put(own, lanes, new)
 
 
 def start_of(

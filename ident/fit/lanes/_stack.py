@@ -72,14 +72,26 @@ class Bends:
         return Bends(*(getattr(self, f.name)[lanes] for f in dataclasses.fields(self)))
 
 
-def bends_of(nodes: Float[np.ndarray, " n"], ring: bool) -> Bends:
-    """Return the differences along a chain, the same ones for all equidistant nodes."""
-    even = np.linspace(nodes[0], nodes[-1], len(nodes))
-    step = (nodes[-1] - nodes[0]) / (len(nodes) - 1)
-    if np.abs(nodes - even).max() <= _EVEN * step:
-        # Differences are per node distance: neither its length nor the start matters.
-        nodes = np.arange(len(nodes), dtype=float)
-    return _bends(chain_prior(nodes, ring))
+def bends_of(nodes: Float[np.ndarray, "k n"], ring: bool) -> Bends:
+    """Return the differences along chains, the same ones for all equidistant nodes."""
+    count = nodes.shape[1]
+    even = np.linspace(nodes[:, 0], nodes[:, -1], count, axis=1)
+    step = (nodes[:, -1] - nodes[:, 0]) / (count - 1)
+    regular = np.abs(nodes - even).max(axis=1) <= _EVEN * step
+    # Differences are per node distance: neither its length nor the start matters.
+    plain = np.arange(count, dtype=float)
+    if regular.all():
+        shared = vars(_bends(chain_prior(plain, ring)))
+        repeated = {
+            name: np.broadcast_to(part, (len(nodes), *part.shape))
+            for name, part in shared.items()
+        }
+        return Bends(**repeated)
+    own = [
+        vars(_bends(chain_prior(plain if same else row, ring)))
+        for row, same in zip(nodes, regular, strict=True)
+    ]
+    return Bends(**{name: np.stack([one[name] for one in own]) for name in own[0]})
 
 
 @functools.lru_cache(maxsize=256)
@@ -203,39 +215,59 @@ _EXACT = 1e-5
 
 def stacked(lanes: Sequence[Lane]) -> Stack:
     """Return lanes of equal shape as one stack."""
-    bends = [
-        bends_of(lane.grid.slow_nodes, lane.grid.layout.periodic) for lane in lanes
-    ]
+    grid = lanes[0].grid
     error = np.stack([lane.error for lane in lanes])
     spread = np.ptp(np.quantile(error, (0.05, 0.95), axis=1), axis=0)
     return Stack(
         lanes=tuple(lanes),
-        columns=np.stack([_columns(lane) for lane in lanes]),
+        columns=_columns(lanes),
         error=error,
         weight=np.stack([lane.weight for lane in lanes]),
-        bends=Bends(
-            *(
-                np.stack([getattr(one, field.name) for one in bends])
-                for field in dataclasses.fields(Bends)
-            )
+        bends=bends_of(
+            np.stack([lane.grid.slow_nodes for lane in lanes]), grid.layout.periodic
         ),
         # Without any noise the prior's own pull would make readings wild.
         floor=np.maximum(_EXACT * spread, 1e-12),
     )
 
 
-def _columns(lane: Lane) -> Float[np.ndarray, "t m"]:
-    grid, place = lane.grid, lane.located
-    count = len(lane.error)
-    effects = 0 if lane.design is None else lane.design.count
-    result = np.zeros((count, grid.size + effects))
-    row, base = np.arange(count), place.s * grid.slow
-    result[row, base + place.l] = 1.0 - place.u
+def _columns(lanes: Sequence[Lane]) -> Float[np.ndarray, "k t m"]:
+    # Lanes of a stack differ in where their nodes lie, not in how they are counted.
+    grid, (count, effects) = lanes[0].grid, lanes[0].shape[-2:]
+    result = np.zeros((len(lanes), count, grid.size + effects))
+    place = located(lanes)
+    rows = result.reshape(len(lanes) * count, -1)
+    row, base = np.arange(len(rows)), place.s * grid.slow
+    rows[row, base + place.l] = 1.0 - place.u
     # A reading at a ring of few nodes may touch the same node from both sides.
-    result[row, base + grid.neighbour(place.l)] += place.u
-    if lane.design is not None:
-        result[:, grid.size :] = lane.design.columns()
+    rows[row, base + grid.neighbour(place.l)] += place.u
+    for k, lane in enumerate(lanes):
+        if lane.design is not None:
+            result[k, :, grid.size :] = lane.design.columns()
     return result
+
+
+def located(lanes: Sequence[Lane]) -> Located:
+    """Return the cells of the readings of all lanes, one lane after the other."""
+    return Located(
+        *(
+            np.concatenate([getattr(lane.located, field.name) for lane in lanes])
+            for field in dataclasses.fields(Located)
+        )
+    )
+
+
+def with_equal_runs(
+    lanes: Sequence[Lane],
+) -> list[tuple[list[int], list[RunDesign]]]:
+    """Return which lanes have as many runs, all or the same ones believed, with designs."""
+    alike: dict[int, tuple[list[int], list[RunDesign]]] = {}
+    for k, lane in enumerate(lanes):
+        if lane.design is not None:
+            rows, designs = alike.setdefault(id(lane.design.contrast), ([], []))
+            rows.append(k)
+            designs.append(lane.design)
+    return list(alike.values())
 
 
 def times(

@@ -1,0 +1,201 @@
+"""What a stack of small table fits found, as one result per fit.
+
+All that is sums or picks of numbers is done for the whole stack; a lane only takes its part.
+"""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .._prior import Smoothness
+from .._reconsider import crowded_places
+from .._runs import effects_of, run_medians
+from .._suspects import contradicting, doubted, named, nearest
+from .._types import RunEffect, TableFit
+from .._verdict import fit_message, too_many_wild, uncertain
+from ._passes import State
+from ._request import TableRequest
+from ._stack import Stack, located, with_equal_runs
+
+
+@dataclasses.dataclass(frozen=True)
+class _Found:
+    """What the results of all lanes take their parts from.
+
+    Attributes:
+        residual: Reading − table − run effects.
+        share: Weight that the loss left each reading.
+        wild: Readings that were rejected.
+        noise: Of one reading, wild ones left out.
+        spread: Range of the readings.
+        deviation: Standard deviations of the nodes; ``support``, ``values`` over the same.
+        support: Readings that touch each node.
+        values: Of the nodes.
+        nearest: Node next to each reading.
+        doubted: Whether the readings next to a node were mostly set aside.
+        scatter: Median residual of each run.
+        effects: Of the runs.
+        covariance: Of neighbouring nodes.
+    """
+
+    residual: Float[np.ndarray, "k t"]
+    share: Float[np.ndarray, "k t"]
+    wild: Bool[np.ndarray, "k t"]
+    noise: Float[np.ndarray, " k"]
+    spread: Float[np.ndarray, " k"]
+    deviation: Float[np.ndarray, "k n s"]
+    support: Int[np.ndarray, "k n s"]
+    values: Float[np.ndarray, "k n s"]
+    nearest: Int[np.ndarray, "k t"]
+    doubted: Bool[np.ndarray, "k m"]
+    scatter: Sequence[list[float]]
+    effects: Sequence[tuple[RunEffect, ...]]
+    covariance: dict[tuple[int, int], Float[np.ndarray, "k n s"]]
+
+
+def results_of(
+    requests: Sequence[TableRequest], state: State
+) -> Iterator[TableFit | None]:
+    """Yield each lane's fit, or None where it must be looked at more closely."""
+    problems = state.problems
+    free = problems.count - state.factors.used
+    fixed = not isinstance(requests[0].smoothness, str)
+    solutions = state.solutions
+    variance = solutions.residual_square / free if fixed else solutions.variance
+    usable = state.sound & np.isfinite(variance) & np.isfinite(free)
+    if fixed:  # the evidence must judge the noise
+        usable &= free >= np.maximum(3.0, 0.02 * problems.count)
+    # Nobody asks for the numbers of a lane that broke down.
+    with np.errstate(invalid="ignore", over="ignore"):
+        found = _found(state, variance, free)
+    for k, request in enumerate(requests):
+        yield _result(request, state, found, k) if usable[k] else None
+
+
+def _found(
+    state: State, variance: Float[np.ndarray, " k"], free: Float[np.ndarray, " k"]
+) -> _Found:
+    stack, active = state.problems.stack, state.active
+    size = stack.size
+    unknowns, inverse = state.solutions.unknowns, state.factors.inverse
+    residual = stack.residual(unknowns)
+    ratio = residual * np.sqrt(stack.weight) / state.scale.scale
+    share = np.where(active, state.scale.share(ratio), 0.0)
+    inner = np.where(active, stack.weight * np.square(residual), 0.0).sum(axis=1)
+    own = np.diagonal(inverse, axis1=1, axis2=2)
+    deviation = np.sqrt(np.maximum(variance[:, None] * own, 0.0))
+    touching = (stack.columns[:, :, :size] > 0) & active[:, :, None]
+    node = _nearest(stack)
+    bins = (node + size * np.arange(len(node))[:, None]).ravel()
+    count, kept = (
+        np.bincount(bins, weights, size * len(node)).reshape(-1, size)
+        for weights in (None, share.ravel())
+    )
+    block = variance[:, None, None] * inverse[:, size:, size:]
+    scatter, effects = _of_runs(stack, residual, unknowns[:, size:], block)
+    return _Found(
+        residual=residual,
+        share=share,
+        wild=~active,
+        noise=np.sqrt(inner / np.maximum(free, 1e-9)),
+        spread=np.ptp(stack.error, axis=1),
+        deviation=_by_node(stack, deviation),
+        support=_by_node(stack, touching.sum(axis=1)),
+        values=_by_node(stack, unknowns),
+        nearest=node,
+        doubted=doubted(count, kept),
+        scatter=scatter,
+        effects=effects,
+        covariance={
+            (step, 0): variance[:, None, None] * _steps(stack, inverse, step)
+            for step in (0, 1)
+        },
+    )
+
+
+def _by_node(stack: Stack, values: np.ndarray) -> np.ndarray:
+    """Bring numbers over (branch, node), then run effects, to shape ``(k, n, s)``."""
+    tables = values[:, : stack.size].reshape(-1, stack.branches, stack.nodes)
+    return tables.transpose(0, 2, 1)
+
+
+def _nearest(stack: Stack) -> Int[np.ndarray, "k t"]:
+    """Return the node next to each reading, as flat index over (slow, fast)."""
+    # Lanes of a stack differ in where their nodes lie, not in how they are counted.
+    own = nearest(stack.lanes[0].grid, located(stack.lanes))
+    return own.reshape(len(stack.lanes), -1)
+
+
+def _of_runs(
+    stack: Stack,
+    residual: Float[np.ndarray, "k t"],
+    values: Float[np.ndarray, "k c"],
+    covariance: Float[np.ndarray, "k c c"],
+) -> tuple[list[list[float]], list[tuple[RunEffect, ...]]]:
+    """Return the median residual of each run and the effects of the runs, by lane."""
+    scatter: list[list[float]] = [[] for _ in stack.lanes]
+    effects: list[tuple[RunEffect, ...]] = [() for _ in stack.lanes]
+    size = np.abs(residual)
+    for lanes, designs in with_equal_runs(stack.lanes):
+        middle = run_medians(designs, size[lanes])
+        found = effects_of(designs, values[lanes], covariance[lanes])
+        for k, rows, own in zip(lanes, middle.tolist(), found, strict=True):
+            scatter[k], effects[k] = rows, own
+    return scatter, effects
+
+
+def _steps(
+    stack: Stack, inverse: Float[np.ndarray, "k m m"], step: int
+) -> Float[np.ndarray, "k n s"]:
+    """Return the inverse between each node and the one ``step`` further, 0 past the end."""
+    node = np.arange(stack.size)
+    place = node % stack.nodes
+    other = node - place + (place + step) % stack.nodes
+    found = inverse[:, node, other]
+    if step and not stack.lanes[0].grid.layout.periodic:
+        found = np.where(place + step < stack.nodes, found, 0.0)
+    return np.ascontiguousarray(_by_node(stack, found))
+
+
+def _result(
+    request: TableRequest, state: State, found: _Found, k: int
+) -> TableFit | None:
+    """Return one lane's fit, or None where it must be looked at more closely."""
+    lane = state.problems.stack.lanes[k]
+    grid, wild = lane.grid, found.wild[k]
+    rejected = int(wild.sum())
+    if rejected and crowded_places(found.nearest[k], wild, grid.size).any():
+        return None
+    effects = found.effects[k]
+    apart = lane.apart or contradicting(found.scatter[k], effects)
+    if request.loss == "student" and too_many_wild(wild, request.samples, apart):
+        return None
+    noise = float(found.noise[k])
+    deviation, support = found.deviation[k], found.support[k]
+    if not request.allow_gaps and uncertain(
+        deviation, support, float(found.spread[k]), noise
+    ):
+        return None
+    first, second = state.weights[k].tolist()
+    converged = bool(state.converged[k])
+    used = float(state.factors.used[k])
+    return TableFit(
+        layout=grid.layout,
+        values=grid.to_table(found.values[k]),
+        standard_deviation=grid.to_table(deviation),
+        support=grid.to_table(support),
+        noise=noise,
+        smoothness=Smoothness((first, second)).names(1),
+        loss=request.loss,
+        residual=found.residual[k],
+        share=found.share[k],
+        wild=wild,
+        runs=effects,
+        suspect_nodes=named(grid, found.doubted[k]),
+        suspect_runs=apart,
+        covariance={step: own[k] for step, own in found.covariance.items()},
+        converged=converged,
+        message=fit_message(len(wild), used, rejected, converged),
+    )
