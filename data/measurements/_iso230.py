@@ -18,6 +18,8 @@ from ._iso230_types import Iso230, Iso230Position, Iso230Run
 
 EDITION = "ISO 230-2:2014"
 _Approach = tuple[float, int, int, float]  # target, run, side, deviation
+_Sided = tuple[float | None, float | None, float | None, float | None]
+"""Mean and deviation from below, then from above."""
 _SAME_TARGET = 6  # decimals: targets closer than 1 nm are one
 
 
@@ -46,12 +48,13 @@ def iso230(
     """
     rows = _rows(target, error, run, direction)
     positions = _positions(rows)
+    sided = [(p.mean_up, p.s_up, p.mean_down, p.s_down) for p in positions]
     remarks: list[str] = []
     if direction is None:
         remarks.append("No direction given: all readings are taken as from one side.")
     remarks += _gaps(positions, [item for item in positions if item.B is not None])
     return Iso230(
-        **_overall(positions),
+        **_overall(sided),
         positions=positions,
         runs=_runs(rows),
         run_offsets=_offsets(rows),
@@ -66,7 +69,8 @@ def iso230_figures(
     direction: Int[np.ndarray, " t"] | None,
 ) -> dict[str, float | None]:
     """Return the overall figures alone, by name; arguments and errors as `iso230`."""
-    return _overall(_positions(_rows(target, error, run, direction)))
+    places = _by_target(_rows(target, error, run, direction))
+    return _overall([_sided(up, down) for up, down in places.values()])
 
 
 def _rows(
@@ -84,36 +88,48 @@ def _rows(
 
 
 def _positions(rows: Sequence[_Approach]) -> tuple[Iso230Position, ...]:
-    by_side = {side: _by_target(rows, side) for side in (1, -1)}
-    places = sorted({place for side in by_side.values() for place in side})
     return tuple(
-        _position(at, by_side[1].get(at), by_side[-1].get(at)) for at in places
+        _position(at, up, down, _sided(up, down))
+        for at, (up, down) in _by_target(rows).items()
     )
 
 
-def _overall(positions: Sequence[Iso230Position]) -> dict[str, float | None]:
-    both = [item for item in positions if item.B is not None]
-    up, down = _one_side(positions, "up"), _one_side(positions, "down")
-    reversal = [item.B for item in both if item.B is not None]
-    means = [item.mean for item in both if item.mean is not None]
-    repeat = [item.R for item in both if item.R is not None]
-    sided = [item.mean_up for item in both] + [item.mean_down for item in both]
-    upper = max(up.high, down.high)
-    lower = min(up.low, down.low)
-    known = bool(both) and math.isfinite(up.high) and math.isfinite(down.high)
+def _overall(places: Sequence[_Sided]) -> dict[str, float | None]:
+    both = [
+        (*_mean_of_both(up, down), s_up, s_down)
+        for up, s_up, down, s_down in places
+        if up is not None and down is not None
+    ]
+    first = _one_side([place[:2] for place in places])
+    second = _one_side([place[2:] for place in places])
+    reversal = [item[0] for item in both]
+    repeat = [
+        _bidirectional(turn, s_up, s_down)
+        for turn, _, s_up, s_down in both
+        if s_up is not None and s_down is not None
+    ]
+    known = bool(both) and math.isfinite(first.high) and math.isfinite(second.high)
+    sided = [
+        mean
+        for up, _, down, _ in places
+        if up is not None and down is not None
+        for mean in (up, down)
+    ]
     return {
-        "A": upper - lower if known else None,
+        "A": max(first.high, second.high) - min(first.low, second.low)
+        if known
+        else None,
         "R": max(repeat) if repeat else None,
         "B": max(map(abs, reversal)) if both else None,
         "B_mean": float(np.mean(reversal)) if both else None,
-        "E": _range([value for value in sided if value is not None]),
-        "M": _range(means),
-        "R_up": up.repeatability,
-        "R_down": down.repeatability,
-        "A_up": up.accuracy,
-        "A_down": down.accuracy,
-        "E_up": up.systematic,
-        "E_down": down.systematic,
+        "E": _range(sided),
+        "M": _range([item[1] for item in both]),
+        "R_up": first.repeatability,
+        "R_down": second.repeatability,
+        "A_up": first.accuracy,
+        "A_down": second.accuracy,
+        "E_up": first.systematic,
+        "E_down": second.systematic,
     }
 
 
@@ -171,43 +187,61 @@ def _groups(
     return [(key, found[key]) for key in sorted(found)]
 
 
-def _by_target(rows: Sequence[_Approach], side: int) -> dict[float, list[float]]:
-    found: dict[float, list[float]] = {}
-    for place, _, own, value in rows:
-        if own == side:
-            found.setdefault(place, []).append(value)
+def _by_target(
+    rows: Sequence[_Approach],
+) -> dict[float, tuple[list[float], list[float]]]:
+    """Return the deviations up and down at each target; targets ascend as the rows do."""
+    found: dict[float, tuple[list[float], list[float]]] = {}
+    for place, _, side, value in rows:
+        if side in (1, -1):
+            own = found.get(place)
+            if own is None:
+                own = found[place] = ([], [])
+            own[side < 0].append(value)
     return found
 
 
-def _mean_and_s(values: list[float] | None) -> tuple[float | None, float | None]:
+def _mean_and_s(values: list[float]) -> tuple[float | None, float | None]:
     if not values:
         return None, None
-    mean = math.fsum(values) / len(values)
-    if len(values) < 2:
+    count = len(values)
+    mean = math.fsum(values) / count
+    if count < 2:
         return mean, None
-    return mean, math.sqrt(
-        math.fsum((v - mean) ** 2 for v in values) / (len(values) - 1)
-    )
+    return mean, math.sqrt(math.fsum([(v - mean) ** 2 for v in values]) / (count - 1))
+
+
+def _sided(up: list[float], down: list[float]) -> _Sided:
+    return (*_mean_and_s(up), *_mean_and_s(down))
+
+
+def _mean_of_both(up: float, down: float) -> tuple[float, float]:
+    """Return the reversal and the mean bidirectional deviation of both means."""
+    return up - down, (up + down) / 2.0
+
+
+def _bidirectional(reversal: float, s_up: float, s_down: float) -> float:
+    """Return the bidirectional repeatability at a target."""
+    return max(2 * s_up + 2 * s_down + abs(reversal), 4 * s_up, 4 * s_down)
 
 
 def _position(
-    target: float, up: list[float] | None, down: list[float] | None
+    target: float, up: list[float], down: list[float], sided: _Sided
 ) -> Iso230Position:
-    mean_up, s_up = _mean_and_s(up)
-    mean_down, s_down = _mean_and_s(down)
+    mean_up, s_up, mean_down, s_down = sided
     reversal = mean = repeat = None
     if mean_up is not None and mean_down is not None:
-        reversal, mean = mean_up - mean_down, (mean_up + mean_down) / 2.0
+        reversal, mean = _mean_of_both(mean_up, mean_down)
         if s_up is not None and s_down is not None:
-            repeat = max(2 * s_up + 2 * s_down + abs(reversal), 4 * s_up, 4 * s_down)
+            repeat = _bidirectional(reversal, s_up, s_down)
     return Iso230Position(
         target=target,
         mean_up=mean_up,
         mean_down=mean_down,
         s_up=s_up,
         s_down=s_down,
-        runs_up=len(up or ()),
-        runs_down=len(down or ()),
+        runs_up=len(up),
+        runs_down=len(down),
         R_up=None if s_up is None else 4 * s_up,
         R_down=None if s_down is None else 4 * s_down,
         R=repeat,
@@ -227,15 +261,16 @@ class _OneSide:
     low: float
 
 
-def _one_side(positions: Sequence[Iso230Position], side: str) -> _OneSide:
-    pairs = [(getattr(p, f"mean_{side}"), getattr(p, f"s_{side}")) for p in positions]
+def _one_side(pairs: Sequence[tuple[float | None, float | None]]) -> _OneSide:
+    """Return the figures of one direction from mean and deviation at each target."""
     spread = [(mean, s) for mean, s in pairs if mean is not None and s is not None]
     means = [mean for mean, _ in pairs if mean is not None]
     if not spread:
         return _OneSide(None, None, _range(means), -math.inf, math.inf)
-    high = max(mean + 2 * s for mean, s in spread)
-    low = min(mean - 2 * s for mean, s in spread)
-    return _OneSide(4 * max(s for _, s in spread), high - low, _range(means), high, low)
+    high = max([mean + 2 * s for mean, s in spread])
+    low = min([mean - 2 * s for mean, s in spread])
+    largest = 4 * max([s for _, s in spread])
+    return _OneSide(largest, high - low, _range(means), high, low)
 
 
 def _range(values: Sequence[float]) -> float | None:
