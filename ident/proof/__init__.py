@@ -2,9 +2,9 @@
 
 from ._circle import (
     CircularTest as CircularTest,
-    ServoLoop as ServoLoop,
     circular_test as circular_test,
 )
+from ._course import ServoLoop as ServoLoop
 from ._dynamics import GateTable as GateTable
 from ._figures import (
     ErrorFigures as ErrorFigures,

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import math
 from collections.abc import Hashable, Sequence
 from typing import Any
 
@@ -18,34 +17,12 @@ from ...models import (
     FrictionTable,
 )
 from ..fit import in_group
+from ._course import Course, ServoLoop, course_of
 
-_FORGOTTEN = 40.0
-"""Time constants of the loop after which nothing is left of how it began."""
-_BESIDE = 16
-"""Circles that are followed side by side."""
+_FEW, _MANY = 16, 64
+"""Circles that are followed side by side: each further one adds little to a step."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
-
-
-@dataclasses.dataclass(frozen=True)
-class ServoLoop:
-    """A cascade of position and velocity control with velocity feed-forward.
-
-    Attributes:
-        position_gain: Kv in 1/s.
-        velocity_gain: Bandwidth of the velocity loop in 1/s.
-        integral_time: Of the velocity loop, in s.
-    """
-
-    position_gain: float = 50.0
-    velocity_gain: float = 300.0
-    integral_time: float = 0.01
-
-    def __str__(self) -> str:
-        return (
-            f"Kv {self.position_gain:g} 1/s, velocity loop {self.velocity_gain:g} 1/s"
-            f" with {1e3 * self.integral_time:g} ms integral time"
-        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,63 +80,17 @@ def circular_test(
         loop: The control loop; a usual one if left out.
         cycle: Of the controller in s.
     """
-    course = _course(radius, feed, ServoLoop() if loop is None else loop, cycle)
+    course = course_of(radius, feed, ServoLoop() if loop is None else loop, cycle)
     one = _Circle(law, inertia, compensation, out_unit, course)
-    runs = in_group(_follow_all, [one])[0]
-    # Along the radius: this axis has cos of the angle, the other one does not err.
-    shown = slice(course.before, None)
-    phase, wanted = course.phase[shown], course.motion[shown, 0]
-    without, with_list = (runs[shown].T - wanted) * np.cos(phase)
+    without, with_list = in_group(_follow_all, [one])[0]
     return CircularTest(
-        angle=np.rad2deg(phase - phase[0]),
+        angle=course.angle,
         without=without,
         with_list=with_list,
         radius=radius,
         feed=feed,
         loop=course.loop,
     )
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Course:
-    """Which way a circle goes.
-
-    Attributes:
-        loop: The control loop that follows it.
-        cycle: In s.
-        phase: Angle in each cycle in rad.
-        motion: Place, speed and acceleration of the axis in mm and s.
-        before: Cycles before the turn that is shown.
-    """
-
-    loop: ServoLoop
-    cycle: float
-    phase: Float[np.ndarray, " t"]
-    motion: Float[np.ndarray, "t 3"]
-    before: int
-
-    @property
-    def gains(self) -> tuple[float, float, float, float]:
-        """Of the loop, and the cycle."""
-        loop = self.loop
-        per_time = 1.0 / loop.integral_time
-        return loop.position_gain, loop.velocity_gain, per_time, self.cycle
-
-
-@functools.lru_cache(maxsize=8)
-def _course(radius: float, feed: float, loop: ServoLoop, cycle: float) -> _Course:
-    """Return the way of a circle, one object for all that go it."""
-    speed = feed / radius
-    turn = round(2 * np.pi / (speed * cycle))
-    # By then the loop has forgotten how it began; the turn that is shown is a later one.
-    slowest = min(loop.position_gain, loop.velocity_gain, 1.0 / loop.integral_time)
-    before = min(math.ceil(_FORGOTTEN / (slowest * cycle)), 2 * turn)
-    # Half a cycle on: the axis does not stand at a sample, as it would not in truth.
-    phase = speed * cycle * (np.arange(-before, turn) + 2 * turn + 0.5)
-    position = radius * np.cos(phase)
-    velocity = -radius * speed * np.sin(phase)
-    motion = np.stack([position, velocity, -speed * speed * position], axis=1)
-    return _Course(loop, cycle, phase, motion, before)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -170,7 +101,7 @@ class _Circle:
     inertia: float
     compensation: FrictionCompensation
     out_unit: float
-    course: _Course
+    course: Course
 
     @functools.cached_property
     def flat(self) -> tuple[list[np.ndarray], Any]:
@@ -199,34 +130,39 @@ class _Circle:
         return tree, tuple(leaf.shape for leaf in leaves), self.course
 
 
-def _follow_all(circles: Sequence[_Circle]) -> list[Float[np.ndarray, "t 2"]]:
-    """Return where the axes are in each cycle, in mm, without and with their lists.
+def _follow_all(circles: Sequence[_Circle]) -> list[Float[np.ndarray, "2 s"]]:
+    """Return the radial deviations in mm, without and with their lists.
 
-    Always so many side by side, the last one over and over where there are less: one
-    program, and the same numbers in any company.
+    Always so many side by side, the last one over and over where there are less: two
+    programs, and the same numbers in any company.
     """
     places: dict[Hashable, list[int]] = {}
     for place, each in enumerate(circles):
         places.setdefault(each.kind, []).append(place)
     found: dict[int, np.ndarray] = {}
     for own in places.values():
-        for start in range(0, len(own), _BESIDE):
-            some = own[start : start + _BESIDE]
-            full = [circles[k] for k in some + some[-1:] * (_BESIDE - len(some))]
+        start = 0
+        while start < len(own):
+            # As many as the work of three times a few would be less for.
+            beside = _MANY if len(own) - start > 2 * _FEW else _FEW
+            some = own[start : start + beside]
+            start += beside
+            full = [circles[k] for k in some + some[-1:] * (beside - len(some))]
             leaves, tree = zip(*(each.flat for each in full), strict=True)
             laws, lists = jax.tree.unflatten(
                 tree[0], [np.stack(same) for same in zip(*leaves, strict=True)]
             )
+            course = full[0].course
             runs = _follow(
                 laws,
                 jnp.array([each.inertia for each in full]),
                 lists,
                 jnp.array([each.out_unit for each in full]),
-                jnp.asarray(full[0].course.motion),
-                jnp.array(full[0].course.gains),
+                jnp.asarray(course.motion),
+                jnp.array(course.gains),
             )
-            for place, run in zip(some, np.asarray(runs).swapaxes(0, 1), strict=False):
-                found[place] = run
+            off = course.deviation(np.asarray(runs)[:, :, : len(some)])
+            found |= zip(some, off, strict=True)
     return [found[place] for place in range(len(circles))]
 
 
@@ -238,8 +174,8 @@ def _follow(
     out_unit: Float[Array, " j"],
     motion: Float[Array, "t 3"],
     gains: Float[Array, " 4"],
-) -> Float[Array, "t j 2"]:
-    """Return where the axes are in each cycle, in mm.
+) -> Float[Array, "t 2 j"]:
+    """Return where the axes are in each cycle, in mm, without and with their lists.
 
     A step of the second order per cycle, over which the drive pushes evenly. Where an
     axis comes to rest on the way, the rest of the cycle begins anew from there. What
@@ -250,16 +186,16 @@ def _follow(
         lambda each: each.run(each.start(), motion[:, 0], motion[:, 1])[0]
     )(lists)
     added = (out_unit[:, None] * listed).T
-    added = jnp.stack([jnp.zeros_like(added), added], axis=2)
+    added = jnp.stack([jnp.zeros_like(added), added], axis=1)
     kv, kp, per_time, cycle = gains
-    mass = inertia[:, None]
 
-    @eqx.filter_vmap
     def level(law: AbstractFriction, speed: Array, way: Array) -> Array:
         return law.level(speed, way)
 
+    level_of_each = eqx.filter_vmap(level, in_axes=(0, 1, 1), out_axes=1)
+
     def slowing(speed: Array, way: Array) -> Array:
-        found: Array = level(laws, speed, way) / mass
+        found: Array = level_of_each(laws, speed, way) / inertia
         return found
 
     rest = jnp.zeros(added.shape[1:])
@@ -272,7 +208,7 @@ def _follow(
         (wanted, fast, push), extra = now
         lag = fast + kv * (wanted - place) - speed
         integral = integral + kp * per_time * lag * cycle
-        free = push + kp * lag + integral + extra / mass
+        free = push + kp * lag + integral + extra / inertia
         rests = speed == 0.0
         way = jnp.where(jnp.where(rests, free, speed) < 0.0, -1.0, 1.0)
         taken = jnp.where(rests, jnp.where(way < 0.0, held[1], held[0]), taken)

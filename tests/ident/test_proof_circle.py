@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit import Gathering
-from axcomp.ident.proof._circle import CircularTest, ServoLoop, circular_test
+from axcomp.ident.proof._circle import CircularTest, circular_test
+from axcomp.ident.proof._course import ServoLoop
 from axcomp.models import FrictionCompensation, StribeckFriction
 
 LAW = StribeckFriction(2.0, 3.0, 5.0, 1.5, 0.004)
@@ -55,9 +56,11 @@ def test_one_whole_turn_is_shown(radius: float) -> None:
     assert test.angle[-1] == pytest.approx(360.0, abs=2 * step)
 
 
-def test_a_circle_is_the_same_to_the_bit_in_any_company() -> None:
+@pytest.mark.parametrize("company", [3, 40])
+def test_a_circle_is_the_same_to_the_bit_in_any_company(company: int) -> None:
     alone = circular_test(LAW, INERTIA, FrictionCompensation(LAW))
-    others = [StribeckFriction(k, 1.5 * k, 5.0, 1.5, 0.004) for k in (1.0, 1.7, 2.4)]
+    levels = np.linspace(1.0, 2.4, company)
+    others = [StribeckFriction(k, 1.5 * k, 5.0, 1.5, 0.004) for k in levels]
 
     def run(law: StribeckFriction) -> CircularTest:
         return circular_test(law, INERTIA, FrictionCompensation(law))
