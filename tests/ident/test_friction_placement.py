@@ -1,14 +1,15 @@
 """The knots of a friction list: few, whole, and as good as any placement."""
 
 import itertools
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from axcomp.ident.fit import FitError
-from axcomp.ident.fit.friction import place_knots
+from axcomp.ident.fit import FitError, Gathering
+from axcomp.ident.fit.friction import Knots, place_knots
 
 SPEED = np.geomspace(0.05, 300.0, 240)
 EVEN = np.ones_like(SPEED)
@@ -133,6 +134,26 @@ def test_a_straight_line_is_written_by_its_ends() -> None:
     # 1 µm/s, the slowest, the fastest, and beyond: all on two lines.
     assert list(knots.velocity) == [1, 1000, 100_000, 105_000]
     assert list(knots.out) == [1, 1, 100, 100]
+
+
+def test_knots_are_the_same_to_the_bit_in_any_company() -> None:
+    rng = np.random.default_rng(5)
+    # More than are searched side by side, and of several shapes.
+    curves = [stribeck(SPEED) * rng.uniform(0.5, 2.0) for _ in range(20)]
+    calls = [
+        partial(place_knots, SPEED, curve, EVEN, entries=entries, unit=1e-3)
+        for entries in (20, 4, 3)
+        for curve in curves
+    ]
+    narrow = np.linspace(1.0, 1.02, 30)
+    calls.append(partial(place_knots, narrow, narrow, np.ones(30), unit=1e-3))
+    for found, alone in zip(
+        Gathering().run(calls), [one() for one in calls], strict=True
+    ):
+        assert isinstance(found, Knots)
+        assert np.array_equal(found.velocity, alone.velocity)
+        assert np.array_equal(found.out, alone.out)
+        assert (found.rms, found.unrounded_rms) == (alone.rms, alone.unrounded_rms)
 
 
 @pytest.mark.parametrize(
