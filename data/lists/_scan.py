@@ -8,6 +8,7 @@ lines too (a test holds them together).
 
 import io
 import re
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from ._entry import Rows, TextRemark
@@ -51,22 +52,17 @@ class _Column:
         self.lines: list[int] = []
         self.plain = True
 
-    def append(self, line: Line, number: int) -> None:
-        for digits, index in zip(self.digits, line.indices, strict=True):
-            digits.append(str(index))
-        self.texts.append(line.value)
+    def add(self, indices: Iterable[str], value: str, number: int) -> None:
+        """Add a row of a plain line."""
+        for digits, index in zip(self.digits, indices, strict=True):
+            digits.append(index)
+        self.texts.append(value)
         self.lines.append(number)
-        self.plain = self.plain and _DIGITS.fullmatch(line.value) is not None
 
-    def extend(self, parts: list[str], number: int) -> int:
-        """Add rows of plain lines, flat, from a line on; return the line after them."""
-        size = len(self.digits) + 1
-        for place, digits in enumerate(self.digits):
-            digits.extend(parts[place::size])
-        self.texts.extend(parts[size - 1 :: size])
-        end = number + len(parts) // size
-        self.lines.extend(range(number, end))
-        return end
+    def append(self, line: Line, number: int) -> None:
+        """Add a row of any line that holds an entry."""
+        self.add(map(str, line.indices), line.value, number)
+        self.plain = self.plain and _DIGITS.fullmatch(line.value) is not None
 
     def rows(self) -> Rows:
         if self.digits:
@@ -78,20 +74,51 @@ class _Column:
 
 
 class _Route:
-    """How to take a run of plain lines of one name without a look at each."""
+    """How to take plain lines of one name without a look at each.
+
+    Attributes:
+        column: Where they go.
+        line: Pattern of such a line.
+        ends: What stands before its first index and behind its last.
+    """
 
     def __init__(self, head: str, tail: str, both: bool, column: _Column) -> None:
         index = r"\[ *+[0-9]{1,9}+\]"
         name = f"{re.escape(head)}{index * (2 if both else 1)}\\.{re.escape(tail)}"
-        line = rf"[ \t]*+{name}[ \t]++-?+[0-9]{{1,18}}+[ \t]*+\r?+\n"
-        self.run = re.compile(f"(?:{line})++")
+        self.line = rf"[ \t]*+{name}[ \t]++-?+[0-9]{{1,18}}+[ \t]*+\r?+\n"
         self.column = column
-        self._ends = (f"{head}[", f"].{tail}")
+        self.ends = (f"{head}[", f"].{tail}")
 
-    def parts(self, run: str) -> list[str]:
-        """Return indices and values of a run, flat."""
-        head, tail = self._ends
-        return run.replace(head, " ").replace(tail, " ").replace("][", " ").split()
+
+class _Run:
+    """How to take a run of plain lines of some names in turn, mostly of one."""
+
+    def __init__(self, routes: Sequence[_Route]) -> None:
+        self._lines = re.compile(f"(?:{''.join(route.line for route in routes)})++")
+        self._columns = [route.column for route in routes]
+        # Of two where one is a part of the other, the longer one goes first.
+        ends = {end for route in routes for end in route.ends}
+        self._ends = sorted(ends, key=len, reverse=True)
+
+    def take(self, text: str, at: int, number: int) -> tuple[int, int]:
+        """Add the rows of a run to their columns; return the place and line after it."""
+        found = self._lines.match(text, at)
+        if found is None:
+            return at, number
+        run = found.group()
+        for end in self._ends:
+            run = run.replace(end, " ")
+        parts = run.replace("][", " ").split()
+        sizes = [len(column.digits) + 1 for column in self._columns]
+        turns = len(parts) // sum(sizes)
+        after = number + turns * len(sizes)
+        first = 0
+        for place, (column, size) in enumerate(zip(self._columns, sizes, strict=True)):
+            for part, into in enumerate((*column.digits, column.texts)):
+                into.extend(parts[first + part :: sum(sizes)])
+            column.lines.extend(range(number + place, after, len(sizes)))
+            first += size
+        return found.end(), after
 
 
 def split_lines(text: str) -> tuple[str, ...]:
@@ -105,6 +132,8 @@ def scan(lines: tuple[str, ...]) -> Scan:
     continued = _continued_comments(lines)
     columns: dict[str, _Column] = {}
     routes: dict[tuple[str, str, bool], _Route | None] = {}
+    runs: dict[tuple[_Route, ...], _Run] = {}
+    before: _Route | None = None
     remarks: list[TextRemark] = []
     end_line: int | None = None
     at, number = 0, 1
@@ -117,12 +146,15 @@ def scan(lines: tuple[str, ...]) -> Scan:
                 routes[key] = _route(*key, columns)
             route = routes[key]
             if route is not None:
-                parts = [first, value] if second is None else [first, second, value]
-                run = route.run.match(text, plain.end())
-                if run is not None:
-                    parts += route.parts(run.group())
-                at = plain.end() if run is None else run.end()
-                number = route.column.extend(parts, number)
+                route.column.add([first, second] if second else [first], value, number)
+                # On it goes with this name, or with the one before and this in turn.
+                turn: tuple[_Route, ...] = (route,)
+                if before is not None and before.column is not route.column:
+                    turn = (before, route)
+                if turn not in runs:
+                    runs[turn] = _Run(turn)
+                at, number = runs[turn].take(text, plain.end(), number + 1)
+                before = route
                 continue
         line = lines[number - 1]
         at += len(line)

@@ -66,6 +66,7 @@ def _columns(values: Iterable[str]) -> dict[str, dict[str, str]]:
     text = "".join([f"{name}\n" for name in names])
     single = text.count("\n") == len(names)
     at = row = 0
+    before = ""
     while row < len(names):
         name = names[row]
         key, full = _canonical(name)
@@ -74,7 +75,8 @@ def _columns(values: Iterable[str]) -> dict[str, dict[str, str]]:
         column[name] = full
         at += len(name) + 1
         row += 1
-        if full == name and "[" in name and single:
+        again, before = key == before, key
+        if again and full == name and "[" in name and single:
             # Names that follow and differ in their indices alone need no further look.
             run = _run(name).match(text, at)
             if run is not None:

@@ -157,6 +157,46 @@ def test_columns_agree_with_the_line_reader(text: str) -> None:
             assert (line.key, line.indices, line.value) == (key, indices, value)
 
 
+COLUMNS = (
+    "frict_comp.table[{}].in",
+    "frict_comp.table[ {}].out",
+    "kw.ssfk.table[{}].pos",
+    "KW.ssfk.table[{}].pos",
+    "kw.crosscomp2.table[{}][ 3].correction",
+    "kw.table[{}].in",
+    "a.kw.table[{}].index",
+    "achs_kw[{}]",
+)
+
+
+@SEEDED
+@given(
+    st.lists(st.sampled_from(COLUMNS), min_size=1, max_size=3),
+    st.lists(st.sampled_from(["7\n", "-12 \r\n", "3 # c\n", "TRUE\n"]), max_size=30),
+)
+def test_columns_in_turn_say_what_each_of_their_lines_says(
+    names: list[str], values: list[str]
+) -> None:
+    lines = [
+        f"{names[k % len(names)].format(k // len(names))} {value}"
+        for k, value in enumerate(values)
+    ]
+    found = ListFile.parse("".join(lines).encode())
+    told = {
+        number: (key, indices, value)
+        for key, rows in found.columns.items()
+        for indices, value, number in zip(
+            rows.indices, rows.texts, rows.lines, strict=True
+        )
+    }
+    read = map(read_line, lines)
+    assert told == {
+        number: (line.key, line.indices, line.value)
+        for number, line in enumerate(read, 1)
+    }
+    assert all(rows.lines == sorted(rows.lines) for rows in found.columns.values())
+
+
 @SEEDED
 @given(list_texts(), st.data())
 def test_changing_one_entry_changes_only_its_characters(
