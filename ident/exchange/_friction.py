@@ -1,9 +1,11 @@
 """Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
 
 import dataclasses
+import functools
 
+import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, PyTreeDef
 
 from ...data.lists import ListFile
 from ...models import Conventions, FrictionCompensation, FrictionTable, Setpoints
@@ -65,6 +67,18 @@ def friction_from_list(
     Raises:
         ExchangeError: If an entry is missing, or the velocities do not ascend from 0.
     """
+    found: FrictionCompensation = jax.tree.map(
+        as_array, read_friction(listing, conventions)
+    )
+    return found
+
+
+def read_friction(listing: ListFile, conventions: Conventions) -> FrictionCompensation:
+    """Return what `friction_from_list` does, its numbers as NumPy has them.
+
+    For what looks at the numbers alone: to make arrays of them that JAX can compute with
+    takes longer than to read the list.
+    """
     mode = required(listing, f"{PREFIX}.mode")
     if mode != BY_SPEED:
         raise ExchangeError(
@@ -86,26 +100,50 @@ def friction_from_list(
     if scale is None:
         stated = listing.get(f"{PREFIX}.scaling_factor") is not None
         scale = required(listing, f"{PREFIX}.scaling_factor") if stated else _PER_MILLE
-    table = FrictionTable(
-        nodes=Setpoints(as_array(knots / VELOCITY_UNITS)),
-        values=as_array(np.array([currents.get(k, 0) for k in range(count)], float)),
-        scaling=as_array(scale / _PER_MILLE),
-        held_below=conventions.friction_below == "hold",
-        held_above=conventions.friction_above == "hold",
-    )
     delay, ahead, late = (_not_negative(listing, name) for name in _MOST)
-    return FrictionCompensation(
-        law=table,
-        reversal_lookahead=ahead,
-        position_delay=as_array(delay / LIST_UNITS),
-        delay_cycles=late,
-        sign=float(conventions.friction_sign),
-        first_builds_up=conventions.friction_build_up != "reversal",
-        restart_builds_up=conventions.friction_build_up == "start",
-        decays_to_zero=conventions.friction_decay == "zero",
-        weights_multiply=conventions.friction_overlap == "product",
-        delays_all=conventions.friction_delay == "all",
-        held_at_rest=conventions.friction_rest == "hold",
+    numbers = (
+        knots / VELOCITY_UNITS,
+        np.array([currents.get(k, 0) for k in range(count)], float),
+        scale / _PER_MILLE,
+        delay / LIST_UNITS,
+    )
+    found: FrictionCompensation = jax.tree.unflatten(
+        _structure(conventions, ahead, late), [np.asarray(each) for each in numbers]
+    )
+    return found
+
+
+@functools.lru_cache(maxsize=64)
+def _structure(
+    conventions: Conventions, reversal_lookahead: int, delay_cycles: int
+) -> PyTreeDef:
+    """Return all of a compensation but its numbers, for any number of entries.
+
+    The numbers are speeds, currents, scaling and position delay, in this order. To put
+    them in is a tenth of the work of making a compensation anew.
+    """
+    one = as_array(1.0)
+    entry = as_array(np.ones(1))
+    return jax.tree.structure(
+        FrictionCompensation(
+            law=FrictionTable(
+                nodes=Setpoints(entry),
+                values=entry,
+                scaling=one,
+                held_below=conventions.friction_below == "hold",
+                held_above=conventions.friction_above == "hold",
+            ),
+            reversal_lookahead=reversal_lookahead,
+            position_delay=one,
+            delay_cycles=delay_cycles,
+            sign=float(conventions.friction_sign),
+            first_builds_up=conventions.friction_build_up != "reversal",
+            restart_builds_up=conventions.friction_build_up == "start",
+            decays_to_zero=conventions.friction_decay == "zero",
+            weights_multiply=conventions.friction_overlap == "product",
+            delays_all=conventions.friction_delay == "all",
+            held_at_rest=conventions.friction_rest == "hold",
+        )
     )
 
 

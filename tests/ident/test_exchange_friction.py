@@ -1,5 +1,6 @@
 """Friction lists: the printed example by hand, and writing so that open points are moot."""
 
+import equinox as eqx
 import numpy as np
 import pytest
 
@@ -78,6 +79,21 @@ def test_conventions_reach_the_model() -> None:
         parse(PRINTED), Conventions(friction_build_up="reversal")
     )
     assert not reversal.first_builds_up
+
+
+def test_what_is_read_is_the_compensation_that_its_numbers_make() -> None:
+    read = friction_from_list(parse(PRINTED), RULES)
+    made = FrictionCompensation(
+        FrictionTable(
+            Setpoints(np.array([0.0, 0.316, 0.333])),
+            np.array([0.0, 3722.0, 3884.0]),
+            scaling=0.01,
+        ),
+        reversal_lookahead=4,
+        position_delay=0.003,
+        delay_cycles=9,
+    )
+    assert eqx.tree_equal(read, made)
 
 
 def test_list_with_mode_0_holds_no_friction() -> None:
