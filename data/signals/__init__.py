@@ -12,6 +12,7 @@ in mm or °, times in s, currents in any unit.
   moving axis; `standing`: where it does not move.
 * `find_phases`: rest, constant speed, reversals.
 * `find_polarity`, `find_saturation`, `examine`: what a recording of a current is worth.
+* `median`, `quantile`: NumPy's for one array, faster.
 """
 
 from ._aligned import (
@@ -56,6 +57,7 @@ from ._motion import (
     smoothed_motion as smoothed_motion,
 )
 from ._noise import noise_of as noise_of, resolution as resolution
+from ._order import median as median, quantile as quantile
 from ._phases import (
     Phases as Phases,
     Plateau as Plateau,

@@ -26,45 +26,44 @@ def score_covariance(
         scores: Per sample, in order; samples left out have zeros.
         piece: Stretch of even time steps; no lag reaches from one to the next.
     """
-    lag = lag_of(scores, piece)
+    # Column by column in memory: sums along time are what it spends its time on.
+    scores = np.ascontiguousarray(scores.T)
+    lag = _lag_of(scores, piece)
     # Bartlett's weights are what sums over a sliding window give: one product for all lags.
-    ends = np.concatenate([1 + np.flatnonzero(np.diff(piece)), [len(scores)]])
-    total, first = np.zeros((scores.shape[1],) * 2), 0
+    ends = np.concatenate([1 + np.flatnonzero(np.diff(piece)), [scores.shape[1]]])
+    total, first = np.zeros((len(scores),) * 2), 0
     for end in ends:
-        own = scores[first:end]
+        own = scores[:, first:end]
         if lag:
-            sums = np.zeros((len(own) + 2 * lag + 1, scores.shape[1]))
-            np.cumsum(own, axis=0, out=sums[lag + 1 : lag + 1 + len(own)])
-            sums[lag + 1 + len(own) :] = sums[lag + len(own)]
-            own = sums[lag + 1 :] - sums[: -lag - 1]
-        total += own.T @ own / (lag + 1)
+            many = own.shape[1]
+            sums = np.zeros((len(own), many + 2 * lag + 1))
+            np.cumsum(own, axis=1, out=sums[:, lag + 1 : lag + 1 + many])
+            sums[:, lag + 1 + many :] = sums[:, lag + many, None]
+            own = sums[:, lag + 1 :] - sums[:, : -lag - 1]
+        total += own @ own.T / (lag + 1)
         first = end
     return total, lag
 
 
-def _pairs(
-    scores: np.ndarray, piece: np.ndarray, step: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and those some steps before them in the same piece."""
-    if piece[0] == piece[-1]:
-        return scores[step:], scores[:-step]
-    same = piece[step:] == piece[:-step]
-    return scores[step:][same], scores[:-step][same]
-
-
-def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:
+def lag_of(scores: Float[np.ndarray, " t"], piece: Int[np.ndarray, " t"]) -> int:
     """Return over how many samples scores resemble each other (Andrews' rule)."""
-    count = len(scores)
-    size = np.einsum("tk,tk->k", scores, scores)
+    return _lag_of(scores[None], piece)
+
+
+def _lag_of(scores: Float[np.ndarray, "k t"], piece: Int[np.ndarray, " t"]) -> int:
+    count = scores.shape[1]
+    size = np.einsum("kt,kt->k", scores, scores)
     used = size > 0
     if not used.any():
         return 0
-    now, before = _pairs(scores, piece, 1)
-    rho = np.einsum("tk,tk->k", now, before)[used] / size[used]
-    rho = np.clip(rho, 0.0, _STRONGEST)
-    alpha = np.mean(4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.mean(
-        1 / (1 - rho) ** 4
-    )
+    now, before = scores[:, 1:], scores[:, :-1]
+    if piece[0] != piece[-1]:
+        same = piece[1:] == piece[:-1]
+        now, before = now[:, same], before[:, same]
+    rho = np.einsum("kt,kt->k", now, before)[used] / size[used]
+    rho = np.minimum(np.maximum(rho, 0.0), _STRONGEST)
+    alpha = (4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)).sum()
+    alpha /= (1 / (1 - rho) ** 4).sum()
     best = 1.1447 * (alpha * count) ** (1 / 3)
     return int(min(best, _LARGEST_LAG * count))
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ....data.signals import median, quantile
 from ._problem import Problem
 from ._separable import Solution
 from ._structures import Stribeck
@@ -142,13 +143,9 @@ def _sentences(problem: Problem) -> tuple[str, ...]:
         )
     moving = samples.in_motion
     current = samples.current[moving]
-    if (
-        ahead
-        and back
-        and (np.quantile(current, 0.01) > 0 or np.quantile(current, 0.99) < 0)
-    ):
+    if ahead and back and (quantile(current, 0.01) > 0 or quantile(current, 0.99) < 0):
         size = np.abs(current)
-        if size.min() < _TOUCHES * np.median(size):
+        if size.min() < _TOUCHES * median(size):
             found.append(
                 "The current comes down to 0 in both directions but never changes sign: the "
                 "recording seems to hold its magnitude only, which tells nothing of friction."

@@ -7,8 +7,10 @@ digit. Source for the nodes: L. N. Trefethen, Approximation Theory and Approxima
 chapter 2.
 """
 
+import copy
+
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.polynomial import chebyshev
 
 from ._equation import AbstractEquation
@@ -26,63 +28,81 @@ _INSIDE = 0.9
 """Share of the reach within which a shape must end."""
 
 
-def shapes_about(
-    equation: AbstractEquation, shares: Shares, about: Float[np.ndarray, "r 1"]
-) -> tuple[Float[np.ndarray, "w 1"], Bool[np.ndarray, " w"]]:
-    """Return the best shape of each fit near that of its recording, and whether it is there.
+class Interpolated:
+    """A law with one number of shape near that of each recording, in sums over its rows."""
 
-    Args:
-        equation: A law with one number of shape.
-        shares: Weights of the rows.
-        about: Logarithm of each recording's shape.
-    """
-    rest = _rest(equation, shares, about)
-    low, high = equation.bounds
-    centre = about[equation.lanes.of, 0]
-    place, before = np.zeros(len(centre)), np.full(len(centre), 1e-3)
-    slope, slope_before = _slope(rest, place), _slope(rest, before)
-    rising = np.ones(len(centre), bool)
-    for _ in range(_STEPS):
-        change, run = slope - slope_before, place - before
-        moving = np.abs(run) > _STILL
-        rising = np.where(moving, change * run > 0.0, rising)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(moving & rising, -slope * run / change, 0.0)
-        before, slope_before = place, slope
-        place = np.clip(place + step, -_REACH, _REACH)
-        slope = _slope(rest, place)
-    found = (centre + place)[:, None]
-    there = rising & (np.abs(place) < _INSIDE * _REACH)
-    there &= np.abs(place - before) <= _STILL
-    there &= ((found > low) & (found < high))[:, 0]
-    return found, there
+    def __init__(
+        self, equation: AbstractEquation, about: Float[np.ndarray, "r 1"]
+    ) -> None:
+        """Make the sums.
 
+        Args:
+            equation: The law, for several choices of rows.
+            about: Logarithm of each recording's shape.
+        """
+        self._bounds, self._lanes = equation.bounds, equation.lanes
+        self._centre = about[equation.lanes.of]
+        stack = equation.stack
+        angle = np.pi * (np.arange(_NODES) + 0.5) / _NODES
+        shapes = (about + _REACH * np.cos(angle)).reshape(-1, 1)
+        values = stack.shaped(shapes, np.repeat(np.arange(len(about)), _NODES))[0]
+        ways, _, rows = values.shape
+        # Node by node, each with a column per direction.
+        apart = values.reshape(ways, len(about), _NODES, rows).transpose(1, 3, 2, 0)
+        still = equation.still_and_target(1)
+        self._still = still.shape[2] - 1
+        self._right = np.concatenate([still, apart.reshape(len(about), rows, -1)], 2)
+        self._right[~stack.usable] = 0.0
+        self._sums = self._lanes.sums(self._right, self._right)
 
-def _rest(
-    equation: AbstractEquation, shares: Shares, about: Float[np.ndarray, "r 1"]
-) -> Float[np.ndarray, "w q q"]:
-    """Return XᵀWX of the target and the columns of all nodes, still columns taken out.
+    def take(self, which: Int[np.ndarray, " v"]) -> "Interpolated":
+        """Return it for some of the choices of rows."""
+        other = copy.copy(self)
+        other._lanes = self._lanes.take(which)
+        other._sums, other._centre = self._sums[which], self._centre[which]
+        low, high = self._bounds
+        other._bounds = low[which], high[which]
+        return other
 
-    The target first, then node by node, each with a column per direction.
-    """
-    stack, lanes = equation.stack, equation.lanes
-    recordings = len(about)
-    angle = np.pi * (np.arange(_NODES) + 0.5) / _NODES
-    shapes = (about + _REACH * np.cos(angle)).reshape(-1, 1)
-    values = stack.shaped(shapes, np.repeat(np.arange(recordings), _NODES))[0]
-    ways, _, rows = values.shape
-    apart = values.reshape(ways, recordings, _NODES, rows).transpose(1, 3, 2, 0)
-    still = equation.still_and_target(1)
-    right = np.concatenate([still, apart.reshape(recordings, rows, -1)], axis=2)
-    right[~stack.usable] = 0.0
-    sums = shares.sums(lanes.sums(right, right), right, right)
-    size = still.shape[2] - 1
-    own = sums[:, :size, :size]
-    scale = np.sqrt(np.einsum("wkk->wk", own))
-    linear = solve_linear(own, own, sums[:, :size, size], scale)
-    beside = sums[:, :size, size:]
-    follow = np.swapaxes(beside, 1, 2) @ linear.inverse
-    return np.asarray(sums[:, size:, size:] - follow @ beside)
+    def shapes(
+        self, shares: Shares
+    ) -> tuple[Float[np.ndarray, "w 1"], Bool[np.ndarray, " w"]]:
+        """Return the best shape of each fit near its recording's, and whether it is there.
+
+        Args:
+            shares: Weights of the rows.
+        """
+        rest = self._rest(shares)
+        count, (low, high) = len(rest), self._bounds
+        place, before = np.zeros(count), np.full(count, 1e-3)
+        slope, slope_before = _slope(rest, place), _slope(rest, before)
+        rising = np.ones(count, bool)
+        for _ in range(_STEPS):
+            change, run = slope - slope_before, place - before
+            moving = np.abs(run) > _STILL
+            rising = np.where(moving, change * run > 0.0, rising)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.where(moving & rising, -slope * run / change, 0.0)
+            before, slope_before = place, slope
+            if not step.any():
+                break
+            place = np.clip(place + step, -_REACH, _REACH)
+            slope = _slope(rest, place)
+        found = self._centre + place[:, None]
+        there = rising & (np.abs(place) < _INSIDE * _REACH)
+        there &= np.abs(place - before) <= _STILL
+        there &= ((found > low) & (found < high))[:, 0]
+        return found, there
+
+    def _rest(self, shares: Shares) -> Float[np.ndarray, "w q q"]:
+        """Return XᵀWX of the target and of all nodes, still columns taken out."""
+        sums, size = shares.sums(self._sums, self._right, self._right), self._still
+        own = sums[:, :size, :size]
+        scale = np.sqrt(np.einsum("wkk->wk", own))
+        linear = solve_linear(own, own, sums[:, :size, size], scale)
+        beside = sums[:, :size, size:]
+        follow = np.swapaxes(beside, 1, 2) @ linear.inverse
+        return np.asarray(sums[:, size:, size:] - follow @ beside)
 
 
 def _slope(

@@ -7,7 +7,7 @@ by side too: what costs is the number of calls more than that of rows.
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import final
@@ -224,16 +224,20 @@ def side_by_side(lanes: Sequence[Lanes], rows: int) -> Lanes:
     if len(lanes) == 1:
         return lanes[0]
     widest = max(each.member.shape[1] for each in lanes)
-
-    def filled(arrays: Iterator[np.ndarray], width: int) -> np.ndarray:
-        return np.concatenate(
-            [np.pad(one, ((0, 0), (0, width - one.shape[1]))) for one in arrays]
-        )
-
     return Lanes(
-        filled((each.use for each in lanes), rows),
-        filled((each.usable for each in lanes), rows),
+        _filled([each.use for each in lanes], rows),
+        _filled([each.usable for each in lanes], rows),
         np.repeat(np.arange(len(lanes)), [len(each) for each in lanes]),
         tuple(edges for each in lanes for edges in each.edges),
-        filled((each.member for each in lanes), widest),
+        _filled([each.member for each in lanes], widest),
     )
+
+
+def _filled(arrays: Sequence[np.ndarray], width: int) -> np.ndarray:
+    """Return the rows of arrays one after the other, filled up with zeros."""
+    found = np.zeros((sum(map(len, arrays)), width), arrays[0].dtype)
+    first = 0
+    for each in arrays:
+        found[first : first + len(each), : each.shape[1]] = each
+        first += len(each)
+    return found

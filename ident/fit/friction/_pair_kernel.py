@@ -34,6 +34,10 @@ _Fits = (_Places, _Places, _Places, _Places)
 """Of each fit: its recording, where ``more`` and ``drop`` are, first row, end."""
 
 
+_PIVOT = 1e-7
+"""Share of a column that the others must leave of it, to be told apart without doubt."""
+
+
 @njit(error_model="numpy")
 @no_type_check
 def _put(out, start, one, at, size, third, pair, drop):
@@ -175,6 +179,49 @@ def _left(
             found[to, s] = target[r, s] - fit
 
 
+@no_type_check
+def _solve(own, moment, size, found, sure):
+    """Solve own · x = moment by Cholesky, and tell where that holds.
+
+    Columns are scaled to equal ``size`` before.
+    """
+    many = own.shape[1]
+    root, scale = np.empty((many, many)), np.empty(many)
+    for w in range(len(own)):
+        for i in range(many):
+            scale[i] = 1.0 / size[w, i] if size[w, i] > 0.0 else 1.0
+        good = True
+        for i in range(many):
+            for j in range(i + 1):
+                rest = own[w, i, j] * scale[i] * scale[j]
+                whole = rest
+                for k in range(j):
+                    rest -= root[i, k] * root[j, k]
+                if j < i:
+                    root[i, j] = rest / root[j, j]
+                elif rest > _PIVOT * whole:
+                    root[i, i] = np.sqrt(rest)
+                else:
+                    good = False
+                    break
+            if not good:
+                break
+        sure[w] = good
+        if good:
+            for i in range(many):
+                rest = moment[w, i] * scale[i]
+                for k in range(i):
+                    rest -= root[i, k] * found[w, k]
+                found[w, i] = rest / root[i, i]
+            for i in range(many - 1, -1, -1):
+                rest = found[w, i]
+                for k in range(i + 1, many):
+                    rest -= root[k, i] * found[w, k]
+                found[w, i] = rest / root[i, i]
+            for i in range(many):
+                found[w, i] *= scale[i]
+
+
 def _signature(last: int) -> Any:
     """Return the types of arguments; what is found has so many axes."""
     found = types.Array(types.float64, last, "C")
@@ -183,3 +230,13 @@ def _signature(last: int) -> Any:
 
 normal = machine_code(_normal, _signature(3))
 left = machine_code(_left, _signature(2))
+solve = machine_code(
+    _solve,
+    types.void(
+        types.Array(types.float64, 3, "A", readonly=True),
+        types.Array(types.float64, 2, "A", readonly=True),
+        _Table,
+        types.Array(types.float64, 2, "C"),
+        types.Array(types.boolean, 1, "C"),
+    ),
+)

@@ -36,11 +36,14 @@ class PairEquation(AbstractEquation):
         stack = self.stack
         return stack.beside, stack.sign, stack.way, stack.cell, stack.pair
 
-    @property
-    def _law(self) -> tuple[int, int]:
-        """Factors of one direction, and which of them follows the shape; −1: none."""
+    def _law(self, moving: Columns | None) -> tuple[int, int]:
+        """Return the factors of one direction, and which of them has a column that moves.
+
+        −1 where none is given, which the kernel must not look for.
+        """
         structure = self.stack.structure
-        return len(structure.factors), (structure.shaped or (-1,))[0]
+        third = -1 if moving is None else structure.shaped[0]
+        return len(structure.factors), third
 
     def _normal(
         self,
@@ -75,7 +78,7 @@ class PairEquation(AbstractEquation):
         beside, *rows = self._rows
         aim = each if target is not self.stack.target else of
         _pair_kernel.normal(
-            *(beside, more, *rows, drop, *self._law),
+            *(beside, more, *rows, drop, *self._law(moving)),
             *(of, each, first, end, weight, target, aim, found),
         )
         return found
@@ -119,11 +122,31 @@ class PairEquation(AbstractEquation):
     def _solved(
         self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]
     ) -> Linear:
-        own, moment = sums[:, :, :-1], sums[:, :, -1]
+        own = self._with_prior(sums[:, :, :-1])
+        return solve_linear(own, own, sums[:, :, -1], size)
+
+    def _with_prior(
+        self, own: Float[np.ndarray, "w q q"]
+    ) -> Float[np.ndarray, "w q q"]:
         penalty = self.stack.penalty
-        if penalty is not None and self._weights is not None:
-            own = own + self._weights[:, None, None] * penalty[self.lanes.of]
-        return solve_linear(own, own, moment, size)
+        if penalty is None or self._weights is None:
+            return own
+        return own + self._weights[:, None, None] * penalty[self.lanes.of]
+
+    def _factors(
+        self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]
+    ) -> Float[np.ndarray, "w q"]:
+        """Return the solutions alone: of least norm where columns are not told apart."""
+        from . import _pair_kernel
+
+        own, moment = self._with_prior(sums[:, :, :-1]), sums[:, :, -1]
+        found, sure = np.empty_like(size), np.empty(len(size), bool)
+        _pair_kernel.solve(own, moment, size, found, sure)
+        left = np.flatnonzero(~sure)
+        if len(left):
+            some = own[left]
+            found[left] = solve_linear(some, some, moment[left], size[left]).factors
+        return found
 
     def left(
         self, factors: Float[np.ndarray, "w k"], moving: Columns | None
@@ -155,7 +178,7 @@ class PairEquation(AbstractEquation):
         into = beside if into is None else into
         factors = np.ascontiguousarray(factors)
         _pair_kernel.left(
-            *(columns, more, *rows, drop, *self._law),
+            *(columns, more, *rows, drop, *self._law(moving)),
             *(of, beside, first, end, factors, self.stack.target, into, found),
         )
 
@@ -165,20 +188,20 @@ class PairEquation(AbstractEquation):
         """See `AbstractEquation`."""
         stack, k = self.stack, int(self.lanes.of[lane])
         many = len(stack.problems[k].target)
-        fixed, (width, third) = stack.beside.shape[2], self._law
-        found = np.zeros((many, self.width + self.height))
-        found[:, :fixed] = stack.beside[k, :many]
+        fixed, (width, third) = stack.beside.shape[2], self._law(point.moving)
+        found = np.zeros((self.width + self.height, many))
+        found[:fixed] = stack.beside[k, :many].T
         rows, sign = np.arange(many), stack.sign[k, :many]
         base = fixed + width * stack.way[k, :many]
         at = base + stack.cell[k, :many]
-        found[rows, at] = sign * stack.pair[k, :many, 0]
-        found[rows, at + 1] = sign * stack.pair[k, :many, 1]
+        found[at, rows] = sign * stack.pair[k, :many, 0]
+        found[at + 1, rows] = sign * stack.pair[k, :many, 1]
         if point.moving is not None:
-            found[rows, base + third] = sign * point.moving.values[0, lane, :many]
+            found[base + third, rows] = sign * point.moving.values[0, lane, :many]
             one = np.array([lane])
             bent = self._tangents(point.factors[one], point.moving.take(one), one)
-            found[:, self.width :] = bent[0, :many]
-        return found
+            found[self.width :] = bent[0, :many].T
+        return found.T
 
     def _shaped(self, shape: Float[np.ndarray, "w h"]) -> Columns:
         """Return the column that follows the shape, whatever the direction and its sign."""
@@ -268,7 +291,7 @@ class PairEquation(AbstractEquation):
             whole = part.sum(axis=0).reshape(1, width, width + 1)
             size[own] = _sizes(whole, stack.rows)
             begin += many
-        found = self._solved(sums.reshape(-1, width, width + 1), size).factors
+        found = self._factors(sums.reshape(-1, width, width + 1), size)
         held, whole = np.zeros((2, len(lanes.own), stack.rows))
         windows = [
             (k, place, *span, own.start + lane)

@@ -1,5 +1,6 @@
 """The linear equation behind an inverse fit: which columns, filtered alike with the current."""
 
+import copy
 import dataclasses
 from functools import cached_property
 
@@ -26,6 +27,13 @@ class Known:
     gain: float = 1.0
     inertia: float | None = None
     offset: float | None = None
+
+
+_OF_THE_RECORDING = ("target", "load", "piece", "speed", "usable", "saturated", "said")
+_OF_THE_RECORDING += ("all_rows", "met", "limits", "scouted", "spread", "senses")
+_OF_THE_LAW = ("places", "still", "still_instrument")
+_OF_THE_DIRECTIONS = ("beside", "_fixed_instrument")
+"""What is computed once, and for how long it holds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,22 +70,17 @@ class Problem:
 
     def with_structure(self, structure: AbstractStructure) -> "Problem":
         """Return the same rows for another kind of law; what was computed is kept."""
-        other = dataclasses.replace(self, structure=structure)
-        kept = ["target", "load", "piece", "speed", "usable", "saturated"]
-        kept += [
-            "said",
-            "all_rows",
-            "met",
-            "limits",
-            "scouted",
-            "spread",
-            "senses",
-        ]
-        if structure.directional == self.structure.directional:
-            # Only then are the columns beside friction the same.
-            kept += ["beside"]
-        for name in kept:
-            other.__dict__[name] = getattr(self, name)
+        for name in _OF_THE_RECORDING:
+            getattr(self, name)  # once for all laws
+        other = copy.copy(self)
+        kept = other.__dict__
+        kept["structure"] = structure
+        gone = _OF_THE_LAW
+        if structure.directional != self.structure.directional:
+            # The offset has no column of its own per direction.
+            gone += _OF_THE_DIRECTIONS
+        for name in gone:
+            kept.pop(name, None)
         return other
 
     @cached_property

@@ -2,10 +2,12 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ....data.signals import median
 from .._errors import FitError
 
 _JUMP = 0.5
@@ -47,19 +49,19 @@ class DriveSamples:
     position: Float[np.ndarray, " t"] | None = None
     """Measured, in mm; only the output-error fit needs it."""
 
-    @property
+    @cached_property
     def cycle(self) -> float:
         """Time from sample to sample in s."""
-        return float(np.median(np.diff(self.time)))
+        return median(np.diff(self.time))
 
-    @property
+    @cached_property
     def piece(self) -> Int[np.ndarray, " t"]:
         """Index of the stretch of even time steps that each sample belongs to."""
         steps = np.diff(self.time)
         jumps = np.abs(steps - self.cycle) > _JUMP * self.cycle
         return np.concatenate([[0], np.cumsum(jumps)])
 
-    @property
+    @cached_property
     def in_motion(self) -> Bool[np.ndarray, " t"]:
         """Which samples count as moving."""
         if self.moving is not None:

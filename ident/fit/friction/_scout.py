@@ -17,6 +17,8 @@ _FLOOR = 1e-9
 """Smallest scale of residuals relative to the load."""
 _KNOTS = 12
 _PASSES = 8
+_CHANGE = 0.01
+"""Of a weight, that is none yet: the law asked for will weigh the samples anew."""
 _HUBER = 2
 """First passes, in which no sample can pull far."""
 
@@ -85,16 +87,22 @@ def _scout(stack: Stack, lanes: Lanes, loss: str) -> Shares:
 
 
 def _settled(equation: AbstractEquation, loss: str, begin: Shares | None) -> Shares:
-    """Return weights that a law no longer changes, from some or by the Huber loss."""
+    """Return weights that a law hardly changes, from some or by the Huber loss."""
     shares = equation.lanes.all_rows() if begin is None else begin
+    lanes, found = equation.lanes, shares.full.copy()
+    left = np.arange(len(found))
     for step in range(_PASSES):
-        residual = equation.solve(shares).residual
         kind = "huber" if begin is None and step < _HUBER else loss
-        before = shares
-        shares = reweigh(equation, residual, kind)[0]
-        if kind == loss and shares.same(before, slice(None)):
-            break  # and so it would stay
-    return shares
+        before = shares.full
+        shares = reweigh(equation, equation.solve(shares).residual, kind)[0]
+        found[left] = shares.full
+        change = np.abs(shares.full - before).max(axis=1)
+        # A fit is over for itself: how long the others take must not change its digits.
+        on = np.flatnonzero((change > _CHANGE) | (kind != loss))
+        if not len(on):
+            break
+        left, equation, shares = left[on], equation.take(on), shares.take(on)
+    return Shares(lanes, found)
 
 
 def reweigh(

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from .._errors import FitError
 from .._loss import AbstractLoss
 from ._equation import AbstractEquation
-from ._interpolated import shapes_about
+from ._interpolated import Interpolated
 from ._lanes import Shares
 from ._loss import check_loss
 from ._point import Point
@@ -99,23 +99,61 @@ def separable(
         )
         raise FitError(msg)
     shares = scout(equation.stack, lanes, loss)
-    going = _start(equation, shares, *_begin(equation, shares, about))
+    begin = _start(equation, shares, equation.best_start(shares))
+    found: dict[int, Solution] = {}
+    if about is not None and equation.height == 1 and not equation.instruments:
+        found = _fitted_near(begin, about, loss, certain)
+    left = [lane for lane in range(len(lanes)) if lane not in found]
+    found |= _fitted(begin.take(np.array(left, np.int64)), loss, certain)
+    return [found[lane] for lane in range(len(lanes))]
+
+
+def _fitted(going: "_Going", loss: str, certain: bool) -> dict[int, Solution]:
+    """Search factors, weights and shapes until nothing changes; return them by lane."""
     found: dict[int, Solution] = {}
     for step in range(_PASSES):
+        if not len(going.lane):
+            break
         going.point = going.equation.solve(going.shares, going.shape, going.point)
         settled = going.weigh_again(loss, step)
-        last = step + 1 == _PASSES
-        done = np.flatnonzero(settled | last)
-        for lane in done:
-            going.passes[lane] = step + 1
-        if len(done):
-            found |= _ended(going.take(done), settled[done], certain)
-            if len(done) == len(settled):
-                break
-            going = going.take(np.flatnonzero(~settled))
-        if equation.height:
+        done = settled | (step + 1 == _PASSES)
+        ended = going.take(np.flatnonzero(done))
+        found |= _ended(ended, settled[done], step + 1, certain)
+        going = going.take(np.flatnonzero(~done))
+        if going.equation.height and len(going.lane):
             going.next_shape()
-    return [found[lane] for lane in range(len(lanes))]
+    return found
+
+
+def _fitted_near(
+    begin: "_Going", about: Float[np.ndarray, "r 1"], loss: str, certain: bool
+) -> dict[int, Solution]:
+    """Return the fits whose shapes lie near those of their recordings, by lane.
+
+    Shapes are the best ones under the weights at every pass: only these are left to settle.
+    """
+    sums = Interpolated(begin.equation, about)
+    shape, there = sums.shapes(begin.shares)
+    # Another valley, maybe a lower one, is searched from its own start.
+    there &= (np.abs(shape - begin.shape) < _VALLEY)[:, 0]
+    going = dataclasses.replace(begin)
+    found: dict[int, Solution] = {}
+    for step in range(_PASSES):
+        going.shape = shape
+        which = np.flatnonzero(there)
+        if not len(which):
+            break
+        going, sums = going.take(which), sums.take(which)
+        going.point = going.equation.solve(going.shares, going.shape, going.point)
+        weights = going.shares
+        settled = going.weigh_again(loss, step)
+        settled |= (going.shares.full == weights.full).all(axis=1)
+        ended = going.take(np.flatnonzero(settled))
+        found |= _ended(ended, settled[settled], step + 1, certain)
+        which = np.flatnonzero(~settled)
+        going, sums = going.take(which), sums.take(which)
+        shape, there = sums.shapes(going.shares)
+    return found
 
 
 def search(
@@ -128,8 +166,7 @@ def search(
         shares: Weights of the rows.
         shape: Logarithms to start from, fit by fit.
     """
-    nothing = np.zeros(len(shape), bool)
-    going, found = _start(equation, shares, shape, nothing), shape.copy()
+    going, found = _start(equation, shares, shape), shape.copy()
     for _ in range(_PASSES if equation.height else 0):
         before = going.shape.copy()
         going.next_shape()
@@ -153,8 +190,6 @@ class _Going:
         point: What was solved last, or None.
         before: Residuals of the pass before, or None.
         losses: With their scales, or None.
-        passes: That were made.
-        sought: Which shapes were searched to the end, under the weights to begin with.
     """
 
     lane: Int[np.ndarray, " w"]
@@ -164,8 +199,6 @@ class _Going:
     point: Point | None
     before: Float[np.ndarray, "w s"] | None
     losses: list[AbstractLoss] | None
-    passes: Int[np.ndarray, " w"]
-    sought: Bool[np.ndarray, " w"]
 
     def take(self, which: Int[np.ndarray, " v"]) -> "_Going":
         """Return some of them."""
@@ -179,22 +212,18 @@ class _Going:
             None if self.point is None else self.point.take(which),
             None if self.before is None else self.before[which],
             None if self.losses is None else [self.losses[k] for k in which],
-            self.passes[which],
-            self.sought[which],
         )
 
     def weigh_again(self, loss: str, step: int) -> Bool[np.ndarray, " w"]:
         """Weigh the rows by what is left of them; return which fits have settled."""
         assert self.point is not None
         residual = self.point.residual
-        weights = self.shares
         if loss != "gauss" or self.losses is None:
             kept = self.losses if step >= _FREEZE else None
             self.shares, self.losses = reweigh(self.equation, residual, loss, kept=kept)
         before, self.before = self.before, residual
         if before is None:
-            same = (self.shares.full == weights.full).all(axis=1)
-            return np.asarray(self.sought & same)
+            return np.zeros(len(residual), bool)
         if before is residual:
             return np.ones(len(residual), bool)
         moved = np.abs(residual - before) * (self.shares.full > 0)
@@ -231,33 +260,19 @@ class _Going:
             step = 0.5 * step
 
 
-def _begin(
-    equation: AbstractEquation,
-    shares: Shares,
-    about: Float[np.ndarray, "r h"] | None,
-) -> tuple[Float[np.ndarray, "w h"], Bool[np.ndarray, " w"]]:
-    """Return shapes to begin with, and which of them are the best under these weights."""
-    shape = equation.best_start(shares)
-    if about is None or equation.height != 1 or equation.instruments:
-        return shape, np.zeros(len(shape), bool)
-    there, sought = shapes_about(equation, shares, about)
-    # Another valley, maybe a lower one: it is searched from its own start.
-    sought &= (np.abs(there - shape) < _VALLEY)[:, 0]
-    return np.where(sought[:, None], there, shape), sought
-
-
 def _start(
-    equation: AbstractEquation,
-    shares: Shares,
-    shape: Float[np.ndarray, "w h"],
-    sought: Bool[np.ndarray, " w"],
+    equation: AbstractEquation, shares: Shares, shape: Float[np.ndarray, "w h"]
 ) -> _Going:
     every = np.arange(len(equation.lanes))
-    return _Going(every, equation, shares, shape, None, None, None, 0 * every, sought)
+    return _Going(every, equation, shares, shape, None, None, None)
 
 
-def _ended(going: _Going, settled: np.ndarray, certain: bool) -> dict[int, Solution]:
+def _ended(
+    going: _Going, settled: np.ndarray, passes: int, certain: bool
+) -> dict[int, Solution]:
     """Return the solutions under the last weights, by lane."""
+    if not len(going.lane):
+        return {}
     equation = going.equation
     point = equation.solve(going.shares, going.shape, going.point)
     assert going.losses is not None
@@ -282,7 +297,7 @@ def _ended(going: _Going, settled: np.ndarray, certain: bool) -> dict[int, Solut
             share[:many],
             loss,
             lag,
-            int(going.passes[place]),
+            passes,
             bool(settled[place]),
             bound[place],
             equation.weight(place),

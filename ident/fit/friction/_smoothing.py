@@ -110,7 +110,7 @@ def _independent(
     seen = (shares.full > 0).sum(axis=1)
     pieces = [each.piece for each in stack.problems]
     every = [
-        1 + lag_of(each[: len(pieces[k]), None], pieces[k])
+        1 + lag_of(each[: len(pieces[k])], pieces[k])
         for k, each in zip(of, left, strict=True)
     ]
     return np.asarray(np.maximum(seen // np.array(every), factors.shape[1] + 2))
@@ -133,7 +133,7 @@ def _weight_of(equation: AbstractEquation, shares: Shares, lane: int) -> float:
     seen = spectrum > _NULL * spectrum[-1]
     inner = vectors[:, seen].T @ moment
     free = y - x @ (vectors[:, seen] @ (inner / spectrum[seen]))
-    every = 1 + lag_of(free[:, None], problem.piece)
+    every = 1 + lag_of(free, problem.piece)
     count = max(int((share > 0).sum()) // every, len(penalty) + 2)
     thin = count / max(int((share > 0).sum()), 1)
     gram, moment, total = thin * gram, thin * moment, thin * (y @ y)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ....data.signals import quantile
 from ....models import AbstractFriction, StribeckFriction
 from ._linear_structure import AbstractLinearStructure
 from ._structure import AbstractStructure, Reported
@@ -128,7 +129,7 @@ class Stribeck(AbstractStructure):
     ) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
         """See `AbstractStructure`."""
         seen = speed[speed > 0]
-        low = [np.log(np.quantile(seen, 0.001) / 2.0)]
+        low = [np.log(quantile(seen, 0.001) / 2.0)]
         high = [np.log(2.0 * seen.max())]
         if self.shape is None:
             low.append(np.log(_SHAPE_RANGE[0]))

@@ -29,49 +29,51 @@ def uncertainty(
     problem = equation.stack.problems[equation.of(lane)]
     many = len(problem.target)
     residual, share = point.residual[lane, :many], share[:many]
-    full = twin = equation.columns(point, lane)
+    use = equation.lanes.use[lane, :many]
+    used = use > 0
+    own = other = _rows(equation.columns(point, lane), use)
     if equation.instruments:
-        twin = equation.columns(point, lane, instrument=True)
-    used = equation.lanes.use[lane, :many] > 0
+        other = _rows(equation.columns(point, lane, instrument=True), use)
     slope = float(loss.slope(residual[used] / loss.scale).mean())
     slope = max(slope, 0.05)
-    width = full.shape[1]
-    large = None
-    prior = equation.prior(lane)
+    square = even = own @ own.T
+    matrix = normal = slope * square
+    if equation.instruments:
+        even, matrix = other @ other.T, slope * (other @ own.T)
+    width, prior = len(own), equation.prior(lane)
+    large = np.zeros((width, width))
     if prior is not None:
-        large = np.zeros((width, width))
         large[: len(prior), : len(prior)] = prior
-    some = full[used]
-    other = some if twin is full else twin[used]
-    even = other.T @ other
-    own = some.T @ some if twin is not full else even
-    matrix = slope * (other.T @ some) if twin is not full else slope * own
-    own = slope * own
-    if large is not None:
-        own, matrix = own + large, matrix + large
-    sizes = np.sqrt(np.einsum("tk,tk->k", some, some) / len(some))
+        matrix = matrix + large
+        normal = normal + large if equation.instruments else matrix
+    count = int(used.sum())
+    sizes = np.sqrt(np.einsum("kk->k", square) / count)
     inverse = solve_linear(
-        own[None],
-        own[None] if twin is full else matrix[None],
+        normal[None],
+        normal[None] if matrix is normal else matrix[None],
         np.zeros((1, width)),
         sizes[None],
     ).inverse[0]
-    leverage = slope * np.einsum("tk,tk->t", some @ inverse, other)
-    psi = (share * residual)[used] / np.clip(1.0 - leverage, 0.1, 1.0)
-    scores = np.zeros_like(twin)
-    scores[used] = other * psi[:, None]
-    inner, lag = score_covariance(scores, problem.piece)
-    free = max(int(used.sum()) - width, 1)
-    noise = max(float(psi @ psi) / free, problem.least_noise**2)
+    leverage = slope * np.einsum("kt,kt->t", inverse.T @ own, other)
+    bounded = np.minimum(np.maximum(1.0 - leverage, 0.1), 1.0)
+    psi = use * share * residual / bounded
+    inner, lag = score_covariance((other * psi).T, problem.piece)
+    noise = max(float(psi @ psi) / max(count - width, 1), problem.least_noise**2)
     even = noise * even
-    if large is not None:
-        prior = loss.scale**2 * large
-        inner, even = inner + prior, even + prior
+    if prior is not None:
+        inner, even = inner + loss.scale**2 * large, even + loss.scale**2 * large
     return (
         larger_covariance(inverse @ inner @ inverse.T, inverse @ even @ inverse.T),
         lag,
         sizes,
     )
+
+
+def _rows(
+    columns: Float[np.ndarray, "t p"], use: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, "p t"]:
+    """Return columns side by side in memory, 0 where a row is not used."""
+    return np.ascontiguousarray(columns.T) * use
 
 
 def roughly(
