@@ -5,7 +5,6 @@ and finds the line and the column that are wrong.
 """
 
 import dataclasses
-import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -94,7 +93,9 @@ def _read_short(layout: Layout, text: str) -> _Read | None:
     body = text[layout.body :].split("\n")
     rows = [line.split(dialect.separator) for line in body if line]
     cells = [cell for row in rows for cell in row]
-    if any(len(row) != width for row in rows) or not dialect.all_plain(cells):
+    if any(len(row) != width for row in rows):
+        return None
+    if not dialect.all_plain("\n".join(cells)):
         return None
     values = np.array(list(map(float, cells))).reshape(-1, width)
     if not np.isfinite(values).all():
@@ -128,7 +129,7 @@ def _read_fast(layout: Layout, text: str) -> _Read | None:
     types += [pa.string() for _ in extra]
     try:
         read: Any = pv.read_csv(
-            io.BytesIO(body),
+            pa.BufferReader(body),
             # Threads cost more than a small file does.
             read_options=pv.ReadOptions(
                 column_names=keys, use_threads=len(body) > _SMALL

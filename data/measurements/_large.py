@@ -21,7 +21,7 @@ from ._run_table import is_run_table
 from ._scope_block import is_scope
 from ._stream import BUFFER
 from ._table import Table
-from ._text import decode
+from ._text import decode, words_of
 
 _LOOK = 1000
 """Rows that show what a file holds."""
@@ -142,9 +142,10 @@ def _open_text(path: Path, start: bytes, size: int) -> LargeFile | None:
         return None
     try:
         text = decode(start[: end + 1], path)
-        if is_scope(text) or is_height_map(text) or is_run_table(text):
+        words = words_of(text)
+        if is_scope(text, words) or is_run_table(text, words):
             return None
-        if is_bed_mesh(text):
+        if is_height_map(text) or is_bed_mesh(text):
             return None
         layout = find_layout(path, text)
         head = read_body(path, layout, text)

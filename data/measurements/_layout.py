@@ -1,6 +1,7 @@
 """Where header and body of a text table lie, and what the columns are called."""
 
 import dataclasses
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from ._units import find_unit
 _SAMPLE = 400
 _BELOW = 200
 """Rows that tell what a column holds."""
+_FIRST = re.compile(rf"(?:[^\n]*+\n){{1,{_BELOW}}}+")
+"""So many lines, or fewer."""
 _LONGEST_HEADER = 10_000
 """Characters of a header line that one look is enough for."""
 
@@ -122,20 +125,19 @@ def _plain_layout(text: str) -> Layout | None:
     top, ended, _ = text[:_LONGEST_HEADER].partition("\n")
     if not (ended and top.strip()) or '"' in top or top.startswith("sep="):
         return None
-    first = len(top) + 1
-    end, rows = first - 1, 0
-    while rows < _BELOW and 0 <= (found := text.find("\n", end + 1)):
-        end, rows = found, rows + 1
-    if rows < _BELOW and end + 1 < len(text):
-        end, rows = len(text), rows + 1  # the last line ends with the text
-    dialect, body = Dialect(",", "."), text[first:end]
+    lines = _FIRST.match(text, len(top) + 1)
+    if lines is None:
+        return None
+    many = lines[0].count("\n") == _BELOW  # else all: the last may end with the text
+    body = (lines[0] if many else text[len(top) + 1 :]).removesuffix("\n")
+    dialect = Dialect(",", ".")
     header, below = dialect.split(top), body.split("\n")
     width = len(header)
-    if rows < 2 or width < 2 or not header[-1] or dialect.is_comment(top):
+    if len(below) < 2 or width < 2 or not header[-1] or dialect.is_comment(top):
         return None
     if {line.count(",") for line in below} != {width - 1}:
         return None
-    if not dialect.all_plain(body.replace(",", "\n").split("\n")):
+    if not dialect.all_plain(body.replace(",", "\n")):
         return None
     one = dialect.split(below[0])
     if not _is_header(dialect, [header, one]) or _is_unit_row(one, width):
@@ -144,7 +146,7 @@ def _plain_layout(text: str) -> Layout | None:
         dialect=dialect,
         names=tuple(map(parse_name, header)),
         header=tuple(header),
-        body=first,
+        body=len(top) + 1,
         body_line=2,
         numeric=(True,) * width,
         skipped=(),

@@ -10,7 +10,7 @@ from ._run_table import is_run_table, read_run_table
 from ._scope import read_scope
 from ._scope_block import is_scope
 from ._table import Table
-from ._text import decode, load_bytes
+from ._text import decode, load_bytes, words_of
 
 
 def read_table(path: Path, *, profile: str | None = None) -> Table:
@@ -38,11 +38,12 @@ def read_table(path: Path, *, profile: str | None = None) -> Table:
         return read_mat(path, raw)
     text = decode(raw, path)
     head = text[:200_000]
-    if is_scope(head):
+    words = words_of(head)
+    if is_scope(head, words):
         return read_scope(path, text)
     if is_height_map(head):
         return read_height_map(path, text)
-    if is_run_table(head):
+    if is_run_table(head, words):
         return read_run_table(path, text)
     if is_bed_mesh(text):
         return read_bed_mesh(path, text, profile)

@@ -37,12 +37,12 @@ _SIGN = re.compile(
     r'|IndexGroup|Unit ScaleFactor)"?[\t :;,]'
 )
 _WORDS = (
-    "time of export",
-    "SampleTime[ms]",
-    "SymbolComment",
-    "SymbolBased",
-    "IndexGroup",
-    "Unit ScaleFactor",
+    b"time of export",
+    b"SampleTime[ms]",
+    b"SymbolComment",
+    b"SymbolBased",
+    b"IndexGroup",
+    b"Unit ScaleFactor",
 )
 """What all lines that `_SIGN` finds hold."""
 _BEHIND = re.compile(
@@ -71,10 +71,10 @@ class Rows:
     body_line: int
 
 
-def is_scope(head: str) -> bool:
-    """Whether the first part of a text can only be a TwinCAT Scope export."""
+def is_scope(head: str, words: bytes) -> bool:
+    """Whether the first part of a text, with its words, can only be a Scope export."""
     # A plain search of words is faster than one of lines, and most texts hold none.
-    return any(map(head.__contains__, _WORDS)) and _SIGN.search(head) is not None
+    return any(map(words.__contains__, _WORDS)) and _SIGN.search(head) is not None
 
 
 def read_rows(path: Path, text: str) -> Rows:

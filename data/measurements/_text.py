@@ -25,6 +25,9 @@ _EXPECTED = (
 # No text holds these; tab, line ends and form feed are allowed.
 _CONTROLS = bytes(code for code in range(32) if code not in b"\t\n\f\r")
 _CONTROL = re.compile(rb"[%b]" % re.escape(_CONTROLS))
+_TEXT = bytes(code for code in range(256) if code not in _CONTROLS)
+# What tables of numbers are made of.
+_NUMERIC = b"0123456789+-.,;\t\n"
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
@@ -68,9 +71,8 @@ def decode(raw: bytes, path: Path) -> str:
             text = raw.decode(encoding, errors="replace")
             break
     else:
-        # Taking them away from a text is faster than looking for one.
-        plain = len(raw.translate(None, _CONTROLS)) == len(raw)
-        control = None if plain else _CONTROL.search(raw)
+        # Taking all else away is faster than looking for one.
+        control = _CONTROL.search(raw) if raw.translate(None, _TEXT) else None
         if control is not None:
             line = raw.count(b"\n", 0, control.start()) + 1
             byte = raw[control.start()]
@@ -83,3 +85,12 @@ def decode(raw: bytes, path: Path) -> str:
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     return text
+
+
+def words_of(text: str) -> bytes:
+    """Return a text without digits, signs and separators: little is left of a table.
+
+    Words of letters, blanks and brackets that stand in the text stand here as well, and
+    are found sooner; what comes to stand side by side may look like others.
+    """
+    return text.encode().translate(None, _NUMERIC)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._errors import check_lengths
+from ._order import median
 
 _JUMP = 0.5
 """Share of the sample time by which a step must differ to be a jump, at least."""
@@ -73,13 +74,14 @@ def read_clock(time: Float[np.ndarray, " t"]) -> Clock:
     """
     check_lengths("clock", time.size, least=3)
     steps = np.diff(time)
-    rising = steps[steps > 0.0]
-    check_lengths("rising steps of the clock", rising.size, least=1)
-    usual = float(np.median(rising))
-    spread = 1.4826 * float(np.median(np.abs(rising - usual)))
+    rising = steps > 0.0
+    check_lengths("rising steps of the clock", int(rising.sum()), least=1)
+    usual = median(steps[rising])
+    away = np.abs(steps - usual)
+    spread = 1.4826 * median(away[rising])
     bound = max(_JUMP * usual, _JITTER * spread)
-    rows = 1 + np.flatnonzero((np.abs(steps - usual) > bound) | (steps <= 0.0))
-    plain = steps[np.abs(steps - usual) <= bound]
+    rows = 1 + np.flatnonzero((away > bound) | ~rising)
+    plain = steps[away <= bound]
     jitter = float(np.std(plain)) if plain.size else 0.0
     jumps = tuple(
         Jump(int(row), float(steps[row - 1]), _kind(float(steps[row - 1]), usual))

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from ._errors import check_lengths
 from ._noise import long_run_deviation, resolution
+from ._order import median
 
 _SURE = 4.0
 """Standard deviations from which on the sign is told."""
@@ -81,17 +82,16 @@ def find_polarity(
     sizes += [] if acceleration is None else [acceleration.size]
     check_lengths("sign of the current", *sizes, least=1)
     use = direction != 0
-    sides = {int(side) for side in np.unique(direction[use])}
-    if int(use.sum()) < 20:
+    side = direction[use].astype(np.float64)
+    if side.size < 20:
         return _unknown("the axis hardly moves")
-    columns = [np.ones(int(use.sum()))]
-    if len(sides) == 2:
-        columns.append(direction[use].astype(np.float64))
+    names, columns = ["offset"], [np.ones(side.size)]
+    if side.min() < side.max():
+        names.append("friction")
+        columns.append(side)
     if acceleration is not None and np.ptp(acceleration[use]) > 0.0:
+        names.append("inertia")
         columns.append(acceleration[use])
-    names = ["offset"]
-    names += ["friction"] if len(sides) == 2 else []
-    names += ["inertia"] if len(columns) > len(names) else []
     if len(columns) == 1:
         return _unknown("only one direction is recorded, and no acceleration")
     values, scores = _regress(np.column_stack(columns), current[use], correlated)
@@ -129,6 +129,8 @@ def _regress(
     unit = columns / scale
     fit = np.linalg.lstsq(unit, target, rcond=None)[0]
     residual = target - unit @ fit
+    # A remainder of nothing but rounding must not give an infinite ratio.
+    floor = 1e-12 * float(np.linalg.norm(target)) + 1e-300
     ratios = np.empty(fit.size)
     for k in range(fit.size):
         others = np.delete(unit, k, axis=1)
@@ -137,8 +139,6 @@ def _regress(
         if power < 1e-9:  # the columns cannot be told apart
             ratios[k] = 0.0
             continue
-        # A remainder of nothing but rounding must not give an infinite ratio.
-        floor = 1e-12 * float(np.linalg.norm(target)) + 1e-300
         deviation = max(long_run_deviation(own * residual, lag) / power, floor)
         ratios[k] = fit[k] / deviation
     return fit / scale, ratios
@@ -169,7 +169,7 @@ def find_saturation(
     for sign in (-1.0, 1.0):
         held = _held(sign * current, shortest)
         rows |= held
-        levels.append(float(np.median(current[held])) if held.any() else None)
+        levels.append(median(current[held]) if held.any() else None)
     return Saturation(rows, levels[0], levels[1], _say(rows, levels[0], levels[1]))
 
 
@@ -185,6 +185,8 @@ def _held(values: Float[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " 
         return nothing
     top = float(values.max())
     near = values >= top - 1e-6 * span
+    if np.count_nonzero(near) < shortest:
+        return nothing
     edges = np.diff(np.concatenate([[0], near.astype(np.int8), [0]]))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     long = stops - starts >= shortest
@@ -195,15 +197,15 @@ def _held(values: Float[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " 
         return nothing
     before, after = starts[long] - 1, stops[long]
     ends = np.concatenate([before[before >= 0], after[after < values.size]])
-    kink = float(np.median(top - values[ends])) if ends.size else 0.0
+    kink = median(top - values[ends]) if ends.size else 0.0
     if kink <= 2.5 * resolution(values):
         return nothing
     # Elsewhere the signal must move from sample to sample, by more than its display
     # does: a drive at constant speed without noise stays at a level without a limit.
     steps = np.abs(np.diff(values))
     outside = ~(held[1:] | held[:-1])
-    restless = float(np.median(steps[outside])) if outside.any() else 0.0
-    still = float(np.median(steps[held[1:] & held[:-1]]))
+    restless = median(steps[outside]) if outside.any() else 0.0
+    still = median(steps[held[1:] & held[:-1]])
     return held if restless > 3.0 * still and restless > 0.0 else nothing
 
 

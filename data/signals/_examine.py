@@ -10,6 +10,7 @@ from ._clock import Clock
 from ._current import Polarity, Saturation, find_polarity, find_saturation
 from ._errors import check_lengths
 from ._motion import Motion
+from ._order import quantile
 from ._phases import Phases, find_phases
 
 Kind = Literal[
@@ -144,12 +145,12 @@ def _slow_samples(
     moving = np.abs(motion.velocity[sure != 0])
     if moving.size < _FEW:
         return []
-    fastest = float(np.quantile(moving, 0.99))
+    fastest = quantile(moving, 0.99)
     bound = _SLOW * fastest if slow is None else slow
     count = int((moving <= bound).sum())
     if count >= _FEW:
         return []
-    slowest = float(np.quantile(moving, 0.01))
+    slowest = quantile(moving, 0.01)
     sentence = (
         f"Hardly a sample lies below {bound:.3g} {unit}/s (the slowest hundredth begins at"
         f" {slowest:.3g} {unit}/s): how friction rises towards rest is not measured."
@@ -163,7 +164,8 @@ def _sign(
     findings = []
     if not (sure != 0).any():
         return []
-    low, high = np.quantile(current[sure != 0], [0.001, 0.999]).tolist()
+    driven = current[sure != 0]
+    low, high = quantile(driven, 0.001), quantile(driven, 0.999)
     both = bool((sure > 0).any() and (sure < 0).any())
     if both and low * high > 0.0:
         told = polarity.sign is not None and polarity.friction != 0.0
@@ -213,7 +215,7 @@ def _limits(
     push = np.abs(motion.acceleration)
     if push.max() > 0.0:
         strong = (
-            push > 0.5 * float(np.quantile(push[motion.settled], 0.99))
+            push > 0.5 * quantile(push[motion.settled], 0.99)
             if (motion.settled.any())
             else push > 0.0
         )

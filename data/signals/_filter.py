@@ -40,7 +40,7 @@ def zero_phase(
         SignalError: If the cutoff is not below half the sample rate, or there are too
             few samples.
     """
-    from scipy.signal import filtfilt
+    from scipy.signal import lfilter
 
     nyquist = 0.5 / sample_time
     if not 0.0 < cutoff < nyquist:
@@ -48,23 +48,31 @@ def zero_phase(
         what = "zero-phase filter"
         raise SignalError(what, f"a cutoff of {cutoff:g} Hz", expected)
     check_lengths("zero-phase filter", len(values), least=_PAD * (order + 1) + 1)
-    over, under = _low_pass(order, cutoff / nyquist)
-    smooth: np.ndarray = filtfilt(over, under, values, axis=0)
-    return smooth
+    over, under, state = _low_pass(order, cutoff / nyquist)
+    state = state.reshape(-1, *(1,) * (values.ndim - 1))
+    reach = _PAD * (order + 1)
+    before = 2.0 * values[:1] - values[reach:0:-1]
+    behind = 2.0 * values[-1:] - values[-2 : -reach - 2 : -1]
+    smooth: np.ndarray = np.concatenate([before, values, behind])
+    for _ in ("forwards", "backwards"):
+        start = state * smooth[:1]
+        smooth = lfilter(over, under, smooth, axis=0, zi=start)[0][::-1]
+    return smooth[reach:-reach]
 
 
 @functools.lru_cache(maxsize=64)
 def _low_pass(
     order: int, cutoff: float
-) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:
-    """Return both polynomials of a Butterworth filter; the cutoff in half sample rates.
+) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"], Float[np.ndarray, " s"]]:
+    """Return both polynomials of a Butterworth filter and its state at a constant of 1.
 
-    Its design takes longer than its use on a short recording.
+    The cutoff is in half sample rates. All this takes longer than its use on a short
+    recording, so that `scipy.signal.filtfilt`, which has the state anew, is not used.
     """
-    from scipy.signal import butter
+    from scipy.signal import butter, lfilter_zi
 
-    coefficients: Any = butter(order, cutoff)
-    return coefficients[0], coefficients[1]
+    polynomials: Any = butter(order, cutoff)
+    return polynomials[0], polynomials[1], lfilter_zi(*polynomials)
 
 
 def bandwidth(cutoff: float, order: int = 4) -> float:

@@ -10,6 +10,7 @@ from ._clock import Clock, read_clock
 from ._errors import SignalError, check_lengths
 from ._filter import SETTLING, bandwidth, central_differences, zero_phase
 from ._noise import noise_gain, noise_of
+from ._order import median
 
 _SETTLING = 2.0
 """The same for a spline, whose ends are free: in periods of its bandwidth."""
@@ -44,6 +45,11 @@ class Motion:
     acceleration_noise: float
     settled: Bool[np.ndarray, " t"]
     clock: Clock
+
+    @functools.cached_property
+    def step(self) -> float:
+        """Median of all steps of the times in s, jumps back among them."""
+        return median(np.diff(self.time))
 
 
 def filtered_motion(

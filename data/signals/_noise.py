@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._errors import check_lengths
+from ._order import median
 
 _THIRD = math.sqrt(20.0)
 """Third differences of white noise are that many times as large (1, 3, 3, 1)."""
@@ -26,7 +27,7 @@ def noise_of(
     """
     check_lengths("noise", values.size, least=8)
     third = np.diff(values, 3) / _THIRD if time is None else _divided(values, time)
-    spread = _HALF * float(np.median(np.abs(third)))
+    spread = _HALF * median(np.abs(third))
     return max(spread, resolution(values) / math.sqrt(12.0))
 
 
@@ -34,7 +35,7 @@ def _divided(
     values: Float[np.ndarray, " t"], time: Float[np.ndarray, " t"]
 ) -> Float[np.ndarray, " n"]:
     """Return third divided differences, scaled so that they keep white noise as it is."""
-    scale = float(np.median(np.abs(np.diff(time)))) or 1.0
+    scale = median(np.abs(np.diff(time))) or 1.0
     places = [time[k : time.size - 3 + k] / scale for k in range(4)]
     total, power = np.zeros(time.size - 3), np.zeros(time.size - 3)
     for k, own in enumerate(places):
@@ -56,12 +57,12 @@ def resolution(values: Float[np.ndarray, " t"]) -> float:
 
     Of a signal with full precision this is as small as rounding.
     """
-    levels = np.unique(values)
-    if levels.size < 2:
+    if values.size < 2:
         return 0.0
-    gaps = np.diff(levels)
+    levels = np.sort(values)
+    gaps = levels[1:] - levels[:-1]
     # Equal numbers may differ in the last bits after a conversion of units.
-    real = gaps[gaps > 1e-9 * float(np.ptp(levels))]
+    real = gaps[gaps > 1e-9 * float(levels[-1] - levels[0])]
     return float(real.min()) if real.size else 0.0
 
 
@@ -83,11 +84,12 @@ def noise_gain(
 def long_run_deviation(values: Float[np.ndarray, " t"], lag: int) -> float:
     """Return the standard deviation of the sum of correlated values about 0.
 
-    Bartlett weights up to a lag (Newey and West, Econometrica 55(3), 1987).
+    Bartlett weights up to a lag (Newey and West, Econometrica 55(3), 1987). These are
+    how often sums over lag + 1 values in a row, at the ends over fewer, hold both of two
+    values: the mean square of such sums has them.
     """
     lag = min(lag, values.size - 1)
-    spectrum = np.fft.rfft(values, 2 * values.size)
-    products = np.fft.irfft(np.abs(spectrum) ** 2)[: lag + 1]
-    weights = 2.0 * (1.0 - np.arange(lag + 1) / (lag + 1.0))
-    weights[0] = 1.0
-    return math.sqrt(max(float(weights @ products), 0.0))
+    total = np.cumsum(values)
+    sums = np.concatenate([total, np.full(lag, total[-1])])
+    sums[lag + 1 :] -= total[:-1]
+    return math.sqrt(float(sums @ sums) / (lag + 1))

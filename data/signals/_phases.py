@@ -2,12 +2,12 @@
 
 import dataclasses
 import functools
-import itertools
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._motion import Motion
+from ._order import median, quantile
 
 _SURE = 5.0
 """Standard deviations of the velocity from which on its sign is certain."""
@@ -119,7 +119,7 @@ def find_phases(
         least_travel: Way in mm or ° on either side that makes a reversal; where left
             out, ten times the noise of the positions, or what the filter may ring with.
     """
-    step = float(np.median(np.diff(motion.time)))
+    step = motion.step
     slowest = _SURE * motion.velocity_noise
     ringing = _ringing(motion, step)
     speed = np.abs(motion.velocity)
@@ -129,7 +129,7 @@ def find_phases(
     rest = _long_runs(still, max(1, round(shortest_rest / step)))
     if least_travel is None:
         per_speed = 1.0 / (2.0 * np.pi * motion.bandwidth)
-        strongest = float(np.quantile(ringing, 0.99))
+        strongest = quantile(ringing, 0.99)
         travel = max(10.0 * motion.position_noise, 5.0 * strongest * per_speed)
     else:
         travel = least_travel
@@ -183,22 +183,20 @@ def _reversals(
     signs = direction[moving]
     paused = np.diff(motion.time[moving]) >= pause
     turns = np.flatnonzero((signs[1:] != signs[:-1]) | paused)
-    legs = np.split(moving, turns + 1)
-    kept: list[np.ndarray] = []
-    for leg in legs:
-        way = abs(float(motion.position[leg[-1]] - motion.position[leg[0]]))
-        if way < travel:
-            continue
-        if kept and direction[kept[-1][0]] == direction[leg[0]]:
-            kept[-1] = np.concatenate([kept[-1], leg])
-        else:
-            kept.append(leg)
+    first = moving[np.concatenate([[0], turns + 1])]
+    last = moving[np.concatenate([turns, [-1]])]
+    far = np.abs(motion.position[last] - motion.position[first]) >= travel
+    first, last = first[far], last[far]
+    # Legs in the same direction, one after the other, are one.
+    turns = np.flatnonzero(np.diff(direction[first]))
     found = []
-    for before, after in itertools.pairwise(kept):
-        sign = int(direction[before[0]])
-        span = slice(int(before[-1]), int(after[0]) + 1)
-        row = span.start + int(np.argmax(sign * motion.position[span]))
-        dwell = float(motion.time[after[0]] - motion.time[before[-1]])
+    for before, after in zip(
+        last[turns].tolist(), first[turns + 1].tolist(), strict=True
+    ):
+        sign = int(direction[before])
+        span = slice(before, after + 1)
+        row = span.start + int((sign * motion.position[span]).argmax())
+        dwell = float(motion.time[after] - motion.time[before])
         found.append(Reversal(row, sign, float(motion.position[row]), dwell))
     return tuple(found)
 
@@ -209,7 +207,7 @@ def _plateaus(
     shortest: float,
     tolerance: float,
 ) -> tuple[Plateau, ...]:
-    step = float(np.median(np.diff(motion.time)))
+    step = motion.step
     least = max(4, round(shortest / step))
     cut = max(1, round(0.5 / motion.bandwidth / step))
     found: list[Plateau] = []
@@ -246,7 +244,7 @@ def _steady(
     for start, stop in _runs(quiet).tolist():
         # Test k compares samples k … k + width with k + width … k + 2 width.
         a, b = start, stop - 1 + 2 * width
-        middle = float(np.median(velocity[a:b]))
+        middle = median(velocity[a:b])
         bound = max(tolerance * abs(middle), _SURE * motion.velocity_noise)
         close = np.abs(velocity[a:b] - middle) <= bound
         longest = max(_runs(close).tolist(), key=lambda run: run[1] - run[0])
@@ -255,7 +253,7 @@ def _steady(
 
 
 def _even(velocity: Float[np.ndarray, " n"], tolerance: float, motion: Motion) -> bool:
-    middle = float(np.median(velocity))
+    middle = median(velocity)
     bound = max(tolerance * abs(middle), _SURE * motion.velocity_noise)
     return bool(np.all(np.abs(velocity - middle) <= bound))
 

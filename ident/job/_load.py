@@ -17,6 +17,9 @@ from ._faults import first_fault, key_words
 from ._lines import Path as KeyPath, key_lines, line_of
 from ._schema import JobFile
 
+_PART = 1 << 16
+"""Bytes of a file that are hashed at a time: most files are no longer."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Job:
@@ -91,7 +94,7 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
             kind = "a folder" if file.is_dir() else "no such file"
             raise job.error(where, f"found {name!r}: {kind}, expected a file")
         inputs.append(file)
-    conventions, verified = Conventions(), frozenset[str]()
+    conventions, verified = job.conventions, job.verified
     if spec.machine.conventions is not None:
         conventions, verified = load_conventions(
             job.file(spec.machine.conventions), spec.machine.id
@@ -126,8 +129,11 @@ def load_conventions(
 
 def sha256(path: Path) -> str:
     """Return the hash of a file, for the record."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    with path.open("rb", buffering=0) as file:
+        while part := file.read(_PART):
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def _parsed(path: Path) -> tuple[str, dict[str, Any]]:

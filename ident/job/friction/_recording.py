@@ -148,9 +148,7 @@ def _commanded(
     """Return commanded position and its step per cycle, the best that was recorded."""
     given = measured.get(f"{axis}.position")
     place = motion.position if given is None else np.asarray(given, dtype=float)
-    step = np.diff(place, prepend=place[:1])
-    cycle = float(np.median(np.diff(motion.time)))
-    return place, step / cycle
+    return place, np.diff(place, prepend=place[:1]) / motion.step
 
 
 def _differentiated(
