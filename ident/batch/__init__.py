@@ -1,8 +1,13 @@
-"""Many jobs: one or a hundred thousand, resumable, on one machine or a cluster."""
+"""Many jobs: one or a hundred thousand, resumable, on one machine or a cluster.
+
+Fitting a log is imported when it is first asked for: it needs the estimators, while the
+process that looks after a batch leaves them to its workers.
+"""
+
+from typing import TYPE_CHECKING, Any
 
 from ._collect import JobItem as JobItem, collect_jobs as collect_jobs
 from ._errors import BatchError as BatchError
-from ._log import fit_log as fit_log
 from ._progress import Progress as Progress
 from ._run import BatchResult as BatchResult, run_batch as run_batch
 from ._schema import COLUMNS as COLUMNS, VERSION as VERSION
@@ -14,3 +19,16 @@ from ._summary import (
     summarise as summarise,
 )
 from ._table import query_results as query_results, read_results as read_results
+
+if TYPE_CHECKING:
+    from ._log import fit_log as fit_log
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use."""
+    if name != "fit_log":
+        msg = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(msg)
+    from ._log import fit_log
+
+    return fit_log

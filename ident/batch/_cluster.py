@@ -40,6 +40,8 @@ def workers_of(scheduler: str | None, count: int | None) -> Iterator[Any]:
         "distributed.worker.memory.terminate": False,
         # It would look at the stacks of all jobs of a group a hundred times a second.
         "distributed.worker.profile.enabled": False,
+        # Nobody asks how late the event loops are, fifty times a second.
+        "distributed.admin.tick.interval": "1s",
         "distributed.logging.distributed": "critical",
     }
     with contextlib.ExitStack() as stack:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..job import write_atomically
+from ...data.files import write_atomically
 from ._errors import BatchError
 from ._rows import Row
 from ._schema import VERSION

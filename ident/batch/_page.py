@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..job import write_atomically
+from ...data.files import write_atomically
 
 if TYPE_CHECKING:
     from ._summary import Summary

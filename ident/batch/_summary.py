@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..job import write_atomically
+from ...data.files import write_atomically
 from ._page import write_page
 from ._table import read_results
 

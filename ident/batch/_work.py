@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...data.errors import AxcompError
-from ..fit import Gathering, waiting
+from ...data.files import sync_folder
 from ._rows import Row, failed_row, hash_of_inputs, rows_of
 
 if TYPE_CHECKING:
+    from ..fit import Gathering
     from ..job import JobResult
 
 WORK = ".work"
@@ -71,6 +72,8 @@ class Outcome:
 
 def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
     """Run some jobs side by side; whatever goes wrong with one is its row."""
+    from ..fit import Gathering
+
     start_worker()
     gathering = Gathering()
     calls = [functools.partial(_guarded, task, order) for task in tasks]
@@ -161,7 +164,8 @@ def _is_full(error: BaseException | None) -> bool:
 
 
 def _run(task: Task, order: Order, stage: Path) -> list[Row]:
-    from ..job import run_job, sync_folder
+    from ..fit import waiting
+    from ..job import run_job
 
     out = Path(order.out)
     stage.parent.mkdir(parents=True, exist_ok=True)
@@ -228,7 +232,7 @@ def published(task: Task, out: Path, *, fresh: bool = False) -> list[Row] | None
 
 
 def _watch(
-    gathering: Gathering,
+    gathering: "Gathering",
     tasks: Sequence[Task],
     order: Order,
     limit: float,

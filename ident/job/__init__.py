@@ -7,6 +7,7 @@ job of one table needs none of them, and starts sooner without.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from ...data.files import write_atomically as write_atomically
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
 from ._errors import JobError as JobError, OutputError as OutputError
@@ -15,10 +16,6 @@ from ._load import (
     Job as Job,
     load_conventions as load_conventions,
     load_job as load_job,
-)
-from ._output import (
-    sync_folder as sync_folder,
-    write_atomically as write_atomically,
 )
 from ._outside import read_outside as read_outside
 from ._result import (

@@ -1,90 +1,18 @@
 """The output folder: whole files or none, and no failed list that looks valid."""
 
 import contextlib
-import errno
-import hashlib
 import itertools
 import json
-import os
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from ...data.files import write_atomically
 from ._errors import OutputError
 
-_LONGEST = 200
-"""Bytes of a name to which some can be added on any file system."""
 REJECTED = "rejected"
 KEPT = "kept"
 """Where files go that lay in the folder and are not of an earlier run."""
-
-
-def write_atomically(path: Path, content: bytes, *, sync: bool = True) -> None:
-    """Write a file so that readers, and a crash, see the old one or the new one.
-
-    Args:
-        path: The file.
-        content: Of it.
-        sync: False where nobody looks into the folder before `sync_folder`: then the
-            file is written as it comes.
-
-    Raises:
-        OSError: If it cannot be written; the old file is as it was.
-    """
-    if not path.name:  # "." or "/": no name of a file, and none to make a draft's of
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not sync:
-        path.write_bytes(content)
-        return
-    draft = path.with_name(_draft_name(path.name))
-    try:
-        with draft.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(path)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-        if isinstance(error, OSError) and error.errno is not None:
-            # Of the draft nobody knows anything.
-            raise OSError(error.errno, error.strerror, str(path)) from None
-        raise
-    _sync_folder(path.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Make a folder of written files survive a power cut.
-
-    Raises:
-        OSError: If the disk does not take them.
-    """
-    for parent, _, names in os.walk(folder):
-        for name in names:
-            handle = os.open(os.path.join(parent, name), os.O_RDWR)  # noqa: PTH118
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)
-        _sync_folder(Path(parent))
-
-
-def _draft_name(name: str) -> str:
-    raw = os.fsencode(name)
-    if len(raw) <= _LONGEST:
-        return f"{name}.part"
-    # Beside a name as long as a file system takes there is no room for more.
-    return f"{hashlib.sha256(raw).hexdigest()[:32]}.part"
-
-
-def _sync_folder(folder: Path) -> None:
-    # The new name must survive a power cut as well; not every system can do that.
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _files_of(result: Path) -> frozenset[str]:
