@@ -1,6 +1,9 @@
 """Leadscrew error compensation: ``kw.ssfk`` in a list ↔ `Leadscrew`."""
 
+from collections.abc import Mapping
+
 import numpy as np
+from jaxtyping import Int
 
 from ...data.lists import ListFile
 from ...models import Conventions, EquidistantNodes, Leadscrew, Setpoints
@@ -17,7 +20,7 @@ from ._identity import (
     scaled,
     unit_size,
 )
-from ._nodes import GridNodes, as_array, equidistant, nodes_of_model
+from ._nodes import GridNodes, ListNodes, as_array, equidistant, nodes_of_model
 from ._units import SGN16, round_to_list
 
 PREFIX = "kw.ssfk"
@@ -112,7 +115,43 @@ def entries_of_leadscrew(
     Raises:
         ExchangeError: If something does not fit into a list.
     """
-    nodes = nodes_of_model(screw.nodes, PREFIX)
+    branches = {
+        name: round_to_list(np.asarray(branch), f"{PREFIX}.table[].{name}", SGN16)
+        for name, branch in (("pos", screw.pos), ("neg", screw.neg))
+        if branch is not None
+    }
+    return entries_of_integers(
+        nodes_of_model(screw.nodes, PREFIX),
+        branches,
+        modulo=screw.modulo is not None,
+        existing=existing,
+        max_points=max_points,
+        build=build,
+    )
+
+
+def entries_of_integers(
+    nodes: ListNodes,
+    branches: Mapping[str, Int[np.ndarray, " n"]],
+    *,
+    modulo: bool,
+    existing: ListFile | None = None,
+    max_points: int | None = None,
+    build: str | None = None,
+) -> dict[str, int | str]:
+    """Return the same of a table in list units.
+
+    Args:
+        nodes: Of the table.
+        branches: Values by name, ``pos`` and for two directions ``neg``.
+        modulo: Whether the table goes round.
+        existing: As for `entries_of_leadscrew`; ``max_points`` and ``build`` as well.
+        max_points: See there.
+        build: See there.
+
+    Raises:
+        ExchangeError: If something does not fit into a list.
+    """
     count = len(nodes.integers)
     entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
     size = max_points_entry(
@@ -129,19 +168,16 @@ def entries_of_leadscrew(
         f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
         f"{PREFIX}.kw_startpos": nodes.integers[0],
         f"{PREFIX}.kw_nr_max": count,
-        f"{PREFIX}.bilateral": int(screw.neg is not None),
-        f"{PREFIX}.modulo": int(screw.modulo is not None),
+        f"{PREFIX}.bilateral": int("neg" in branches),
+        f"{PREFIX}.modulo": int(modulo),
     }
-    if screw.neg is not None:
+    if "neg" in branches:
         entries[f"{PREFIX}.set_pos_without_comp"] = 1
     if not isinstance(nodes, GridNodes):
         for k, point in enumerate(nodes.integers):
             entries[f"{PREFIX}.table[{k}].setpoint"] = point
-    for name, branch in (("pos", screw.pos), ("neg", screw.neg)):
-        if branch is None:
-            continue
-        values = round_to_list(np.asarray(branch), f"{PREFIX}.table[].{name}", SGN16)
-        if screw.modulo is not None and values[0] != values[-1]:
+    for name, values in branches.items():
+        if modulo and values[0] != values[-1]:
             raise ExchangeError(
                 where=f"{PREFIX}.table[].{name}",
                 found=f"{values[0]} at the start and {values[-1]} at the end",

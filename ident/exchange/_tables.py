@@ -14,7 +14,7 @@ from ._identity import Increments
 from ._modulo import wrapped
 from ._nodes import PointNodes, as_array
 from ._table import AbstractTable, Model
-from ._units import SGN16, from_list_units
+from ._units import SGN16, from_list_units, round_to_list
 
 
 @final
@@ -169,10 +169,18 @@ class LeadscrewTable(AbstractTable):
         max_points: int | None = None,
         build: str | None = None,
     ) -> dict[str, int | str]:
-        model = self.model(integers)
-        assert isinstance(model, Leadscrew)
-        return _leadscrew.entries_of_leadscrew(
-            model, existing=existing, max_points=max_points, build=build
+        rows = np.atleast_2d(from_list_units(integers))
+        branches = {
+            name: round_to_list(row, f"{self.prefix}.table[].{name}", SGN16)
+            for name, row in zip(self.branch_names, rows, strict=False)
+        }
+        return _leadscrew.entries_of_integers(
+            self.nodes[0],
+            branches,
+            modulo=self.modulo is not None,
+            existing=existing,
+            max_points=max_points,
+            build=build,
         )
 
     def is_in(self, listing: ListFile) -> bool:

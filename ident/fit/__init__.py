@@ -19,6 +19,7 @@ from ._passes import (
     added as added,
 )
 from ._predict import (
+    deviations as deviations,
     leave_out as leave_out,
     predict as predict,
     spatial_blocks as spatial_blocks,

@@ -1,12 +1,12 @@
 """What a fitted table says elsewhere, and what it says without some of its readings."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ._errors import FitError
-from ._grid import Grid
+from ._grid import Grid, Located
 from ._information import evaluate
 from ._table import fit_tables
 from ._types import Samples, TableFit, TableLayout
@@ -25,16 +25,57 @@ def predict(
     grid = Grid(fit.layout)
     place = grid.locate(Samples(positions, np.zeros(len(positions)), branch))
     mean = evaluate(grid, place, grid.from_table(fit.values))
+    return mean, np.sqrt(np.maximum(_variance(grid, place, fit.covariance), 0.0))
+
+
+def deviations(
+    fits: Sequence[TableFit],
+    which: Int[np.ndarray, " t"],
+    positions: Float[np.ndarray, "t d"],
+    branch: Int[np.ndarray, " t"] | None = None,
+) -> Float[np.ndarray, " t"]:
+    """Return the standard deviation of one of several tables at each position, in mm or °.
+
+    Args:
+        fits: Tables of one layout.
+        which: Table that is asked at each position.
+        positions: As for `predict`.
+        branch: As for `predict`.
+    """
+    grid = Grid(fits[0].layout)
+    place = grid.locate(Samples(positions, np.zeros(len(positions)), branch))
+    together = {
+        step: np.stack([fit.covariance[step] for fit in fits])
+        for step in fits[0].covariance
+    }
+    variance = _variance(grid, place, together, (which,))
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _variance(
+    grid: Grid,
+    place: Located,
+    cov: Mapping[tuple[int, int], np.ndarray],
+    at: tuple[Int[np.ndarray, " t"], ...] = (),
+) -> Float[np.ndarray, " t"]:
+    """Return the variance at places in cells.
+
+    Args:
+        grid: The nodes.
+        place: Cells and where in them.
+        cov: Covariance between neighbouring nodes, of one table or of a stack of them.
+        at: Of a stack: the table that is asked at each place.
+    """
     l, s, u, v = place.l, place.s, place.u, place.v
     above = grid.neighbour(l) if grid.slow > 1 else l
     right = np.minimum(s + 1, grid.fast - 1)
-    cov = fit.covariance
     low, high = (1 - u), u
     if not grid.planar:
-        variance = low**2 * cov[0, 0][l, s] + high**2 * cov[0, 0][above, s]
+        own = cov[0, 0]
+        variance = low**2 * own[(*at, l, s)] + high**2 * own[(*at, above, s)]
         if (1, 0) in cov:
-            variance = variance + 2 * low * high * cov[1, 0][l, s]
-        return mean, np.sqrt(np.maximum(variance, 0.0))
+            variance = variance + 2 * low * high * cov[1, 0][(*at, l, s)]
+        return np.asarray(variance)
     weights = {
         (0, 0): low * (1 - v),
         (0, 1): low * v,
@@ -47,7 +88,7 @@ def predict(
         (1, 0): (above, s),
         (1, 1): (above, right),
     }
-    variance = np.zeros(len(positions))
+    variance = np.zeros(len(l))
     corners = list(weights)
     for i, first in enumerate(corners):
         for second in corners[i:]:
@@ -56,8 +97,8 @@ def predict(
             if step not in cov:
                 continue
             share = weights[first] * weights[second] * (1.0 if first == second else 2.0)
-            variance += share * cov[step][nodes[first]]
-    return mean, np.sqrt(np.maximum(variance, 0.0))
+            variance += share * cov[step][(*at, *nodes[first])]
+    return variance
 
 
 def leave_out(

@@ -19,27 +19,29 @@ def cycles_of(
     such run would take the reversal for itself; the k-th run out and the k-th run back
     are one cycle.
     """
-    runs = np.unique(run)
-    sides = {int(r): np.unique(direction[run == r]) for r in runs}
-    if any(len(side) > 1 for side in sides.values()) or len(np.unique(direction)) < 2:
+    runs, index = np.unique(run, return_inverse=True)
+    index = index.reshape(-1)
+    forward = np.bincount(index, direction > 0, len(runs))
+    mixed = (forward > 0) & (forward < np.bincount(index))
+    one_way = forward > 0
+    if mixed.any() or one_way.all() or not one_way.any():
         return run
-    cycle: dict[int, int] = {}
-    for sign in (1, -1):
-        own = [r for r in sides if sides[r][0] == sign]
-        cycle |= {r: k for k, r in enumerate(own, start=1)}
-    return np.array([cycle[int(r)] for r in run], dtype=np.int64)
+    cycle = np.where(one_way, np.cumsum(one_way), np.cumsum(~one_way))
+    return np.asarray(cycle[index], dtype=np.int64)
 
 
 def place_in_run(
     run: Int[np.ndarray, " t"], order: Float[np.ndarray, " t"]
 ) -> Float[np.ndarray, " t"]:
     """Return where in its run each reading was taken, 0 at the start, 1 at the end."""
+    runs, index = np.unique(run, return_inverse=True)
+    index = index.reshape(-1)
+    first, last = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)
+    np.minimum.at(first, index, order)
+    np.maximum.at(last, index, order)
+    span = (last - first)[index]
     place = np.zeros(len(run))
-    for label in np.unique(run):
-        own = np.flatnonzero(run == label)
-        span = float(np.ptp(order[own]))
-        if span > 0:
-            place[own] = (order[own] - order[own].min()) / span
+    np.divide(order - first[index], span, out=place, where=span > 0)
     return place
 
 

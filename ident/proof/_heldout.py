@@ -1,7 +1,7 @@
 """Held-out prediction: each reading under the list that was fitted without it."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,6 +11,7 @@ from ..fit import (
     Samples,
     TableFit,
     TableLayout,
+    deviations,
     leave_out,
     predict,
     spatial_blocks,
@@ -70,24 +71,22 @@ def held_out(
         groups = _by_run(samples.run)
     else:
         groups = blocks_of(fit.layout, samples)
-    residual = np.full(len(before), np.nan)
-    deviation = np.full(len(before), np.nan)
     weight = np.ones(len(before)) if samples.weight is None else samples.weight
-    folds = list(leave_out(fit.layout, samples, groups, fit, run_effects=run_effects))
-    integers = np.stack([to_integers(fold) for _, fold in folds])
+    left = dict(leave_out(fit.layout, samples, groups, fit, run_effects=run_effects))
+    folds = list(left.values())
+    which = np.searchsorted(list(left), groups)
+    integers = np.stack([to_integers(fold) for fold in folds])
     offsets = table.offsets(integers, samples.positions, samples.branch)
-    for (group, fold), offset in zip(folds, offsets, strict=True):
-        left = groups == group
-        branch = None if samples.branch is None else samples.branch[left]
-        _, spread = predict(fold, samples.positions[left], branch)
-        residual[left] = (before + offset - active)[left]
-        deviation[left] = np.sqrt(
-            spread**2
-            + fold.noise**2 / weight[left]
-            + _run_variance(fold, samples, left)
-            + 1 / (12 * LIST_UNITS**2)
-        )
-    return HeldOut(residual, deviation, np.asarray(groups), by_run)
+    own = offsets[which, np.arange(len(before))]
+    spread = deviations(folds, which, samples.positions, samples.branch)
+    noise = np.array([fold.noise**2 for fold in folds])
+    deviation = np.sqrt(
+        spread**2
+        + noise[which] / weight
+        + _run_variance(folds, which, samples)
+        + 1 / (12 * LIST_UNITS**2)
+    )
+    return HeldOut(before + own - active, deviation, np.asarray(groups), by_run)
 
 
 def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:
@@ -116,15 +115,18 @@ def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
 
 
 def _run_variance(
-    fold: TableFit, samples: Samples, left: np.ndarray
-) -> Float[np.ndarray, " t"] | float:
+    folds: Sequence[TableFit], which: Int[np.ndarray, " t"], samples: Samples
+) -> Float[np.ndarray, " t"]:
     """Return what a run that was not measured yet adds by its own offset and drift."""
-    if len(fold.runs) < 2:
-        return 0.0
-    free = len(fold.runs) - 1
-    offset = sum(effect.offset**2 for effect in fold.runs) / free
+    several = [fold.runs if len(fold.runs) > 1 else () for fold in folds]
+    offset, drift = (
+        np.array([sum(part) / max(len(part) - 1, 1) for part in parts])
+        for parts in (
+            [[effect.offset**2 for effect in runs] for runs in several],
+            [[effect.drift**2 for effect in runs] for runs in several],
+        )
+    )
     if samples.order is None:
-        return offset
-    drift = sum(effect.drift**2 for effect in fold.runs) / free
-    late = samples.order[left] - 0.5
-    return np.asarray(offset + drift * np.square(late))
+        return np.asarray(offset[which])
+    late = samples.order - 0.5
+    return np.asarray(offset[which] + drift[which] * np.square(late))

@@ -1,5 +1,7 @@
 """How fast the jump of a bilateral table at reversal is, spread over a few cycles."""
 
+import functools
+
 import numpy as np
 
 MOST_CYCLES = 19
@@ -14,6 +16,12 @@ def spread_share(cycles: int) -> np.ndarray:
     if cycles <= 1:
         return np.array([0.0, 1.0])
     return np.sin(0.5 * np.pi * np.arange(cycles + 1) / cycles) ** 2
+
+
+@functools.lru_cache(maxsize=32)
+def _spread(cycles: int) -> np.ndarray:
+    """Return the share before, during and after the reversal."""
+    return np.concatenate([[0.0], spread_share(cycles), [1.0]])
 
 
 def reversal_dynamics(
@@ -31,7 +39,7 @@ def reversal_dynamics(
     Returns:
         mm/s and mm/s² (°/s, °/s²).
     """
-    position = jump * np.concatenate([[0.0], spread_share(cycles), [1.0]])
+    position = jump * _spread(cycles)
     velocity = np.diff(position) / cycle_time
     acceleration = np.diff(velocity) / cycle_time
     return float(np.max(np.abs(velocity))), float(np.max(np.abs(acceleration)))
