@@ -48,13 +48,17 @@ def result_json(result: JobResult) -> str:
 
 def _lines(value: Any, depth: int) -> str:
     """Return JSON with an entry per line down to a depth; tables stay on one line."""
-    if depth and not isinstance(value, str):
-        value = _known(value)
-    if depth and value and isinstance(value, dict):
-        parts = [f"{_TEXT(str(k))}: {_lines(v, depth - 1)}" for k, v in value.items()]
-        return "{\n" + ",\n".join(parts) + "\n}"
-    if depth and value and isinstance(value, list):
-        return "[\n" + ",\n".join(_lines(v, depth - 1) for v in value) + "\n]"
+    kind = type(value)
+    if kind is int or (kind is float and math.isfinite(value)):
+        return repr(value)
+    if not depth or kind is str:
+        return _TEXT(value)
+    value = _known(value)
+    if value and isinstance(value, dict):
+        below = [f"{_TEXT(str(k))}: {_lines(v, depth - 1)}" for k, v in value.items()]
+        return "{\n" + ",\n".join(below) + "\n}"
+    if value and isinstance(value, list):
+        return "[\n" + ",\n".join([_lines(v, depth - 1) for v in value]) + "\n]"
     return _TEXT(value)
 
 
