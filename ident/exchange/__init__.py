@@ -51,6 +51,7 @@ from ._friction import (
     entries_of_friction as entries_of_friction,
     friction_from_list as friction_from_list,
     has_friction as has_friction,
+    read_friction as read_friction,
 )
 from ._identity import (
     Increments as Increments,

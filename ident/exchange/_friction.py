@@ -2,10 +2,11 @@
 
 import dataclasses
 import functools
+from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int, PyTreeDef
+from jaxtyping import Float, Int
 
 from ...data.lists import ListFile
 from ...models import Conventions, FrictionCompensation, FrictionTable, Setpoints
@@ -116,14 +117,13 @@ def read_friction(listing: ListFile, conventions: Conventions) -> FrictionCompen
 @functools.lru_cache(maxsize=64)
 def _structure(
     conventions: Conventions, reversal_lookahead: int, delay_cycles: int
-) -> PyTreeDef:
+) -> Any:
     """Return all of a compensation but its numbers, for any number of entries.
 
     The numbers are speeds, currents, scaling and position delay, in this order. To put
     them in is a tenth of the work of making a compensation anew.
     """
-    one = as_array(1.0)
-    entry = as_array(np.ones(1))
+    one, entry = as_array(1.0), as_array(np.ones(1))
     return jax.tree.structure(
         FrictionCompensation(
             law=FrictionTable(

@@ -188,6 +188,7 @@ def _follow(
     added = (out_unit[:, None] * listed).T
     added = jnp.stack([jnp.zeros_like(added), added], axis=1)
     kv, kp, per_time, cycle = gains
+    mass = inertia[None]
 
     def level(law: AbstractFriction, speed: Array, way: Array) -> Array:
         return law.level(speed, way)
@@ -195,7 +196,7 @@ def _follow(
     level_of_each = eqx.filter_vmap(level, in_axes=(0, 1, 1), out_axes=1)
 
     def slowing(speed: Array, way: Array) -> Array:
-        found: Array = level_of_each(laws, speed, way) / inertia
+        found: Array = level_of_each(laws, speed, way) / mass
         return found
 
     rest = jnp.zeros(added.shape[1:])
@@ -208,7 +209,7 @@ def _follow(
         (wanted, fast, push), extra = now
         lag = fast + kv * (wanted - place) - speed
         integral = integral + kp * per_time * lag * cycle
-        free = push + kp * lag + integral + extra / inertia
+        free = push + kp * lag + integral + extra / mass
         rests = speed == 0.0
         way = jnp.where(jnp.where(rests, free, speed) < 0.0, -1.0, 1.0)
         taken = jnp.where(rests, jnp.where(way < 0.0, held[1], held[0]), taken)

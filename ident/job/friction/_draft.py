@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ....data.lists import ListFile, Value
+from ....data.signals import median
 from ....models import FrictionCompensation
 from ...exchange import (
     ExchangeError,
     entries_of_friction,
-    friction_from_list,
     has_friction,
+    read_friction,
 )
 from ...fit import FitError
 from ...fit.friction import Knots
@@ -111,7 +112,7 @@ class FrictionDraft(AbstractDraft):
         try:
             before = None
             if existing is not None and has_friction(existing):
-                before = friction_from_list(existing, job.conventions)
+                before = read_friction(existing, job.conventions)
             return dict(
                 entries_of_friction(
                     numbers_of(self.knots, self.found.reversal, before),
@@ -171,12 +172,11 @@ class FrictionDraft(AbstractDraft):
         samples, found = self.recording.samples, self.found
         before = friction_of(samples, found.fit)
         back = self._read_back(job, folder, files, written)
-        law = found.fit.law
         from_file = before.copy()
         if back is not None and self.unit.current is not None:
             from_file = before - steady(back.law, samples.velocity, self.unit.current)
-        elif law is not None:
-            from_file = before - steady(law, samples.velocity)
+        elif found.fit.law is not None:
+            from_file = before - steady(found.fit.law, samples.velocity)
         moving = self.recording.moving
         predicted = before - found.held_out
         wild = _wild(predicted[moving])
@@ -224,18 +224,18 @@ class FrictionDraft(AbstractDraft):
         name = next((f for f in written if f.name == files.compensation_name), None)
         if name is None or self.knots is None:
             return None
-        return friction_from_list(ListFile.read(folder.root / name), job.conventions)
+        return read_friction(ListFile.read(folder.root / name), job.conventions)
 
     def _circle(
         self, job: Job, back: FrictionCompensation | None
     ) -> CircularTest | None:
         """Return a simulated circle, where mass, law and list are known."""
-        law, fit = self.found.fit.law, self.found.fit
+        fit = self.found.fit
         inertia = fit.known.inertia or fit.parameters.get("inertia")
-        if back is None or law is None or not inertia or self.unit.current is None:
+        if back is None or fit.law is None or not inertia or self.unit.current is None:
             return None
         return circular_test(
-            law,
+            fit.law,
             float(inertia),
             back,
             out_unit=self.unit.current,
@@ -261,7 +261,7 @@ class FrictionDraft(AbstractDraft):
             remarks.append(
                 Remark("error", f"No list is written. {self.recording.unsure}")
             )
-        elif fit.law is None:
+        elif not fit.has_law:
             remarks.append(
                 Remark(
                     "error",
@@ -320,5 +320,5 @@ class FrictionDraft(AbstractDraft):
 
 def _wild(left: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:
     """Return which samples lie farther out than noise does."""
-    typical = 1.4826 * float(np.median(np.abs(left)))
-    return np.asarray(np.abs(left) > _WILD * typical)
+    size = np.abs(left)
+    return np.asarray(size > _WILD * (1.4826 * median(size)))

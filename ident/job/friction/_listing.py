@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from ....data.signals import quantile
 from ....models import FrictionCompensation
 from ...exchange import FrictionNumbers
 from ...fit.friction import DriveSamples, FrictionFit, Knots, ReversalFit, place_knots
@@ -51,22 +52,23 @@ def out_unit(spec: FrictionSpec, unit: str) -> OutUnit:
 
 def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
     """Return the law over the speeds that were driven, or None where there is none."""
-    if fit.law is None:
+    if not fit.has_law:
         return None
-    driven = np.abs(samples.velocity[samples.in_motion])
-    low, high = np.quantile(driven, [0.001, 1.0])
-    low = max(float(low), 1e-3)
+    driven = np.sort(np.abs(samples.velocity[samples.in_motion]))
+    low, high = max(quantile(driven, 0.001), 1e-3), driven[-1]
     half = _POINTS // 2
     speed = np.unique(
         np.concatenate([np.geomspace(low, high, half), np.linspace(low, high, half)])
     )
-    (positive, positive_sd), (negative, negative_sd) = (
-        fit.band(way * speed) for way in (1.0, -1.0)
-    )
+    positive, positive_sd = fit.band(speed)
+    negative, negative_sd = positive, positive_sd
+    if fit.structure.directional:
+        opposed, negative_sd = fit.band(-speed)
+        negative = -opposed
     return LawCurve(
         speed=speed,
         positive=positive,
-        negative=-negative,
+        negative=negative,
         positive_sd=positive_sd,
         negative_sd=negative_sd,
         listed=None,
@@ -77,12 +79,15 @@ def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
 def _density(
     driven: Float[np.ndarray, " t"], speed: Float[np.ndarray, " v"]
 ) -> Float[np.ndarray, " v"]:
-    """Return the share of the samples that each speed stands for."""
-    edges = np.geomspace(speed[0], speed[-1] * (1 + 1e-9), _BINS + 1)
-    counts, _ = np.histogram(np.clip(driven, speed[0], speed[-1]), edges)
-    bin_of = np.clip(np.searchsorted(edges, speed, "right") - 1, 0, _BINS - 1)
-    points = np.bincount(bin_of, minlength=_BINS)
-    weight = counts[bin_of] / np.maximum(points[bin_of], 1)
+    """Return the share of the samples that each speed stands for; both ascend."""
+    # What is slower or faster than all speeds counts with the first and the last.
+    edges = np.geomspace(speed[0], speed[-1] * (1 + 1e-9), _BINS + 1)[1:-1]
+    counts, points = (
+        np.diff(np.searchsorted(each, edges), prepend=0, append=len(each))
+        for each in (driven, speed)
+    )
+    bin_of = np.repeat(np.arange(_BINS), points)
+    weight = counts[bin_of] / points[bin_of]
     return np.asarray(weight / weight.sum())
 
 
