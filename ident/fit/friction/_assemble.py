@@ -122,19 +122,15 @@ def _named(
     )
 
 
-def friction_at(
-    solved: Solved,
-    used: Bool[np.ndarray, " s"],
-    moving: Bool[np.ndarray, " t"],
-    velocity: Float[np.ndarray, " v"],
-) -> Float[np.ndarray, " v"] | None:
-    """Return the friction at velocities in mm/s under a fit to some rows, in load units.
+def law_factors(
+    solved: Solved, used: Bool[np.ndarray, " s"], moving: Bool[np.ndarray, " t"]
+) -> Float[np.ndarray, " f"] | None:
+    """Return the factors of a law fitted to some rows, level and offset parted.
 
     Args:
         solved: The fit, with its covariance.
         used: Its rows.
         moving: Samples in motion behind them.
-        velocity: Where it is asked for.
 
     Returns:
         None where these rows do not tell the level of friction.
@@ -143,21 +139,18 @@ def friction_at(
     structure = problem.structure
     if solution.null.shape[1] or not all(directions_seen(problem, moving)):
         named = _named(solved, used, moving)
-        known, own = named.has_law, named.own
-    else:
-        # Every direction of the factors is seen: a level can only be vague.
-        vague = vague_columns(problem, solution, used)
-        levels = np.flatnonzero(np.tile(structure.levels(), structure.ways))
-        known = not any(structure.names[place] in vague for place in levels)
-        fixed = len(problem.fixed_names)
-        factors = solution.factors
-        if structure.directional and problem.known.offset is None:
-            state = np.concatenate([factors, solution.shape])
-            factors = _gauge(problem, solution)[1] @ state
-        own = factors[fixed : len(solution.factors)]
-    if not known:
+        return named.own if named.has_law else None
+    # Every direction of the factors is seen: a level can only be vague.
+    vague = vague_columns(problem, solution, used)
+    levels = np.flatnonzero(np.tile(structure.levels(), structure.ways))
+    if any(structure.names[place] in vague for place in levels):
         return None
-    return np.asarray(structure.columns(velocity, solution.shape) @ own)
+    fixed = len(problem.fixed_names)
+    factors = solution.factors
+    if structure.directional and problem.known.offset is None:
+        state = np.concatenate([factors, solution.shape])
+        factors = _gauge(problem, solution)[1] @ state
+    return np.asarray(factors[fixed : len(solution.factors)])
 
 
 def assemble(solved: Solved, method: str) -> FrictionFit:

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ._equation import AbstractEquation
 from ._lanes import Shares, side_by_side
@@ -147,6 +147,9 @@ class _HeldOut:
         self.stack, self.parts = stack, parts
         self.loss = parts[0].loss
         self.lanes = side_by_side([each.every for each in parts], stack.rows)
+        # Of each fit, the last of a recording being that of all rows.
+        windows = [span for each in parts for span in (*each.bounds, (0, stack.rows))]
+        self._windows = np.array(windows, np.int64)
         self._shares: dict[bool, Shares] = {}
         self._found: list[dict[AbstractStructure, _Errors]] = [{} for _ in parts]
 
@@ -173,7 +176,8 @@ class _HeldOut:
             shares = self._shares_of(stack).take(which)
             known = ((k, solved[k]) for k in places)
             found = {k: law.solution for k, law in known if law is not None}
-            for k, errors in self._errors(equation, shares, found).items():
+            windows = self._windows[which]
+            for k, errors in self._errors(equation, shares, windows, found).items():
                 self._found[k][kinds[k]] = errors
 
     def _shares_of(self, stack: Stack) -> Shares:
@@ -185,16 +189,20 @@ class _HeldOut:
         return self._shares[way]
 
     def _errors(
-        self, equation: AbstractEquation, shares: Shares, laws: Mapping[int, Solution]
+        self,
+        equation: AbstractEquation,
+        shares: Shares,
+        windows: Int[np.ndarray, "w 2"],
+        laws: Mapping[int, Solution],
     ) -> dict[int, _Errors]:
         """Return what recordings with fits show of one law."""
         lanes = equation.lanes
-        last = np.array([own.stop - 1 for _, own in lanes.own])
+        last = lanes.last
         if equation.stack.structure.bends() is not None:
             weights = choose_weights(equation.take(last), shares.take(last))
-            every = np.repeat(weights, [own.stop - own.start for _, own in lanes.own])
+            every = np.repeat(weights, lanes.fits[lanes.fits > 0])
             equation = equation.smoothed(every)
-        held, whole = self._residuals(equation, shares, laws)
+        held, whole = self._residuals(equation, shares, windows, laws)
         held, fitted = np.square(held), np.square(whole)
         if self.loss != "gauss":
             # A wild sample says nothing of the law: no more than where the fit lets go.
@@ -208,26 +216,29 @@ class _HeldOut:
         }
 
     def _residuals(
-        self, equation: AbstractEquation, shares: Shares, laws: Mapping[int, Solution]
+        self,
+        equation: AbstractEquation,
+        shares: Shares,
+        windows: Int[np.ndarray, "w 2"],
+        laws: Mapping[int, Solution],
     ) -> tuple[Float[np.ndarray, "v s"], Float[np.ndarray, "v s"]]:
         """Return what laws leave of each row, solved without its window, and of all rows."""
-        lanes, stack = equation.lanes, equation.stack
-        recordings = len(stack.problems)
+        recordings = len(equation.stack.problems)
         shape = np.zeros((recordings, equation.height))
         linear = np.zeros((recordings, equation.width))
         for k, law in laws.items():
             if equation.height:
                 shape[k], linear[k] = law.shape, law.factors
-        bounds = {k: self.parts[k].bounds for k, _ in lanes.own}
-        held, whole, step = equation.held_out(shares, shape, linear, bounds)
+        held, whole, step = equation.held_out(shares, shape, linear, windows)
         if equation.height:
-            self._search_far(equation, shares, step, shape, held, whole)
+            self._search_far(equation, shares, windows, step, shape, held, whole)
         return held, whole
 
     def _search_far(
         self,
         equation: AbstractEquation,
         shares: Shares,
+        windows: Int[np.ndarray, "w 2"],
         step: Float[np.ndarray, "w h"],
         shape: Float[np.ndarray, "r h"],
         held: Float[np.ndarray, "v s"],
@@ -245,8 +256,9 @@ class _HeldOut:
             return
         point = search(equation.take(left), shares.take(left), begin[left])
         residual = dict(zip(left.tolist(), point.residual, strict=True))
-        for row, every, (k, own) in zip(held, whole, lanes.own, strict=True):
-            for lane, (start, end) in enumerate(self.parts[k].bounds, own.start):
+        for row, every, (_, own) in zip(held, whole, lanes.own, strict=True):
+            for lane in range(own.start, own.stop - 1):
+                start, end = windows[lane]
                 if lane in residual:
                     row[start:end] = residual[lane][start:end]
             every[:] = residual.get(own.stop - 1, every)

@@ -26,42 +26,31 @@ def score_covariance(
         scores: Per sample, in order; samples left out have zeros.
         piece: Stretch of even time steps; no lag reaches from one to the next.
     """
-    # Column by column in memory: sums along time are what it spends its time on.
-    scores = np.ascontiguousarray(scores.T)
+    from . import _kernel
+
+    scores = np.ascontiguousarray(scores)
     lag = _lag_of(scores, piece)
     # Bartlett's weights are what sums over a sliding window give: one product for all lags.
-    ends = np.concatenate([1 + np.flatnonzero(np.diff(piece)), [scores.shape[1]]])
-    total, first = np.zeros((len(scores),) * 2), 0
-    for end in ends:
-        own = scores[:, first:end]
-        if lag:
-            many = own.shape[1]
-            sums = np.zeros((len(own), many + 2 * lag + 1))
-            np.cumsum(own, axis=1, out=sums[:, lag + 1 : lag + 1 + many])
-            sums[:, lag + 1 + many :] = sums[:, lag + many, None]
-            own = sums[:, lag + 1 :] - sums[:, : -lag - 1]
-        total += own @ own.T / (lag + 1)
-        first = end
-    return total, lag
+    total = np.empty((scores.shape[1],) * 2)
+    _kernel.slide(scores, piece, lag, total)
+    return total / (lag + 1), lag
 
 
 def lag_of(scores: Float[np.ndarray, " t"], piece: Int[np.ndarray, " t"]) -> int:
     """Return over how many samples scores resemble each other (Andrews' rule)."""
-    return _lag_of(scores[None], piece)
+    return _lag_of(np.ascontiguousarray(scores)[:, None], piece)
 
 
-def _lag_of(scores: Float[np.ndarray, "k t"], piece: Int[np.ndarray, " t"]) -> int:
-    count = scores.shape[1]
-    size = np.einsum("kt,kt->k", scores, scores)
+def _lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:
+    from . import _kernel
+
+    count, width = scores.shape
+    size, beside = np.empty((2, width))
+    _kernel.resemblance(scores, piece, size, beside)
     used = size > 0
     if not used.any():
         return 0
-    now, before = scores[:, 1:], scores[:, :-1]
-    if piece[0] != piece[-1]:
-        same = piece[1:] == piece[:-1]
-        now, before = now[:, same], before[:, same]
-    rho = np.einsum("kt,kt->k", now, before)[used] / size[used]
-    rho = np.minimum(np.maximum(rho, 0.0), _STRONGEST)
+    rho = np.minimum(np.maximum(beside[used] / size[used], 0.0), _STRONGEST)
     alpha = (4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)).sum()
     alpha /= (1 / (1 - rho) ** 4).sum()
     best = 1.1447 * (alpha * count) ** (1 / 3)

@@ -30,8 +30,8 @@ def directions_seen(
     problem: Problem, moving: Bool[np.ndarray, " t"]
 ) -> tuple[bool, bool]:
     """Return whether motion in positive and in negative direction was recorded."""
-    velocity = problem.samples.velocity[moving]
-    share = float(np.mean(velocity > 0))
+    ahead = np.count_nonzero(moving & (problem.samples.velocity > 0))
+    share = ahead / np.count_nonzero(moving)
     return share >= _DIRECTION, share <= 1 - _DIRECTION
 
 
@@ -94,7 +94,8 @@ def vague_columns(
 ) -> Mapping[str, str]:
     """Return linear factors whose contribution is unknown to a good part of the load."""
     names = problem.fixed_names + problem.structure.names
-    size = float(np.sqrt(np.mean(problem.load[used] ** 2)))
+    load = problem.load * used
+    size = np.sqrt(float(load @ load) / np.count_nonzero(used))
     sd = np.sqrt(np.diag(solution.covariance))[: len(names)]
     found = {}
     for name, spread, rms in zip(names, sd, solution.column_size, strict=False):

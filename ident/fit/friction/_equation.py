@@ -88,7 +88,7 @@ class AbstractEquation(abc.ABC):
         shares: Shares,
         shape: Float[np.ndarray, "r h"],
         factors: Float[np.ndarray, "r k"],
-        bounds: dict[int, list[tuple[int, int]]],
+        windows: Int[np.ndarray, "w 2"],
     ) -> tuple[
         Float[np.ndarray, "v s"], Float[np.ndarray, "v s"], Float[np.ndarray, "w h"]
     ]:
@@ -101,8 +101,8 @@ class AbstractEquation(abc.ABC):
             shares: Weights of the rows; fits of a recording must give a row the same one.
             shape: Logarithms of each recording's law.
             factors: Its linear factors.
-            bounds: By recording, first row and end of each window, in the order of its
-                fits; the fit after the last one is that of all rows.
+            windows: First row and end of the window that each fit does without; the last
+                fit of each recording is that of all rows.
 
         Returns:
             Both for each recording with any fits, and the steps in the shape of each fit.

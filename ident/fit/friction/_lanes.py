@@ -51,6 +51,29 @@ class Lanes:
         return [(k, slice(a, b)) for k, (a, b) in enumerate(pairwise(ends)) if a < b]
 
     @cached_property
+    def stretches(
+        self,
+    ) -> tuple[Int[np.ndarray, " g"], Int[np.ndarray, " g"], Int[np.ndarray, " g"]]:
+        """Of all stretches, recording by recording: the recording, first row and end."""
+        parts = [
+            np.stack([np.full(len(edges) - 1, k), edges[:-1], edges[1:]])
+            for k, edges in enumerate(self.edges)
+            if self.fits[k]
+        ]
+        of, first, end = np.concatenate(parts, axis=1)
+        return of, first, end
+
+    @property
+    def fits(self) -> Int[np.ndarray, " r"]:
+        """How many fits each recording has."""
+        return np.bincount(self.of, minlength=len(self.usable))
+
+    @property
+    def last(self) -> Int[np.ndarray, " v"]:
+        """The last fit of each recording with any."""
+        return np.cumsum(self.fits)[self.fits > 0] - 1
+
+    @cached_property
     def each(self) -> int:
         """How many fits every recording has; 0 where they differ."""
         many = len(self) // len(self.usable)

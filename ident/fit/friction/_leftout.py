@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from .._errors import FitError
 from .._gather import in_group
 from .._threads import one_blas_thread
-from ._assemble import friction_at
+from ._assemble import law_factors
 from ._lanes import Lanes, lanes_of, side_by_side
 from ._problem import Problem
 from ._result import FrictionFit
@@ -93,26 +93,26 @@ class LeftOut:
         """
         samples = self.problem.samples
         window = self.window_of_samples
-        found = np.zeros(len(window))
         try:
             (fits,) = in_group(_fit_all, [(self, fit)])
         except FitError:
             fits = []
-        for number in range(self.count):
+        laws: list[Float[np.ndarray, " f"] | None] = [None] * self.count
+        for number, solved in enumerate(fits):
+            moving = samples.in_motion & (window != number)
+            laws[number] = law_factors(solved, self.lanes.use[number] > 0, moving)
+        found = np.zeros(len(window))
+        told = np.array([own is not None for own in laws])
+        if told.any():
+            blank = np.zeros(len(fits[0].problem.structure.names))
+            factors = np.stack([blank if own is None else own for own in laws])
+            shapes = np.stack([each.solution.shape for each in fits])
+            found = fits[0].problem.friction(window, factors, shapes)
+        for number in np.flatnonzero(~told):
             own = window == number
-            velocity = samples.velocity[own]
-            friction = None
-            if fits:
-                friction = friction_at(
-                    fits[number],
-                    self.lanes.use[number] > 0,
-                    samples.in_motion & ~own,
-                    velocity,
-                )
-            if friction is None and fit.law is not None:
-                friction = fit.band(velocity)[0]
-            if friction is not None:
-                found[own] = friction
+            found[own] = 0.0
+            if fit.law is not None:
+                found[own] = fit.band(samples.velocity[own])[0]
         return found
 
 
@@ -160,8 +160,8 @@ def left_out(problem: Problem, loss: str, windows: int) -> LeftOut:
     window = np.minimum((share * windows).astype(np.int64), windows - 1)
     reach = len(problem.lowpass.kernel) // (2 * problem.lowpass.factor)
     keep = np.ones((windows, len(window)), bool)
-    for number in range(windows):
+    edges = np.searchsorted(window, np.arange(windows + 1)).tolist()
+    for own, (start, end) in zip(keep, pairwise(edges), strict=True):
         # Rows near the window share samples with it through the filter.
-        near = np.convolve(window == number, np.ones(2 * reach + 1), mode="same") > 0.5
-        keep[number] = ~near
+        own[max(start - reach, 0) : end + reach] = False
     return LeftOut(problem, loss, window, keep)

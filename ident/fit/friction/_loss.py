@@ -84,23 +84,47 @@ def weigh(
             )
         ]
         return _weigh_by(others, residual, lanes), others
-    size = np.abs(residual) * lanes.use
+    trim = name == "trim"
+    # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
+    factor, least = 1.4826 * inflation, np.asarray(floor, float)
+    scale = np.empty(len(residual))
     if kept is not None:
-        scale = np.array([each.scale for each in kept])
-    else:
-        # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
-        typical = _medians(size, lanes.count)
-        scale = np.maximum(1.4826 * typical * inflation, floor)
-    limit = scale * (_FULL if name == "trim" else HUBER)
-    kind = TrimLoss if name == "trim" else HuberLoss
-    losses: list[AbstractLoss] = [kind(float(each)) for each in scale]
-    partly = np.flatnonzero(size.max(axis=1) > limit)
-    if not len(partly):
+        scale[:] = [each.scale for each in kept]
+        least = np.full(len(scale), -1.0)
+    lane, row = far_off(residual, lanes, least, factor, _FULL if trim else HUBER, scale)
+    losses: list[AbstractLoss] = [
+        TrimLoss(each) if trim else HuberLoss(each) for each in scale.tolist()
+    ]
+    if not len(lane):
         return lanes.all_rows(), losses
-    ratio = size[partly] / scale[partly, None]
     full = lanes.use.copy()
-    full[partly] *= losses[0].share(ratio.ravel()).reshape(ratio.shape)
+    full[lane, row] = losses[0].share(residual[lane, row] / scale[lane])
     return Shares(lanes, full), losses
+
+
+def far_off(
+    residual: Float[np.ndarray, "w s"],
+    lanes: Lanes,
+    least: Float[np.ndarray, " w"],
+    factor: Float[np.ndarray, " w"],
+    limit: float,
+    scale: Float[np.ndarray, " w"],
+) -> tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"]]:
+    """Return the fits and rows of all residuals that are large against their scale.
+
+    Args:
+        residual: In units of the current.
+        lanes: Rows that each fit uses.
+        least: Smallest scale of each fit; where negative, its scale is given.
+        factor: Its scale where the median of its residuals' magnitudes is 1.
+        limit: What counts as large, in scales.
+        scale: Given scales; the others are written here.
+    """
+    from . import _kernel
+
+    lane, row = np.empty((2, residual.size), np.int64)
+    many = _kernel.far(residual, lanes.use, least, factor, limit, scale, lane, row)
+    return lane[:many], row[:many]
 
 
 def _weigh_by(
@@ -111,17 +135,3 @@ def _weigh_by(
         each.share(row / each.scale) for each, row in zip(losses, residual, strict=True)
     ]
     return Shares(lanes, lanes.use * np.stack(shares))
-
-
-def _medians(
-    size: Float[np.ndarray, "w s"], count: Int[np.ndarray, " w"]
-) -> Float[np.ndarray, " w"]:
-    """Return the median of the largest so many values of each row; the others are 0."""
-    found = np.empty(len(size))
-    for lane, (row, many) in enumerate(zip(size, count.tolist(), strict=True)):
-        middle = len(row) - many + many // 2
-        part = np.partition(row, middle)
-        upper = part[middle]
-        odd = many % 2 or not middle
-        found[lane] = upper if odd else 0.5 * (part[:middle].max() + upper)
-    return found

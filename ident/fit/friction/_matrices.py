@@ -85,7 +85,7 @@ class MatrixEquation(AbstractEquation):
         shares: Shares,
         shape: Float[np.ndarray, "r h"],
         factors: Float[np.ndarray, "r k"],
-        bounds: dict[int, list[tuple[int, int]]],
+        windows: Int[np.ndarray, "w 2"],
     ) -> tuple[
         Float[np.ndarray, "v s"], Float[np.ndarray, "v s"], Float[np.ndarray, "w h"]
     ]:
@@ -94,7 +94,8 @@ class MatrixEquation(AbstractEquation):
         columns, found = self._near(shares, shape, factors)
         held, whole = np.zeros((2, len(lanes.own), stack.rows))
         for row, every, (k, own) in zip(held, whole, lanes.own, strict=True):
-            for lane, (start, end) in enumerate(bounds[k], own.start):
+            for lane in range(own.start, own.stop - 1):
+                start, end = windows[lane]
                 np.matmul(columns[k, start:end], found[lane], out=row[start:end])
             np.matmul(columns[k], found[own.stop - 1], out=every)
         target = stack.right[[k for k, _ in lanes.own], :, -1]

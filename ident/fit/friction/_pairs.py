@@ -1,7 +1,6 @@
 """Equations whose rows are samples: each meets few columns, and only these are summed up."""
 
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -69,7 +68,7 @@ class PairEquation(AbstractEquation):
             tangents: Further columns, after those beside friction, like the weights.
             by_fit: Whether weights are by range.
         """
-        from . import _pair_kernel
+        from . import _kernel
 
         each = np.arange(len(of)) if by_fit else of
         more, drop = _given(moving, tangents, weight.shape)
@@ -77,7 +76,7 @@ class PairEquation(AbstractEquation):
         found = np.empty((len(of), size, size + 1))
         beside, *rows = self._rows
         aim = each if target is not self.stack.target else of
-        _pair_kernel.normal(
+        _kernel.normal(
             *(beside, more, *rows, drop, *self._law(moving)),
             *(of, each, first, end, weight, target, aim, found),
         )
@@ -137,11 +136,11 @@ class PairEquation(AbstractEquation):
         self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]
     ) -> Float[np.ndarray, "w q"]:
         """Return the solutions alone: of least norm where columns are not told apart."""
-        from . import _pair_kernel
+        from . import _kernel
 
         own, moment = self._with_prior(sums[:, :, :-1]), sums[:, :, -1]
         found, sure = np.empty_like(size), np.empty(len(size), bool)
-        _pair_kernel.solve(own, moment, size, found, sure)
+        _kernel.solve(own, moment, size, found, sure)
         left = np.flatnonzero(~sure)
         if len(left):
             some = own[left]
@@ -170,14 +169,14 @@ class PairEquation(AbstractEquation):
         into: Int[np.ndarray, " g"] | None = None,
     ) -> None:
         """Write target − fit of ranges of rows, each where ``beside`` or ``into`` says."""
-        from . import _pair_kernel
+        from . import _kernel
 
         shape = (len(found) if tangents is None else len(tangents), self.stack.rows)
         more, drop = _given(moving, tangents, shape)
         columns, *rows = self._rows
         into = beside if into is None else into
         factors = np.ascontiguousarray(factors)
-        _pair_kernel.left(
+        _kernel.left(
             *(columns, more, *rows, drop, *self._law(moving)),
             *(of, beside, first, end, factors, self.stack.target, into, found),
         )
@@ -186,22 +185,20 @@ class PairEquation(AbstractEquation):
         self, point: Point, lane: int, *, instrument: bool = False
     ) -> Float[np.ndarray, "t p"]:
         """See `AbstractEquation`."""
-        stack, k = self.stack, int(self.lanes.of[lane])
-        many = len(stack.problems[k].target)
-        fixed, (width, third) = stack.beside.shape[2], self._law(point.moving)
-        found = np.zeros((self.width + self.height, many))
-        found[:fixed] = stack.beside[k, :many].T
-        rows, sign = np.arange(many), stack.sign[k, :many]
-        base = fixed + width * stack.way[k, :many]
-        at = base + stack.cell[k, :many]
-        found[at, rows] = sign * stack.pair[k, :many, 0]
-        found[at + 1, rows] = sign * stack.pair[k, :many, 1]
-        if point.moving is not None:
-            found[base + third, rows] = sign * point.moving.values[0, lane, :many]
-            one = np.array([lane])
-            bent = self._tangents(point.factors[one], point.moving.take(one), one)
-            found[self.width :] = bent[0, :many].T
-        return found.T
+        from . import _kernel
+
+        k, one = int(self.lanes.of[lane]), np.array([lane])
+        moving = None if point.moving is None else point.moving.take(one)
+        tangents = None
+        if moving is not None:
+            tangents = self._tangents(point.factors[one], moving, one)
+        more, drop = _given(moving, tangents, (1, self.stack.rows))
+        beside, *rows = self._rows
+        many = len(self.stack.problems[k].target)
+        found = np.empty((many, self.width + self.height))
+        law = self._law(moving)
+        _kernel.columns(beside, more, *rows, drop, *law, k, 0, found)
+        return found
 
     def _shaped(self, shape: Float[np.ndarray, "w h"]) -> Columns:
         """Return the column that follows the shape, whatever the direction and its sign."""
@@ -262,7 +259,7 @@ class PairEquation(AbstractEquation):
         shares: Shares,
         shape: Float[np.ndarray, "r h"],
         factors: Float[np.ndarray, "r k"],
-        bounds: dict[int, list[tuple[int, int]]],
+        windows: Int[np.ndarray, "w 2"],
     ) -> tuple[
         Float[np.ndarray, "v s"], Float[np.ndarray, "v s"], Float[np.ndarray, "w h"]
     ]:
@@ -274,13 +271,9 @@ class PairEquation(AbstractEquation):
             moving = Columns(moving.values, np.moveaxis(moving.slopes, 0, 1))
             tangents = self._tangents(factors, moving)
         weight = np.zeros((len(stack.problems), stack.rows))
-        for k, own in lanes.own:
-            weight[k] = shares.full[own.stop - 1]
-        spans = [(k, *span) for k, _ in lanes.own for span in pairwise(lanes.edges[k])]
-        of, first, end = np.array(spans, np.int64).T.copy()
-        parts = self._normal(
-            of, first, end, weight, stack.target, moving, tangents, by_fit=False
-        )
+        weight[lanes.of[lanes.last]] = shares.full[lanes.last]
+        given = weight, stack.target, moving, tangents
+        parts = self._normal(*lanes.stretches, *given, by_fit=False)
         width, begin = parts.shape[1], 0
         sums = np.empty((len(lanes), width * (width + 1)))
         size = np.empty((len(lanes), width))
@@ -292,19 +285,17 @@ class PairEquation(AbstractEquation):
             size[own] = _sizes(whole, stack.rows)
             begin += many
         found = self._factors(sums.reshape(-1, width, width + 1), size)
-        held, whole = np.zeros((2, len(lanes.own), stack.rows))
-        windows = [
-            (k, place, *span, own.start + lane)
-            for place, (k, own) in enumerate(lanes.own)
-            for lane, span in enumerate(bounds[k])
-        ]
-        of, into, first, end, lane = np.array(windows, np.int64).T.copy()
-        self._put_left(of, of, first, end, found[lane], moving, held, tangents, into)
-        last = np.array([(k, own.stop - 1) for k, own in lanes.own]).T
-        of, into = np.ascontiguousarray(last[0]), np.arange(len(held))
-        ends = 0 * of, np.full(len(of), stack.rows)
-        self._put_left(of, of, *ends, found[last[1]], moving, whole, tangents, into)
-        return held, whole, found[:, self._apart()[0]]
+        left = np.zeros((2, len(lanes.own), stack.rows))
+        # The last fit of a recording is that of all rows.
+        every = np.zeros(len(lanes), bool)
+        every[lanes.last] = True
+        into = np.cumsum(every) - every
+        for some, row in ((~every, left[0]), (every, left[1])):
+            of, place = lanes.of[some], into[some]
+            first, end = np.ascontiguousarray(windows[some].T)
+            laws = found[some], moving, row, tangents, place
+            self._put_left(of, of, first, end, *laws)
+        return left[0], left[1], found[:, self._apart()[0]]
 
     def still_and_target(self, step: int) -> Float[np.ndarray, "r s k1"]:
         """See `AbstractEquation`."""

@@ -293,6 +293,32 @@ class Problem:
         every = range(fixed + len(self.structure.names))
         return [place for place in every if place not in moving], moving
 
+    def friction(
+        self,
+        law: Int[np.ndarray, " t"],
+        factors: Float[np.ndarray, "w k"],
+        shapes: Float[np.ndarray, "w h"],
+    ) -> Float[np.ndarray, " t"]:
+        """Return the friction of each sample under one of some laws, in load units.
+
+        Args:
+            law: Which of them.
+            factors: Of friction, law by law.
+            shapes: Logarithms, law by law.
+        """
+        structure, speed = self.structure, self.speed_of(False)
+        rows, width = np.arange(len(speed)), len(structure.factors)
+        sign = np.sign(self.samples.velocity)
+        first = width * (sign < 0) if structure.directional else 0 * rows
+        cell, pair = self.pairs()
+        own = pair[:, 0] * factors[law, first + cell]
+        own += pair[:, 1] * factors[law, first + cell + 1]
+        for place in structure.shaped:
+            every = np.zeros(len(shapes), np.int64)
+            profiles = structure.shaped_profiles(speed[None], every, shapes)[0]
+            own += profiles[law, rows] * factors[law, first + place]
+        return np.asarray(sign * own)
+
     def design(self, shape: Float[np.ndarray, " s"]) -> Float[np.ndarray, "t k"]:
         """Return all linear columns, fixed ones first, of the measured motion."""
         own = self.structure.columns(self.samples.velocity, shape)

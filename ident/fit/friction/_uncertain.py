@@ -26,21 +26,25 @@ def uncertainty(
         loss: That it ended with.
         share: Weights of the rows.
     """
+    from . import _kernel
+
     problem = equation.stack.problems[equation.of(lane)]
     many = len(problem.target)
     residual, share = point.residual[lane, :many], share[:many]
     use = equation.lanes.use[lane, :many]
     used = use > 0
-    own = other = _rows(equation.columns(point, lane), use)
+    full = twin = equation.columns(point, lane)
     if equation.instruments:
-        other = _rows(equation.columns(point, lane, instrument=True), use)
+        twin = equation.columns(point, lane, instrument=True)
+    own = full * use[:, None]
+    other = twin * use[:, None] if equation.instruments else own
     slope = float(loss.slope(residual[used] / loss.scale).mean())
     slope = max(slope, 0.05)
-    square = even = own @ own.T
+    square = even = own.T @ own
     matrix = normal = slope * square
     if equation.instruments:
-        even, matrix = other @ other.T, slope * (other @ own.T)
-    width, prior = len(own), equation.prior(lane)
+        even, matrix = other.T @ other, slope * (other.T @ own)
+    width, prior = own.shape[1], equation.prior(lane)
     large = np.zeros((width, width))
     if prior is not None:
         large[: len(prior), : len(prior)] = prior
@@ -54,11 +58,10 @@ def uncertainty(
         np.zeros((1, width)),
         sizes[None],
     ).inverse[0]
-    leverage = slope * np.einsum("kt,kt->t", inverse.T @ own, other)
-    bounded = np.minimum(np.maximum(1.0 - leverage, 0.1), 1.0)
-    psi = use * share * residual / bounded
-    inner, lag = score_covariance((other * psi).T, problem.piece)
-    noise = max(float(psi @ psi) / max(count - width, 1), problem.least_noise**2)
+    scores = np.empty(own.shape)
+    square = _kernel.scores(own, other, use, share * residual, inverse, slope, scores)
+    inner, lag = score_covariance(scores, problem.piece)
+    noise = max(square / max(count - width, 1), problem.least_noise**2)
     even = noise * even
     if prior is not None:
         inner, even = inner + loss.scale**2 * large, even + loss.scale**2 * large
@@ -67,13 +70,6 @@ def uncertainty(
         lag,
         sizes,
     )
-
-
-def _rows(
-    columns: Float[np.ndarray, "t p"], use: Float[np.ndarray, " t"]
-) -> Float[np.ndarray, "p t"]:
-    """Return columns side by side in memory, 0 where a row is not used."""
-    return np.ascontiguousarray(columns.T) * use
 
 
 def roughly(
