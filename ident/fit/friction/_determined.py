@@ -31,7 +31,7 @@ def directions_seen(
 ) -> tuple[bool, bool]:
     """Return whether motion in positive and in negative direction was recorded."""
     ahead = np.count_nonzero(moving & (problem.samples.velocity > 0))
-    share = ahead / np.count_nonzero(moving)
+    share = float(ahead / np.count_nonzero(moving))
     return share >= _DIRECTION, share <= 1 - _DIRECTION
 
 

@@ -108,8 +108,8 @@ class LeftOut:
             factors = np.stack([blank if own is None else own for own in laws])
             shapes = np.stack([each.solution.shape for each in fits])
             found = fits[0].problem.friction(window, factors, shapes)
-        for number in np.flatnonzero(~told):
-            own = window == number
+        for unknown in np.flatnonzero(~told):
+            own = window == unknown
             found[own] = 0.0
             if fit.law is not None:
                 found[own] = fit.band(samples.velocity[own])[0]

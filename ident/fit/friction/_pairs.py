@@ -47,53 +47,59 @@ class PairEquation(AbstractEquation):
     def _normal(
         self,
         of: Int[np.ndarray, " g"],
+        beside: Int[np.ndarray, " g"],
         first: Int[np.ndarray, " g"],
         end: Int[np.ndarray, " g"],
         weight: Float[np.ndarray, "n s"],
         target: Float[np.ndarray, "_ s"],
-        moving: Columns | None,
+        aim: Int[np.ndarray, " g"],
+        moving: Columns | None = None,
         tangents: Float[np.ndarray, "n s h"] | None = None,
-        *,
-        by_fit: bool,
     ) -> Float[np.ndarray, "g q q1"]:
         """Return XᵀW [X, target] over ranges of rows.
 
         Args:
             of: Recording of each range.
+            beside: Where its weights are, what follows the shape, and the tangents.
             first: Its first row.
             end: The one after its last.
-            weight: Of the rows, by range or by recording.
-            target: Likewise, or by recording.
-            moving: What follows the shape, like the weights.
-            tangents: Further columns, after those beside friction, like the weights.
-            by_fit: Whether weights are by range.
+            weight: Of the rows.
+            target: What columns are to meet.
+            aim: Where it is, for each range.
+            moving: What follows the shape.
+            tangents: Further columns, after those beside friction.
         """
         from . import _kernel
 
-        each = np.arange(len(of)) if by_fit else of
         more, drop = _given(moving, tangents, weight.shape)
         size = self.width + more.shape[2]
         found = np.empty((len(of), size, size + 1))
-        beside, *rows = self._rows
-        aim = each if target is not self.stack.target else of
+        columns, *rows = self._rows
         _kernel.normal(
-            *(beside, more, *rows, drop, *self._law(moving)),
-            *(of, each, first, end, weight, target, aim, found),
+            *(columns, more, *rows, drop, *self._law(moving)),
+            *(of, beside, first, end, weight, target, aim, found),
         )
         return found
 
-    def _every_row(self) -> tuple[Int[np.ndarray, " w"], Int[np.ndarray, " w"]]:
-        count = len(self.lanes)
-        return np.zeros(count, np.int64), np.full(count, self.stack.rows)
+    @property
+    def _all(
+        self,
+    ) -> tuple[
+        Int[np.ndarray, " w"],
+        Int[np.ndarray, " w"],
+        Int[np.ndarray, " w"],
+        Int[np.ndarray, " w"],
+    ]:
+        """Of each fit its recording, itself, and the ends of all rows, as ranges go."""
+        each = np.arange(len(self.lanes))
+        return self.lanes.of, each, 0 * each, np.full(len(each), self.stack.rows)
 
     def _sums(
         self, shares: Shares, moving: Columns | None
     ) -> Float[np.ndarray, "w k k1"]:
         """Return XᵀW [X, target] of each fit."""
-        ends = self._every_row()
-        target = self.stack.target
         of = self.lanes.of
-        return self._normal(of, *ends, shares.full, target, moving, by_fit=True)
+        return self._normal(*self._all, shares.full, self.stack.target, of, moving)
 
     def sums(self, shares: Shares) -> Float[np.ndarray, "w k k1"]:
         """See `AbstractEquation`."""
@@ -112,10 +118,9 @@ class PairEquation(AbstractEquation):
     @cached_property
     def _size(self) -> Float[np.ndarray, "r k"]:
         """RMS of the columns that follow no shape over all rows of each recording."""
-        stack, every = self.stack, np.arange(len(self.stack.problems))
-        ends = 0 * every, np.full(len(every), stack.rows)
-        usable = stack.usable * 1.0
-        sums = self._normal(every, *ends, usable, stack.target, None, by_fit=True)
+        stack, each = self.stack, np.arange(len(self.stack.problems))
+        ends = 0 * each, np.full(len(each), stack.rows)
+        sums = self._normal(each, each, *ends, stack.usable * 1.0, stack.target, each)
         return _sizes(sums, stack.rows)
 
     def _solved(
@@ -130,7 +135,7 @@ class PairEquation(AbstractEquation):
         penalty = self.stack.penalty
         if penalty is None or self._weights is None:
             return own
-        return own + self._weights[:, None, None] * penalty[self.lanes.of]
+        return np.asarray(own + self._weights[:, None, None] * penalty[self.lanes.of])
 
     def _factors(
         self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]
@@ -152,8 +157,7 @@ class PairEquation(AbstractEquation):
     ) -> Float[np.ndarray, "w s"]:
         """See `AbstractEquation`."""
         found = np.empty((len(self.lanes), self.stack.rows))
-        each = np.arange(len(found))
-        self._put_left(self.lanes.of, each, *self._every_row(), factors, moving, found)
+        self._put_left(*self._all, factors, moving, found)
         return found
 
     def _put_left(
@@ -237,11 +241,8 @@ class PairEquation(AbstractEquation):
         assert point.moving is not None
         every = np.arange(len(self.lanes))
         tangents = self._tangents(point.factors, point.moving, every)
-        sums = self._normal(
-            *(self.lanes.of, *self._every_row(), point.shares.full, point.residual),
-            *(point.moving, tangents),
-            by_fit=True,
-        )
+        weight, residual = point.shares.full, point.residual
+        sums = self._normal(*self._all, weight, residual, every, point.moving, tangents)
         bent, factors = self._apart()
         matrix = sums[:, bent[:, None], bent]
         after = sums[:, factors[:, None], bent]
@@ -267,13 +268,15 @@ class PairEquation(AbstractEquation):
         stack, lanes = self.stack, self.lanes
         moving = tangents = None
         if self.height:
-            moving = Columns(*(part[None] for part in stack.profiles(shape, None)))
-            moving = Columns(moving.values, np.moveaxis(moving.slopes, 0, 1))
+            values, slopes = stack.profiles(shape, None)
+            moving = Columns(values[None], slopes[:, None])
             tangents = self._tangents(factors, moving)
         weight = np.zeros((len(stack.problems), stack.rows))
         weight[lanes.of[lanes.last]] = shares.full[lanes.last]
-        given = weight, stack.target, moving, tangents
-        parts = self._normal(*lanes.stretches, *given, by_fit=False)
+        of, first, end = lanes.stretches
+        parts = self._normal(
+            of, of, first, end, weight, stack.target, of, moving, tangents
+        )
         width, begin = parts.shape[1], 0
         sums = np.empty((len(lanes), width * (width + 1)))
         size = np.empty((len(lanes), width))
@@ -293,8 +296,9 @@ class PairEquation(AbstractEquation):
         for some, row in ((~every, left[0]), (every, left[1])):
             of, place = lanes.of[some], into[some]
             first, end = np.ascontiguousarray(windows[some].T)
-            laws = found[some], moving, row, tangents, place
-            self._put_left(of, of, first, end, *laws)
+            self._put_left(
+                of, of, first, end, found[some], moving, row, tangents, place
+            )
         return left[0], left[1], found[:, self._apart()[0]]
 
     def still_and_target(self, step: int) -> Float[np.ndarray, "r s k1"]:

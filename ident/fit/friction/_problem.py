@@ -29,10 +29,12 @@ class Known:
     offset: float | None = None
 
 
-_OF_THE_RECORDING = ("target", "load", "piece", "speed", "usable", "saturated", "said")
-_OF_THE_RECORDING += ("all_rows", "met", "limits", "scouted", "spread", "senses")
-_OF_THE_LAW = ("places", "still", "still_instrument")
-_OF_THE_DIRECTIONS = ("beside", "_fixed_instrument")
+_OF_THE_RECORDING = frozenset(
+    "target load piece speed usable saturated said all_rows met limits scouted spread"
+    " senses".split()
+)
+_OF_THE_LAW = frozenset({"places", "still", "still_instrument"})
+_OF_THE_DIRECTIONS = frozenset({"beside", "_fixed_instrument"})
 """What is computed once, and for how long it holds."""
 
 
@@ -70,7 +72,7 @@ class Problem:
 
     def with_structure(self, structure: AbstractStructure) -> "Problem":
         """Return the same rows for another kind of law; what was computed is kept."""
-        for name in _OF_THE_RECORDING:
+        for name in _OF_THE_RECORDING - self.__dict__.keys():
             getattr(self, name)  # once for all laws
         other = copy.copy(self)
         kept = other.__dict__
@@ -78,7 +80,7 @@ class Problem:
         gone = _OF_THE_LAW
         if structure.directional != self.structure.directional:
             # The offset has no column of its own per direction.
-            gone += _OF_THE_DIRECTIONS
+            gone |= _OF_THE_DIRECTIONS
         for name in gone:
             kept.pop(name, None)
         return other
