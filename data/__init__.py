@@ -3,6 +3,8 @@
 * `axcomp.data.measurements`: readers, units, roles, directions, ISO 230-2 (NumPy); its
   room `axcomp.data.signals`: motion from positions, delays, phases (NumPy and SciPy).
 * `axcomp.data.lists`: compensation, axis and start-up lists (plain Python).
+
+Beside them `axcomp.data.files`: files that are whole, also after a crash or a power cut.
 """
 
 from .errors import AxcompError as AxcompError

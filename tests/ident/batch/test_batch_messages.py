@@ -1,5 +1,7 @@
 """What a batch says of tables, folders and questions that it cannot use."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -85,3 +87,15 @@ def test_no_answer_is_a_header_and_a_sentence(
     said = capsys.readouterr()
     assert said.out == "job,axis\n"
     assert said.err == "No row answers that.\n"
+
+
+def test_the_process_that_looks_after_a_batch_needs_no_estimators() -> None:
+    # They take seconds to import, and its workers import them anyway.
+    code = (
+        "import sys, axcomp.ident.batch\n"
+        "print({'jax', 'scipy', 'axcomp.ident.fit', 'axcomp.ident.job'} & set(sys.modules))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == "set()"
