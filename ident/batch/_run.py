@@ -6,6 +6,7 @@ import secrets
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -195,9 +196,7 @@ def _run(
                 stand.count(1)
                 yield one.name, one.rows
             crew = max(workers or 0, len(client.scheduler_info()["workers"]), 1)
-            size = min(_CHUNK, max(1, len(good) // (2 * crew)))
-            chunks = [good[k : k + size] for k in range(0, len(good), size)]
-            for outcomes in run_chunks(client, chunks, order):
+            for outcomes in run_chunks(client, chunks_of(good, crew), order):
                 kept = [one for one in outcomes if not one.full]
                 journal.add([(one.name, one.rows) for one in kept])
                 stand.count(len(kept))
@@ -225,6 +224,17 @@ def _run(
 
 def _what_is_done(stand: Progress) -> str:
     return f"{stand.done} of {stand.total} jobs are done; --resume goes on from there"
+
+
+def chunks_of(tasks: Sequence[Task], crew: int) -> list[Sequence[Task]]:
+    """Return jobs in chunks of nearly equal size, as many for each of a crew of workers.
+
+    None works on a last chunk while the others have none left.
+    """
+    rounds = max(2, -(-len(tasks) // (_CHUNK * crew)))
+    count = rounds * crew
+    edges = [len(tasks) * k // count for k in range(count + 1)]
+    return [tasks[a:b] for a, b in pairwise(edges) if a < b]
 
 
 def _checked(client: Any, tasks: Sequence[Task]) -> tuple[list[Task], list[Outcome]]:
