@@ -17,11 +17,12 @@ from axcomp.ident.fit.friction import (
     Stribeck,
     default_knots,
 )
+from axcomp.ident.fit.friction._equations import equation_of
 from axcomp.ident.fit.friction._interpolated import Interpolated
 from axcomp.ident.fit.friction._lanes import Lanes, Shares, lanes_of
 from axcomp.ident.fit.friction._loss import far_off
 from axcomp.ident.fit.friction._matrices import MatrixEquation
-from axcomp.ident.fit.friction._pairs import PairEquation, equation_of
+from axcomp.ident.fit.friction._pairs import PairEquation
 from axcomp.ident.fit.friction._problem import Known, make_problem
 from axcomp.ident.fit.friction._separable import separable
 from axcomp.ident.fit.friction._stack import Stack, alone

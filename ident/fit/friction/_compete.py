@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._equation import AbstractEquation
+from ._equations import equation_of
 from ._lanes import Shares, side_by_side
 from ._leftout import LeftOut
-from ._pairs import equation_of
 from ._scout import reweigh, scout
 from ._separable import Solution, search
 from ._smoothing import choose_weights

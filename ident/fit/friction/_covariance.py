@@ -26,13 +26,13 @@ def score_covariance(
         scores: Per sample, in order; samples left out have zeros.
         piece: Stretch of even time steps; no lag reaches from one to the next.
     """
-    from . import _kernel
+    from . import _noise_kernel
 
     scores = np.ascontiguousarray(scores)
     lag = _lag_of(scores, piece)
     # Bartlett's weights are what sums over a sliding window give: one product for all lags.
     total = np.empty((scores.shape[1],) * 2)
-    _kernel.slide(scores, piece, lag, total)
+    _noise_kernel.slide(scores, piece, lag, total)
     return total / (lag + 1), lag
 
 
@@ -42,11 +42,11 @@ def lag_of(scores: Float[np.ndarray, " t"], piece: Int[np.ndarray, " t"]) -> int
 
 
 def _lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:
-    from . import _kernel
+    from . import _noise_kernel
 
     count, width = scores.shape
     size, beside = np.empty((2, width))
-    _kernel.resemblance(scores, piece, size, beside)
+    _noise_kernel.resemblance(scores, piece, size, beside)
     used = size > 0
     if not used.any():
         return 0

@@ -120,10 +120,12 @@ def far_off(
         limit: What counts as large, in scales.
         scale: Given scales; the others are written here.
     """
-    from . import _kernel
+    from . import _noise_kernel
 
     lane, row = np.empty((2, residual.size), np.int64)
-    many = _kernel.far(residual, lanes.use, least, factor, limit, scale, lane, row)
+    many = _noise_kernel.far(
+        residual, lanes.use, least, factor, limit, scale, lane, row
+    )
     return lane[:many], row[:many]
 
 

@@ -6,24 +6,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._equation import AbstractEquation
-from ._lanes import Lanes, Shares
+from ._lanes import Shares
 from ._linear import Linear, solve_linear
-from ._matrices import MatrixEquation
 from ._point import Columns, Point
-from ._stack import Stack
-
-
-def equation_of(stack: Stack, lanes: Lanes, *, plain: bool = False) -> AbstractEquation:
-    """Return the equation of a law for several choices of rows, without a prior.
-
-    Args:
-        stack: The recordings with their laws.
-        lanes: Rows that each fit uses.
-        plain: Least squares, though there may be instruments.
-    """
-    if stack.one.filtered or (stack.one.has_instrument and not plain):
-        return MatrixEquation(stack, lanes, plain=plain)
-    return PairEquation(stack, lanes)
 
 
 class PairEquation(AbstractEquation):

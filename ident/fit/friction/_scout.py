@@ -7,9 +7,9 @@ from jaxtyping import Float
 
 from .._loss import AbstractLoss
 from ._equation import AbstractEquation
+from ._equations import equation_of
 from ._lanes import Lanes, Shares
 from ._loss import weigh
-from ._pairs import equation_of
 from ._stack import Stack
 from ._tables import KnotTable
 

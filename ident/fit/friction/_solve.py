@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ._determined import drop_reason, shape_reason
+from ._equations import equation_of
 from ._lanes import Lanes
-from ._pairs import equation_of
 from ._problem import Problem
 from ._scout import scout
 from ._separable import Solution, separable

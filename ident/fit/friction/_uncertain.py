@@ -26,7 +26,7 @@ def uncertainty(
         loss: That it ended with.
         share: Weights of the rows.
     """
-    from . import _kernel
+    from . import _noise_kernel
 
     problem = equation.stack.problems[equation.of(lane)]
     many = len(problem.target)
@@ -59,7 +59,9 @@ def uncertainty(
         sizes[None],
     ).inverse[0]
     scores = np.empty(own.shape)
-    square = _kernel.scores(own, other, use, share * residual, inverse, slope, scores)
+    square = _noise_kernel.scores(
+        own, other, use, share * residual, inverse, slope, scores
+    )
     inner, lag = score_covariance(scores, problem.piece)
     noise = max(square / max(count - width, 1), problem.least_noise**2)
     even = noise * even
