@@ -28,7 +28,7 @@ def score_covariance(
     """
     from . import _noise_kernel
 
-    scores = np.ascontiguousarray(scores)
+    scores, piece = np.ascontiguousarray(scores), np.ascontiguousarray(piece)
     lag = _lag_of(scores, piece)
     # Bartlett's weights are what sums over a sliding window give: one product for all lags.
     total = np.empty((scores.shape[1],) * 2)
@@ -38,7 +38,7 @@ def score_covariance(
 
 def lag_of(scores: Float[np.ndarray, " t"], piece: Int[np.ndarray, " t"]) -> int:
     """Return over how many samples scores resemble each other (Andrews' rule)."""
-    return _lag_of(np.ascontiguousarray(scores)[:, None], piece)
+    return _lag_of(np.ascontiguousarray(scores)[:, None], np.ascontiguousarray(piece))
 
 
 def _lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:

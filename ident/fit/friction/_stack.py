@@ -62,7 +62,7 @@ class Stack:
         """Stack arrays over rows, filled up with zeros."""
         first = arrays[0]
         if len(arrays) == 1:
-            return first[None]
+            return np.ascontiguousarray(first)[None]
         found = np.zeros((len(arrays), self.rows, *first.shape[1:]), first.dtype)
         for into, array in zip(found, arrays, strict=True):
             into[: len(array)] = array
