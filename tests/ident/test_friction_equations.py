@@ -103,6 +103,11 @@ def test_rows_one_by_one_give_what_matrices_give(
     used = lanes.use > 0
     assert scaled(here.factors, there.factors) < close
     assert scaled(here.residual[used], there.residual[used]) < close
+    # Samples at rest stand in the columns beside friction of the one and not the other.
+    law_alone = slice(len(stack.one.fixed_names), None)
+    assert (
+        scaled(here.linear.size[:, law_alone], there.linear.size[:, law_alone]) < close
+    )
     if one.height:
         assert scaled(one.step(here), two.step(there)) < 1e-6  # differences of sums
     columns, others = one.columns(here, 2), two.columns(there, 2)

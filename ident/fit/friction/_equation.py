@@ -148,6 +148,15 @@ class AbstractEquation(abc.ABC):
             return None
         return np.asarray(self._weights[lane] * penalty[self.of(lane)])
 
+    def _with_prior(
+        self, own: Float[np.ndarray, "w k k"]
+    ) -> Float[np.ndarray, "w k k"]:
+        """Return normal matrices with the smoothness prior added, where there is one."""
+        penalty = self.stack.penalty
+        if penalty is None or self._weights is None:
+            return own
+        return np.asarray(own + self._weights[:, None, None] * penalty[self.lanes.of])
+
     @property
     def bounds(self) -> tuple[Float[np.ndarray, "w h"], Float[np.ndarray, "w h"]]:
         """Least and largest logarithms of the shape, fit by fit."""

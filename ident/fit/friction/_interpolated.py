@@ -147,5 +147,6 @@ def _shares_of_nodes(
     weight = chebyshev.chebvander(np.cos(angle), _NODES - 1)
     weight *= np.where(order > 0, 2.0, 1.0) / _NODES
     here = chebyshev.chebvander(place, _NODES - 1)
-    bent = here[:, :-1] @ chebyshev.chebder(np.eye(_NODES))
-    return here @ weight.T, bent @ weight.T
+    # A product for each place: the same bits in any company.
+    bent = here[:, None, :-1] @ (chebyshev.chebder(np.eye(_NODES)) @ weight.T)
+    return (here[:, None] @ weight.T)[:, 0], bent[:, 0]

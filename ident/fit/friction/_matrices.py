@@ -137,14 +137,10 @@ class MatrixEquation(AbstractEquation):
                 other = self._shaped(shape, instrument=True)
             matrix, _ = self._assembled(shares, other, moving, own=False)
         moment = matrix[:, :, -1]
-        own, matrix = own[:, :, :-1], matrix[:, :, :-1]
-        penalty = self.stack.penalty
-        if penalty is not None and self._weights is not None:
-            prior = self._weights[:, None, None] * penalty[self.lanes.of]
-            own = own + prior
-            matrix = matrix + prior if self.instruments else own
-        matrix = matrix if self.instruments else own
-        return solve_linear(own, matrix, moment, size)
+        own = self._with_prior(own[:, :, :-1])
+        if self.instruments:
+            matrix = self._with_prior(matrix[:, :, :-1])
+        return solve_linear(own, matrix if self.instruments else own, moment, size)
 
     def _shaped(
         self, shape: Float[np.ndarray, "w h"], *, instrument: bool = False

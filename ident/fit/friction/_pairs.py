@@ -93,12 +93,19 @@ class PairEquation(AbstractEquation):
     def _linear(
         self, shares: Shares, shape: Float[np.ndarray, "w h"], moving: Columns | None
     ) -> Linear:
-        size = self._size[self.lanes.of]
+        stack, of = self.stack, self.lanes.of
+        size = self._size[of]
         if moving is not None:
-            values = moving.values[0]
-            square = np.einsum("ws,ws->w", values, values) / values.shape[1]
-            size[:, self.moves] = np.sqrt(square)[:, None]
-        return self._solved(self._sums(shares, moving), size)
+            # Signed, so that rows at rest and those that fill up have none.
+            column = stack.sign[of] * moving.values[0]
+            for way, place in enumerate(self.moves):
+                own = column * (stack.way[of] == way)
+                # A product for each fit: the same bits in any company.
+                square = (own[:, None] @ own[:, :, None])[:, 0, 0]
+                size[:, place] = np.sqrt(square / stack.lengths[of])
+        sums = self._sums(shares, moving)
+        own = self._with_prior(sums[:, :, :-1])
+        return solve_linear(own, own, sums[:, :, -1], size)
 
     @cached_property
     def _size(self) -> Float[np.ndarray, "r k"]:
@@ -106,21 +113,7 @@ class PairEquation(AbstractEquation):
         stack, each = self.stack, np.arange(len(self.stack.problems))
         ends = 0 * each, np.full(len(each), stack.rows)
         sums = self._normal(each, each, *ends, stack.usable * 1.0, stack.target, each)
-        return _sizes(sums, stack.rows)
-
-    def _solved(
-        self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]
-    ) -> Linear:
-        own = self._with_prior(sums[:, :, :-1])
-        return solve_linear(own, own, sums[:, :, -1], size)
-
-    def _with_prior(
-        self, own: Float[np.ndarray, "w q q"]
-    ) -> Float[np.ndarray, "w q q"]:
-        penalty = self.stack.penalty
-        if penalty is None or self._weights is None:
-            return own
-        return np.asarray(own + self._weights[:, None, None] * penalty[self.lanes.of])
+        return _sizes(sums, stack.lengths)
 
     def _factors(
         self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]
@@ -229,8 +222,10 @@ class PairEquation(AbstractEquation):
         weight, residual = point.shares.full, point.residual
         sums = self._normal(*self._all, weight, residual, every, point.moving, tangents)
         bent, factors = self._apart()
-        matrix = sums[:, bent[:, None], bent]
-        after = sums[:, factors[:, None], bent]
+        # As they lie in memory for one fit: what is picked out of several lies otherwise,
+        # and products would be rounded otherwise.
+        matrix = np.ascontiguousarray(sums[:, bent[:, None], bent])
+        after = np.ascontiguousarray(sums[:, factors[:, None], bent])
         return after, np.swapaxes(after, 1, 2), matrix, sums[:, bent, -1]
 
     def _apart(self) -> tuple[Int[np.ndarray, " h"], Int[np.ndarray, " k"]]:
@@ -270,7 +265,7 @@ class PairEquation(AbstractEquation):
             part = parts[begin : begin + many].reshape(many, -1)
             np.dot(lanes.member[own, :many], part, out=sums[own])
             whole = part.sum(axis=0).reshape(1, width, width + 1)
-            size[own] = _sizes(whole, stack.rows)
+            size[own] = _sizes(whole, stack.lengths[k : k + 1])
             begin += many
         found = self._factors(sums.reshape(-1, width, width + 1), size)
         left = np.zeros((2, len(lanes.own), stack.rows))
@@ -313,6 +308,9 @@ def _given(
     return more, np.ascontiguousarray(drop)
 
 
-def _sizes(sums: Float[np.ndarray, "n q q1"], rows: int) -> Float[np.ndarray, "n q"]:
+def _sizes(
+    sums: Float[np.ndarray, "n q q1"], rows: Int[np.ndarray, " n"]
+) -> Float[np.ndarray, "n q"]:
     """Return the RMS of each column, given sums over all rows."""
-    return np.asarray(np.sqrt(np.einsum("wkk->wk", sums[:, :, :-1]) / rows))
+    square = np.einsum("wkk->wk", sums[:, :, :-1])
+    return np.asarray(np.sqrt(square / rows[:, None]))

@@ -59,7 +59,8 @@ class Point:
     def cost(self) -> Float[np.ndarray, " w"]:
         """Weighted sum of squares."""
         weighted = self.shares.full * self.residual
-        return np.asarray(np.einsum("ws,ws->w", weighted, self.residual))
+        # A product for each fit: the same bits in any company.
+        return np.asarray((weighted[:, None] @ self.residual[:, :, None])[:, 0, 0])
 
     def take(self, which: Int[np.ndarray, " v"]) -> "Point":
         """Return some of the fits."""

@@ -148,8 +148,12 @@ class Stack:
     def size(self) -> Float[np.ndarray, "r k"]:
         """RMS of each of these columns."""
         square = np.einsum("rsk,rsk->rk", self.still, self.still)
-        many = np.array([len(each.target) for each in self.problems])
-        return np.asarray(np.sqrt(square / many[:, None]))
+        return np.asarray(np.sqrt(square / self.lengths[:, None]))
+
+    @cached_property
+    def lengths(self) -> Int[np.ndarray, " r"]:
+        """Rows of each recording, those that fill it up left out."""
+        return np.array([len(each.target) for each in self.problems])
 
     @cached_property
     def bounds(self) -> tuple[Float[np.ndarray, "r h"], Float[np.ndarray, "r h"]]:
