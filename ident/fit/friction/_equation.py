@@ -233,7 +233,7 @@ class AbstractEquation(abc.ABC):
         # By powers of two: the same for recordings that stand side by side and alone.
         step = max(1, (1 << self.stack.rows.bit_length()) // _START_ROWS)
         every = starts.reshape(len(of), -1)
-        values = self.stack.shaped(every, of, step=step)[0]
+        values = self.stack.shaped_values(every, of, step)
         ways, _, rows = values.shape
         apart = values.reshape(ways, recordings, many, rows).transpose(1, 3, 0, 2)
         flat = apart.reshape(recordings, rows, ways * many)

@@ -45,7 +45,7 @@ class Interpolated:
         stack = equation.stack
         angle = np.pi * (np.arange(_NODES) + 0.5) / _NODES
         shapes = (about + _REACH * np.cos(angle)).reshape(-1, 1)
-        values = stack.shaped(shapes, np.repeat(np.arange(len(about)), _NODES))[0]
+        values = stack.shaped_values(shapes, np.repeat(np.arange(len(about)), _NODES))
         ways, _, rows = values.shape
         # Node by node, each with a column per direction.
         apart = values.reshape(ways, len(about), _NODES, rows).transpose(1, 3, 2, 0)

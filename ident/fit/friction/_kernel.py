@@ -6,9 +6,13 @@ less than products of matrices do that are zero for the most part, and no array 
 is made. Each fit is summed up by itself, in the order of its rows: the same bits, whatever
 stands beside it.
 
-A row is, in the order of the factors: ``fixed`` columns, ``more`` columns, and per direction
-``width`` factors of the law, of which the row meets ``cell`` and ``cell + 1`` with both
-numbers of ``pair``, and ``third`` with ``drop``, all three times its ``sign``.
+A row is, in the order of the factors: ``fixed`` columns, ``more`` columns, and the factors of
+the law, ``width`` of them per direction (``way``). Of these the row meets ``place`` and
+``place + 1`` with both numbers of ``pair``, and ``third`` of its direction with ``drop``, all
+of them signed.
+
+Rows are taken as slices and places without a sign: an index that might be negative is looked
+at again at every access, which takes as long as the sums.
 
 Importing this module compiles it, which takes seconds the first time; numba keeps the result
 beside this file, or in the user's cache where it cannot write there. Products and sums are
@@ -18,7 +22,7 @@ not fused, so that any processor gives the same bits.
 from typing import Any, no_type_check
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from .._machine_code import machine_code
 
@@ -26,8 +30,8 @@ _Table = types.Array(types.float64, 2, "C", readonly=True)
 _Stack = types.Array(types.float64, 3, "C", readonly=True)
 _Cells = types.Array(types.int64, 2, "C", readonly=True)
 _Places = types.Array(types.int64, 1, "C", readonly=True)
-_Rows = (_Stack, _Stack, _Table, _Cells, _Cells, _Stack, _Table)
-"""fixed, more, sign, way, cell, pair, drop."""
+_Rows = (_Stack, _Stack, _Cells, _Cells, _Stack, _Table)
+"""fixed, more, way, place, pair, drop."""
 _Law = (types.int64, types.int64)
 """width, third (−1: nothing follows a shape)."""
 _Fits = (_Places, _Places, _Places, _Places)
@@ -38,37 +42,9 @@ _PIVOT = 1e-7
 """Share of a column that the others must leave of it, to be told apart without doubt."""
 
 
-@njit(error_model="numpy")
-@no_type_check
-def _put(out, start, one, at, size, third, pair, drop):
-    """Add what rows of one cell came to: products with the pair, and with the drop."""
-    ap, aq, bp, bq, pp, pq, qq, py, qy = pair
-    am, bm, pm, qm, mm, my = drop
-    if start > 0:
-        out[0, one] += ap
-        out[0, one + 1] += aq
-    if start > 1:
-        out[1, one] += bp
-        out[1, one + 1] += bq
-    out[one, one] += pp
-    out[one, one + 1] += pq
-    out[one + 1, one + 1] += qq
-    out[one, size] += py
-    out[one + 1, size] += qy
-    if third >= 0:
-        if start > 0:
-            out[0, at] += am
-        if start > 1:
-            out[1, at] += bm
-        out[one, at] += pm
-        out[one + 1, at] += qm
-        out[at, at] += mm
-        out[at, size] += my
-
-
 @no_type_check
 def _normal(
-    fixed, more, sign, way, cell, pair, drop, width, third,
+    fixed, more, way, place, pair, drop, width, third,
     of, beside, first, end, weight, target, aim, found,
 ):  # fmt: skip
     """Add up XᵀW [X, target] into a matrix per fit.
@@ -78,74 +54,111 @@ def _normal(
     """
     many, extra, size = fixed.shape[2], more.shape[2], found.shape[1]
     start = many + extra
-    value = np.zeros(start + 2)
+    nothing = np.zeros(fixed.shape[1])
     for w in range(len(of)):
-        r, b, t = of[w], beside[w], aim[w]
+        r, b, rows = of[w], beside[w], slice(first[w], end[w])
+        own, further = fixed[r, rows], more[b, rows]
+        places, both, ways = place[r, rows], pair[r, rows], way[r, rows]
+        share, aims = weight[b, rows], target[aim[w], rows]
+        moved = drop[b, rows] if third >= 0 else aims
+        one, two = nothing, nothing
+        if start > 0:
+            one = own[:, 0] if many > 0 else further[:, 0]
+        if start > 1:
+            two = own[:, 1] if many > 1 else further[:, 1 - many]
         out = found[w]
         out[:] = 0.0
-        # Sums of the first two columns and of the cell that rows are in stay in registers.
         aa = ab = bb = ay = by = 0.0
-        ap = aq = bp = bq = pp = pq = qq = py = qy = 0.0
-        am = bm = pm = qm = mm = my = 0.0
-        one = at = np.int64(-1)
-        for s in range(first[w], end[w]):
-            share = weight[b, s]
-            if share == 0.0:
+        begin, count = 0, len(aims)
+        while begin < count:
+            if share[begin] == 0.0:
+                begin += 1
                 continue
-            base = start + way[r, s] * width
-            if base + cell[r, s] != one:
-                if one >= 0:
-                    both = (ap, aq, bp, bq, pp, pq, qq, py, qy)
-                    alone = (am, bm, pm, qm, mm, my)
-                    _put(out, start, one, at, size, third, both, alone)
-                ap = aq = bp = bq = pp = pq = qq = py = qy = 0.0
-                am = bm = pm = qm = mm = my = 0.0
-                one, at = base + cell[r, s], base + third
-            for i in range(many):
-                value[i] = fixed[r, s, i]
-            for i in range(extra):
-                value[many + i] = more[b, s, i]
-            sense, y = sign[r, s], target[t, s]
-            a, c = value[0], value[1]
-            p, q = sense * pair[r, s, 0], sense * pair[r, s, 1]
-            wa, wc, wp, wq = share * a, share * c, share * p, share * q
-            aa += wa * a
-            ab += wa * c
-            bb += wc * c
-            ay += wa * y
-            by += wc * y
-            ap += wa * p
-            aq += wa * q
-            bp += wc * p
-            bq += wc * q
-            pp += wp * p
-            pq += wp * q
-            qq += wq * q
-            py += wp * y
-            qy += wq * y
-            m = 0.0
-            if third >= 0:
-                m = sense * drop[b, s]
-                wm = share * m
-                am += wa * m
-                bm += wc * m
-                pm += wp * m
-                qm += wq * m
-                mm += wm * m
-                my += wm * y
-            for i in range(2, start):
-                x = share * value[i]
-                for j in range(i + 1):
-                    out[j, i] += x * value[j]
-                out[i, one] += x * p
-                out[i, one + 1] += x * q
-                out[i, size] += x * y
+            # Rows that meet the same factors: their sums stay in registers.
+            cell = places[begin]
+            stop = begin + 1
+            while stop < count and (places[stop] == cell or share[stop] == 0.0):
+                stop += 1
+            ap = aq = bp = bq = pp = pq = qq = py = qy = 0.0
+            am = bm = pm = qm = mm = my = 0.0
+            for k in range(begin, stop):
+                s = np.uint64(k)
+                a, b_, y = one[s], two[s], aims[s]
+                p, q = both[s, 0], both[s, 1]
+                wa, wb, wp, wq = share[s] * a, share[s] * b_, share[s] * p, share[s] * q
+                aa += wa * a
+                ab += wa * b_
+                bb += wb * b_
+                ay += wa * y
+                by += wb * y
+                ap += wa * p
+                aq += wa * q
+                bp += wb * p
+                bq += wb * q
+                pp += wp * p
+                pq += wp * q
+                qq += wq * q
+                py += wp * y
+                qy += wq * y
                 if third >= 0:
-                    out[i, at] += x * m
-        if one >= 0:
-            both = (ap, aq, bp, bq, pp, pq, qq, py, qy)
-            alone = (am, bm, pm, qm, mm, my)
-            _put(out, start, one, at, size, third, both, alone)
+                    m = moved[s]
+                    wm = share[s] * m
+                    am += wa * m
+                    bm += wb * m
+                    pm += wp * m
+                    qm += wq * m
+                    mm += wm * m
+                    my += wm * y
+            p, q = start + cell, start + cell + 1
+            at = start + ways[begin] * width + third
+            if start > 0:
+                out[0, p] += ap
+                out[0, q] += aq
+            if start > 1:
+                out[1, p] += bp
+                out[1, q] += bq
+            out[p, p] += pp
+            out[p, q] += pq
+            out[q, q] += qq
+            out[p, size] += py
+            out[q, size] += qy
+            if third >= 0:
+                if start > 0:
+                    out[0, at] += am
+                if start > 1:
+                    out[1, at] += bm
+                out[p, at] += pm
+                out[q, at] += qm
+                out[at, at] += mm
+                out[at, size] += my
+            for i in range(2, start):
+                column = own[:, i] if i < many else further[:, i - many]
+                xa = xb = xx = xp = xq = xm = xy = 0.0
+                for k in range(begin, stop):
+                    s = np.uint64(k)
+                    x = share[s] * column[s]
+                    xa += x * one[s]
+                    xb += x * two[s]
+                    xx += x * column[s]
+                    xp += x * both[s, 0]
+                    xq += x * both[s, 1]
+                    xy += x * aims[s]
+                    if third >= 0:
+                        xm += x * moved[s]
+                out[0, i] += xa
+                out[1, i] += xb
+                out[i, i] += xx
+                out[i, p] += xp
+                out[i, q] += xq
+                out[i, size] += xy
+                if third >= 0:
+                    out[i, at] += xm
+                for j in range(2, i):
+                    other = own[:, j] if j < many else further[:, j - many]
+                    for k in range(begin, stop):
+                        s = np.uint64(k)
+                        out[j, i] += share[s] * column[s] * other[s]
+            begin = stop
         if start > 0:
             out[0, 0], out[0, size] = aa, ay
         if start > 1:
@@ -157,26 +170,36 @@ def _normal(
 
 @no_type_check
 def _left(
-    fixed, more, sign, way, cell, pair, drop, width, third,
+    fixed, more, way, place, pair, drop, width, third,
     of, beside, first, end, factors, target, into, found,
 ):  # fmt: skip
     """Give target − fit, sample by sample, in the row ``into`` of what is found."""
     many, extra = fixed.shape[2], more.shape[2]
-    start = many + extra
     for w in range(len(of)):
-        r, b, to = of[w], beside[w], into[w]
-        for s in range(first[w], end[w]):
-            base = start + way[r, s] * width
-            one = base + cell[r, s]
-            law = pair[r, s, 0] * factors[w, one] + pair[r, s, 1] * factors[w, one + 1]
-            if third >= 0:
-                law += drop[b, s] * factors[w, base + third]
-            fit = sign[r, s] * law
-            for i in range(many):
-                fit += fixed[r, s, i] * factors[w, i]
-            for i in range(extra):
-                fit += more[b, s, i] * factors[w, many + i]
-            found[to, s] = target[r, s] - fit
+        r, b, rows = of[w], beside[w], slice(first[w], end[w])
+        own, further, ways = fixed[r, rows], more[b, rows], way[r, rows]
+        places, both, aims = place[r, rows], pair[r, rows], target[r, rows]
+        still, law = factors[w, : many + extra], factors[w, many + extra :]
+        fit = found[into[w], rows]
+        # Column by column: one loop over all of them takes twice as long.
+        for k in range(len(fit)):
+            s, cell = np.uint64(k), np.uint64(places[k])
+            fit[s] = both[s, 0] * law[cell] + both[s, 1] * law[cell + np.uint64(1)]
+        if third >= 0:
+            moved, there = drop[b, rows], law[third]
+            back = law[width + third] if width < len(law) else there
+            for k in range(len(fit)):
+                s = np.uint64(k)
+                fit[s] += moved[s] * (back if ways[s] > 0 else there)
+        for i in range(many + extra):
+            column = own[:, i] if i < many else further[:, i - many]
+            factor = still[i]
+            for k in range(len(fit)):
+                s = np.uint64(k)
+                fit[s] += column[s] * factor
+        for k in range(len(fit)):
+            s = np.uint64(k)
+            fit[s] = aims[s] - fit[s]
 
 
 @no_type_check
@@ -224,23 +247,59 @@ def _solve(own, moment, size, found, sure):
 
 @no_type_check
 def _columns(
-    fixed, more, sign, way, cell, pair, drop, width, third, of, beside, found
+    fixed, more, way, place, pair, drop, width, third, of, beside, found
 ):  # fmt: skip
     """Write all columns of one fit, a row for each sample; ``more`` go last."""
     many, extra = fixed.shape[2], more.shape[2]
-    first = found.shape[1] - extra
-    for s in range(len(found)):
-        found[s] = 0.0
+    own, further, places, both = fixed[of], more[beside], place[of], pair[of]
+    still, law = found[:, :many], found[:, many:]
+    last = found[:, found.shape[1] - extra :]
+    ways = way[of]
+    found[:] = 0.0
+    for k in range(len(found)):
+        s, cell = np.uint64(k), np.uint64(places[k])
         for i in range(many):
-            found[s, i] = fixed[of, s, i]
+            still[s, i] = own[s, i]
         for i in range(extra):
-            found[s, first + i] = more[beside, s, i]
-        base, sense = many + way[of, s] * width, sign[of, s]
-        one = base + cell[of, s]
-        found[s, one] = sense * pair[of, s, 0]
-        found[s, one + 1] = sense * pair[of, s, 1]
+            last[s, i] = further[s, i]
+        law[s, cell] = both[s, 0]
+        law[s, cell + np.uint64(1)] = both[s, 1]
         if third >= 0:
-            found[s, base + third] = sense * drop[beside, s]
+            law[s, np.uint64(ways[s] * width + third)] = drop[beside, s]
+
+
+@no_type_check
+def _squares(fixed, place, pair, usable, found):
+    """Add up the squares of the columns that follow no shape, over the rows of recordings."""
+    many = fixed.shape[2]
+    for r in range(len(fixed)):
+        own, places, both, still = fixed[r], place[r], pair[r], found[r]
+        law = still[many:]
+        still[:] = 0.0
+        for k in range(len(own)):
+            s, cell = np.uint64(k), np.uint64(places[k])
+            if not usable[r, s]:
+                continue
+            for i in range(many):
+                still[i] += own[s, i] * own[s, i]
+            law[cell] += both[s, 0] * both[s, 0]
+            law[cell + np.uint64(1)] += both[s, 1] * both[s, 1]
+
+
+@no_type_check
+def _squares_of_drop(way, drop, of, found):
+    """Add up the squares of what follows the shape, fit by fit and by direction."""
+    for w in range(len(of)):
+        ways, moved = way[of[w]], drop[w]
+        front = back = 0.0
+        for k in range(len(moved)):
+            s = np.uint64(k)
+            square = moved[s] * moved[s]
+            front += square * (1 - ways[s])
+            back += square * ways[s]
+        found[w, 0] = front
+        if found.shape[1] > 1:
+            found[w, 1] = back
 
 
 def _signature(last: int) -> Any:
@@ -264,4 +323,9 @@ solve = machine_code(
 _Matrix = types.Array(types.float64, 2, "C")
 columns = machine_code(
     _columns, types.void(*_Rows, *_Law, types.int64, types.int64, _Matrix)
+)
+_Flags = types.Array(types.boolean, 2, "C", readonly=True)
+squares = machine_code(_squares, types.void(_Stack, _Cells, _Stack, _Flags, _Matrix))
+squares_of_drop = machine_code(
+    _squares_of_drop, types.void(_Cells, _Table, _Places, _Matrix)
 )

@@ -18,7 +18,7 @@ class PairEquation(AbstractEquation):
     def _rows(self) -> tuple[np.ndarray, ...]:
         """What a row meets beside what follows the shape, as the kernel takes it."""
         stack = self.stack
-        return stack.beside, stack.sign, stack.way, stack.cell, stack.pair
+        return stack.beside, stack.way, stack.place, stack.pair
 
     def _law(self, moving: Columns | None) -> tuple[int, int]:
         """Return the factors of one direction, and which of them has a column that moves.
@@ -93,16 +93,10 @@ class PairEquation(AbstractEquation):
     def _linear(
         self, shares: Shares, shape: Float[np.ndarray, "w h"], moving: Columns | None
     ) -> Linear:
-        stack, of = self.stack, self.lanes.of
+        of = self.lanes.of
         size = self._size[of]
         if moving is not None:
-            # Signed, so that rows at rest and those that fill up have none.
-            column = stack.sign[of] * moving.values[0]
-            for way, place in enumerate(self.moves):
-                own = column * (stack.way[of] == way)
-                # A product for each fit: the same bits in any company.
-                square = (own[:, None] @ own[:, :, None])[:, 0, 0]
-                size[:, place] = np.sqrt(square / stack.lengths[of])
+            size[:, self.moves] = self._size_of_drop(moving)
         sums = self._sums(shares, moving)
         own = self._with_prior(sums[:, :, :-1])
         return solve_linear(own, own, sums[:, :, -1], size)
@@ -110,10 +104,23 @@ class PairEquation(AbstractEquation):
     @cached_property
     def _size(self) -> Float[np.ndarray, "r k"]:
         """RMS of the columns that follow no shape over all rows of each recording."""
-        stack, each = self.stack, np.arange(len(self.stack.problems))
-        ends = 0 * each, np.full(len(each), stack.rows)
-        sums = self._normal(each, each, *ends, stack.usable * 1.0, stack.target, each)
-        return _sizes(sums, stack.lengths)
+        from . import _kernel
+
+        stack = self.stack
+        squares = np.empty((len(stack.problems), self.width))
+        rows = stack.beside, stack.place, stack.pair, stack.usable
+        _kernel.squares(*rows, squares)
+        return np.sqrt(squares / stack.lengths[:, None])
+
+    def _size_of_drop(self, moving: Columns) -> Float[np.ndarray, "w d"]:
+        """RMS of the columns that do, per direction."""
+        from . import _kernel
+
+        stack, of = self.stack, self.lanes.of
+        squares = np.empty((len(of), len(self.moves)))
+        drop = np.ascontiguousarray(moving.values[0])
+        _kernel.squares_of_drop(stack.way, drop, of, squares)
+        return np.sqrt(squares / stack.lengths[of, None])
 
     def _factors(
         self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]
@@ -202,10 +209,9 @@ class PairEquation(AbstractEquation):
         """
         stack = self.stack
         of = slice(None) if lanes is None else self.lanes.of[lanes]
-        drop = stack.sign[of] * factors[:, self.moves[:1]]
+        drop = factors[:, self.moves[:1]]
         if len(self.moves) > 1:
-            back = stack.way[of] > 0
-            drop = np.where(back, stack.sign[of] * factors[:, self.moves[1:]], drop)
+            drop = np.where(stack.way[of] > 0, factors[:, self.moves[1:]], drop)
         return np.ascontiguousarray(np.moveaxis(drop * moving.slopes[:, 0], 0, 2))
 
     def _pushes(
@@ -285,14 +291,14 @@ class PairEquation(AbstractEquation):
         """See `AbstractEquation`."""
         stack = self.stack
         fixed, width = stack.beside.shape[2], len(self.places)
-        beside, sign = stack.beside[:, ::step], stack.sign[:, ::step]
-        found = np.zeros((*sign.shape, width + 1))
+        beside = stack.beside[:, ::step]
+        found = np.zeros((*beside.shape[:2], width + 1))
         found[:, :, :fixed] = beside
-        own = (width - fixed) // stack.structure.ways
-        at = fixed + own * stack.way[:, ::step] + stack.cell[:, ::step]
-        both = sign[:, :, None] * stack.pair[:, ::step]
+        # Factors whose columns follow a shape, the last of each direction, are left out.
+        skipped = len(stack.structure.shaped) * stack.way[:, ::step]
+        at = fixed + stack.place[:, ::step] - skipped
         places = np.stack([at, at + 1], axis=2)
-        np.put_along_axis(found, places, both, axis=2)
+        np.put_along_axis(found, places, stack.pair[:, ::step], axis=2)
         found[:, :, width] = stack.target[:, ::step]
         return found
 

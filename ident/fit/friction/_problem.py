@@ -219,7 +219,9 @@ class Problem:
     @property
     def bounds(self) -> tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"]]:
         """Least and largest logarithms of the shape."""
-        key = dataclasses.replace(self.structure, directional=False)
+        key = self.structure
+        if key.directional:
+            key = dataclasses.replace(key, directional=False)
         if key not in self.limits:
             self.limits[key] = key.bounds(self.speed)
         return self.limits[key]
@@ -236,7 +238,9 @@ class Problem:
     def pairs(self) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]:
         """Return which factors of one direction each sample meets, and both columns."""
         # Laws for both directions alike and apart have the same ones.
-        key = dataclasses.replace(self.structure, directional=False)
+        key = self.structure
+        if key.directional:
+            key = dataclasses.replace(key, directional=False)
         if key not in self.met:
             self.met[key] = key.pairs(self.speed_of(False))
         return self.met[key]

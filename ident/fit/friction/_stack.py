@@ -97,19 +97,23 @@ class Stack:
         return self._once("one_way", lambda each: np.zeros(len(each.target), np.int64))
 
     @cached_property
-    def cell(self) -> Int[np.ndarray, "r s"]:
-        """See `AbstractStructure.pairs`."""
-        return self._filled([each.pairs()[0] for each in self.problems])
+    def place(self) -> Int[np.ndarray, "r s"]:
+        """The first of the two neighbouring factors of friction that each row meets."""
+        cell = self._filled([each.pairs()[0] for each in self.problems])
+        return np.asarray(cell + len(self.structure.factors) * self.way)
 
     @cached_property
     def pair(self) -> Float[np.ndarray, "r s 2"]:
-        """See `AbstractStructure.pairs`."""
-        return self._filled([each.pairs()[1] for each in self.problems])
+        """Their columns, with the sign of each row's velocity."""
+        pair = self._filled([each.pairs()[1] for each in self.problems])
+        return np.asarray(self.sign[:, :, None] * pair)
 
     def profiles(
         self, shapes: Float[np.ndarray, "w h"], of: Int[np.ndarray, " w"] | None
     ) -> tuple[Float[np.ndarray, "w s"], Float[np.ndarray, "h w s"]]:
-        """Return the column that follows the shape over the speed, and its derivatives.
+        """Return the column that follows the shape, signed, and its derivatives.
+
+        Whatever the direction; rows at rest and those that fill up have none.
 
         Args:
             shapes: Logarithms, fit by fit.
@@ -117,7 +121,11 @@ class Stack:
         """
         of = np.arange(len(shapes)) if of is None else of
         speed = self._once("speed", lambda each: each.speed_of(False))
-        return self.structure.shaped_profiles(speed, of, shapes)
+        values, slopes = self.structure.shaped_profiles(speed, of, shapes)
+        sign = self.sign[of]
+        return np.multiply(values, sign, out=values), np.multiply(
+            slopes, sign, out=slopes
+        )
 
     @cached_property
     def right(self) -> Float[np.ndarray, "r s k1"]:
@@ -176,7 +184,6 @@ class Stack:
         of: Int[np.ndarray, " w"],
         *,
         instrument: bool = False,
-        step: int = 1,
     ) -> tuple[Float[np.ndarray, "d w s"], Float[np.ndarray, "h d w s"]]:
         """Return the columns that follow the shape, per direction, and their derivatives.
 
@@ -184,19 +191,32 @@ class Stack:
             shapes: Logarithms, fit by fit.
             of: Recording of each fit, ascending.
             instrument: Of the noise-free motion.
-            step: Of every so-manieth row.
         """
         if self.one.filtered:
-            values, slopes = self._shaped_alone(shapes, of, instrument)
-            return values[..., ::step], slopes[..., ::step]
+            return self._shaped_alone(shapes, of, instrument)
+        speed, sign = self._moves(of, instrument)
+        values, slopes = self.structure.shaped_profiles(speed, of, shapes)
+        return sign * values, sign * slopes[:, None]
+
+    def shaped_values(
+        self, shapes: Float[np.ndarray, "w h"], of: Int[np.ndarray, " w"], step: int = 1
+    ) -> Float[np.ndarray, "d w s"]:
+        """Return what `shaped` does without the derivatives, of every so-manieth row."""
+        if self.one.filtered:
+            return self._shaped_alone(shapes, of, False)[0][..., ::step]
+        speed, sign = self._moves(of, False, step)
+        return sign * self.structure.shaped_values(speed, of, shapes)
+
+    def _moves(
+        self, of: np.ndarray, instrument: bool, step: int = 1
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return speeds of the recordings, and signs per direction fit by fit."""
         end = "_instrument" if instrument else ""
         speed = self._once("speed" + end, lambda each: each.speed_of(instrument))
         way = f"{self.structure.directional}{end}"
         signs = self._once("signs" + way, lambda each: each.signs_of(instrument).T)
         sign = np.ascontiguousarray(np.moveaxis(signs[:, ::step], 2, 0))[:, of]
-        thin = np.ascontiguousarray(speed[:, ::step])
-        values, slopes = self.structure.shaped_profiles(thin, of, shapes)
-        return sign * values, sign * slopes[:, None]
+        return np.ascontiguousarray(speed[:, ::step]), sign
 
     def _shaped_alone(
         self, shapes: np.ndarray, of: np.ndarray, instrument: bool

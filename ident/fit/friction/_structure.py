@@ -123,6 +123,15 @@ class AbstractStructure(abc.ABC):
             shapes: Logarithms.
         """
 
+    def shaped_values(
+        self,
+        speed: Float[np.ndarray, "r t"],
+        of: Int[np.ndarray, " w"],
+        shapes: Float[np.ndarray, "w s"],
+    ) -> Float[np.ndarray, "w t"]:
+        """Return what `shaped_profiles` does without the derivatives."""
+        return self.shaped_profiles(speed, of, shapes)[0]
+
     @abc.abstractmethod
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """Return what of the factors of one direction the smoothness prior keeps small.

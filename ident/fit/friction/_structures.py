@@ -171,6 +171,29 @@ class Stribeck(AbstractStructure):
         shapes: Float[np.ndarray, "w s"],
     ) -> tuple[Float[np.ndarray, "w t"], Float[np.ndarray, "s w t"]]:
         """See `AbstractStructure`."""
+        power, exponent, raised = self._powers(speed, of, shapes)
+        values = np.exp(-power)
+        slopes = np.empty((shapes.shape[1], *values.shape))
+        common = np.multiply(power, values, out=power)
+        np.multiply(common, exponent, out=slopes[0])
+        if raised is not None and self.shape is None:
+            np.multiply(common, -raised, out=slopes[1])
+        return values, slopes
+
+    def shaped_values(
+        self,
+        speed: Float[np.ndarray, "r t"],
+        of: Int[np.ndarray, " w"],
+        shapes: Float[np.ndarray, "w s"],
+    ) -> Float[np.ndarray, "w t"]:
+        """See `AbstractStructure`."""
+        power = self._powers(speed, of, shapes)[0]
+        return np.asarray(np.exp(np.negative(power, out=power), out=power))
+
+    def _powers(
+        self, speed: np.ndarray, of: np.ndarray, shapes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Return (v / v_s) ** δ, at most so large, δ, and its logarithm where made."""
         free = self.shape is None
         exponent = np.exp(shapes[:, 1:]) if free else np.full((1, 1), self.shape)
         raised = None
@@ -184,13 +207,7 @@ class Stribeck(AbstractStructure):
             raised *= exponent
             power = np.exp(np.minimum(raised, np.log(_LARGEST)))
         np.minimum(power, _LARGEST, out=power)
-        values = np.exp(-power)
-        slopes = np.empty((shapes.shape[1], *values.shape))
-        common = np.multiply(power, values, out=power)
-        np.multiply(common, exponent, out=slopes[0])
-        if raised is not None and free:
-            np.multiply(common, -raised, out=slopes[1])
-        return values, slopes
+        return power, exponent, raised
 
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`."""
