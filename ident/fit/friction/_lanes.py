@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -84,13 +84,22 @@ class Lanes:
         """Return some of the fits."""
         if len(which) == len(self):
             return self
-        return Lanes(
-            self.use[which],
-            self.usable,
-            self.of[which],
-            self.edges,
-            self.member[which],
-        )
+        # The same fits are taken of the equation, of weights, and of what was solved.
+        if not np.array_equal(self._taken["which"], which):
+            self._taken["which"] = which
+            self._taken["lanes"] = Lanes(
+                self.use[which],
+                self.usable,
+                self.of[which],
+                self.edges,
+                self.member[which],
+            )
+        return self._taken["lanes"]
+
+    @cached_property
+    def _taken(self) -> dict[str, Any]:
+        """The fits that were taken last."""
+        return {"which": None}
 
     def thinned(self, step: int) -> "Lanes":
         """Return the fits with every so-manieth row only."""
@@ -194,7 +203,10 @@ class Shares:
         """Return those of some of the fits."""
         if len(which) == len(self.lanes):
             return self
-        return Shares(self.lanes.take(which), self.full[which])
+        lanes = self.lanes.take(which)
+        if self.full is self.lanes.use:
+            return lanes.all_rows()
+        return Shares(lanes, self.full[which])
 
     def same(self, other: "Shares", fits: slice) -> bool:
         """Tell whether all rows count as much in the same of the same fits."""

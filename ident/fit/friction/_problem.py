@@ -219,9 +219,7 @@ class Problem:
     @property
     def bounds(self) -> tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"]]:
         """Least and largest logarithms of the shape."""
-        key = self.structure
-        if key.directional:
-            key = dataclasses.replace(key, directional=False)
+        key = self.structure.alike
         if key not in self.limits:
             self.limits[key] = key.bounds(self.speed)
         return self.limits[key]
@@ -238,12 +236,15 @@ class Problem:
     def pairs(self) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "t 2"]]:
         """Return which factors of one direction each sample meets, and both columns."""
         # Laws for both directions alike and apart have the same ones.
-        key = self.structure
-        if key.directional:
-            key = dataclasses.replace(key, directional=False)
+        key = self.structure.alike
         if key not in self.met:
             self.met[key] = key.pairs(self.speed_of(False))
         return self.met[key]
+
+    @property
+    def signed_pair(self) -> Float[np.ndarray, "t 2"]:
+        """Columns of the factors that each sample meets, with the sign of its velocity."""
+        return np.asarray(np.sign(self.samples.velocity)[:, None] * self.pairs()[1])
 
     @cached_property
     def met(

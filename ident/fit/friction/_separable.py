@@ -204,13 +204,19 @@ class _Going:
         """Return some of them."""
         if len(which) == len(self.lane):
             return self
+        point = None if self.point is None else self.point.take(which)
+        before = self.before
+        if point is not None and before is self.point.residual:
+            before = point.residual
+        elif before is not None:
+            before = before[which]
         return _Going(
             self.lane[which],
             self.equation.take(which),
             self.shares.take(which),
             self.shape[which],
-            None if self.point is None else self.point.take(which),
-            None if self.before is None else self.before[which],
+            point,
+            before,
             None if self.losses is None else [self.losses[k] for k in which],
         )
 

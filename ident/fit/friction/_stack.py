@@ -24,7 +24,7 @@ class Stack:
     """
 
     problems: tuple[Problem, ...]
-    shared: dict[str, np.ndarray]
+    shared: dict[object, np.ndarray]
 
     @property
     def one(self) -> Problem:
@@ -53,7 +53,7 @@ class Stack:
         """One fit per recording, to all rows that may be used."""
         return side_by_side([each.all_rows for each in self.problems], self.rows)
 
-    def _once(self, name: str, of: Callable[[Problem], np.ndarray]) -> np.ndarray:
+    def _once(self, name: object, of: Callable[[Problem], np.ndarray]) -> np.ndarray:
         if name not in self.shared:
             self.shared[name] = self._filled([of(each) for each in self.problems])
         return self.shared[name]
@@ -99,14 +99,17 @@ class Stack:
     @cached_property
     def place(self) -> Int[np.ndarray, "r s"]:
         """The first of the two neighbouring factors of friction that each row meets."""
-        cell = self._filled([each.pairs()[0] for each in self.problems])
-        return np.asarray(cell + len(self.structure.factors) * self.way)
+        cell = self._once(self._alike("cell"), lambda each: each.pairs()[0])
+        return cell + len(self.structure.factors) * self.way
 
     @cached_property
     def pair(self) -> Float[np.ndarray, "r s 2"]:
         """Their columns, with the sign of each row's velocity."""
-        pair = self._filled([each.pairs()[1] for each in self.problems])
-        return np.asarray(self.sign[:, :, None] * pair)
+        return self._once(self._alike("pair"), lambda each: each.signed_pair)
+
+    def _alike(self, name: str) -> tuple[object, ...]:
+        """Return the name of what a law per direction has in common with one for both."""
+        return name, *(each.structure.alike for each in self.problems)
 
     def profiles(
         self, shapes: Float[np.ndarray, "w h"], of: Int[np.ndarray, " w"] | None

@@ -156,6 +156,13 @@ class AbstractStructure(abc.ABC):
     ) -> AbstractFriction:
         """Return the law for factors per direction (one row where both are alike)."""
 
+    @cached_property
+    def alike(self) -> "AbstractStructure":
+        """The same kind of law for both directions together."""
+        return (
+            dataclasses.replace(self, directional=False) if self.directional else self
+        )
+
     @property
     def ways(self) -> int:
         """How many sets of factors there are."""
