@@ -7,11 +7,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._errors import check_lengths
-from ._noise import long_run_deviation, resolution
+from ._noise import long_run_deviations, resolution
 from ._order import median
 
 _SURE = 4.0
 """Standard deviations from which on the sign is told."""
+_LEAST_POWER = 1e-9
+"""Share of a column that the others do not have, below which it is not told from them."""
+_SAME = 1e-13
+"""Such a share that is nothing but rounding."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,12 +93,13 @@ def find_polarity(
     if side.min() < side.max():
         names.append("friction")
         columns.append(side)
-    if acceleration is not None and np.ptp(acceleration[use]) > 0.0:
+    push = None if acceleration is None else acceleration[use]
+    if push is not None and push.min() < push.max():
         names.append("inertia")
-        columns.append(acceleration[use])
+        columns.append(push)
     if len(columns) == 1:
         return _unknown("only one direction is recorded, and no acceleration")
-    values, scores = _regress(np.column_stack(columns), current[use], correlated)
+    values, scores = _regress(np.stack(columns), current[use], correlated)
     told = dict(zip(names, values.tolist(), strict=True))
     ratio = dict(zip(names, scores.tolist(), strict=True))
     friction, inertia = told.get("friction", 0.0), told.get("inertia", 0.0)
@@ -122,26 +127,27 @@ def _unknown(reason: str) -> Polarity:
 
 
 def _regress(
-    columns: Float[np.ndarray, "t k"], target: Float[np.ndarray, " t"], lag: int
+    columns: Float[np.ndarray, "k t"], target: Float[np.ndarray, " t"], lag: int
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return coefficients, and each over its deviation for a correlated remainder."""
-    scale = np.linalg.norm(columns, axis=0)
-    unit = columns / scale
-    fit = np.linalg.lstsq(unit, target, rcond=None)[0]
-    residual = target - unit @ fit
+    """Return coefficients, and each over its deviation for a correlated remainder.
+
+    Columns that cannot be told apart share what they explain, and their ratios are 0.
+    """
+    scale = np.sqrt(np.einsum("kt,kt->k", columns, columns))
+    unit = columns / scale[:, None]
+    spread, axes = np.linalg.eigh(unit @ unit.T)
+    shown = spread > _SAME
+    inverse = axes[:, shown] / spread[shown] @ axes[:, shown].T
+    fit = inverse @ (unit @ target)
+    residual = target - fit @ unit
+    # Of each column what the others do not have; its power is what tells of it.
+    power = 1.0 / (axes**2 @ (1.0 / np.maximum(spread, _SAME)))
+    own = (inverse @ unit) * power[:, None]
+    deviation = long_run_deviations(own * residual, lag) / power
     # A remainder of nothing but rounding must not give an infinite ratio.
     floor = 1e-12 * float(np.linalg.norm(target)) + 1e-300
-    ratios = np.empty(fit.size)
-    for k in range(fit.size):
-        others = np.delete(unit, k, axis=1)
-        own = unit[:, k] - others @ np.linalg.lstsq(others, unit[:, k], rcond=None)[0]
-        power = float(own @ own)
-        if power < 1e-9:  # the columns cannot be told apart
-            ratios[k] = 0.0
-            continue
-        deviation = max(long_run_deviation(own * residual, lag) / power, floor)
-        ratios[k] = fit[k] / deviation
-    return fit / scale, ratios
+    told = power >= _LEAST_POWER
+    return fit / scale, np.where(told, fit / np.maximum(deviation, floor), 0.0)
 
 
 def find_saturation(

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from ._errors import SignalError, check_lengths
 from ._filter import SETTLING, zero_phase
-from ._noise import long_run_deviation
+from ._noise import long_run_deviations
 
 _LEAST_CORRELATION = 0.5
 _SECOND_PEAK = 0.98
@@ -207,6 +207,7 @@ def _judge(
     spread = float(np.linalg.norm(target - target.mean()))
     if power == 0.0 or spread == 0.0:
         return delay, float("inf"), float(fit[1]), 0.0
-    deviation = long_run_deviation(gradient * residual, lag) / power
+    deviations = long_run_deviations((gradient * residual)[None], lag)
+    deviation = float(deviations[0]) / power
     share = 1.0 - (float(np.linalg.norm(residual)) / spread) ** 2
     return delay, deviation, float(fit[1]), max(share, 0.0) ** 0.5

@@ -81,15 +81,20 @@ def noise_gain(
     return float(np.linalg.norm(pipeline(impulse)))
 
 
-def long_run_deviation(values: Float[np.ndarray, " t"], lag: int) -> float:
-    """Return the standard deviation of the sum of correlated values about 0.
+def long_run_deviations(
+    values: Float[np.ndarray, "k t"], lag: int
+) -> Float[np.ndarray, " k"]:
+    """Return the standard deviation of the sum of correlated values about 0, per row.
 
     Bartlett weights up to a lag (Newey and West, Econometrica 55(3), 1987). These are
     how often sums over lag + 1 values in a row, at the ends over fewer, hold both of two
     values: the mean square of such sums has them.
     """
-    lag = min(lag, values.size - 1)
-    total = np.cumsum(values)
-    sums = np.concatenate([total, np.full(lag, total[-1])])
-    sums[lag + 1 :] -= total[:-1]
-    return math.sqrt(float(sums @ sums) / (lag + 1))
+    rows, size = values.shape
+    lag = min(lag, size - 1)
+    total = np.cumsum(values, axis=1)
+    sums = np.empty((rows, size + lag))
+    sums[:, :size] = total
+    sums[:, size:] = total[:, -1:]
+    sums[:, lag + 1 :] -= total[:, :-1]
+    return np.sqrt(np.array([row @ row for row in sums]) / (lag + 1))

@@ -70,25 +70,44 @@ class Phases:
     Attributes:
         motion: That they are of.
         direction: +1 or −1 where the sign of the velocity is certain, else 0.
-        rest: Standstill: no direction for at least the shortest rest.
-        reversals: In order.
         slowest: Speed in mm/s or °/s below which the sign of the velocity is not
             certain.
+        shortest_rest: In s.
         shortest_plateau: In s, after the ends are cut off.
         tolerance: Share of its speed by which a plateau may vary.
+        least_travel: Way in mm or ° on either side that makes a reversal, or None.
     """
 
     motion: Motion
     direction: Int[np.ndarray, " t"]
-    rest: Bool[np.ndarray, " t"]
-    reversals: tuple[Reversal, ...]
     slowest: float
+    shortest_rest: float
     shortest_plateau: float
     tolerance: float
+    least_travel: float | None
+
+    # Stretches are looked for when they are asked for.
+
+    @functools.cached_property
+    def rest(self) -> Bool[np.ndarray, " t"]:
+        """Standstill: no direction for at least the shortest rest."""
+        still = (self.direction == 0) & self.motion.settled
+        least = max(1, round(self.shortest_rest / self.motion.step))
+        return _long_runs(still, least)
+
+    @functools.cached_property
+    def reversals(self) -> tuple[Reversal, ...]:
+        """Changes of direction with enough way on both sides, in order."""
+        motion, travel = self.motion, self.least_travel
+        if travel is None:
+            per_speed = 1.0 / (2.0 * np.pi * motion.bandwidth)
+            strongest = quantile(_ringing(motion), 0.99)
+            travel = max(10.0 * motion.position_noise, 5.0 * strongest * per_speed)
+        return _reversals(motion, self.direction, travel, self.shortest_rest)
 
     @functools.cached_property
     def plateaus(self) -> tuple[Plateau, ...]:
-        """Stretches of constant speed, in order; looked for when they are asked for."""
+        """Stretches of constant speed, in order."""
         return _plateaus(
             self.motion, self.direction, self.shortest_plateau, self.tolerance
         )
@@ -119,36 +138,25 @@ def find_phases(
         least_travel: Way in mm or ° on either side that makes a reversal; where left
             out, ten times the noise of the positions, or what the filter may ring with.
     """
-    step = motion.step
     slowest = _SURE * motion.velocity_noise
-    ringing = _ringing(motion, step)
-    speed = np.abs(motion.velocity)
-    sure = motion.settled & (speed > slowest + ringing)
+    sure = motion.settled & (np.abs(motion.velocity) > slowest + _ringing(motion))
     direction = np.where(sure, np.sign(motion.velocity), 0.0).astype(np.int64)
-    still = (direction == 0) & motion.settled
-    rest = _long_runs(still, max(1, round(shortest_rest / step)))
-    if least_travel is None:
-        per_speed = 1.0 / (2.0 * np.pi * motion.bandwidth)
-        strongest = quantile(ringing, 0.99)
-        travel = max(10.0 * motion.position_noise, 5.0 * strongest * per_speed)
-    else:
-        travel = least_travel
     return Phases(
         motion=motion,
         direction=direction,
-        rest=rest,
-        reversals=_reversals(motion, direction, travel, shortest_rest),
         slowest=slowest,
+        shortest_rest=shortest_rest,
         shortest_plateau=shortest_plateau,
         tolerance=tolerance,
+        least_travel=least_travel,
     )
 
 
-def _ringing(motion: Motion, step: float) -> Float[np.ndarray, " t"]:
+def _ringing(motion: Motion) -> Float[np.ndarray, " t"]:
     """Return the speed up to which the filter may show motion where there is none."""
     from scipy.ndimage import maximum_filter1d
 
-    window = 1 + 2 * max(1, round(2.0 / motion.bandwidth / step))
+    window = 1 + 2 * max(1, round(2.0 / motion.bandwidth / motion.step))
     strongest = maximum_filter1d(np.abs(motion.acceleration), window, mode="nearest")
     ringing: Float[np.ndarray, " t"] = (
         _RINGING * strongest / (2.0 * np.pi * motion.bandwidth)
