@@ -120,7 +120,6 @@ def _read_fast(layout: Layout, text: str) -> _Read | None:
     body, skipped = _without_comments(body, layout)
     if dialect.separator == " ":
         body = _single_blanks(body)
-    lines = _filled_lines(body) + layout.body_line
     # Lines may all end with a separator that the header lacks.
     first = layout.dialect.split(body.lstrip(b"\n").split(b"\n", 1)[0].decode())
     extra = ["\0end"] if len(first) == width + 1 and first[-1] == "" else []
@@ -144,8 +143,10 @@ def _read_fast(layout: Layout, text: str) -> _Read | None:
         )
     except (pa.ArrowInvalid, pa.ArrowKeyError):
         return None
+    lines = _lines_of_rows(body, read.num_rows)
     if read.num_rows != lines.size:
         return None
+    lines += layout.body_line
     if extra and any(cell.strip() for cell in read.column(width).to_pylist()):
         return None
     columns = [
@@ -178,10 +179,10 @@ def _fast_column(
     if not layout.numeric[at]:
         return _text_column(name, tuple(cell.strip() for cell in cells.to_pylist()))
     values = np.asarray(cells.to_numpy(), dtype=np.float64)
-    wrong = np.flatnonzero(~np.isfinite(values))
-    if not wrong.size:
+    finite = np.isfinite(values)
+    if finite.all():
         return _number_column(name, values, None)
-    number = int(lines[wrong[0]])
+    number = int(lines[finite.argmin()])
     line = text[layout.body :].split("\n")[number - layout.body_line]
     return _number_column(name, values, BadCell(number, layout.dialect.split(line)[at]))
 
@@ -201,9 +202,12 @@ def _single_blanks(body: bytes) -> bytes:
     return np.where(kept == 9, np.uint8(32), kept).astype(np.uint8).tobytes()
 
 
-def _filled_lines(body: bytes) -> Int[np.ndarray, " t"]:
-    """Return the indices of the lines that are not empty."""
-    ends = np.flatnonzero(np.frombuffer(body, np.uint8) == 10)
+def _lines_of_rows(body: bytes, rows: int) -> Int[np.ndarray, " t"]:
+    """Return the indices of the lines that are not empty, of which so many were read."""
+    is_end = np.frombuffer(body, np.uint8) == 10
+    if rows == np.count_nonzero(is_end) + (not body.endswith(b"\n")):
+        return np.arange(rows)  # one row of each line
+    ends = np.flatnonzero(is_end)
     if not body.endswith(b"\n"):
         ends = np.append(ends, len(body))
     starts = np.concatenate([[0], ends[:-1] + 1])
@@ -285,7 +289,7 @@ def _name_columns(
         return "laser table", (remark,), named
     roles_found, laser = roles_of(layout.names)
     named = [
-        dataclasses.replace(column, role=role)
+        column if role is None else dataclasses.replace(column, role=role)
         for column, role in zip(columns, roles_found, strict=True)
     ]
     return ("laser table" if laser else "CSV"), (), named

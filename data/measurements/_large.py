@@ -21,7 +21,7 @@ from ._run_table import is_run_table
 from ._scope_block import is_scope
 from ._stream import BUFFER
 from ._table import Table
-from ._text import decode, words_of
+from ._text import decode, text_and_words
 
 _LOOK = 1000
 """Rows that show what a file holds."""
@@ -141,8 +141,7 @@ def _open_text(path: Path, start: bytes, size: int) -> LargeFile | None:
     if end < 0 or start[:2] in (b"\x1f\x8b", b"\xff\xfe", b"\xfe\xff"):
         return None
     try:
-        text = decode(start[: end + 1], path)
-        words = words_of(text)
+        text, words = text_and_words(start[: end + 1], path)
         if is_scope(text, words) or is_run_table(text, words):
             return None
         if is_height_map(text) or is_bed_mesh(text):

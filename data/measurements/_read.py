@@ -10,7 +10,7 @@ from ._run_table import is_run_table, read_run_table
 from ._scope import read_scope
 from ._scope_block import is_scope
 from ._table import Table
-from ._text import decode, load_bytes, words_of
+from ._text import text_and_words, unpacked
 
 
 def read_table(path: Path, *, profile: str | None = None) -> Table:
@@ -31,14 +31,14 @@ def read_table(path: Path, *, profile: str | None = None) -> Table:
     """
     with path.open("rb") as file:
         magic = file.read(4)
+        raw = b"" if magic == b"PAR1" else magic + file.read()
     if magic == b"PAR1":
         return read_parquet(path)
-    raw = load_bytes(path)
+    raw = unpacked(raw, path)
     if is_mat(raw):
         return read_mat(path, raw)
-    text = decode(raw, path)
+    text, words = text_and_words(raw, path)
     head = text[:200_000]
-    words = words_of(head)
     if is_scope(head, words):
         return read_scope(path, text)
     if is_height_map(head):

@@ -35,14 +35,12 @@ _MARKS = (
 )
 
 
-def load_bytes(path: Path) -> bytes:
+def unpacked(raw: bytes, path: Path) -> bytes:
     """Return the content of a file, unpacked where it is gzip-compressed.
 
     Raises:
-        OSError: If it cannot be read.
         MeasurementError: If it is empty, damaged, or of a kind that is not read.
     """
-    raw = path.read_bytes()
     if raw.startswith(b"\x1f\x8b"):
         try:
             raw = gzip.decompress(raw)
@@ -65,14 +63,28 @@ def decode(raw: bytes, path: Path) -> str:
     Raises:
         MeasurementError: If the bytes are no text.
     """
-    text = ""
+    return text_and_words(raw, path)[0]
+
+
+def text_and_words(raw: bytes, path: Path) -> tuple[str, bytes]:
+    """Return the text as `decode`, and the same without digits, signs and separators.
+
+    Of a table little is left of that. Words of letters, blanks and brackets that stand in
+    the text stand there as well, and are found sooner; what comes to stand side by side may
+    look like others.
+
+    Raises:
+        MeasurementError: If the bytes are no text.
+    """
     for mark, encoding in _MARKS:
         if raw.startswith(mark):
             text = raw.decode(encoding, errors="replace")
+            words = text.encode().translate(None, _NUMERIC)
             break
     else:
         # Taking all else away is faster than looking for one.
-        control = _CONTROL.search(raw) if raw.translate(None, _TEXT) else None
+        words = raw.translate(None, _NUMERIC)
+        control = _CONTROL.search(raw) if words.translate(None, _TEXT) else None
         if control is not None:
             line = raw.count(b"\n", 0, control.start()) + 1
             byte = raw[control.start()]
@@ -84,13 +96,4 @@ def decode(raw: bytes, path: Path) -> str:
             text = raw.decode("latin-1")
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
-    return text
-
-
-def words_of(text: str) -> bytes:
-    """Return a text without digits, signs and separators: little is left of a table.
-
-    Words of letters, blanks and brackets that stand in the text stand here as well, and
-    are found sooner; what comes to stand side by side may look like others.
-    """
-    return text.encode().translate(None, _NUMERIC)
+    return text, words

@@ -185,11 +185,11 @@ def _held(values: Float[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " 
     A signal comes to a limit with a kink, by several steps of its display; the crest of
     a slow wave is left by one.
     """
-    span = float(np.ptp(values))
+    top = float(values.max())
+    span = top - float(values.min())
     nothing = np.zeros(values.size, dtype=bool)
     if values.size < 4 * shortest or span == 0.0:
         return nothing
-    top = float(values.max())
     near = values >= top - 1e-6 * span
     if np.count_nonzero(near) < shortest:
         return nothing

@@ -105,16 +105,16 @@ def examine(
     clock, phases = motion.clock, find_phases(motion)
     saturation = find_saturation(current, limit=limit)
     sure = np.where(motion.settled & ~saturation.rows, phases.direction, 0)
-    polarity = find_polarity(current, sure, motion.acceleration)
     usable: Bool[np.ndarray, " t"] = sure != 0
+    polarity = find_polarity(current, sure, motion.acceleration)
     moving = motion.settled & (phases.direction != 0)
     held = _held_at_limit(saturation, moving)
     findings = [
         # With the current held all the time no sample is sure, though the axis moves.
         *(held or _directions(sure)),
-        *_slow_samples(motion, sure, slow, unit),
-        *_sign(current, sure, polarity),
-        *([] if held else _limits(saturation, motion, sure)),
+        *_slow_samples(motion, usable, slow, unit),
+        *_sign(current[usable], sure, polarity),
+        *([] if held else _limits(saturation, motion, usable)),
     ]
     if clock.jumps:
         findings.append(Finding("clock jumps", f"The clock has {clock.statement}."))
@@ -122,7 +122,7 @@ def examine(
 
 
 def _directions(sure: Int[np.ndarray, " t"]) -> list[Finding]:
-    counts = {sign: int((sure == sign).sum()) for sign in (1, -1)}
+    counts = {sign: np.count_nonzero(sure == sign) for sign in (1, -1)}
     if max(counts.values()) < _FEW:
         sentence = (
             "The axis does not move, or not faster than the noise of its positions."
@@ -140,14 +140,14 @@ def _directions(sure: Int[np.ndarray, " t"]) -> list[Finding]:
 
 
 def _slow_samples(
-    motion: Motion, sure: Int[np.ndarray, " t"], slow: float | None, unit: str
+    motion: Motion, usable: Bool[np.ndarray, " t"], slow: float | None, unit: str
 ) -> list[Finding]:
-    moving = np.abs(motion.velocity[sure != 0])
+    moving = np.abs(motion.velocity[usable])
     if moving.size < _FEW:
         return []
     fastest = quantile(moving, 0.99)
     bound = _SLOW * fastest if slow is None else slow
-    count = int((moving <= bound).sum())
+    count = np.count_nonzero(moving <= bound)
     if count >= _FEW:
         return []
     slowest = quantile(moving, 0.01)
@@ -159,12 +159,12 @@ def _slow_samples(
 
 
 def _sign(
-    current: Float[np.ndarray, " t"], sure: Int[np.ndarray, " t"], polarity: Polarity
+    driven: Float[np.ndarray, " u"], sure: Int[np.ndarray, " t"], polarity: Polarity
 ) -> list[Finding]:
+    """Return what is wrong with the sign of the current of the usable samples."""
     findings = []
-    if not (sure != 0).any():
+    if not driven.size:
         return []
-    driven = current[sure != 0]
     low, high = quantile(driven, 0.001), quantile(driven, 0.999)
     both = bool((sure > 0).any() and (sure < 0).any())
     if both and low * high > 0.0:
@@ -195,7 +195,8 @@ def _sign(
 def _held_at_limit(
     saturation: Saturation, moving: Bool[np.ndarray, " t"]
 ) -> list[Finding]:
-    share = float(saturation.rows[moving].mean()) if moving.any() else 0.0
+    held = np.count_nonzero(saturation.rows & moving)
+    share = float(held / max(np.count_nonzero(moving), 1))
     if share <= _HELD:
         return []
     sentence = (
@@ -207,7 +208,7 @@ def _held_at_limit(
 
 
 def _limits(
-    saturation: Saturation, motion: Motion, sure: Int[np.ndarray, " t"]
+    saturation: Saturation, motion: Motion, usable: Bool[np.ndarray, " t"]
 ) -> list[Finding]:
     if not saturation.rows.any():
         return []
@@ -219,7 +220,7 @@ def _limits(
             if (motion.settled.any())
             else push > 0.0
         )
-        if int((strong & (sure != 0)).sum()) < _FEW:
+        if np.count_nonzero(strong & usable) < _FEW:
             lost = ("inertia",)
     sentence = f"{saturation.statement[0].upper()}{saturation.statement[1:]}"
     sentence += ": these are left out."

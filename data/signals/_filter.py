@@ -85,7 +85,10 @@ def central_differences(
 ) -> Float[np.ndarray, "t *k"]:
     """Return rates per s from the neighbours on both sides; one-sided at the ends."""
     check_lengths("central differences", len(values), least=2)
-    rates: np.ndarray = np.gradient(values, sample_time, axis=0)
+    rates = np.empty_like(values)  # as `np.gradient` has them
+    rates[1:-1] = (values[2:] - values[:-2]) / (2.0 * sample_time)
+    rates[0] = (values[1] - values[0]) / sample_time
+    rates[-1] = (values[-1] - values[-2]) / sample_time
     return rates
 
 

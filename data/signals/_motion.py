@@ -49,6 +49,8 @@ class Motion:
     @functools.cached_property
     def step(self) -> float:
         """Median of all steps of the times in s, jumps back among them."""
+        if all(jump.step > 0.0 for jump in self.clock.jumps):
+            return self.clock.sample_time  # the same of the steps that rise
         return median(np.diff(self.time))
 
 
