@@ -1,5 +1,7 @@
 """Rules between the entries of one structure: what must stand, and what must agree."""
 
+import functools
+
 from ._check_view import ListView
 from ._expression import expression
 from ._finding import Level
@@ -7,7 +9,10 @@ from ._parameter import Condition, Function, Parameter
 from ._registry import registry
 
 _OLD_ONLY = ("master_ax_nr", "last_index", "table[].acceleration", "table[].correction")
+_OLD_KEYS = frozenset(f"kw.crosstalk.{name}" for name in _OLD_ONLY)
 """Entries that only the older crosstalk list has."""
+_SHARED = {"kw.crosstalk.n_cycles", "kw.crosstalk.manual_activation"}
+"""Entries that both have."""
 
 
 def check_structures(view: ListView) -> None:
@@ -36,20 +41,20 @@ def crosstalk_forms(view: ListView) -> tuple[bool, bool]:
     """Return whether the present and the older form of a crosstalk list are there."""
     keys = [key for key in view.columns if key.startswith("kw.crosstalk.")]
     known = registry().by_key
-    old = {f"kw.crosstalk.{name}" for name in _OLD_ONLY}
-    shared = {"kw.crosstalk.n_cycles", "kw.crosstalk.manual_activation"}
-    new = any(key in known and key not in old | shared for key in keys)
-    return new, any(key in old for key in keys)
+    new = any(key in known and key not in _OLD_KEYS | _SHARED for key in keys)
+    return new, any(key in _OLD_KEYS for key in keys)
 
 
 def _other_generation(view: ListView) -> frozenset[str]:
     """Return the crosstalk entries that the generation of the list does not have."""
     new, old = crosstalk_forms(view)
+    return _present_only() if old and not new else _OLD_KEYS
+
+
+@functools.cache
+def _present_only() -> frozenset[str]:
     keys = (key for key in registry().by_key if key.startswith("kw.crosstalk."))
-    old_keys = {f"kw.crosstalk.{name}" for name in _OLD_ONLY}
-    if old and not new:
-        return frozenset(key for key in keys if key not in old_keys)
-    return frozenset(old_keys)
+    return frozenset(keys) - _OLD_KEYS
 
 
 def _holds(view: ListView, row: Parameter, text: str) -> bool | None:

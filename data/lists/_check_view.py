@@ -36,6 +36,7 @@ class ListView:
         self.columns: Mapping[str, Rows] = file.columns
         self.findings: list[Finding] = []
         self._lines: dict[int, Line] = {}
+        self._values: dict[str, int | float | str | None] = {}
 
     # ---------------------------------------------------------------- what stands there
 
@@ -54,6 +55,11 @@ class ListView:
         None where it cannot be read or is not allowed, which is a finding of its own
         and must not be blamed on others; and where it has no default.
         """
+        if key not in self._values:  # several rules ask for the same ones
+            self._values[key] = self._value(key)
+        return self._values[key]
+
+    def _value(self, key: str) -> int | float | str | None:
         row = registry().by_key[key]
         text = self.text(key)
         if text is None or not build_has(row, self.build):
@@ -71,10 +77,10 @@ class ListView:
     def given(self, key: str) -> bool:
         """Return whether the entry stands in the list and is not 0."""
         text = self.text(key)
-        row = registry().by_key[key]
-        if text is None or not build_has(row, self.build):
+        if text is None:
             return False
-        return bool(read_value(row, text))
+        row = registry().by_key[key]
+        return build_has(row, self.build) and bool(read_value(row, text))
 
     @functools.cached_property
     def structures(self) -> frozenset[str]:
@@ -88,16 +94,17 @@ class ListView:
 
         A structure that holds only a size, a unit or zeros is idle.
         """
+        indexed = [key for key in self.columns if "[]" in key]
         tables = {
             structure
             for structure in self.structures
-            if any(
-                key.startswith(f"{structure}.") and "[]" in key for key in self.columns
-            )
+            if any(key.startswith(f"{structure}.") for key in indexed)
         }
         for function in registry().functions:
             stem = function.structure
-            if any(self.given(f"{stem}.{sign}") for sign in function.signs):
+            if stem in self.structures and any(
+                self.given(f"{stem}.{sign}") for sign in function.signs
+            ):
                 tables.add(stem)
         return frozenset(tables)
 

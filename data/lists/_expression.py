@@ -1,7 +1,7 @@
 """Small expressions of the registry: conditions between the entries of one structure.
 
 Comparisons, ``and``/``or``/``not``, ``+ - *``, numbers, texts, names of entries and
-``given(name)``. Evaluated by walking the syntax tree: nothing else can be expressed.
+``given(name)``. Made into functions by walking the syntax tree: nothing else can be expressed.
 """
 
 import ast
@@ -11,6 +11,9 @@ from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 Value: TypeAlias = int | float | str | bool
+_Values: TypeAlias = Callable[[str], Value]
+_Given: TypeAlias = Callable[[str], bool]
+_Step: TypeAlias = Callable[[_Values, _Given], Value]
 
 _ARITHMETIC: Mapping[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -48,19 +51,20 @@ class Expression:
             ValueError: If it holds anything that the module does not name.
         """
         self.text = text
-        self._tree = ast.parse(text, mode="eval").body
+        tree = ast.parse(text, mode="eval").body
         self.names = tuple(
             dict.fromkeys(
                 node.id
-                for node in ast.walk(self._tree)
+                for node in ast.walk(tree)
                 if isinstance(node, ast.Name) and node.id not in ("given", "true")
             )
         )
         """Entries that the expression looks at, in order."""
-        for node in ast.walk(self._tree):
+        for node in ast.walk(tree):
             if not isinstance(node, _ALLOWED):
                 msg = f"expression {text!r} holds {type(node).__name__}"
                 raise ValueError(msg)
+        self._evaluate = _compiled(tree)
 
     def holds(
         self, value: Callable[[str], Value | None], given: Callable[[str], bool]
@@ -79,7 +83,7 @@ class Expression:
             return found
 
         try:
-            return bool(_evaluate(self._tree, known, given))
+            return bool(self._evaluate(known, given))
         except UnknownValueError:
             return None
 
@@ -90,36 +94,55 @@ def expression(text: str) -> Expression:
     return Expression(text)
 
 
-def _evaluate(
-    node: ast.expr, value: Callable[[str], Value], given: Callable[[str], bool]
-) -> Value:
+def _compiled(node: ast.expr) -> _Step:
+    """Return what tells the value of an expression, given that of every name."""
     match node:
         case ast.Constant(value=int() | float() | str() as constant):
-            return constant
+            return lambda value, given: constant
         case ast.Name(id="true"):
-            return True
+            return lambda value, given: True
         case ast.Name(id=name):
-            return value(name)
+            return lambda value, given: value(name)
         case ast.Call(func=ast.Name(id="given"), args=[ast.Name(id=name)]):
-            return given(name)
+            return lambda value, given: given(name)
         case ast.UnaryOp(op=ast.Not(), operand=operand):
-            return not _evaluate(operand, value, given)
+            inner = _compiled(operand)
+            return lambda value, given: not inner(value, given)
         case ast.BoolOp(op=ast.And(), values=parts):
-            return all(_evaluate(part, value, given) for part in parts)
+            steps = list(map(_compiled, parts))
+            return lambda value, given: all(step(value, given) for step in steps)
         case ast.BoolOp(op=ast.Or(), values=parts):
-            return any(_evaluate(part, value, given) for part in parts)
+            steps = list(map(_compiled, parts))
+            return lambda value, given: any(step(value, given) for step in steps)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
-            first, second = (_evaluate(side, value, given) for side in (left, right))
-            if isinstance(first, str) or isinstance(second, str):
-                raise UnknownValueError
-            return _ARITHMETIC[type(op)](first, second)
+            return _calculated(_ARITHMETIC[type(op)], _compiled(left), _compiled(right))
         case ast.Compare(left=left, ops=[op], comparators=[right]):
-            first, second = (_evaluate(side, value, given) for side in (left, right))
-            if isinstance(first, str) != isinstance(second, str) and not isinstance(
-                op, ast.Eq | ast.NotEq
-            ):
-                raise UnknownValueError
-            return _COMPARISONS[type(op)](first, second)
+            return _compared(op, _compiled(left), _compiled(right))
         case _:
             msg = f"expression holds {ast.unparse(node)!r}, which is not allowed"
             raise ValueError(msg)
+
+
+def _calculated(
+    operation: Callable[[float, float], float], left: _Step, right: _Step
+) -> _Step:
+    def calculated(value: _Values, given: _Given) -> Value:
+        first, second = left(value, given), right(value, given)
+        if isinstance(first, str) or isinstance(second, str):
+            raise UnknownValueError
+        return operation(first, second)
+
+    return calculated
+
+
+def _compared(operator_: ast.cmpop, left: _Step, right: _Step) -> _Step:
+    holds = _COMPARISONS[type(operator_)]
+    any_kind = isinstance(operator_, ast.Eq | ast.NotEq)
+
+    def compared(value: _Values, given: _Given) -> Value:
+        first, second = left(value, given), right(value, given)
+        if isinstance(first, str) != isinstance(second, str) and not any_kind:
+            raise UnknownValueError
+        return holds(first, second)
+
+    return compared

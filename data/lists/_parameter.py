@@ -4,6 +4,7 @@ Named tuples, not dataclasses: making the classes takes a sixth of the time, and
 start of ``axcomp check`` pays for it.
 """
 
+import functools
 from typing import Literal, NamedTuple, TypeAlias
 
 from ._finding import Level
@@ -118,9 +119,7 @@ class Parameter(NamedTuple):
     @property
     def structure(self) -> str:
         """Part of the key before the table and the last dot, such as ``kw.ssfk``."""
-        table = self.key.find("[")
-        stem = self.key if table < 0 else self.key[:table]
-        return stem.rpartition(".")[0]
+        return _structure(self.key)
 
     @property
     def name(self) -> str:
@@ -138,6 +137,11 @@ class Parameter(NamedTuple):
         found = {self.number, self.negative, self.missing, self.changed, *self.numbers}
         found.update(condition.number for condition in self.conditions)
         return tuple(sorted(number for number in found if number is not None))
+
+
+@functools.cache
+def _structure(key: str) -> str:
+    return key.partition("[")[0].rpartition(".")[0]
 
 
 class Function(NamedTuple):

@@ -6,6 +6,7 @@ becomes objects. All other lines go through `read_line`, which says the same of 
 lines too (a test holds them together).
 """
 
+import functools
 import io
 import re
 from collections.abc import Iterable, Sequence
@@ -73,34 +74,44 @@ class _Column:
         return Rows(self.key, indices, self.texts, self.lines, self.plain)
 
 
-class _Route:
-    """How to take plain lines of one name without a look at each.
+class _Shape(NamedTuple):
+    """How plain lines of one name look."""
 
-    Attributes:
-        column: Where they go.
-        line: Pattern of such a line.
-        ends: What stands before its first index and behind its last.
-    """
+    key: str
+    """Canonical key."""
+    line: str
+    """Pattern of such a line."""
+    ends: tuple[str, str]
+    """What stands before its first index and behind its last."""
 
-    def __init__(self, head: str, tail: str, both: bool, column: _Column) -> None:
-        index = r"\[ *+[0-9]{1,9}+\]"
-        name = f"{re.escape(head)}{index * (2 if both else 1)}\\.{re.escape(tail)}"
-        self.line = rf"[ \t]*+{name}[ \t]++-?+[0-9]{{1,18}}+[ \t]*+\r?+\n"
-        self.column = column
-        self.ends = (f"{head}[", f"].{tail}")
+
+@functools.lru_cache(maxsize=4096)
+def _shape(head: str, tail: str, both: bool) -> _Shape | None:
+    """Return how plain lines of a name look, None if they need a closer look."""
+    parts = split_name(f"{head}[0][0].{tail}" if both else f"{head}[0].{tail}")
+    if parts is None:
+        return None
+    sense = meaning(parts[0])
+    if sense.key != parts[0] or sense.style in ("text", "bits"):
+        return None
+    index = r"\[ *+[0-9]{1,9}+\]"
+    name = f"{re.escape(head)}{index * (2 if both else 1)}\\.{re.escape(tail)}"
+    line = rf"[ \t]*+{name}[ \t]++-?+[0-9]{{1,18}}+[ \t]*+\r?+\n"
+    return _Shape(sense.key, line, (f"{head}[", f"].{tail}"))
 
 
 class _Run:
     """How to take a run of plain lines of some names in turn, mostly of one."""
 
-    def __init__(self, routes: Sequence[_Route]) -> None:
-        self._lines = re.compile(f"(?:{''.join(route.line for route in routes)})++")
-        self._columns = [route.column for route in routes]
+    def __init__(self, shapes: Sequence[_Shape]) -> None:
+        self._lines = re.compile(f"(?:{''.join(shape.line for shape in shapes)})++")
         # Of two where one is a part of the other, the longer one goes first.
-        ends = {end for route in routes for end in route.ends}
+        ends = {end for shape in shapes for end in shape.ends}
         self._ends = sorted(ends, key=len, reverse=True)
 
-    def take(self, text: str, at: int, number: int) -> tuple[int, int]:
+    def take(
+        self, text: str, at: int, number: int, columns: Sequence[_Column]
+    ) -> tuple[int, int]:
         """Add the rows of a run to their columns; return the place and line after it."""
         found = self._lines.match(text, at)
         if found is None:
@@ -109,16 +120,22 @@ class _Run:
         for end in self._ends:
             run = run.replace(end, " ")
         parts = run.replace("][", " ").split()
-        sizes = [len(column.digits) + 1 for column in self._columns]
+        sizes = [len(column.digits) + 1 for column in columns]
         turns = len(parts) // sum(sizes)
         after = number + turns * len(sizes)
         first = 0
-        for place, (column, size) in enumerate(zip(self._columns, sizes, strict=True)):
+        for place, (column, size) in enumerate(zip(columns, sizes, strict=True)):
             for part, into in enumerate((*column.digits, column.texts)):
                 into.extend(parts[first + part :: sum(sizes)])
             column.lines.extend(range(number + place, after, len(sizes)))
             first += size
         return found.end(), after
+
+
+@functools.lru_cache(maxsize=256)
+def _run(shapes: tuple[_Shape, ...]) -> _Run:
+    # Lists of a kind of machine have the same tables.
+    return _Run(shapes)
 
 
 def split_lines(text: str) -> tuple[str, ...]:
@@ -131,9 +148,7 @@ def scan(lines: tuple[str, ...]) -> Scan:
     text = "".join(lines)
     continued = _continued_comments(lines)
     columns: dict[str, _Column] = {}
-    routes: dict[tuple[str, str, bool], _Route | None] = {}
-    runs: dict[tuple[_Route, ...], _Run] = {}
-    before: _Route | None = None
+    before: _Shape | None = None
     remarks: list[TextRemark] = []
     end_line: int | None = None
     at, number = 0, 1
@@ -141,20 +156,19 @@ def scan(lines: tuple[str, ...]) -> Scan:
         plain = PLAIN.match(text, at)
         if plain is not None:
             head, first, second, tail, value = plain.groups()
-            key = (head, tail, second is not None)
-            if key not in routes:
-                routes[key] = _route(*key, columns)
-            route = routes[key]
-            if route is not None:
-                route.column.add([first, second] if second else [first], value, number)
+            shape = _shape(head, tail, second is not None)
+            if shape is not None:
+                if shape.key not in columns:
+                    columns[shape.key] = _Column(shape.key)
+                column = columns[shape.key]
+                column.add([first, second] if second else [first], value, number)
                 # On it goes with this name, or with the one before and this in turn.
-                turn: tuple[_Route, ...] = (route,)
-                if before is not None and before.column is not route.column:
-                    turn = (before, route)
-                if turn not in runs:
-                    runs[turn] = _Run(turn)
-                at, number = runs[turn].take(text, plain.end(), number + 1)
-                before = route
+                turn: tuple[_Shape, ...] = (shape,)
+                if before is not None and before.key != shape.key:
+                    turn = (before, shape)
+                into = [columns[each.key] for each in turn]
+                at, number = _run(turn).take(text, plain.end(), number + 1, into)
+                before = shape
                 continue
         line = lines[number - 1]
         at += len(line)
@@ -173,24 +187,10 @@ def scan(lines: tuple[str, ...]) -> Scan:
         number += 1
     done = {key: column.rows() for key, column in columns.items() if column.lines}
     for rows in done.values():
-        remarks.extend(_repeated(rows, lines))
+        if len(rows.lines) > 1:
+            remarks.extend(_repeated(rows, lines))
     remarks.sort(key=lambda remark: (remark.line, remark.column))
     return Scan(done, tuple(remarks), continued, end_line)
-
-
-def _route(
-    head: str, tail: str, both: bool, columns: dict[str, _Column]
-) -> _Route | None:
-    """Return how to take plain lines of a name, None if they need a closer look."""
-    parts = split_name(f"{head}[0][0].{tail}" if both else f"{head}[0].{tail}")
-    if parts is None:
-        return None
-    sense = meaning(parts[0])
-    if sense.key != parts[0] or sense.style in ("text", "bits"):
-        return None
-    if sense.key not in columns:
-        columns[sense.key] = _Column(sense.key)
-    return _Route(head, tail, both, columns[sense.key])
 
 
 def _continued_comments(lines: tuple[str, ...]) -> frozenset[int]:
