@@ -14,6 +14,8 @@ _UNKNOWN_LIMIT = 50
 
 def check_remarks(view: ListView) -> None:
     """Turn the remarks of the text layer into findings, the first few of each sort."""
+    if not view.file.remarks:
+        return
     seen: Counter[str] = Counter()
     totals = Counter(remark.code for remark in view.file.remarks)
     known = registry()

@@ -70,9 +70,10 @@ def value_texts(
         EntryValueError: If a value does not fit the type or range of the parameter.
     """
     row = registry().by_key.get(key)
-    if row is not None and row.is_integer and set(map(type, values)) == {int}:
-        numbers = [value for value in values if isinstance(value, int)]
-        if _integers_fit(row, min(numbers), max(numbers)):
+    if row is not None and row.is_integer:
+        numbers = [value for value in values if type(value) is int]
+        fit = len(numbers) == len(values) > 0
+        if fit and _integers_fit(row, min(numbers), max(numbers)):
             return list(map(str, numbers))  # a large table: one test for all of it
     return [
         value_text(row, name, value, source)
@@ -100,8 +101,12 @@ def _integers_fit(row: Parameter, low: int, high: int) -> bool:
         return set(range(low, high + 1)) <= {*row.values, *row.also}
     if low == high and low in row.also:
         return True
-    ranges = [interval for interval in (row.range, row.wide_range) if interval]
-    return not ranges or any(interval.holds(low, high) for interval in ranges)
+    narrow, wide = row.range, row.wide_range
+    if narrow is None and wide is None:
+        return True
+    return bool(
+        (narrow and narrow.holds(low, high)) or (wide and wide.holds(low, high))
+    )
 
 
 def _typed_text(row: Parameter, value: object) -> str | None:

@@ -91,12 +91,13 @@ def _read_short(layout: Layout, text: str) -> _Read | None:
     if dialect.decimal != "." or not all(layout.numeric):
         return None
     body = text[layout.body :].split("\n")
-    rows = [line.split(dialect.separator) for line in body if line]
-    cells = [cell for row in rows for cell in row]
-    if any(len(row) != width for row in rows):
-        return None
-    if not dialect.all_plain("\n".join(cells)):
-        return None
+    filled = [line for line in body if line]
+    cells = dialect.separator.join(filled).split(dialect.separator)
+    if not layout.plain:
+        if any(line.count(dialect.separator) != width - 1 for line in filled):
+            return None
+        if not dialect.all_plain("\n".join(cells)):
+            return None
     values = np.array(list(map(float, cells))).reshape(-1, width)
     if not np.isfinite(values).all():
         return None  # beyond floating point: where it stands is to be said

@@ -1,6 +1,7 @@
 """Column names as files write them: units, roles, and the plain laser table."""
 
 import dataclasses
+import functools
 import re
 from collections.abc import Sequence
 
@@ -51,6 +52,7 @@ class Name:
     header: str
 
 
+@functools.lru_cache(maxsize=1024)
 def parse_name(header: str) -> Name:
     """Return name and unit of ``x [mm]``, ``x (mm)``, ``x / mm`` or ``dz_um``."""
     text = header.strip()

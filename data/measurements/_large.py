@@ -181,7 +181,9 @@ def _text_tables(part: TablePart) -> Iterator[Table]:
             if here is None:
                 layout = here = find_layout(part.path, text)
             else:
-                here = dataclasses.replace(here, body=0, body_line=line, skipped=())
+                here = dataclasses.replace(
+                    here, body=0, body_line=line, skipped=(), plain=False
+                )
             line += text.count("\n")
             if text[here.body :].strip():
                 yield read_body(part.path, here, text)

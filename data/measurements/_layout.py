@@ -32,6 +32,7 @@ class Layout:
         body_line: Its line (1-based).
         numeric: Whether a column looks like numbers, from the first rows.
         skipped: Comments above the body.
+        plain: Every row of the text is seen to be plain numbers, one per name.
     """
 
     dialect: Dialect
@@ -41,6 +42,7 @@ class Layout:
     body_line: int
     numeric: tuple[bool, ...]
     skipped: tuple[Skipped, ...]
+    plain: bool = dataclasses.field(default=False, compare=False)
 
 
 def _head(text: str) -> tuple[list[int], list[str]]:
@@ -150,6 +152,7 @@ def _plain_layout(text: str) -> Layout | None:
         body_line=2,
         numeric=(True,) * width,
         skipped=(),
+        plain=not many,
     )
 
 

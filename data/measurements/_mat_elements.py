@@ -56,7 +56,9 @@ def is_version_4(raw: bytes) -> bool:
     The type is MOPT in decimal: M 0 or 1 (byte order), O 0, P 0 to 5 (precision), T 0
     to 2 (full, text, sparse).
     """
-    return len(raw) >= 22 and any(_header_4(raw, 0, order) for order in "<>")
+    # No such type fills four bytes; of text, the first ones hold no zero.
+    likely = len(raw) >= 22 and b"\0" in raw[:4]
+    return likely and any(_header_4(raw, 0, order) for order in "<>")
 
 
 def read_version_4(raw: bytes) -> Iterator[Variable]:

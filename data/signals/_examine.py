@@ -195,8 +195,8 @@ def _sign(
 def _held_at_limit(
     saturation: Saturation, moving: Bool[np.ndarray, " t"]
 ) -> list[Finding]:
-    held = np.count_nonzero(saturation.rows & moving)
-    share = float(held / max(np.count_nonzero(moving), 1))
+    held, driven = (saturation.rows & moving).sum(), moving.sum()
+    share = float(held / driven) if driven else 0.0
     if share <= _HELD:
         return []
     sentence = (

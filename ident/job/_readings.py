@@ -120,7 +120,7 @@ def read_fit(
         tuple(nodes.positions for nodes in table.nodes),
         direction if table.branches == 2 else None,
     )
-    if run is not None and len(np.unique(run)) > 1 and not repeated:
+    if run is not None and not repeated and len(np.unique(run)) > 1:
         remarks.append(
             Remark(
                 "info",

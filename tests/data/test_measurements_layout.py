@@ -1,15 +1,20 @@
 """Header and body of text tables: one look at plain ones finds what all lines tell."""
 
+import dataclasses
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from axcomp.data.measurements import open_large
+from axcomp.data.measurements._csv import _read_short
 from axcomp.data.measurements._layout import (
     _layout_by_lines,
     _plain_layout,
     find_layout,
 )
+from axcomp.data.measurements._table import BadCell
 
 FILE = Path("file.csv")
 ROWS = ["0.0100,1.5e-3,-7", "+.5,2.,1E6", "-0,0.25,12"]
@@ -83,6 +88,41 @@ def test_one_look_is_enough_for_a_plain_table(
 ) -> None:
     text = "\n".join([header, *(ROWS * count)[:count]]) + end
     assert _plain_layout(text) == _layout_by_lines(FILE, text)
+
+
+@settings(max_examples=200)
+@given(text=texts())
+def test_rows_that_were_all_seen_need_no_second_look(text: str) -> None:
+    layout = _plain_layout(text)
+    if layout is None or not layout.plain:
+        return
+    found = _read_short(layout, text)
+    careful = _read_short(dataclasses.replace(layout, plain=False), text)
+    assert found is not None
+    assert careful is not None
+    assert np.array_equal(found[1], careful[1])
+    for one, other in zip(found[0], careful[0], strict=True):
+        assert np.array_equal(one.values, other.values)
+
+
+@pytest.mark.parametrize(("count", "seen"), [(2, True), (199, True), (200, False)])
+def test_rows_below_the_first_ones_are_not_seen(count: int, seen: bool) -> None:
+    layout = _plain_layout("\n".join(["t,x,i", *(ROWS * count)[:count]]) + "\n")
+    assert layout is not None
+    assert layout.plain is seen
+
+
+def test_a_plain_first_piece_says_nothing_of_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text("t,x\n" + "1,2\n" * 30 + "3,x\n" + "5,6\n" * 9)
+    monkeypatch.setattr("axcomp.data.measurements._large._BLOCK", 64)
+    large = open_large(path, 0)
+    assert large is not None
+    (part,) = large.parts(["t", "x"], 1, 1000)
+    bad = [column.bad for piece in part.tables() for column in piece.columns]
+    assert [cell for cell in bad if cell is not None] == [BadCell(32, "x")]
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,22 @@ def test_sign_of_noise_cannot_be_told() -> None:
     assert wrong <= 2
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-6])
+def test_an_acceleration_that_is_all_but_the_direction_leaves_the_sign_untold(
+    apart: float,
+) -> None:
+    rng = np.random.default_rng(1)
+    direction = np.where(np.arange(400) % 40 < 20, 1, -1)
+    push = 5.0 * direction + apart * rng.normal(size=400)
+    current = 2.0 * direction + 0.01 * rng.normal(size=400)
+    polarity = find_polarity(current, direction, push)
+    assert polarity.sign is None
+    assert "0.0 standard deviations" in polarity.statement
+    # Both share what they explain, whoever has it: 2 A in all, but for the noise.
+    both = polarity.friction + 5.0 * polarity.inertia
+    assert both == pytest.approx(2.0, abs=0.01)
+
+
 def test_friction_and_inertia_that_contradict_each_other_tell_nothing() -> None:
     motion, current = record(wave(), friction=2.0, inertia=-2e-2)
     polarity = examine(motion, current).polarity
