@@ -67,7 +67,9 @@ class Absent:
         """Compare ``present``, distinct indices, with 0 … count − 1."""
         self._present = present if isinstance(present, set) else set(present)
         self._count = count
-        inside = sum(1 for index in self._present if index < count)
+        inside = len(self._present)
+        if inside and max(self._present) >= count:
+            inside = sum(1 for index in self._present if index < count)
         self._length = max(count, 0) - inside
 
     def __len__(self) -> int:

@@ -66,13 +66,23 @@ def split_name(written: str) -> tuple[str, tuple[int, ...]] | None:
 
 def locate(name: str) -> tuple[str, tuple[int, ...]] | None:
     """Return the canonical key and the indices of a name, or None for no name."""
+    if "[" not in name:
+        return _scalar(name)
     plain = _TABLE_NAME.fullmatch(name)
     if plain is not None and _INNER.fullmatch(plain[2]):
         digits = plain[2].split("][")  # the usual name in a table: no need to search it
         key = _table_key(plain[1], len(digits), plain[3] or "")
         return None if key is None else (key, tuple(map(int, digits)))
+    return _searched(name)
+
+
+def _searched(name: str) -> tuple[str, tuple[int, ...]] | None:
     parts = split_name(name.strip())
     return None if parts is None else (meaning(parts[0]).key, parts[1])
+
+
+_scalar = functools.lru_cache(maxsize=4096)(_searched)
+"""The same of a name without index, which is one of few."""
 
 
 @functools.lru_cache(maxsize=4096)

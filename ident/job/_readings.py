@@ -11,7 +11,7 @@ from ..proof import RunTable
 from ._fit_schema import TableSpec
 from ._load import Job
 from ._result import Remark
-from ._runs import cycles_of, place_in_run, runs_overlap
+from ._runs import cycles_of, place_in_run, ranked, runs_overlap
 from ._source import Part, Tables, masters_of, read_part, wanted_by
 
 
@@ -161,7 +161,7 @@ def joined_runs(parts: list[Part]) -> Int[np.ndarray, " t"] | None:
         if part.run is None:
             own = np.zeros(len(part.error), dtype=np.int64)
         else:
-            own = np.unique(part.run, return_inverse=True)[1].reshape(-1)
+            own = ranked(part.run)[1]
         numbered.append(own.astype(np.int64) + first)
         first += int(own.max(initial=0)) + 1
     return np.concatenate(numbered)

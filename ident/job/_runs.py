@@ -10,6 +10,17 @@ _COMMON = 0.5
 """Share of its places that a run must have in common with others to be a repetition."""
 
 
+def ranked(run: Int[np.ndarray, " t"]) -> tuple[int, Int[np.ndarray, " t"]]:
+    """Return how many runs there are, and of each reading which it is, from 0 up."""
+    low, high = (int(run.min()), int(run.max())) if run.size else (0, 0)
+    if not 0 <= high - low < 4 * run.size:
+        runs, index = np.unique(run, return_inverse=True)
+        return len(runs), index.reshape(-1)
+    # Numbers of runs stand close together: counting them is faster than sorting.
+    rank = np.cumsum(np.bincount(run - low) > 0) - 1
+    return int(rank[-1]) + 1, rank[run - low]
+
+
 def cycles_of(
     run: Int[np.ndarray, " t"], direction: Int[np.ndarray, " t"]
 ) -> Int[np.ndarray, " t"]:
@@ -19,9 +30,8 @@ def cycles_of(
     such run would take the reversal for itself; the k-th run out and the k-th run back
     are one cycle.
     """
-    runs, index = np.unique(run, return_inverse=True)
-    index = index.reshape(-1)
-    forward = np.bincount(index, direction > 0, len(runs))
+    runs, index = ranked(run)
+    forward = np.bincount(index, direction > 0, runs)
     mixed = (forward > 0) & (forward < np.bincount(index))
     one_way = forward > 0
     if mixed.any() or one_way.all() or not one_way.any():
@@ -34,9 +44,8 @@ def place_in_run(
     run: Int[np.ndarray, " t"], order: Float[np.ndarray, " t"]
 ) -> Float[np.ndarray, " t"]:
     """Return where in its run each reading was taken, 0 at the start, 1 at the end."""
-    runs, index = np.unique(run, return_inverse=True)
-    index = index.reshape(-1)
-    first, last = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)
+    runs, index = ranked(run)
+    first, last = np.full(runs, np.inf), np.full(runs, -np.inf)
     np.minimum.at(first, index, order)
     np.maximum.at(last, index, order)
     span = (last - first)[index]
@@ -59,13 +68,13 @@ def runs_overlap(
         nodes: Of the table, per master: their cells are the places.
         direction: ±1 where the two directions are different places, else None.
     """
-    labels, index = np.unique(run, return_inverse=True)
-    if len(labels) < 2:
+    runs, index = ranked(run)
+    if runs < 2:
         return False
     cell = places_of(positions, nodes, direction)
-    visits = np.unique(cell * len(labels) + index.reshape(-1))
-    place, visitor = np.divmod(visits, len(labels))
-    return visits_overlap(place, visitor, np.bincount(index.reshape(-1)))
+    visits = np.unique(cell * runs + index)
+    place, visitor = np.divmod(visits, runs)
+    return visits_overlap(place, visitor, np.bincount(index))
 
 
 def places_of(

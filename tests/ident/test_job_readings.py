@@ -8,7 +8,7 @@ import pytest
 from axcomp.data.errors import AxcompError
 from axcomp.ident.job import JobError, JobResult, run_job
 from axcomp.ident.job._remove import without_zero
-from axcomp.ident.job._runs import cycles_of, place_in_run, runs_overlap
+from axcomp.ident.job._runs import cycles_of, place_in_run, ranked, runs_overlap
 
 NODES = np.arange(0.0, 401.0, 100.0)
 
@@ -23,6 +23,16 @@ def test_runs_of_both_directions_stay_as_they_are() -> None:
     run = np.array([5, 5, 9, 9])
     np.testing.assert_array_equal(cycles_of(run, np.array([1, -1, 1, -1])), run)
     np.testing.assert_array_equal(cycles_of(run, np.array([1, 1, 1, 1])), run)
+
+
+@pytest.mark.parametrize(
+    "run", [[3], [7, 5, 9, 5], [-2, 4, 4, -2], [1, 10**12, 1], [2**62, -(2**62)], []]
+)
+def test_runs_are_counted_in_the_order_of_their_numbers(run: list[int]) -> None:
+    labels, index = np.unique(np.array(run, dtype=np.int64), return_inverse=True)
+    count, found = ranked(np.array(run, dtype=np.int64))
+    assert count == len(labels)
+    np.testing.assert_array_equal(found, index)
 
 
 def test_place_runs_from_start_to_end_of_each_run() -> None:
