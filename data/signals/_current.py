@@ -139,6 +139,8 @@ def _regress(
     shown = spread > _SAME
     inverse = axes[:, shown] / spread[shown] @ axes[:, shown].T
     fit = inverse @ (unit @ target)
+    # Once more for what rounding leaves, which the inverse of squares has doubled.
+    fit += inverse @ (unit @ (target - fit @ unit))
     residual = target - fit @ unit
     # Of each column what the others do not have; its power is what tells of it.
     power = 1.0 / (axes**2 @ (1.0 / np.maximum(spread, _SAME)))

@@ -107,6 +107,15 @@ def test_an_acceleration_that_is_all_but_the_direction_leaves_the_sign_untold(
     assert both == pytest.approx(2.0, abs=0.01)
 
 
+@pytest.mark.parametrize("apart", [1e-2, 1e-3])
+def test_rounding_is_no_sign_of_inertia(apart: float) -> None:
+    rng = np.random.default_rng(2)
+    direction = np.where(np.arange(2000) % 40 < 20, 1, -1)
+    push = 5.0 * direction + apart * rng.normal(size=2000)
+    polarity = find_polarity(3.0 + 2.0 * direction, direction, push)
+    assert polarity.statement == "the current supports the motion, by its friction"
+
+
 def test_friction_and_inertia_that_contradict_each_other_tell_nothing() -> None:
     motion, current = record(wave(), friction=2.0, inertia=-2e-2)
     polarity = examine(motion, current).polarity
