@@ -59,9 +59,6 @@ def check_samples(
     layout: TableLayout, samples: Samples, smoothness: object, allow_gaps: bool
 ) -> None:
     """Refuse readings that cannot determine the table."""
-    if not len(samples.error):
-        msg = "found no readings, expected at least one per node."
-        raise FitError(msg)
     check_finite(samples)
     check_layout(layout)
     check_extent(layout, Extent.of(layout, samples), allow_gaps)
@@ -69,8 +66,11 @@ def check_samples(
 
 
 def check_finite(samples: Samples) -> None:
-    """Refuse readings that are no numbers, or have no weight."""
+    """Refuse readings that are none, are no numbers, or have no weight."""
     count = len(samples.error)
+    if not count:
+        msg = "found no readings, expected at least one per node."
+        raise FitError(msg)
     for name in ("positions", "error", "weight", "order"):
         values = getattr(samples, name)
         if values is not None and not np.isfinite(values).all():

@@ -44,8 +44,8 @@ class Located:
     u: Float[np.ndarray, " t"]
     v: Float[np.ndarray, " t"]
 
-    def take(self, keep: Bool[np.ndarray, " t"]) -> "Located":
-        """Return the readings for which ``keep`` is true."""
+    def take(self, keep: Bool[np.ndarray, " t"] | Int[np.ndarray, " n"]) -> "Located":
+        """Return the readings for which ``keep`` is true, or those of these rows."""
         return Located(self.l[keep], self.s[keep], self.u[keep], self.v[keep])
 
 

@@ -120,12 +120,11 @@ def leave_out(
     if len(labels) < 2:
         msg = "leaving out needs at least two groups of readings, found one."
         raise FitError(msg)
-    rests = [samples.take(groups != label) for label in labels]
+    rests = [np.flatnonzero(groups != label) for label in labels]
+    weights = dict(fit.smoothness)
     fits = fit_tables(
         [
-            TableRequest(
-                layout, rest, dict(fit.smoothness), fit.loss, run_effects, True
-            )
+            TableRequest(layout, samples, weights, fit.loss, run_effects, True, rest)
             for rest in rests
         ]
     )

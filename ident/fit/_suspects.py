@@ -1,12 +1,10 @@
 """Nodes and runs that contradict the rest: named for the user, never dropped."""
 
-from statistics import median
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._grid import Grid, Located
-from ._runs import RunDesign, medians
+from ._runs import RunDesign, medians, row_medians
 from ._types import RunEffect
 
 _TRUSTED = 0.5
@@ -70,21 +68,30 @@ def suspect_runs(
     if design is None or len(design.labels) < 3:
         return ()
     scatter = medians(design.index, np.abs(residual), len(design.labels))
-    return contradicting(scatter.tolist(), effects)
+    offset, spread = (
+        np.array([row])
+        for row in zip(*((e.offset, e.offset_sd) for e in effects), strict=True)
+    )
+    found = contradicting(scatter[None], offset, spread)[0]
+    return tuple(e.run for e, odd in zip(effects, found.tolist(), strict=True) if odd)
 
 
 def contradicting(
-    scatter: list[float], effects: tuple[RunEffect, ...]
-) -> tuple[int, ...]:
-    """Return the same from the median of the residuals of each run, and its effects."""
-    if len(effects) < 3:
-        return ()
-    quiet = _LOUD * median(scatter)
-    middle = median(effect.offset for effect in effects)
-    away = [abs(effect.offset - middle) for effect in effects]
-    near = _FAR * median(away)
-    return tuple(
-        effect.run
-        for effect, own, off in zip(effects, scatter, away, strict=True)
-        if own > quiet or (off > near and off > _FAR * effect.offset_sd)
-    )
+    scatter: Float[np.ndarray, "k r"],
+    offset: Float[np.ndarray, "k r"],
+    deviation: Float[np.ndarray, "k r"],
+) -> Bool[np.ndarray, "k r"]:
+    """Return which runs contradict the others, for several fits with as many runs.
+
+    Args:
+        scatter: Median size of the residuals of each run.
+        offset: Of each run.
+        deviation: Standard deviation of the offset.
+    """
+    if scatter.shape[1] < 3:
+        return np.zeros(scatter.shape, bool)
+    quiet = _LOUD * row_medians(scatter)[:, None]
+    away = np.abs(offset - row_medians(offset)[:, None])
+    near = _FAR * row_medians(away)[:, None]
+    far = (away > near) & (away > _FAR * deviation)
+    return np.asarray((scatter > quiet) | far)

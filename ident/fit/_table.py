@@ -80,7 +80,7 @@ def fit_tables(requests: Sequence[TableRequest]) -> list[TableFit]:
 
 def _closely(request: TableRequest) -> TableFit:
     """Fit one table of any size, with second thoughts about its readings."""
-    layout, samples, allow_gaps = request.layout, request.samples, request.allow_gaps
+    layout, samples, allow_gaps = request.layout, request.fitted, request.allow_gaps
     smoothness, loss = request.smoothness, request.loss
     check_samples(layout, samples, smoothness, allow_gaps)
     grid = Grid(layout)

@@ -58,8 +58,8 @@ class Samples:
     run: Int[Array, " t"] | None = None
     order: Float[Array, " t"] | None = None
 
-    def take(self, keep: Bool[Array, " t"]) -> "Samples":
-        """Return the readings for which ``keep`` is true."""
+    def take(self, keep: Bool[Array, " t"] | Int[Array, " n"]) -> "Samples":
+        """Return the readings for which ``keep`` is true, or those of these rows."""
         parts = {
             field.name: value[keep]
             for field in dataclasses.fields(self)

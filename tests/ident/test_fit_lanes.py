@@ -1,10 +1,13 @@
 """Small tables side by side: the same numbers as alone, and as the thorough way finds."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from axcomp.ident.fit import Samples, TableFit, TableLayout, fit_table
-from axcomp.ident.fit._table import _closely
+from axcomp.ident.fit import FitError, Samples, TableFit, TableLayout, fit_table
+from axcomp.ident.fit._runs import run_design, run_medians
+from axcomp.ident.fit._table import _closely, fit_tables
 from axcomp.ident.fit.lanes import TableRequest, fit_small
 
 NODES = np.linspace(-20.0, 20.0, 9)
@@ -101,3 +104,71 @@ def test_readings_that_need_second_thoughts_take_the_thorough_way() -> None:
     request = TableRequest(BILATERAL, spoilt)
     assert fit_small([request]) == [None]
     assert_equal(fit_table(BILATERAL, spoilt), _closely(request))
+
+
+def test_rows_of_shared_readings_are_fitted_as_if_they_had_come_alone() -> None:
+    samples = cycles(6)
+    assert samples.run is not None
+    spatial = samples.positions[:, 0] < 15.0
+    chosen = [np.flatnonzero(samples.run != run) for run in (1, 3, 5)]
+    chosen += [np.flatnonzero(spatial), np.flatnonzero(samples.run == 2)]
+    for effects in ("none", "offset", "drift"):
+        shared = [
+            TableRequest(BILATERAL, samples, 0.5, "student", effects, True, rows)
+            for rows in chosen
+        ]
+        alone = [
+            TableRequest(BILATERAL, samples.take(rows), 0.5, "student", effects, True)
+            for rows in chosen
+        ]
+        for one, other in zip(fit_small(shared), fit_small(alone), strict=True):
+            assert one is not None
+            assert other is not None
+            assert_equal(one, other)
+
+
+def test_rows_that_cannot_be_fitted_are_refused_in_the_words_of_their_own() -> None:
+    samples = cycles(7)
+    error = samples.error.copy()
+    error[40] = np.nan
+    spoilt = dataclasses.replace(samples, error=error)
+    good, bad = np.arange(40), np.arange(10, 90)
+    fits = [
+        TableRequest(BILATERAL, spoilt, 0.5, allow_gaps=True, rows=rows)
+        for rows in (good, bad)
+    ]
+    assert fit_small(fits) == [None, None]
+    assert_equal(
+        fit_tables(fits[:1])[0],
+        _closely(TableRequest(BILATERAL, samples.take(good), 0.5, allow_gaps=True)),
+    )
+    with pytest.raises(FitError, match="reading 31: error is not finite"):
+        fit_tables(fits)
+
+
+def test_rows_at_one_place_are_refused() -> None:
+    samples = cycles(8)
+    rows = np.flatnonzero(samples.positions[:, 0] == 5.0)
+    request = TableRequest(BILATERAL, samples, 0.5, allow_gaps=True, rows=rows)
+    assert fit_small([request]) == [None]
+    with pytest.raises(FitError, match="all readings stand at 5 along axis 1"):
+        fit_tables([request])
+
+
+@pytest.mark.parametrize("lost", [0, 7], ids=["of equal length", "of other lengths"])
+def test_medians_of_runs_are_those_of_their_values(lost: int) -> None:
+    rng = np.random.default_rng(9)
+    several = []
+    for _ in range(3):
+        samples = cycles(1)
+        left = samples.take(rng.permutation(90)[: 90 - lost])
+        design = run_design(left, "offset")
+        assert design is not None
+        several.append(design)
+    values = rng.normal(size=(3, 90 - lost))
+    found = run_medians(several, values)
+    for design, own, row in zip(several, values, found, strict=True):
+        # Both take the mean of the same two values.
+        assert row.tolist() == [
+            np.median(own[design.index == run]) for run in range(len(design.labels))
+        ]

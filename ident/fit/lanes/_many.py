@@ -5,15 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import check_samples
-from .._errors import FitError
-from .._grid import Grid
 from .._logs import FILL
 from .._prior import Smoothness
-from .._runs import run_design, starts_of
+from .._runs import starts_of
 from .._threads import one_blas_thread
 from .._types import TableFit
 from ._passes import estimate_lanes, start_of
+from ._prepare import Prepared
 from ._request import TableRequest
 from ._results import results_of
 from ._stack import Lane, stacked, with_equal_runs
@@ -30,32 +28,32 @@ def fit_small(requests: Sequence[TableRequest]) -> list[TableFit | None]:
     """
     results: list[TableFit | None] = [None] * len(requests)
     apart: dict[int, tuple[int, ...]] = dict.fromkeys(range(len(requests)), ())
+    prepared = Prepared(requests)
     with one_blas_thread():
-        _fit_groups(requests, apart, results)
+        _fit_groups(requests, prepared, apart, results)
         # A run that contradicts the others must not pull their mean.
         again = {
             k: fit.suspect_runs
             for k, fit in enumerate(results)
             if fit is not None and fit.suspect_runs
         }
-        _fit_groups(requests, again, results)
+        _fit_groups(requests, prepared, again, results)
     return results
 
 
 def _fit_groups(
     requests: Sequence[TableRequest],
+    prepared: Prepared,
     apart: Mapping[int, tuple[int, ...]],
     results: list[TableFit | None],
 ) -> None:
     """Fit some of the requests, runs that contradict the others named beforehand."""
     groups: dict[tuple[Any, ...], list[tuple[int, Lane]]] = {}
-    for k, runs in apart.items():
-        request = requests[k]
+    for k in apart:
         results[k] = None
-        try:
-            lane = _lane(request, runs)
-        except FitError:
-            continue  # `fit_table` meets it again and says it
+    # `fit_table` meets what cannot be fitted again and says it.
+    for k, lane in prepared.lanes(apart):
+        request = requests[k]
         kind = request.smoothness if isinstance(request.smoothness, str) else "fixed"
         groups.setdefault((*lane.shape, kind, request.loss), []).append((k, lane))
     for group in groups.values():
@@ -67,32 +65,6 @@ def _fit_groups(
                 results[k] = fit
 
 
-def _lane(request: TableRequest, apart: tuple[int, ...]) -> Lane:
-    samples = request.samples
-    check_samples(request.layout, samples, request.smoothness, request.allow_gaps)
-    if request.loss not in ("student", "huber", "gauss"):
-        msg = f"loss: found {request.loss!r}"
-        raise FitError(msg)
-    grid = Grid(request.layout)
-    design = run_design(samples, request.run_effects, apart)
-    count = len(samples.error)
-    lane = Lane(
-        grid=grid,
-        located=grid.locate(samples),
-        error=np.asarray(samples.error, float),
-        weight=np.ones(count)
-        if samples.weight is None
-        else np.asarray(samples.weight, float),
-        design=design,
-        apart=apart,
-    )
-    null = grid.fast * (1 if request.layout.periodic else 2)
-    if count - null - (0 if design is None else design.count) < 1:
-        msg = f"{count} readings leave nothing to judge the noise by"
-        raise FitError(msg)
-    return lane
-
-
 def _fit(
     requests: Sequence[TableRequest], lanes: Sequence[Lane]
 ) -> Iterator[TableFit | None]:
@@ -102,7 +74,7 @@ def _fit(
         effects[rows] = starts_of(designs, stack.error[rows])
     weights = None
     if not isinstance(requests[0].smoothness, str):
-        density = stack.density(stack.normal(np.ones(stack.error.shape, bool)))
+        density = stack.density(stack.whole)
         given = [_given(request.smoothness) for request in requests]
         weights = np.array(
             [

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._estimate import PASSES, ROUGHLY, SAME, SETTLED
+from .._runs import row_medians
 from ._scale import Scale, choose_scale
 from ._search import choose_weights
 from ._solve import Factors, Problems, Solutions, factors_of, solve_lanes
@@ -46,10 +47,9 @@ def estimate_lanes(
         weights: Of second and fourth differences, None to choose them.
         start: Node values and run effects to begin with.
     """
-    everything = np.ones(stack.error.shape, bool)
-    density = stack.density(stack.normal(everything))
     if weights is not None:
         return _robust(stack, loss, weights, start, False, SETTLED)
+    density = stack.density(stack.whole)
     # Plenty of readings per node judge each other; few need their neighbours.
     plenty = stack.error.shape[1] >= 10 * stack.size
     first = np.zeros((len(density), 2))
@@ -96,7 +96,7 @@ def _robust(
     """Iterate pseudo-readings and solutions at fixed weights, from starts near or far."""
     count = stack.error.shape[1]
     active = np.ones(stack.error.shape, bool)
-    normal = stack.normal(active)
+    normal = stack.whole.copy()
     factors = factors_of(stack, normal, weights)
     inflation = np.ones(len(normal))
     going, part = np.arange(len(normal)), stack
@@ -240,5 +240,5 @@ def start_of(
     left = stack.error
     if stack.effects:
         left = left - times(stack.columns[:, :, stack.size :], effects)
-    centre = np.median(left, axis=1)
+    centre = row_medians(left)
     return np.hstack([np.repeat(centre[:, None], stack.size, axis=1), effects])

@@ -3,6 +3,9 @@
 import dataclasses
 from collections.abc import Mapping
 
+import numpy as np
+from jaxtyping import Int
+
 from .._types import Samples, TableLayout
 
 _SIZE, _WORK = 120, 200_000
@@ -11,7 +14,12 @@ _SIZE, _WORK = 120, 200_000
 
 @dataclasses.dataclass(frozen=True)
 class TableRequest:
-    """Arguments of `fit_table`, see there."""
+    """Arguments of `fit_table`, see there, and which of the readings are fitted.
+
+    Attributes:
+        rows: Readings that are fitted, ascending; None: all. Requests that name rows of the
+            same samples share what is looked up for these.
+    """
 
     layout: TableLayout
     samples: Samples
@@ -19,11 +27,18 @@ class TableRequest:
     loss: str = "student"
     run_effects: str = "none"
     allow_gaps: bool = False
+    rows: Int[np.ndarray, " n"] | None = None
+
+    @property
+    def fitted(self) -> Samples:
+        """The readings that are fitted."""
+        return self.samples if self.rows is None else self.samples.take(self.rows)
 
     @property
     def small(self) -> bool:
         """Whether the table is one for the lanes: along one axis, and not too large."""
-        return is_small(self.layout, len(self.samples.error))
+        chosen = self.samples.error if self.rows is None else self.rows
+        return is_small(self.layout, len(chosen))
 
 
 def is_small(layout: TableLayout, readings: int) -> bool:

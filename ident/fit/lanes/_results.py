@@ -35,8 +35,8 @@ class _Found:
         values: Of the nodes.
         nearest: Node next to each reading.
         doubted: Whether the readings next to a node were mostly set aside.
-        scatter: Median residual of each run.
         effects: Of the runs.
+        suspects: Runs that contradict the others.
         covariance: Of neighbouring nodes.
     """
 
@@ -50,8 +50,8 @@ class _Found:
     values: Float[np.ndarray, "k n s"]
     nearest: Int[np.ndarray, "k t"]
     doubted: Bool[np.ndarray, "k m"]
-    scatter: Sequence[list[float]]
     effects: Sequence[tuple[RunEffect, ...]]
+    suspects: Sequence[tuple[int, ...]]
     covariance: dict[tuple[int, int], Float[np.ndarray, "k n s"]]
 
 
@@ -94,7 +94,7 @@ def _found(
         for weights in (None, share.ravel())
     )
     block = variance[:, None, None] * inverse[:, size:, size:]
-    scatter, effects = _of_runs(stack, residual, unknowns[:, size:], block)
+    effects, suspects = _of_runs(stack, residual, unknowns[:, size:], block)
     return _Found(
         residual=residual,
         share=share,
@@ -106,8 +106,8 @@ def _found(
         values=_by_node(stack, unknowns),
         nearest=node,
         doubted=doubted(count, kept),
-        scatter=scatter,
         effects=effects,
+        suspects=suspects,
         covariance={
             (step, 0): variance[:, None, None] * _steps(stack, inverse, step)
             for step in (0, 1)
@@ -133,17 +133,20 @@ def _of_runs(
     residual: Float[np.ndarray, "k t"],
     values: Float[np.ndarray, "k c"],
     covariance: Float[np.ndarray, "k c c"],
-) -> tuple[list[list[float]], list[tuple[RunEffect, ...]]]:
-    """Return the median residual of each run and the effects of the runs, by lane."""
-    scatter: list[list[float]] = [[] for _ in stack.lanes]
+) -> tuple[list[tuple[RunEffect, ...]], list[tuple[int, ...]]]:
+    """Return the effects of the runs and those that contradict the others, by lane."""
     effects: list[tuple[RunEffect, ...]] = [() for _ in stack.lanes]
+    suspects: list[tuple[int, ...]] = [() for _ in stack.lanes]
     size = np.abs(residual)
     for lanes, designs in with_equal_runs(stack.lanes):
         middle = run_medians(designs, size[lanes])
         found = effects_of(designs, values[lanes], covariance[lanes])
-        for k, rows, own in zip(lanes, middle.tolist(), found, strict=True):
-            scatter[k], effects[k] = rows, own
-    return scatter, effects
+        odd = contradicting(middle, found[:, :, 0], found[:, :, 1])
+        for k, design, own in zip(lanes, designs, found, strict=True):
+            effects[k] = design.named(own)
+        for row in np.flatnonzero(odd.any(axis=1)):
+            suspects[lanes[row]] = tuple(designs[row].labels[odd[row]].tolist())
+    return effects, suspects
 
 
 def _steps(
@@ -168,9 +171,8 @@ def _result(
     rejected = int(wild.sum())
     if rejected and crowded_places(found.nearest[k], wild, grid.size).any():
         return None
-    effects = found.effects[k]
-    apart = lane.apart or contradicting(found.scatter[k], effects)
-    if request.loss == "student" and too_many_wild(wild, request.samples, apart):
+    apart = lane.apart or found.suspects[k]
+    if request.loss == "student" and too_many_wild(wild, request.fitted, apart):
         return None
     noise = float(found.noise[k])
     deviation, support = found.deviation[k], found.support[k]
@@ -192,7 +194,7 @@ def _result(
         residual=found.residual[k],
         share=found.share[k],
         wild=wild,
-        runs=effects,
+        runs=found.effects[k],
         suspect_nodes=named(grid, found.doubted[k]),
         suspect_runs=apart,
         covariance={step: own[k] for step, own in found.covariance.items()},

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.special import gammaln
 
 from .._loss import FEW, FREEDOMS, HUBER, WILD
+from .._runs import row_medians
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +67,7 @@ def choose_scale(
         floor: Smallest scales.
     """
     size = np.abs(residual)
-    robust = np.maximum(1.4826 * np.median(size, axis=1) * inflation, floor)[:, None]
+    robust = np.maximum(1.4826 * row_medians(size) * inflation, floor)[:, None]
     limit, freedom = np.full_like(robust, WILD), np.full_like(robust, FREEDOMS[0])
     if name != "student":
         return Scale(name, robust, limit, freedom)
@@ -102,15 +103,17 @@ def _student_scale(
 ) -> Float[np.ndarray, "k 1"]:
     """Return the scale with the best likelihood; readings left out have ``square`` 0."""
     scale2 = start * start
-    going = np.arange(len(square))
+    going, now = np.arange(len(square)), scale2.copy()
     for _ in range(20):
-        own, now = square[going], scale2[going]
-        share = (freedom + 1.0) / (freedom + own / now)
-        new = (share * own).sum(axis=1, keepdims=True) / count[going]
+        share = (freedom + 1.0) / (freedom + square / now)
+        new = (share * square).sum(axis=1, keepdims=True) / count
         scale2[going] = np.maximum(new, 1e-300)
-        going = going[(np.abs(new - now) > 1e-3 * now)[:, 0]]
-        if not len(going):
-            break
+        moving = (np.abs(new - now) > 1e-3 * now)[:, 0]
+        if not moving.all():
+            going, square, count = going[moving], square[moving], count[moving]
+            if not len(going):
+                break
+        now = scale2[going]
     return np.asarray(np.sqrt(scale2))
 
 

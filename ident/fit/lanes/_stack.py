@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from .._chain import ChainPrior, chain_prior
 from .._grid import Grid, Located
-from .._runs import RunDesign
+from .._runs import RunDesign, columns_of
 
 _EVEN = 1e-9
 """Nodes count as equidistant when they lie on a straight line to this share of a cell."""
@@ -69,7 +69,10 @@ class Bends:
 
     def take(self, lanes: Int[np.ndarray, " k"]) -> "Bends":
         """Return some lanes of a stack."""
-        return Bends(*(getattr(self, f.name)[lanes] for f in dataclasses.fields(self)))
+        parts = [getattr(self, field.name) for field in dataclasses.fields(self)]
+        if self.second.strides[0] == 0:  # all lanes have the same ones
+            return Bends(*(part[: len(lanes)] for part in parts))
+        return Bends(*(part[lanes] for part in parts))
 
 
 def bends_of(nodes: Float[np.ndarray, "k n"], ring: bool) -> Bends:
@@ -172,6 +175,11 @@ class Stack:
         """Return Σ x y over the readings for weighted values y."""
         return np.asarray(np.matmul(weighted[:, None, :], self.columns)[:, 0])
 
+    @functools.cached_property
+    def whole(self) -> Float[np.ndarray, "k m m"]:
+        """`normal` of all readings; not to be written to."""
+        return self.normal(np.ones(self.error.shape, bool))
+
     def normal(self, active: Bool[np.ndarray, "k t"]) -> Float[np.ndarray, "k m m"]:
         """Return Σ w x xᵀ over the active readings, idle run effects held at zero."""
         weight = np.where(active, self.weight, 0.0)
@@ -241,9 +249,8 @@ def _columns(lanes: Sequence[Lane]) -> Float[np.ndarray, "k t m"]:
     rows[row, base + place.l] = 1.0 - place.u
     # A reading at a ring of few nodes may touch the same node from both sides.
     rows[row, base + grid.neighbour(place.l)] += place.u
-    for k, lane in enumerate(lanes):
-        if lane.design is not None:
-            result[k, :, grid.size :] = lane.design.columns()
+    for own, designs in with_equal_runs(lanes):
+        result[own, :, grid.size :] = columns_of(designs)
     return result
 
 
