@@ -172,7 +172,8 @@ def _result(
     if rejected and crowded_places(found.nearest[k], wild, grid.size).any():
         return None
     apart = lane.apart or found.suspects[k]
-    if request.loss == "student" and too_many_wild(wild, request.fitted, apart):
+    student = request.loss == "student"
+    if rejected and student and too_many_wild(wild, request.fitted, apart):
         return None
     noise = float(found.noise[k])
     deviation, support = found.deviation[k], found.support[k]
