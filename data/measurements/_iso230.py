@@ -20,6 +20,8 @@ EDITION = "ISO 230-2:2014"
 _Approach = tuple[float, int, int, float]  # target, run, side, deviation
 _Sided = tuple[float | None, float | None, float | None, float | None]
 """Mean and deviation from below, then from above."""
+_Key = tuple[tuple[bytes, np.dtype[Any]], ...]
+"""Target, run and side of all readings, each with the kind of its numbers."""
 _SAME_TARGET = 6  # decimals: targets closer than 1 nm are one
 
 
@@ -46,7 +48,7 @@ def iso230(
     Raises:
         MeasurementError: If there are no readings.
     """
-    rows = _rows(target, error, run, direction)
+    rows = _approaches(error, _key(target, run, direction))
     positions = _positions(rows)
     sided = [(p.mean_up, p.s_up, p.mean_down, p.s_down) for p in positions]
     remarks: list[str] = []
@@ -69,22 +71,32 @@ def iso230_figures(
     direction: Int[np.ndarray, " t"] | None,
 ) -> dict[str, float | None]:
     """Return the overall figures alone, by name; arguments and errors as `iso230`."""
-    places = _by_target(_rows(target, error, run, direction))
-    return _overall([_sided(up, down) for up, down in places.values()])
+    values = error.tolist()
+    return _overall(
+        [
+            _sided(*([_deviation(values, at) for at in side] for side in sides))
+            for sides in _sides(_key(target, run, direction))
+        ]
+    )
 
 
-def _rows(
+def _key(
     target: Float[np.ndarray, " t"],
-    error: Float[np.ndarray, " t"],
     run: Int[np.ndarray, " t"] | None,
     direction: Int[np.ndarray, " t"] | None,
-) -> list[_Approach]:
+) -> _Key:
+    """Return what tells to which approach each reading belongs.
+
+    Raises:
+        MeasurementError: If there are no readings.
+    """
     if not target.size:
         reason = "found no readings, expected at least one"
         raise MeasurementError(EDITION, reason)
     sides = np.ones(target.size, np.int64) if direction is None else direction
     runs = _enumerated(target, sides) if run is None else run
-    return _approaches(target, error, runs, sides)
+    columns = [np.asarray(column) for column in (target, runs, sides)]
+    return tuple((column.tobytes(), column.dtype) for column in columns)
 
 
 def _positions(rows: Sequence[_Approach]) -> tuple[Iso230Position, ...]:
@@ -146,45 +158,42 @@ def _enumerated(
     return runs
 
 
-def _approaches(
-    target: Float[np.ndarray, " t"],
-    error: Float[np.ndarray, " t"],
-    runs: Int[np.ndarray, " t"],
-    sides: Int[np.ndarray, " t"],
-) -> list[_Approach]:
+def _approaches(error: Float[np.ndarray, " t"], key: _Key) -> list[_Approach]:
     """Return one deviation per target, run and side: the mean of its readings."""
-    keys = [np.asarray(column) for column in (target, runs, sides)]
-    groups = _groups(*(column.tobytes() for column in keys), *(c.dtype for c in keys))
     values = error.tolist()
+    return [(*which, _deviation(values, at)) for which, at in _groups(key)]
+
+
+def _deviation(values: list[float], at: list[int]) -> float:
+    """Return the deviation of one approach: the mean of its readings."""
+    if len(at) == 1:
+        return values[at[0]]
     # Exact sums: the figures do not depend on the order of the rows.
-    return [
-        (*key, values[at[0]])
-        if len(at) == 1
-        else (*key, math.fsum(values[row] for row in at) / len(at))
-        for key, at in groups
-    ]
+    return math.fsum([values[row] for row in at]) / len(at)
 
 
 @functools.lru_cache(maxsize=8)
-def _groups(
-    target: bytes,
-    runs: bytes,
-    sides: bytes,
-    *kinds: np.dtype[Any],
-) -> list[tuple[tuple[float, int, int], list[int]]]:
+def _sides(key: _Key) -> list[tuple[list[list[int]], list[list[int]]]]:
+    """Return for each target, ascending, the readings of its approaches up and down."""
+    found: dict[float, tuple[list[list[int]], list[list[int]]]] = {}
+    for (place, _, side), at in _groups(key):
+        if side in (1, -1):
+            found.setdefault(place, ([], []))[side < 0].append(at)
+    return list(found.values())
+
+
+@functools.lru_cache(maxsize=8)
+def _groups(key: _Key) -> list[tuple[tuple[float, int, int], list[int]]]:
     """Return target, run and side of every approach, and its readings, ascending.
 
     The same readings are judged before and after: they are sorted once.
     """
     found: dict[tuple[float, int, int], list[int]] = {}
-    columns = [
-        np.frombuffer(content, kind)
-        for content, kind in zip((target, runs, sides), kinds, strict=True)
-    ]
+    columns = [np.frombuffer(content, kind) for content, kind in key]
     columns[0] = np.round(columns[0], _SAME_TARGET)
-    for row, key in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
-        found.setdefault((key[0] + 0.0, *key[1:]), []).append(row)
-    return [(key, found[key]) for key in sorted(found)]
+    for row, which in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
+        found.setdefault((which[0] + 0.0, *which[1:]), []).append(row)
+    return [(which, found[which]) for which in sorted(found)]
 
 
 def _by_target(

@@ -1,6 +1,7 @@
 """How large an error is: rms, largest, and the figures of ISO 230-2."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -89,4 +90,4 @@ def error_figures(
 
 
 def _size(error: Float[np.ndarray, " t"]) -> tuple[float, float]:
-    return float(np.sqrt(np.mean(np.square(error)))), float(np.max(np.abs(error)))
+    return math.sqrt(np.square(error).mean()), float(np.abs(error).max())
