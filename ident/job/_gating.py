@@ -1,7 +1,5 @@
 """The gate of one fit: its table and the limits of the job, brought together."""
 
-import dataclasses
-
 from ..exchange import by_branch
 from ..proof import (
     GateCheck,
@@ -17,8 +15,8 @@ from ._source import masters_of
 
 def limits_of(job: Job) -> GateLimits:
     """Return the limits of a job, defaults where it names none."""
-    given = job.spec.gate.model_dump(exclude_none=True)
-    return dataclasses.replace(GateLimits(), **given)
+    given = {name: value for name, value in job.spec.gate if value is not None}
+    return GateLimits(**given)
 
 
 def cycles_for(job: Job, fitted: AbstractFitted) -> int | None:

@@ -1,8 +1,9 @@
 """Slopes, steps and kinks of a table, and the motion that it adds."""
 
 import dataclasses
+import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -39,6 +40,14 @@ class GateTable:
     cycles: int
     cycle_time: float
 
+    @functools.cached_property
+    def lines(self) -> "tuple[_Lines, ...]":
+        """Every branch with one master running along the last dimension."""
+        offset = np.stack(self.offset)
+        if len(self.nodes) == 1:
+            return (_Lines(self, 0, offset[:, None]),)
+        return _Lines(self, 0, offset), _Lines(self, 1, offset.swapaxes(1, 2))
+
 
 def place_of(table: GateTable, index: Sequence[int]) -> str:
     """Return a node in words; an index runs like ``[j, i]``, master 2 first."""
@@ -50,89 +59,129 @@ def place_of(table: GateTable, index: Sequence[int]) -> str:
     )
 
 
-def _lines(table: GateTable) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield every branch with one master running along the last dimension."""
-    for branch in table.offset:
-        yield 0, np.atleast_2d(branch)
-        if branch.ndim == 2:
-            yield 1, branch.T
+@dataclasses.dataclass(frozen=True)
+class _Lines:
+    """The branches of a table along one master; arrays over (branch, line, place).
+
+    Attributes:
+        table: The table.
+        way: The master.
+        offset: At its nodes.
+    """
+
+    table: GateTable
+    way: int
+    offset: Float[np.ndarray, "b r n"]
+
+    @functools.cached_property
+    def nodes(self) -> Float[np.ndarray, " n"]:
+        """Positions of the master."""
+        return self.table.nodes[self.way]
+
+    @functools.cached_property
+    def steps(self) -> Float[np.ndarray, "b r m"]:
+        """From node to node, in mm or °."""
+        return self.offset[..., 1:] - self.offset[..., :-1]
+
+    @functools.cached_property
+    def slopes(self) -> Float[np.ndarray, "b r m"]:
+        """Between the nodes, as pure numbers."""
+        return self.steps / (self.nodes[1:] - self.nodes[:-1])
+
+    @functools.cached_property
+    def slopes_with_ends(self) -> Float[np.ndarray, "b r l"]:
+        """Between the nodes, and beyond both ends at either side."""
+        slopes = self.slopes
+        if self.table.periodic:
+            ends = slopes[..., -1:], slopes[..., :1]
+        elif self.table.closed[self.way]:
+            ends = slopes[..., :1], slopes[..., -1:]
+        else:
+            # Outside the table the controller holds its edge: the slope there is 0.
+            flat = np.zeros((*slopes.shape[:-1], 1))
+            ends = flat, flat
+        return np.concatenate([ends[0], slopes, ends[1]], axis=-1)
+
+    def node(self, row: int, k: int) -> str:
+        """Return a node in words."""
+        index = [k] if len(self.table.nodes) == 1 else [[row, k], [k, row]][self.way]
+        return f"at {place_of(self.table, index)}"
+
+    def interval(self, row: int, k: int) -> str:
+        """Return the interval after a node in words."""
+        names, nodes = self.table.names, self.nodes
+        words = f"between {names[self.way]} = {nodes[k]:g} and {nodes[k + 1]:g}"
+        if len(names) == 2:
+            other = 1 - self.way
+            words += f" at {names[other]} = {self.table.nodes[other][row]:g}"
+        return words
 
 
-def _node_words(table: GateTable, way: int, row: int, k: int) -> str:
-    index = [k] if len(table.nodes) == 1 else [[row, k], [k, row]][way]
-    return f"at {place_of(table, index)}"
+_First = tuple[float, Callable[[], str]]
+"""A value, and what says in words where it is."""
 
 
-def _interval_words(table: GateTable, way: int, row: int, k: int) -> str:
-    nodes = table.nodes[way]
-    words = f"between {table.names[way]} = {nodes[k]:g} and {nodes[k + 1]:g}"
-    if len(table.nodes) == 2:
-        words += f" at {table.names[1 - way]} = {table.nodes[1 - way][row]:g}"
-    return words
+def _firsts(
+    values: Float[np.ndarray, "b r m"], words: Callable[[int, int], str]
+) -> list[_First]:
+    """Return the first of the largest values of each branch."""
+    flat = values.reshape(len(values), -1)
+    at = flat.argmax(axis=1)
+    return [
+        (top, functools.partial(words, *divmod(k, values.shape[2])))
+        for top, k in zip(
+            flat[np.arange(len(flat)), at].tolist(), at.tolist(), strict=True
+        )
+    ]
 
 
-def _first_largest(values: np.ndarray) -> tuple[float, int, int]:
-    row, k = np.unravel_index(np.argmax(values), values.shape)
-    return float(values[row, k]), int(row), int(k)
+def _largest(found: Sequence[_First]) -> tuple[float, str]:
+    """Return the largest value, and where it is."""
+    top = max(value for value, _ in found)
+    return top, max(words() for value, words in found if value == top)
 
 
 def step(table: GateTable) -> tuple[float, str]:
     """Return the largest difference of neighbouring nodes in mm or °, and where."""
-    found: list[tuple[float, str]] = []
-    for way, rows in _lines(table):
-        value, row, k = _first_largest(np.abs(np.diff(rows, axis=1)))
-        found.append((value, _interval_words(table, way, row, k)))
-    return max(found)
+    return _largest(
+        [
+            first
+            for lines in table.lines
+            for first in _firsts(np.abs(lines.steps), lines.interval)
+        ]
+    )
 
 
 def slope(table: GateTable) -> tuple[float, str]:
     """Return the steepest slope along a master, as a pure number, and where."""
-    found: list[tuple[float, str]] = []
-    for way, rows in _lines(table):
-        slopes = np.abs(np.diff(rows, axis=1)) / np.diff(table.nodes[way])
-        value, row, k = _first_largest(slopes)
-        found.append((value, _interval_words(table, way, row, k)))
-    return max(found)
+    return _largest(
+        [
+            first
+            for lines in table.lines
+            for first in _firsts(np.abs(lines.slopes), lines.interval)
+        ]
+    )
 
 
 def gradient(table: GateTable) -> float:
     """Return the steepest gradient; of a plane at the corners of its cells."""
-    steepest = 0.0
-    for branch in table.offset:
-        if branch.ndim == 1:
-            slopes = np.diff(branch) / np.diff(table.nodes[0])
-            steepest = max(steepest, float(np.max(np.abs(slopes))))
-            continue
-        along1 = np.diff(branch, axis=1) / np.diff(table.nodes[0])
-        along2 = np.diff(branch, axis=0) / np.diff(table.nodes[1])[:, None]
-        corners = itertools.product(
-            (along1[:-1], along1[1:]), (along2[:, :-1], along2[:, 1:])
-        )
-        for first, second in corners:
-            steepest = max(steepest, float(np.max(np.hypot(first, second))))
-    return steepest
-
-
-def _slopes_with_ends(table: GateTable, way: int, rows: np.ndarray) -> np.ndarray:
-    """Return the slopes along the rows, with those beyond both ends at either side."""
-    slopes = np.diff(rows, axis=1) / np.diff(table.nodes[way])
-    if table.periodic:
-        return np.concatenate([slopes[:, -1:], slopes, slopes[:, :1]], axis=1)
-    if table.closed[way]:
-        return np.concatenate([slopes[:, :1], slopes, slopes[:, -1:]], axis=1)
-    # Outside the table the controller holds its edge: the slope there is 0.
-    flat = np.zeros((len(slopes), 1))
-    return np.concatenate([flat, slopes, flat], axis=1)
+    along1 = table.lines[0].slopes
+    if len(table.nodes) == 1:
+        return float(np.abs(along1).max())
+    along2 = table.lines[1].slopes.swapaxes(1, 2)
+    corners = itertools.product(
+        (along1[:, :-1], along1[:, 1:]), (along2[..., :-1], along2[..., 1:])
+    )
+    return max(float(np.hypot(first, second).max()) for first, second in corners)
 
 
 def kink(table: GateTable) -> tuple[float, str]:
     """Return the largest change of slope at a node, as a pure number, and where."""
-    found: list[tuple[float, str]] = []
-    for way, rows in _lines(table):
-        change = np.abs(np.diff(_slopes_with_ends(table, way, rows), axis=1))
-        value, row, k = _first_largest(change)
-        found.append((value, _node_words(table, way, row, k)))
-    return max(found)
+    found: list[_First] = []
+    for lines in table.lines:
+        slopes = lines.slopes_with_ends
+        found += _firsts(np.abs(slopes[..., 1:] - slopes[..., :-1]), lines.node)
+    return _largest(found)
 
 
 def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
@@ -149,32 +198,43 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
         mm/s² or °/s², and where.
     """
     made = feed * SMOOTHING
-    found: list[tuple[float, str]] = []
-    for way, rows in _lines(table):
-        nodes = table.nodes[way]
-        slopes = _slopes_with_ends(table, way, rows)
+    found: list[_First] = []
+    for lines in table.lines:
+        nodes, slopes = lines.nodes, lines.slopes_with_ends
+        words = lines.node
         if table.periodic:
+            around = len(nodes) - 1
             turn = nodes[-1] - nodes[0]
             nodes = np.concatenate([nodes[:-1] - turn, nodes, nodes[1:] + turn])
-            inner = slopes[:, 1:-1]
-            slopes = np.concatenate([inner[:, -1:], *[inner] * 3, inner[:, :1]], axis=1)
+            inner = slopes[..., 1:-1]
+            slopes = np.concatenate(
+                [inner[..., -1:], *[inner] * 3, inner[..., :1]], axis=-1
+            )
+            words = functools.partial(_node_around, lines, around)
         # The slope is constant between nodes: its change over a fixed way is largest
         # where one end of the way has just passed a node.
         passed = np.arange(1, len(nodes) + 1)
         ahead = np.searchsorted(nodes, nodes + made, side="right")
         behind = np.searchsorted(nodes, nodes - made, side="right")
         for start, end in ((passed, ahead), (behind, passed)):
-            value, row, k = _first_largest(np.abs(slopes[:, end] - slopes[:, start]))
-            place = k % (len(table.nodes[way]) - 1) if table.periodic else k
-            found.append(
-                (value * feed / SMOOTHING, _node_words(table, way, row, place))
-            )
-    for branch in table.offset:
-        if branch.ndim == 2:
-            area = np.outer(np.diff(table.nodes[1]), np.diff(table.nodes[0]))
-            twist = np.abs(np.diff(np.diff(branch, axis=0), axis=1) / area)
-            value, row, k = _first_largest(twist)
-            # Along the diagonal each master moves with feed/√2: 2 · v₁ · v₂ = feed².
-            where = f"in the cell from {place_of(table, [row, k])}"
-            found.append((value * feed**2, where))
-    return max(found)
+            change = np.abs(slopes[..., end] - slopes[..., start])
+            found += [
+                (value * feed / SMOOTHING, where)
+                for value, where in _firsts(change, words)
+            ]
+    if len(table.nodes) == 2:
+        area = np.outer(np.diff(table.nodes[1]), np.diff(table.nodes[0]))
+        across = table.lines[1].steps.swapaxes(1, 2)
+        twist = np.abs((across[..., 1:] - across[..., :-1]) / area)
+
+        def cell(row: int, k: int) -> str:
+            return f"in the cell from {place_of(table, [row, k])}"
+
+        # Along the diagonal each master moves with feed/√2: 2 · v₁ · v₂ = feed².
+        found += [(value * feed**2, where) for value, where in _firsts(twist, cell)]
+    return _largest(found)
+
+
+def _node_around(lines: _Lines, around: int, row: int, k: int) -> str:
+    """Return a node of a line that goes on past its ends in words."""
+    return lines.node(row, k % around)

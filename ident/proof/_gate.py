@@ -126,15 +126,15 @@ def _largest(
     limit: float,
     unit: str,
 ) -> GateCheck:
-    branch = max(branches, key=lambda values: float(np.max(np.abs(values))))
-    index = np.unravel_index(np.argmax(np.abs(branch)), branch.shape)
+    sizes = np.abs(np.stack(branches))
+    _, *index = np.unravel_index(sizes.argmax(), sizes.shape)
     where = f"at {place_of(table, [int(k) for k in index])}"
-    return gate_check(name, float(np.max(np.abs(branch))), limit, unit, where)
+    return gate_check(name, float(sizes.max()), limit, unit, where)
 
 
 def _reversal(table: GateTable, limits: GateLimits, unit: str) -> list[GateCheck]:
     jump = np.abs(table.offset[0] - table.offset[1])
-    k = int(np.argmax(jump))
+    k = int(jump.argmax())
     where = f"at {place_of(table, [k])}"
     spread = f"{where}, spread over {table.cycles} cycles"
     fast, hard = reversal_dynamics(float(jump[k]), table.cycles, table.cycle_time)

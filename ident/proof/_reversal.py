@@ -40,9 +40,9 @@ def reversal_dynamics(
         mm/s and mm/s² (°/s, °/s²).
     """
     position = jump * _spread(cycles)
-    velocity = np.diff(position) / cycle_time
-    acceleration = np.diff(velocity) / cycle_time
-    return float(np.max(np.abs(velocity))), float(np.max(np.abs(acceleration)))
+    velocity = (position[1:] - position[:-1]) / cycle_time
+    acceleration = (velocity[1:] - velocity[:-1]) / cycle_time
+    return float(np.abs(velocity).max()), float(np.abs(acceleration).max())
 
 
 def choose_cycles(
