@@ -157,17 +157,17 @@ class AbstractTable(abc.ABC):
     def at_nodes(self, model: Model) -> Float[np.ndarray, "..."]:
         """Return the offset of a model at the nodes, shaped like `layout`."""
         axes = [nodes.positions for nodes in self.nodes]
-        grid = np.meshgrid(*reversed(axes), indexing="ij")
-        points = np.stack([column.ravel() for column in reversed(grid)], axis=1)
+        points = axes[0][:, None].copy()
+        if len(axes) > 1:
+            grid = np.meshgrid(*reversed(axes), indexing="ij")
+            points = np.stack([column.ravel() for column in reversed(grid)], axis=1)
         if self.periodic:
             # The last node is the first one again; asked as a position it would wrap,
             # and a held table would answer with its own end.
             points[-1] = points[0]
-        found = [
-            self.offset(model, points, np.full(len(points), k, dtype=np.int64))
-            for k in range(self.branches)
-        ]
-        return np.concatenate(found).reshape(self.layout.shape)
+        branch = np.repeat(np.arange(self.branches), len(points))
+        found = self.offset(model, np.tile(points, (self.branches, 1)), branch)
+        return found.reshape(self.layout.shape)
 
 
 def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:

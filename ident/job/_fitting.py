@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
@@ -90,14 +91,23 @@ class Rounded:
 
     def integers(self, estimate: TableFit) -> Int[np.ndarray, "..."]:
         """Return the entries of its list."""
-        return self.plan.table.to_integers(self.offset(estimate))
+        return self.integers_of([estimate])[0]
 
-    def rounding(self, estimate: TableFit) -> float:
+    def integers_of(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
+        """Return the entries of the lists of several estimates."""
+        offsets = np.stack([self.offset(estimate) for estimate in estimates])
+        return self.plan.table.to_integers(offsets)
+
+    def rounding(self, estimate: TableFit, entries: Int[np.ndarray, "..."]) -> float:
         """Return the largest change of an offset by rounding, in mm or °.
 
         Between nodes the table is a weighted mean, which cannot be off by more.
+
+        Args:
+            estimate: What is written.
+            entries: Of its list.
         """
-        written = self.plan.table.to_offsets(self.integers(estimate))
+        written = self.plan.table.to_offsets(entries)
         return float(np.max(np.abs(written - self.offset(estimate))))
 
     def zero(self, estimate: TableFit) -> float:
@@ -164,6 +174,7 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
     rounded = Rounded(job, plan, readings.datum)
     zero = rounded.zero(fit)
     before = readings.error - zero
+    entries = rounded.integers(fit)
     active = np.zeros(len(before))
     if plan.active and plan.old is not None:
         active = table.offset(plan.old, readings.positions, branch)
@@ -174,10 +185,10 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
         fit=dataclasses.replace(fit, values=fit.values - zero),
         before=before,
         active=active,
-        integers=rounded.integers(fit),
-        rounding=rounded.rounding(fit),
+        integers=entries,
+        rounding=rounded.rounding(fit, entries),
         held_out=held_out(
-            table, samples, fit, rounded.integers, before, active, run_effects=effects
+            table, samples, fit, rounded.integers_of, before, active, effects
         ),
         run_effects=effects,
     )

@@ -46,7 +46,7 @@ def held_out(
     table: AbstractTable,
     samples: Samples,
     fit: TableFit,
-    to_integers: Callable[[TableFit], Int[np.ndarray, "..."]],
+    to_integers: Callable[[Sequence[TableFit]], Int[np.ndarray, "k ..."]],
     before: Float[np.ndarray, " t"],
     active: Float[np.ndarray, " t"],
     run_effects: str = "none",
@@ -60,23 +60,20 @@ def held_out(
         table: What is written.
         samples: Readings as fitted.
         fit: The fit to all of them.
-        to_integers: From a fit to the entries of the list.
+        to_integers: From fits to the entries of their lists.
         before: Error as measured, per reading.
         active: Offset that was active while measuring, per reading.
         run_effects: As in the fit.
     """
-    by_run = samples.run is not None and len(np.unique(samples.run)) > 1
-    if by_run:
-        assert samples.run is not None
-        groups = _by_run(samples.run)
-    else:
+    groups = None if samples.run is None else _by_run(samples.run)
+    by_run = groups is not None
+    if groups is None:
         groups = blocks_of(fit.layout, samples)
     weight = np.ones(len(before)) if samples.weight is None else samples.weight
     left = dict(leave_out(fit.layout, samples, groups, fit, run_effects=run_effects))
     folds = list(left.values())
     which = np.searchsorted(list(left), groups)
-    integers = np.stack([to_integers(fold) for fold in folds])
-    offsets = table.offsets(integers, samples.positions, samples.branch)
+    offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)
     own = offsets[which, np.arange(len(before))]
     spread = deviations(folds, which, samples.positions, samples.branch)
     noise = np.array([fold.noise**2 for fold in folds])
@@ -105,13 +102,20 @@ def held_out_deviation(fold: TableFit, samples: Samples) -> Float[np.ndarray, " 
 
 def run_groups(runs: Int[np.ndarray, " r"]) -> Int[np.ndarray, " r"]:
     """Return what each of several different runs is left out with."""
-    return _by_run(runs)
+    groups = _by_run(runs)
+    return np.asarray(runs, dtype=np.int64) if groups is None else groups
 
 
-def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
-    """Return the run of each reading; of many runs, a tenth of them at a time."""
-    rank = np.unique(run, return_inverse=True)[1].reshape(-1)
-    return np.asarray(rank % 10 if rank.max() >= _MOST_RUNS else run, dtype=np.int64)
+def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"] | None:
+    """Return the run of each reading, None where there is one only.
+
+    Of many runs, a tenth of them at a time.
+    """
+    labels, rank = np.unique(run, return_inverse=True)
+    if len(labels) < 2:
+        return None
+    groups = rank.reshape(-1) % 10 if len(labels) > _MOST_RUNS else run
+    return np.asarray(groups, dtype=np.int64)
 
 
 def _run_variance(

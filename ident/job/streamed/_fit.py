@@ -70,11 +70,12 @@ def fit_log_plan(job: Job, plan: Plan, readings: LogReadings) -> StreamedFitted:
         )
         rounded = Rounded(job, plan, readings.datum)
         zero = rounded.zero(found.fit)
+        entries = rounded.integers(found.fit)
         return StreamedFitted(
             plan=plan,
             fit=dataclasses.replace(found.fit, values=found.fit.values - zero),
-            integers=rounded.integers(found.fit),
-            rounding=rounded.rounding(found.fit),
+            integers=entries,
+            rounding=rounded.rounding(found.fit, entries),
             run_effects="none",
             readings=readings,
             estimate=found,
