@@ -5,7 +5,7 @@ look at the readings (second thoughts about wild ones) is left to it.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -100,6 +100,7 @@ def _robust(
     factors = factors_of(stack, normal, weights)
     inflation = np.ones(len(normal))
     going, part = np.arange(len(normal)), stack
+    kept = {"stack": stack, "weights": weights, "normal": normal, "factors": factors}
     ended: list[_Ended] = []
     for step in range(PASSES):
         root = np.sqrt(part.weight)
@@ -113,8 +114,13 @@ def _robust(
             if len(other):
                 active[other] = now[other]
                 own = part.take(other)
-                normal[other] = own.normal(active[other])
-                factors.put(other, factors_of(own, normal[other], weights[other]))
+                fresh = own.normal(active[other])
+                inverted = factors_of(own, fresh, weights[other])
+                normal[other] = fresh
+                factors.put(other, inverted)
+                if part is not stack:
+                    kept["normal"][going[other]] = fresh
+                    kept["factors"].put(going[other], inverted)
         pseudo = _pseudo(scale, residual, scaled, active, step == 0 and not near, root)
         problems = _problems(part, normal, unknowns, pseudo, active)
         solutions = solve_lanes(problems, weights, factors)
@@ -145,7 +151,7 @@ def _robust(
                 each[going_on]
                 for each in (normal, weights, unknowns, inflation, active)
             )
-    return _joined(stack, ended)
+    return _joined(ended, kept)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,16 +163,19 @@ class _Ended:
     state: State
 
 
-def _joined(stack: Stack, ended: Sequence[_Ended]) -> State:
-    """Return the ends of all lanes of a stack as one state."""
+def _joined(ended: Sequence[_Ended], kept: Mapping[str, Any]) -> State:
+    """Return the ends of all lanes of a stack as one state.
+
+    Args:
+        ended: The ends.
+        kept: Fields, by name, of which all lanes have theirs together already.
+    """
     if len(ended) == 1:
         return ended[0].state
-    count = len(stack.lanes)
+    count = sum(len(one.lanes) for one in ended)
 
     def joined(values: Sequence[Any]) -> Any:
         first = values[0]
-        if isinstance(first, Stack):
-            return stack
         if isinstance(first, str):
             return first
         if isinstance(first, np.ndarray):
@@ -175,7 +184,12 @@ def _joined(stack: Stack, ended: Sequence[_Ended]) -> State:
                 result[one.lanes] = value[one.rows]
             return result
         names = [field.name for field in dataclasses.fields(first)]
-        parts = {name: joined([getattr(v, name) for v in values]) for name in names}
+        parts = {
+            name: kept[name]
+            if name in kept
+            else joined([getattr(value, name) for value in values])
+            for name in names
+        }
         return dataclasses.replace(first, **parts)
 
     found: State = joined([one.state for one in ended])

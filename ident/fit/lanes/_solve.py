@@ -49,12 +49,14 @@ class Factors:
     """Inverses of normal matrix plus prior, kept while neither changes.
 
     Attributes:
+        pull: Penalty matrix of one chain.
         root: Inverse of the Cholesky factor.
         inverse: Inverse of the matrix.
         used: Effective number of parameters.
         sound: Whether the matrix is positive definite.
     """
 
+    pull: Float[np.ndarray, "k n n"]
     root: Float[np.ndarray, "k m m"]
     inverse: Float[np.ndarray, "k m m"]
     used: Float[np.ndarray, " k"]
@@ -91,12 +93,13 @@ def factors_of(
     stack: Stack, normal: Float[np.ndarray, "k m m"], weights: Float[np.ndarray, "k 2"]
 ) -> Factors:
     """Return the factors of normal matrix plus prior for weights of both differences."""
-    matrix = with_prior(stack, normal, stack.pull(weights))
+    pull = stack.pull(weights)
+    matrix = with_prior(stack, normal, pull)
     lower, sound = cholesky(matrix)
     root = np.linalg.inv(lower)
     inverse = np.matmul(root.transpose(0, 2, 1), root)
     used = (inverse * normal).reshape(len(normal), -1).sum(axis=1)
-    return Factors(root, inverse, np.asarray(used), sound)
+    return Factors(pull, root, inverse, np.asarray(used), sound)
 
 
 def with_prior(
@@ -138,10 +141,9 @@ def solve_lanes(
 ) -> Solutions:
     """Return the posteriors; a lane whose factor is not sound returns garbage."""
     stack = problems.stack
-    pull = stack.pull(weights)
     right = problems.vector.copy()
     here = stack.tables(problems.unknowns)
-    right[:, : stack.size] -= np.matmul(here, pull).reshape(len(right), -1)
+    right[:, : stack.size] -= np.matmul(here, factors.pull).reshape(len(right), -1)
     root = factors.root
     step = times(root.transpose(0, 2, 1), times(root, right))
     square = problems.square - 2.0 * dot(problems.vector, step)
