@@ -1,9 +1,12 @@
 """Leadscrew error compensation: ``kw.ssfk`` in a list ↔ `Leadscrew`."""
 
+import functools
 from collections.abc import Mapping
+from typing import Any
 
+import jax
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from ...data.lists import ListFile
 from ...models import Conventions, EquidistantNodes, Leadscrew, Setpoints
@@ -52,6 +55,24 @@ def leadscrew_from_list(
     Raises:
         ExchangeError: If an entry is missing or the setpoints do not ascend.
     """
+    found: Leadscrew = jax.tree.map(
+        as_array, read_leadscrew(listing, conventions, increment, modulo=modulo)
+    )
+    return found
+
+
+def read_leadscrew(
+    listing: ListFile,
+    conventions: Conventions,
+    increment: Increments = None,
+    *,
+    modulo: tuple[float, float] | None = None,
+) -> Leadscrew:
+    """Return what `leadscrew_from_list` does, its entries as NumPy has them.
+
+    For what looks at the numbers alone: to make arrays of them that JAX can compute with
+    takes longer than to read the list.
+    """
     size = unit_size(listing, PREFIX, axis_number(listing), increment)
     count = required(listing, f"{PREFIX}.kw_nr_max")
     if count < 1:
@@ -65,10 +86,9 @@ def leadscrew_from_list(
     columns = [column(listing, PREFIX, "pos")]
     if flag(listing, f"{PREFIX}.bilateral"):
         columns.append(column(listing, PREFIX, "neg"))
-    values = [
-        np.array([scaled(given.get(k, 0), size) for k in range(count)])
-        for given in columns
-    ]
+    values = np.array(
+        [[scaled(given.get(k, 0), size) for k in range(count)] for given in columns]
+    )
     # An interval of 0, its default, asks for setpoints.
     interval = optional(listing, f"{PREFIX}.interval")
     nodes: EquidistantNodes | Setpoints
@@ -84,13 +104,45 @@ def leadscrew_from_list(
     if flag(listing, f"{PREFIX}.modulo"):
         ends = np.asarray(nodes.positions)
         wraps = modulo or (float(ends[0]), float(ends[-1]))
-    return Leadscrew(
-        nodes=nodes,
-        pos=as_array(values[0]),
-        neg=as_array(values[1]) if len(values) == 2 else None,
-        modulo=wraps,
-        sign=float(conventions.leadscrew_sign),
+    return leadscrew_of(nodes, values, wraps, conventions)
+
+
+def leadscrew_of(
+    nodes: EquidistantNodes | Setpoints,
+    branches: Float[np.ndarray, "b n"],
+    modulo: tuple[float, float] | None,
+    conventions: Conventions,
+) -> Leadscrew:
+    """Return a leadscrew table over some nodes, its entries as NumPy has them.
+
+    Args:
+        nodes: Of the table.
+        branches: Its entries in mm or °: one row for both directions, or one for each.
+        modulo: Range of the axis where the table goes round.
+        conventions: Sign rule.
+    """
+    places, kind = jax.tree.flatten(nodes)
+    if isinstance(nodes, EquidistantNodes):
+        places = [np.asarray(place) for place in places]
+    structure = _structure(
+        kind, len(branches), modulo, float(conventions.leadscrew_sign)
     )
+    found: Leadscrew = jax.tree.unflatten(structure, [*places, *branches])
+    return found
+
+
+@functools.lru_cache(maxsize=256)
+def _structure(
+    kind: Any, branches: int, modulo: tuple[float, float] | None, sign: float
+) -> Any:
+    """Return all of a table but its numbers: those of the nodes, then the entries.
+
+    To put them in is a tenth of the work of making a table anew.
+    """
+    nodes = jax.tree.unflatten(kind, [np.ones(1)] * kind.num_leaves)
+    entries = as_array(np.ones(nodes.count))
+    neg = entries if branches == 2 else None
+    return jax.tree.structure(Leadscrew(nodes, entries, neg, modulo, sign))
 
 
 def entries_of_leadscrew(

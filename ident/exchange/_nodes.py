@@ -15,7 +15,9 @@ _FEW = 1024
 """Numbers up to which an array is looked up among the last ones."""
 
 
-def as_array(values: Float[np.ndarray, "..."] | float) -> Float[Array, "..."]:
+def as_array(
+    values: Float[np.ndarray, "..."] | Float[Array, "..."] | float,
+) -> Float[Array, "..."]:
     """Return numbers as the 64-bit array that a model holds."""
     given = np.asarray(values, dtype=np.float64)
     if given.size > _FEW:

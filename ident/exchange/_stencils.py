@@ -65,6 +65,9 @@ def offsets_at(
     question = _Question(_nodes(model), _rules(model), places.tobytes(), sense, model)
     answer = _kept if len(places) <= FEW else _asked
     nodes, weights = answer(question)
+    if len(places) <= FEW:
+        return model.sign * (entries[:, nodes] * weights).sum(axis=2)
+    # One by one, which takes less memory.
     return np.stack(
         [model.sign * (table[nodes] * weights).sum(axis=1) for table in entries]
     )

@@ -152,13 +152,11 @@ class LeadscrewTable(AbstractTable):
         return 2 if self.bilateral else 1
 
     def model(self, integers: Int[np.ndarray, "..."]) -> Model:
-        values = from_list_units(integers)
-        return Leadscrew(
-            nodes=self.nodes[0].model(),
-            pos=as_array(values[0] if self.bilateral else values),
-            neg=as_array(values[1]) if self.bilateral else None,
-            modulo=self.modulo,
-            sign=float(self.conventions.leadscrew_sign),
+        return _leadscrew.leadscrew_of(
+            self.nodes[0].model(),
+            np.atleast_2d(from_list_units(integers)),
+            self.modulo,
+            self.conventions,
         )
 
     def entries(
@@ -187,7 +185,7 @@ class LeadscrewTable(AbstractTable):
         return _leadscrew.has_leadscrew(listing)
 
     def read(self, listing: ListFile, increments: Increments = None) -> Model:
-        return _leadscrew.leadscrew_from_list(
+        return _leadscrew.read_leadscrew(
             listing, self.conventions, increments, modulo=self.modulo
         )
 

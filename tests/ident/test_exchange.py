@@ -2,6 +2,7 @@
 
 import pickle
 
+import jax
 import numpy as np
 import pytest
 
@@ -90,6 +91,53 @@ def test_leadscrew_comes_back_as_written(
     assert (again.neg is None) is not bilateral
     assert listing.boolean("kw.ssfk.set_pos_without_comp") is (bilateral or None)
     assert faults(listing) == []
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("bilateral", [False, True])
+@pytest.mark.parametrize(
+    "nodes", [GridNodes(-200_000, 50_000, 8), PointNodes(tuple(range(-5, 75, 10)))]
+)
+def test_a_leadscrew_table_reads_and_makes_what_the_list_describes(
+    periodic: bool, bilateral: bool, nodes: GridNodes | PointNodes
+) -> None:
+    values = np.array(VALUES[:2] if bilateral else VALUES[0])
+    values[..., -1] = values[..., 0]
+    table = LeadscrewTable(3, (3,), (nodes,), RULES, periodic, bilateral)
+    listing = listed(table.entries(values))
+    described = leadscrew_from_list(listing, RULES)
+    leaves, structure = jax.tree.flatten(described)
+    assert all(isinstance(leaf, jax.Array) for leaf in leaves)
+    for model in (table.read(listing), table.model(values)):
+        own, kind = jax.tree.flatten(model)
+        assert kind == structure
+        for leaf, other in zip(own, leaves, strict=True):
+            np.testing.assert_array_equal(leaf, other)
+
+
+@pytest.mark.parametrize("rows", [7, 1500])
+def test_tables_that_are_asked_together_add_what_each_adds_alone(rows: int) -> None:
+    plane = PlaneTable(
+        3, (1, 2), (GridNodes(0, 50_000, 8), GridNodes(0, 50_000, 7)), RULES
+    )
+    screw = LeadscrewTable(
+        3, (3,), (GridNodes(0, 50_000, 8),), RULES, periodic=False, bilateral=True
+    )
+    places = RNG.uniform(-1.0, 40.0, (rows, 2))
+    branch = RNG.integers(0, 2, rows)
+    for table, lists in (
+        (plane, np.stack([VALUES, -VALUES, 3 * VALUES])),
+        (screw, VALUES[:6].reshape(3, 2, 8)),
+    ):
+        together = table.offsets(lists, places, branch)
+        for one, found in zip(lists, together, strict=True):
+            alone = table.offsets(one[None], places, branch)[0]
+            # The same sums in the same order.
+            np.testing.assert_array_equal(found, alone)
+            # XLA may round products and sums of the 4 nodes once instead of twice.
+            np.testing.assert_allclose(
+                found, table.offset(table.model(one), places, branch), atol=1e-15
+            )
 
 
 def test_modulo_leadscrew_comes_back_with_its_range() -> None:
