@@ -6,6 +6,8 @@ import itertools
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from ._schema import COLUMNS
 
 Row = dict[str, Any]
@@ -22,7 +24,8 @@ def rows_of(
         folder: Of its files, relative to that of the batch.
         verified: Whether every convention that it used is verified.
         job_hash: SHA-256 of the job file.
-        result: Its ``result.json``.
+        result: Its ``result.json``, or the tree that is written there: of that, the
+            numbers are still what NumPy has.
     """
     machine = result["machine"]
     common = {
@@ -100,6 +103,8 @@ def _flat(table: Any) -> list[Any] | None:
         return None
     if isinstance(table, int | float):
         return [table]
+    if isinstance(table, np.ndarray):
+        return list(table.ravel().tolist())
     if isinstance(table, Mapping):
         parts: Iterable[Any] = table.values()
     elif table and isinstance(table[0], list):

@@ -165,7 +165,7 @@ def _is_full(error: BaseException | None) -> bool:
 
 def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     from ..fit import waiting
-    from ..job import run_job
+    from ..job import as_tree, plain, run_job
 
     out = Path(order.out)
     stage.parent.mkdir(parents=True, exist_ok=True)
@@ -182,16 +182,23 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     place.parent.mkdir(exist_ok=True)
     with waiting():
         sync_folder(stage)
+    mine = task.sha256 in result.inputs.values()
     try:
         stage.rename(place)
     except OSError:
         # A worker that was believed dead was faster: its files are whole as well.
         if not place.is_dir():
             raise
+        mine = False
         shutil.rmtree(stage, ignore_errors=True)
-    rows = published(task, out, fresh=True)
-    assert rows is not None
-    return rows
+    if mine:
+        # What lies there says what the result does: no need to read it back.
+        folder, tree = f"{place.parent.name}/{task.name}", as_tree(result)
+        rows = rows_of(task.name, folder, verified, task.sha256, tree)
+        return [plain(row) for row in rows]
+    found = published(task, out, fresh=True)
+    assert found is not None
+    return found
 
 
 _DRAWING = threading.Lock()

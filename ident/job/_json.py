@@ -4,6 +4,7 @@ import datetime
 import json
 import math
 from collections.abc import Mapping
+from json.encoder import encode_basestring_ascii
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,13 @@ from ._result import AbstractResult, JobResult
 
 _DEPTH = 3
 """Down to the entries of a fit."""
+_PLAIN = (dict, list, int, float, type(None))
+_WORDS: Mapping[Any, str] = {None: "null", True: "true", False: "false"}
 
 
 def _known(value: Any) -> Any:
     """Return a value in terms that JSON knows, what it holds left as it is."""
-    if isinstance(value, dict | list | int | float | None):
+    if isinstance(value, _PLAIN):
         return value
     if isinstance(value, Mapping):
         return dict(value)
@@ -48,14 +51,22 @@ def result_json(result: JobResult) -> str:
 
 def _lines(value: Any, depth: int) -> str:
     """Return JSON with an entry per line down to a depth; tables stay on one line."""
+    # To set up the encoder takes longer than to encode what is no table.
     kind = type(value)
+    if kind is str:
+        return encode_basestring_ascii(value)
     if kind is int or (kind is float and math.isfinite(value)):
         return repr(value)
-    if not depth or kind is str:
+    if value is None or kind is bool:
+        return _WORDS[value]
+    if not depth:
         return _TEXT(value)
     value = _known(value)
     if value and isinstance(value, dict):
-        below = [f"{_TEXT(str(k))}: {_lines(v, depth - 1)}" for k, v in value.items()]
+        below = [
+            f"{encode_basestring_ascii(str(k))}: {_lines(v, depth - 1)}"
+            for k, v in value.items()
+        ]
         return "{\n" + ",\n".join(below) + "\n}"
     if value and isinstance(value, list):
         return "[\n" + ",\n".join([_lines(v, depth - 1) for v in value]) + "\n]"

@@ -173,6 +173,11 @@ def _endless_job() -> Callable[[Path, str], None]:
     return endless_job
 
 
+@pytest.fixture(name="plane_job", scope="session")
+def _plane_job() -> Callable[..., None]:
+    return plane_job
+
+
 @pytest.fixture(name="readings", scope="session")
 def _readings() -> Callable[[int, float], str]:
     return readings

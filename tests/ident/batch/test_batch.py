@@ -24,7 +24,14 @@ from axcomp.ident.batch._journal import Journal
 from axcomp.ident.batch._lock import locked
 from axcomp.ident.batch._rows import failed_row
 from axcomp.ident.batch._table import write_results
-from axcomp.ident.batch._work import Order, Outcome, Task, is_changed, run_chunk
+from axcomp.ident.batch._work import (
+    Order,
+    Outcome,
+    Task,
+    is_changed,
+    published,
+    run_chunk,
+)
 from axcomp.ident.cli import main
 from axcomp.ident.fit import Gathering, in_group
 from axcomp.ident.job import load_job, run_job
@@ -280,6 +287,30 @@ def test_a_job_whose_measurement_changed_is_to_be_done_again(
     again = run_chunk(tasks[1:], order)
     assert [one.rows[0]["state"] for one in again] == ["done", "done"]
     assert again[0].rows[0]["table"] != done[1].rows[0]["table"]
+
+
+def test_rows_of_a_job_are_those_that_its_files_give(
+    tmp_path: Path,
+    fleet: Fleet,
+    friction_fleet: Fleet,
+    plane_job: Callable[..., None],
+) -> None:
+    names = fleet(tmp_path / "jobs", 1)
+    friction = friction_fleet(tmp_path / "friction", 1)
+    grid = [(0.5 * x, 0.5 * y) for x in range(7) for y in range(5)]
+    rows = [f"{x},{y},{1e-3 * (x * y + x)}" for x, y in grid]
+    (tmp_path / "jobs" / "p.csv").write_text("x,y,e\n" + "\n".join(rows) + "\n")
+    plane_job(tmp_path / "jobs" / "plane.toml", "p.csv", 4, 1.0)
+    tasks = tasks_of(tmp_path / "jobs", [*names, "plane"])
+    tasks += [
+        Task("friction", task.path, task.sha256)
+        for task in tasks_of(tmp_path / "friction", friction)
+    ]
+    out = tmp_path / "out"
+    for task, done in zip(tasks, run_chunk(tasks, Order(str(out), "t")), strict=True):
+        assert done.rows[0]["state"] == "done", done.rows
+        # As text, which tells 1 from 1.0 and a list from an array.
+        assert repr(published(task, out)) == repr(done.rows)
 
 
 def test_the_table_carries_its_version_and_the_meaning_of_every_column(
