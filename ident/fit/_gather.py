@@ -5,6 +5,7 @@ one `Gathering`, and each fit waits until no job can go on without one; then all
 handed to their group function at once. Outside a gathering a fit is a group of its own.
 """
 
+import collections
 import contextlib
 import contextvars
 import dataclasses
@@ -16,10 +17,6 @@ from typing import Any, TypeVar
 _Request = TypeVar("_Request")
 _Result = TypeVar("_Result")
 
-_SIDE_BY_SIDE = 1
-"""Calls that run at a time. A second one would only take the interpreter from the first,
-which costs a fifth of the time; while one waits for the disk, another has its turn."""
-
 _CURRENT: contextvars.ContextVar["tuple[Gathering, int] | None"] = (
     contextvars.ContextVar("gathering", default=None)
 )
@@ -27,12 +24,16 @@ _CURRENT: contextvars.ContextVar["tuple[Gathering, int] | None"] = (
 
 @dataclasses.dataclass(eq=False)
 class _Ticket:
-    """Requests of one caller, and what became of them."""
+    """Requests of one caller, and what became of them.
+
+    Attributes:
+        gate: Closed until the requests are served and the caller has its turn.
+    """
 
     caller: int
     group: Callable[[Sequence[Any]], list[Any]]
     requests: Sequence[Any]
-    done: threading.Event
+    gate: threading.Lock
     results: list[Any]
     error: Exception | None = None
 
@@ -40,22 +41,31 @@ class _Ticket:
 class Gathering:
     """Runs calls side by side and lets their fits go together.
 
+    One call runs at a time. A second one would only take the interpreter from the first,
+    which costs a fifth of the time; while one waits for the disk, another has its turn.
+    Whoever rests hands the turn to the next one and wakes nobody else.
+
     Attributes:
         moved: When a call last got on, by `time.monotonic`.
     """
 
     def __init__(self) -> None:
         self.moved = time.monotonic()
-        self._changed = threading.Condition()
+        self._state = threading.Lock()
+        """Held by whoever looks at what stands below, or changes it."""
         self._waiting: list[_Ticket] = []
         self._busy: set[int] = set()
-        self._turns = threading.Semaphore(_SIDE_BY_SIDE)
         self._running: set[int] = set()
+        self._queue: collections.deque[tuple[int, threading.Lock]] = collections.deque()
+        """Who is to have the turn, first come, first served; each behind a closed gate."""
+        self._taken = True
+        self._resting = _closed()
+        """Open while no call can go on without its requests."""
 
     @property
     def busy(self) -> list[int]:
         """Calls that the others wait for, by number."""
-        with self._changed:
+        with self._state:
             return sorted(self._running)
 
     def run(
@@ -83,17 +93,16 @@ class Gathering:
         ]
         for thread in threads:
             thread.start()
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: not self._busy)
-                tickets, self._waiting = self._waiting, []
-            if not tickets:
-                break
+        tickets: list[_Ticket] = []
+        while self._busy:
+            with self._state:
+                self._queue.extend((ticket.caller, ticket.gate) for ticket in tickets)
+                self._hand_on()
+            self._resting.acquire()
+            tickets, self._waiting = self._waiting, []
             _serve(tickets)
             self.moved = time.monotonic()
             self._busy.update(ticket.caller for ticket in tickets)
-            for ticket in tickets:
-                ticket.done.set()
         for thread in threads:
             thread.join()
         return results
@@ -105,38 +114,56 @@ class Gathering:
         requests: Sequence[_Request],
     ) -> list[_Result]:
         """Return what a group function makes of requests, beside those of other calls."""
-        ticket = _Ticket(caller, group, requests, threading.Event(), [])
-        with self._changed:
-            self._waiting.append(ticket)
-        self._rest(caller)
-        ticket.done.wait()
-        self._take_turn(caller)
+        ticket = _Ticket(caller, group, requests, _closed(), [])
+        self._rest(caller, ticket)
+        ticket.gate.acquire()
         if ticket.error is not None:
             raise ticket.error
         return ticket.results
 
     @contextlib.contextmanager
-    def away(self) -> Iterator[None]:
-        """Give the turn of the calling call to another one meanwhile."""
-        self._turns.release()
+    def away(self, caller: int) -> Iterator[None]:
+        """Give the turn of a call to another one meanwhile."""
+        with self._state:
+            self._hand_on()
         try:
             yield
         finally:
-            self._turns.acquire()
+            self._take_turn(caller)
 
     def _take_turn(self, caller: int) -> None:
-        self._turns.acquire()
-        with self._changed:
-            self._running.add(caller)
+        with self._state:
+            gate = _closed()
+            self._queue.append((caller, gate))
+            if not self._taken:
+                self._hand_on()
+        gate.acquire()
 
-    def _rest(self, caller: int) -> None:
-        with self._changed:
+    def _rest(self, caller: int, ticket: _Ticket | None = None) -> None:
+        with self._state:
             self.moved = time.monotonic()
+            if ticket is not None:
+                self._waiting.append(ticket)
             self._busy.discard(caller)
             self._running.discard(caller)
+            self._hand_on()
             if not self._busy:
-                self._changed.notify_all()
-        self._turns.release()
+                self._resting.release()
+
+    def _hand_on(self) -> None:
+        """Give the turn to the next one; there may be none."""
+        self._taken = bool(self._queue)
+        if self._queue:
+            caller, gate = self._queue.popleft()
+            self._running.add(caller)
+            gate.release()
+
+
+def _closed() -> threading.Lock:
+    """Return a gate that opens once, for one to pass."""
+    gate = threading.Lock()
+    gate.acquire()
+    return gate
 
 
 def _serve(tickets: Sequence[_Ticket]) -> None:
@@ -170,7 +197,8 @@ def waiting() -> Iterator[None]:
     if current is None:
         yield
         return
-    with current[0].away():
+    gathering, caller = current
+    with gathering.away(caller):
         yield
 
 
