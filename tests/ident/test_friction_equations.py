@@ -204,7 +204,7 @@ def test_machine_code_stays_within_its_arrays(tmp_path: Path) -> None:
     script = tmp_path / "laws.py"
     script.write_text(
         "import numpy as np\n"
-        "from axcomp.ident.fit.friction import DriveSamples, choose_law\n"
+        "from axcomp.ident.fit.friction import DriveSamples, choose_law, place_knots\n"
         "rng = np.random.default_rng(1)\n"
         "v = np.interp(np.arange(900), np.arange(0, 900, 30),"
         " rng.choice([-1, 0, 1], 30) * np.exp(rng.uniform(0, 5, 30)))\n"
@@ -214,6 +214,12 @@ def test_machine_code_stays_within_its_arrays(tmp_path: Path) -> None:
         "samples = DriveSamples(0.01 * np.arange(900), v, i, np.gradient(v, 0.01))\n"
         "choice = choose_law(samples, decimate=1)\n"
         "choice.left_out.predicted(choice.fit)\n"
+        "speed = np.geomspace(0.1, 100, 150)\n"
+        "curve = 1.2 + 0.9 * np.exp(-((speed / 12) ** 2))\n"
+        "for entries in (3, 4, 5, 20):\n"
+        "    place_knots(speed, curve, 1 + 0 * speed, entries=entries, unit=1e-3)\n"
+        "near = speed[:9]\n"
+        "place_knots(near, near, 1 + 0 * near, unit=1e-3)\n"
         "print(choice.fit.structure.words)\n"
     )
     tell = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_OPT": "0"}

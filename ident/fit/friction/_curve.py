@@ -1,25 +1,24 @@
 """A friction curve in list units, and knots that are to follow it."""
 
 import dataclasses
-from collections.abc import Sequence
 from functools import cached_property
 from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 
 @dataclasses.dataclass(frozen=True)
 class Points:
-    """Knots of a polyline, or of one for each of some curves.
+    """Knots of a polyline.
 
     Attributes:
         places: Ascending, in list units of speed.
         heights: In list units of current.
     """
 
-    places: Float[np.ndarray, "*j k"]
-    heights: Float[np.ndarray, "*j k"]
+    places: Float[np.ndarray, " k"]
+    heights: Float[np.ndarray, " k"]
 
 
 @final
@@ -72,51 +71,3 @@ class Curve:
         """Return the weighted root mean square distance of a polyline."""
         error = np.interp(self.place, points.places, points.heights) - self.height
         return float(np.sqrt(self.weight @ error**2))
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class Curves:
-    """Some curves side by side; what is asked of them has one row for each.
-
-    Attributes:
-        each: The curves.
-    """
-
-    each: Sequence[Curve]
-
-    @cached_property
-    def first(self) -> Int[np.ndarray, " j"]:
-        """Row of `sums` at which those of each curve begin."""
-        sizes = [len(curve.sums) for curve in self.each]
-        return np.cumsum([0, *sizes[:-1]])
-
-    @cached_property
-    def sums(self) -> Float[np.ndarray, "m 6"]:
-        """The sums of all of them, one below the other."""
-        return np.concatenate([curve.sums for curve in self.each])
-
-    @cached_property
-    def level(self) -> Float[np.ndarray, " j"]:
-        """Their mean heights."""
-        return np.array([curve.level for curve in self.each])
-
-    def before(self, place: Float[np.ndarray, "j *k"]) -> Int[np.ndarray, "j *k"]:
-        """Return the row of `sums` up to each place."""
-        found = [
-            curve.place.searchsorted(own, "right") + first
-            for curve, own, first in zip(self.each, place, self.first, strict=True)
-        ]
-        return np.stack(found)
-
-    def at(self, place: Float[np.ndarray, "j *k"]) -> Float[np.ndarray, "j *k"]:
-        """Return the heights of the curves at places."""
-        pairs = zip(self.each, place, strict=True)
-        return np.stack([curve.at(own) for curve, own in pairs])
-
-    def slope_at(self, place: Float[np.ndarray, "j *k"]) -> Float[np.ndarray, "j *k"]:
-        """Return the slopes of the curves at places."""
-        pairs = zip(self.each, place, strict=True)
-        return np.stack(
-            [np.interp(own, curve.place, curve.slope) for curve, own in pairs]
-        )

@@ -1,15 +1,18 @@
-"""The best way through candidates for each knot of polylines: dynamic programmes.
+"""The best way through candidates for each knot of a polyline: dynamic programmes.
 
-One polyline for each of some curves: what is done for one of them takes less time than
-to begin it.
+Sums over the places of a curve up to each of them (`Curve.sums`) tell the misfit of any line
+between two candidates at once. Candidates of a knot are many, and lines between them are their
+product: machine code (compiled like `_kernel`), in which vectors of lines are looked at
+together. For that it takes the larger of two numbers by NumPy, and sums apart one by one.
 """
 
-from collections.abc import Sequence
+from typing import Any, no_type_check
 
 import numpy as np
-from jaxtyping import Float, Int
+from numba import njit, types
+from numba.extending import intrinsic
 
-from ._curve import Curves, Points
+from .._machine_code import machine_code
 
 _NARROW = 0.5
 """List units of speed: knots closer than that are none."""
@@ -17,142 +20,219 @@ _NOTHING = 1e-14
 """Share of the weight that is none."""
 _FLAT = 1e-12
 """Share of the squares below which the spread of places is rounding alone."""
+MIDDLE = 3
+"""Places beside a knot that are tried on each side."""
+_ENDS = (0.0, 1.0, -1.0, 2.0, -2.0)
+"""Heights about that of an end, which cannot move."""
 
 
-def best_path(
-    curves: Curves,
-    places: Float[np.ndarray, "j k c"],
-    heights: Float[np.ndarray, "j k c"],
-) -> Points:
-    """Return the best polylines through one candidate of each knot."""
-    xx, xy, yy = _sums(curves, places, heights, 3)
-    width = _steps(places)
-    lean = _steps(heights) / np.maximum(width, _NARROW)
-    cost = _possible(yy + lean * (lean * xx - 2.0 * xy), width)
-    which = _cheapest([cost[:, k] for k in range(cost.shape[1])])
-    return Points(_taken(places, which), _taken(heights, which))
+@intrinsic
+@no_type_check
+def _fused(typing: Any, one: Any, other: Any, plus: Any) -> Any:
+    """Return one · other + plus, rounded once."""
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        return builder.fma(*given)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
 
 
-def best_break(
-    curves: Curves, places: Float[np.ndarray, "j k c"]
-) -> Float[np.ndarray, "j k"]:
-    """Return the places between which straight lines of their own follow the curves best.
+@njit(error_model="numpy")
+@no_type_check
+def _row(place, x):
+    """Return how many places of a curve lie up to there, which is the row of its sums."""
+    low, high = 0, len(place)
+    while low < high:
+        middle = (low + high) // 2
+        if place[middle] <= x:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
-    The lines need not meet: no heights to look for, and where a curve bends the ends of
-    the lines are nearly those of a polyline.
+
+@njit(error_model="numpy")
+@no_type_check
+def _begun(rows, sums, level, xs, ys):
+    """Return what is counted from candidates on the left.
+
+    In rows: x, height, y, and the sums of x², xy, y², x, y and 1 about (x, y) up to there. A
+    knot's own point belongs to the segment on its left, that of the first knot to the first
+    segment: it may have been rounded up, beyond the first point.
     """
-    cost = _lines(curves, places)
-    which = _cheapest([cost[:, k] for k in range(cost.shape[1])])
-    return _taken(places, which)
+    found = np.empty((9, len(xs)))
+    for c in range(len(xs)):
+        one, sx, sxx = sums[rows[c], 0], sums[rows[c], 1], sums[rows[c], 2]
+        sy, sxy, syy = sums[rows[c], 3], sums[rows[c], 4], sums[rows[c], 5]
+        x, y = xs[c], ys[c] - level
+        found[0, c], found[1, c], found[2, c] = x, ys[c], y
+        found[3, c] = one * (x * x) - sx * (2.0 * x) + sxx
+        found[4, c] = one * (x * y) - sx * y - sy * x + sxy
+        found[5, c] = one * (y * y) - sy * (2.0 * y) + syy
+        found[6, c], found[7, c], found[8, c] = sx - one * x, sy - one * y, one
+    return found
 
 
-def best_break_of(
-    curves: Curves, places: Float[np.ndarray, "j c"], count: int
-) -> Float[np.ndarray, "j k"]:
-    """Return as many of these places, the first and the last among them, alike."""
-    cost = _lines(curves, np.stack([places] * 3, axis=1))
-    first, step = cost[:, 0], cost[:, 1]
-    which = _cheapest([first[:, :, :1], *[step] * (count - 3), step[:, -1:]])
-    which[:, 0], which[:, -1] = 0, places.shape[1] - 1
-    return np.take_along_axis(places, which, axis=1)
+@njit(error_model="numpy")
+@no_type_check
+def _joined(left, upto, x, height, cost):
+    """Write the weighted squares left by lines from candidates on the left to one.
 
-
-def _taken(
-    candidates: Float[np.ndarray, "j k c"], which: Int[np.ndarray, "j k"]
-) -> Float[np.ndarray, "j k"]:
-    return np.take_along_axis(candidates, which[:, :, None], axis=2)[:, :, 0]
-
-
-def _cheapest(steps: Sequence[np.ndarray]) -> Int[np.ndarray, "j k"]:
-    """Return the candidate of each knot on the cheapest ways.
-
-    Args:
-        steps: Costs between each knot and the next: to each candidate (rows) from each.
+    From the left end x and y are counted: squares of small numbers lose no digits.
     """
-    costs = [np.zeros(steps[0][:, 0].shape)]
-    for step in steps:
-        costs.append((step + costs[-1][:, None]).min(axis=2))
-    rows = np.arange(len(steps[0]))
-    ways = [costs[-1].argmin(axis=1)]
-    # Back from the end: where the cheapest way to a candidate came from.
-    for step, cost in zip(reversed(steps), costs[-2::-1], strict=True):
-        ways.append((step[rows, ways[-1]] + cost).argmin(axis=1))
-    return np.stack(ways[::-1], axis=1)
+    one, sx, sxx = upto[0], upto[1], upto[2]
+    sy, sxy, syy = upto[3], upto[4], upto[5]
+    for c in range(len(cost)):
+        a, b = left[0, c], left[2, c]
+        xx = _fused(sx, -2.0 * a, one * (a * a)) + sxx - left[3, c]
+        xy = _fused(sy, -a, _fused(sx, -b, one * (a * b))) + sxy - left[4, c]
+        yy = _fused(sy, -2.0 * b, one * (b * b)) + syy - left[5, c]
+        width = x - a
+        lean = (height - left[1, c]) / np.maximum(width, _NARROW)
+        miss = np.maximum(yy + lean * (lean * xx - 2.0 * xy), 0.0)
+        cost[c] = miss if width > _NARROW else np.inf
 
 
-def _sums(
-    curves: Curves,
-    places: Float[np.ndarray, "j k c"],
-    heights: Float[np.ndarray, "j k c"],
-    wanted: int,
-) -> Float[np.ndarray, "{wanted} j s c c"]:
-    """Return sums of x², xy, y², x, y and 1 between each two candidates, by weight.
+@njit(error_model="numpy")
+@no_type_check
+def _apart(left, upto, x, cost):
+    """Write the weighted squares left by the best lines in between, which need not meet."""
+    one, sx, sxx = upto[0], upto[1], upto[2]
+    sy, sxy, syy = upto[3], upto[4], upto[5]
+    for c in range(len(cost)):
+        a, b = left[0, c], left[2, c]
+        xx = _fused(sx, -2.0 * a, one * (a * a)) + sxx - left[3, c]
+        xy = _fused(sy, -a, _fused(sx, -b, one * (a * b))) + sxy - left[4, c]
+        yy = _fused(sy, -2.0 * b, one * (b * b)) + syy - left[5, c]
+        across, up = sx - one * a - left[6, c], sy - one * b - left[7, c]
+        weight = one - left[8, c]
+        # Where nothing counts, nothing is left.
+        per_one = 1.0 / np.maximum(weight, _NOTHING) if weight > _NOTHING else 0.0
+        mean = across * per_one
+        spread, both = xx - mean * across, xy - mean * up
+        rises = spread > _FLAT * xx
+        gain = both * both / (spread if rises else 1.0) if rises else 0.0
+        miss = np.maximum(yy - up * up * per_one - gain, 0.0)
+        cost[c] = miss if x - a > _NARROW else np.inf
 
-    Candidates on the right are rows, those on the left columns, from which x and y are
-    counted: squares of small numbers lose no digits. A knot's own point belongs to the
-    segment on its left, that of the first knot to the first segment.
 
-    Args:
-        curves: What is summed.
-        places: Candidates per knot.
-        heights: Height to count from at each of them.
-        wanted: So many of them.
+@no_type_check
+def _cheapest(place, sums, level, xs, ys, meet, which):
+    """Write the candidate of each knot on the cheapest way.
+
+    Lines ``meet``, or need not: then heights only say from where to count.
     """
-    end = curves.before(places)
-    begin = end[:, :-1].copy()
-    # A first knot may have been rounded up, beyond the first point.
-    begin[:, 0] = curves.first[:, None]
-    rows, knots, count = places.shape
-    segments = rows * (knots - 1)
-    x = places[:, :-1].reshape(segments, count)
-    y = (heights[:, :-1] - curves.level[:, None, None]).reshape(segments, count)
-    # What each sum about (x, y) takes of the sums of 1, x, x², y, xy and y² about 0.
-    takes = (
-        {0: x * x, 1: -2.0 * x, 2: 1.0},
-        {0: x * y, 1: -y, 3: -x, 4: 1.0},
-        {0: y * y, 3: -2.0 * y, 5: 1.0},
-        {0: -x, 1: 1.0},
-        {0: -y, 3: 1.0},
-        {0: 1.0},
-    )
-    shift = np.zeros((segments, 6, wanted, count))
-    for place, each in enumerate(takes[:wanted]):
-        for of, share in each.items():
-            shift[:, of, place] = share
-    at_begin = curves.sums[begin.reshape(segments, count)]
-    at_end = curves.sums[end[:, 1:].reshape(segments, count)]
-    before = np.einsum("scm,smwc->swc", at_begin, shift)
-    upto = (at_end @ shift.reshape(segments, 6, -1)).reshape(
-        segments, count, wanted, count
-    )
-    # One sum after the other: all that follows runs through memory as it lies there.
-    found = np.empty((wanted, segments, count, count))
-    np.subtract(upto.transpose(2, 0, 1, 3), before.swapaxes(0, 1)[:, :, None], found)
-    return found.reshape(wanted, rows, knots - 1, count, count)
+    knots, count = xs.shape
+    came, rows = np.zeros((knots, count), np.int64), np.zeros(count, np.int64)
+    before, after, cost = np.zeros(count), np.zeros(count), np.empty(count)
+    for k in range(1, knots):
+        left = _begun(rows, sums, level, xs[k - 1], ys[k - 1])
+        for to in range(count):
+            rows[to] = _row(place, xs[k, to])
+            if meet:
+                _joined(left, sums[rows[to]], xs[k, to], ys[k, to], cost)
+            else:
+                _apart(left, sums[rows[to]], xs[k, to], cost)
+            after[to] = np.inf
+            for c in range(count):
+                way = cost[c] + before[c]
+                if way < after[to]:
+                    after[to], came[k, to] = way, c
+        before, after = after, before
+    best = 0
+    for c in range(count):
+        if before[c] < before[best]:
+            best = c
+    for k in range(knots - 1, -1, -1):
+        which[k] = best
+        best = came[k, best]
 
 
-def _possible(
-    cost: Float[np.ndarray, "j s c c"], width: Float[np.ndarray, "j s c c"]
-) -> Float[np.ndarray, "j s c c"]:
-    """Return costs of lines; those that do not go to the right are infinitely bad."""
-    return np.asarray(np.where(width > _NARROW, np.maximum(cost, 0.0), np.inf))
+@no_type_check
+def _chain(place, sums, level, among, on, which):
+    """Write which places lines of their own between them follow the curve best.
+
+    The first and the last are always among them. Heights ``on`` the curve say from where to
+    count.
+    """
+    count, many = len(among), len(which)
+    rows = np.zeros(count, np.int64)
+    first = _begun(rows, sums, level, among, on)
+    for c in range(count):
+        rows[c] = _row(place, among[c])
+    left = _begun(rows, sums, level, among, on)
+    before, after, cost = np.zeros(count), np.zeros(count), np.empty((count, count))
+    for to in range(count):
+        _apart(first, sums[rows[to]], among[to], cost[to])
+        before[to] = cost[to, 0]
+        _apart(left, sums[rows[to]], among[to], cost[to])
+    came = np.zeros((many, count), np.int64)
+    for k in range(2, many):
+        for to in range(count):
+            after[to] = np.inf
+            for c in range(to):
+                way = cost[to, c] + before[c]
+                if way < after[to]:
+                    after[to], came[k, to] = way, c
+        before, after = after, before
+    best = count - 1
+    for k in range(many - 1, -1, -1):
+        which[k] = best
+        best = came[k, best]
 
 
-def _steps(candidates: Float[np.ndarray, "j k c"]) -> Float[np.ndarray, "j s c c"]:
-    """Return how far it is to each candidate of the next knot (rows) from each."""
-    return np.asarray(candidates[:, 1:, :, None] - candidates[:, :-1, None, :])
+@no_type_check
+def _crossings(place, height, slope, knots, heights, off, reach, xs, ys):
+    """Write whole places beside each knot where the best knots would have whole heights.
+
+    Rounding a height costs most where the curve is steep; there the place can move to where
+    nothing needs rounding. Where it is flat both whole heights are candidates.
+
+    Args are the curve, knots with heights, how far the best heights are off the curve, and
+    the share of the gaps beside a knot within which to look.
+    """
+    many, side = len(knots), 2 * MIDDLE + 1
+    for k in range(many):
+        xs[k, 0], ys[k, 0] = knots[k], heights[k]
+        back = (knots[k] - knots[k - 1]) * reach if 0 < k < many - 1 else 0.0
+        ahead = (knots[k + 1] - knots[k]) * reach if 0 < k < many - 1 else 0.0
+        for c in range(side):
+            share = (c - MIDDLE) / MIDDLE
+            step = (ahead if c > MIDDLE else back) * share
+            near = knots[k] + step
+            row = min(max(_row(place, near), 1), len(place) - 1)
+            rise = (near - place[row - 1]) / (place[row] - place[row - 1])
+            rise = min(max(rise, 0.0), 1.0)
+            wanted = height[row - 1] + rise * (height[row] - height[row - 1]) + off[k]
+            lean = slope[row - 1] + rise * (slope[row] - slope[row - 1])
+            lean = lean if abs(lean) > 1e-12 else 1e-12
+            # No further than half the way to the candidate beside.
+            limit = 0.5 * abs(step) / max(abs(c - MIDDLE), 1)
+            if c == MIDDLE:
+                limit = 0.5 * max(ahead, back) / MIDDLE
+            for up in range(2):
+                whole = np.floor(wanted) + up
+                move = min(max((whole - wanted) / lean, -limit), limit)
+                own = 1 + c + up * side
+                xs[k, own], ys[k, own] = np.rint(near + move), whole
+    for c in range(xs.shape[1]):
+        for k in (0, many - 1):
+            ys[k, c] = heights[k] + _ENDS[c % len(_ENDS)]
 
 
-def _lines(
-    curves: Curves, places: Float[np.ndarray, "j k c"]
-) -> Float[np.ndarray, "j s c c"]:
-    """Return the weighted squares left by the best straight line between candidates."""
-    xx, xy, yy, x, y, one = _sums(curves, places, curves.at(places), 6)
-    # Where nothing counts, nothing is left.
-    per_one = np.where(one > _NOTHING, 1.0 / np.maximum(one, _NOTHING), 0.0)
-    mean = x * per_one
-    spread = xx - mean * x
-    both = xy - mean * y
-    rises = spread > _FLAT * xx
-    gain = np.where(rises, both * both / np.where(rises, spread, 1.0), 0.0)
-    return _possible(yy - y * y * per_one - gain, _steps(places))
+_Given = types.Array(types.float64, 1, "C", readonly=True)
+_Sums = types.Array(types.float64, 2, "C", readonly=True)
+_Table = types.Array(types.float64, 2, "C")
+_Which = types.Array(types.int64, 1, "C")
+_number = types.float64
+cheapest = machine_code(
+    _cheapest,
+    types.void(_Given, _Sums, _number, _Sums, _Sums, types.boolean, _Which),
+)
+chain = machine_code(_chain, types.void(_Given, _Sums, _number, _Given, _Given, _Which))
+crossings = machine_code(
+    _crossings,
+    types.void(
+        *(_Given, _Given, _Given, _Given, _Given, _Given, _number, _Table, _Table)
+    ),
+)

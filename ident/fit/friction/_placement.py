@@ -7,9 +7,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .._errors import FitError
-from .._gather import in_group
 from ._curve import Curve, Points
-from ._knots import Search, search_all
+from ._knots import best_knots
 
 _PER_MM = 1000.0
 
@@ -52,7 +51,7 @@ def place_knots(
     The first knot lies at 1 µm/s and the last beyond the fastest speed, both level with
     their neighbours: what the controller does outside a friction table is not
     documented (S-27), and nobody measured there. Those between are searched
-    (`search_all`), those of all jobs of a group together.
+    (`best_knots`).
 
     Args:
         velocity: Speeds in mm/s, ascending, positive: those that the axis drives.
@@ -74,7 +73,7 @@ def place_knots(
     low = low if before else 1  # three entries: one line from 1 µm/s on
     inner = max(2, entries - 1 - before)
     curve = Curve(velocity * _PER_MM, current / unit, weight)
-    best, whole = in_group(search_all, [Search(curve, low, high, inner)])[0]
+    best, whole = best_knots(curve, low, high, inner)
     places = whole.places.astype(np.int64)
     heights = whole.heights.astype(np.int64)
     # Where nobody measured, no more than at the slowest speed that was driven.
