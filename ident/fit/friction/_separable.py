@@ -284,25 +284,21 @@ def _ended(
     assert going.losses is not None
     low, high = equation.bounds
     bound = (going.shape <= low + 1e-6) | (going.shape >= high - 1e-6)
+    losses, full = going.losses, going.shares.full
+    sure = (uncertainty if certain else roughly)(equation, point, losses)
     found = {}
     for place, lane in enumerate(going.lane.tolist()):
-        share = going.shares.full[place]
-        loss = going.losses[place]
-        if certain:
-            covariance, lag, sizes = uncertainty(equation, point, place, loss, share)
-        else:
-            covariance, lag, sizes = roughly(equation, point, place, loss)
         many = len(equation.stack.problems[equation.of(place)].target)
         found[lane] = Solution(
             point.factors[place],
             going.shape[place],
-            covariance,
+            sure.covariance[place],
             point.null[place],
-            sizes,
+            sure.sizes[place],
             point.residual[place, :many],
-            share[:many],
-            loss,
-            lag,
+            full[place, :many],
+            losses[place],
+            int(sure.lag[place]),
             passes,
             bool(settled[place]),
             bound[place],

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._covariance import lag_of
+from ._covariance import lag_of, lags_of
 from ._equation import AbstractEquation
 from ._lanes import Shares
 from ._structure import AbstractStructure
@@ -108,12 +108,11 @@ def _independent(
     left = equation.left(factors, None)
     left *= shares.full if shares.plain else np.sqrt(shares.full)
     seen = (shares.full > 0).sum(axis=1)
-    pieces = [each.piece for each in stack.problems]
-    every = [
-        1 + lag_of(each[: len(pieces[k])], pieces[k])
-        for k, each in zip(of, left, strict=True)
-    ]
-    return np.asarray(np.maximum(seen // np.array(every), factors.shape[1] + 2))
+    pieces = [np.ascontiguousarray(each.piece) for each in stack.problems]
+    own = [pieces[k] for k in of]
+    rows = [each[: len(piece), None] for each, piece in zip(left, own, strict=True)]
+    every = 1 + lags_of(rows, own)
+    return np.maximum(seen // every, factors.shape[1] + 2)
 
 
 def _weight_of(equation: AbstractEquation, shares: Shares, lane: int) -> float:

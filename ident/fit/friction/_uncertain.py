@@ -1,82 +1,139 @@
 """How sure a separable fit is: HAC covariance of factors and shapes."""
 
+import dataclasses
+from collections.abc import Sequence
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from .._loss import AbstractLoss
-from ._covariance import larger_covariance, score_covariance
+from ._covariance import larger_covariance, score_covariances
 from ._equation import AbstractEquation
 from ._linear import solve_linear
 from ._point import Point
 
 
+@dataclasses.dataclass(frozen=True)
+class Certainty:
+    """How sure fits are.
+
+    Attributes:
+        covariance: Of the factors and the shape of each.
+        lag: Samples over which its residuals were taken to resemble each other.
+        sizes: RMS of each of its columns, factors before tangents.
+    """
+
+    covariance: Float[np.ndarray, "w p p"]
+    lag: Int[np.ndarray, " w"]
+    sizes: Float[np.ndarray, "w p"]
+
+
 def uncertainty(
-    equation: AbstractEquation,
-    point: Point,
-    lane: int,
-    loss: AbstractLoss,
-    share: Float[np.ndarray, " s"],
-) -> tuple[Float[np.ndarray, "p p"], int, Float[np.ndarray, " p"]]:
-    """Return the covariance of factors and shape, its lag, and the size of each column.
+    equation: AbstractEquation, point: Point, losses: Sequence[AbstractLoss]
+) -> Certainty:
+    """Return how sure fits are, each for itself: only what is small is done side by side.
 
     Args:
         equation: The equation.
-        point: Its solution.
-        lane: Which of the fits.
-        loss: That it ended with.
-        share: Weights of the rows.
+        point: Its solution under the weights that the fits ended with.
+        losses: Theirs.
     """
+    stack, lanes = equation.stack, equation.lanes
+    problems = [stack.problems[equation.of(lane)] for lane in range(len(lanes))]
+    slope = _slopes(point, equation, losses)
+    own, other = _rows(equation, point)
+    square = np.stack([each.T @ each for each in own])
+    even, mixed = square, square
+    if equation.instruments:
+        even = np.stack([each.T @ each for each in other])
+        mixed = np.stack([a.T @ b for a, b in zip(other, own, strict=True)])
+    count, width = lanes.count, square.shape[1]
+    prior = _priors(equation, width)
+    steep = slope[:, None, None]
+    normal = steep * square + prior
+    matrix = steep * mixed + prior if equation.instruments else normal
+    sizes = np.sqrt(np.einsum("wkk->wk", square) / count[:, None])
+    zeros = np.zeros((len(lanes), width))
+    inverse = solve_linear(normal, matrix, zeros, sizes).inverse
+    inner, squares, lag = _scored(equation, point, own, other, inverse, slope)
+    free = np.maximum(count - width, 1)
+    least = np.array([each.least_noise for each in problems])
+    noise = np.maximum(squares / free, least**2)[:, None, None]
+    scale = np.array([each.scale for each in losses])[:, None, None]
+    turned = np.swapaxes(inverse, 1, 2)
+    covariance = larger_covariance(
+        inverse @ (inner + scale**2 * prior) @ turned,
+        inverse @ (noise * even + scale**2 * prior) @ turned,
+    )
+    return Certainty(covariance, lag, sizes)
+
+
+def _slopes(
+    point: Point, equation: AbstractEquation, losses: Sequence[AbstractLoss]
+) -> Float[np.ndarray, " w"]:
+    """Return the mean slope of each fit's loss over the rows that it uses."""
+    found = [
+        float(loss.slope(residual[use > 0] / loss.scale).mean())
+        for loss, residual, use in zip(
+            losses, point.residual, equation.lanes.use, strict=True
+        )
+    ]
+    return np.maximum(found, 0.05)
+
+
+def _rows(
+    equation: AbstractEquation, point: Point
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return the columns of each fit's rows, zero where unused, and those multiplied with."""
+
+    def used(lane: int, instrument: bool) -> np.ndarray:
+        found = equation.columns(point, lane, instrument=instrument)
+        return found * equation.lanes.use[lane, : len(found), None]
+
+    every = range(len(equation.lanes))
+    own = [used(lane, False) for lane in every]
+    return own, [used(lane, True) for lane in every] if equation.instruments else own
+
+
+def _priors(equation: AbstractEquation, width: int) -> Float[np.ndarray, "w p p"]:
+    """Return the smoothness prior of each fit over its factors and its shape."""
+    found = np.zeros((len(equation.lanes), width, width))
+    for lane, into in enumerate(found):
+        prior = equation.prior(lane)
+        if prior is not None:
+            into[: len(prior), : len(prior)] = prior
+    return found
+
+
+def _scored(
+    equation: AbstractEquation,
+    point: Point,
+    own: list[np.ndarray],
+    other: list[np.ndarray],
+    inverse: Float[np.ndarray, "w p p"],
+    slope: Float[np.ndarray, " w"],
+) -> tuple[Float[np.ndarray, "w p p"], Float[np.ndarray, " w"], Int[np.ndarray, " w"]]:
+    """Return the covariance of each fit's sum of scores, their squares, and the lag."""
     from . import _noise_kernel
 
-    problem = equation.stack.problems[equation.of(lane)]
-    many = len(problem.target)
-    residual, share = point.residual[lane, :many], share[:many]
-    use = equation.lanes.use[lane, :many]
-    used = use > 0
-    full = twin = equation.columns(point, lane)
-    if equation.instruments:
-        twin = equation.columns(point, lane, instrument=True)
-    own = full * use[:, None]
-    other = twin * use[:, None] if equation.instruments else own
-    slope = float(loss.slope(residual[used] / loss.scale).mean())
-    slope = max(slope, 0.05)
-    square = even = own.T @ own
-    matrix = normal = slope * square
-    if equation.instruments:
-        even, matrix = other.T @ other, slope * (other.T @ own)
-    width, prior = own.shape[1], equation.prior(lane)
-    large = np.zeros((width, width))
-    if prior is not None:
-        large[: len(prior), : len(prior)] = prior
-        matrix = matrix + large
-        normal = normal + large if equation.instruments else matrix
-    count = int(used.sum())
-    sizes = np.sqrt(np.einsum("kk->k", square) / count)
-    inverse = solve_linear(
-        normal[None],
-        normal[None] if matrix is normal else matrix[None],
-        np.zeros((1, width)),
-        sizes[None],
-    ).inverse[0]
-    scores = np.empty(own.shape)
-    square = _noise_kernel.scores(
-        own, other, use, share * residual, inverse, slope, scores
-    )
-    inner, lag = score_covariance(scores, problem.piece)
-    noise = max(square / max(count - width, 1), problem.least_noise**2)
-    even = noise * even
-    if prior is not None:
-        inner, even = inner + loss.scale**2 * large, even + loss.scale**2 * large
-    return (
-        larger_covariance(inverse @ inner @ inverse.T, inverse @ even @ inverse.T),
-        lag,
-        sizes,
-    )
+    stack, use = equation.stack, equation.lanes.use
+    push = point.shares.full * point.residual
+    scores = [np.empty(each.shape) for each in own]
+    squares, pieces = np.empty(len(own)), []
+    for lane, into in enumerate(scores):
+        many = len(into)
+        squares[lane] = _noise_kernel.scores(
+            *(own[lane], other[lane], use[lane, :many], push[lane, :many]),
+            *(inverse[lane], slope[lane], into),
+        )
+        pieces.append(stack.problems[equation.of(lane)].piece)
+    inner, lag = score_covariances(scores, pieces)
+    return inner, squares, lag
 
 
 def roughly(
-    equation: AbstractEquation, point: Point, lane: int, loss: AbstractLoss
-) -> tuple[Float[np.ndarray, "p p"], int, Float[np.ndarray, " p"]]:
+    equation: AbstractEquation, point: Point, losses: Sequence[AbstractLoss]
+) -> Certainty:
     """Return what `uncertainty` does, as if neighbouring samples had nothing in common.
 
     Shapes are taken for known.
@@ -84,12 +141,12 @@ def roughly(
     Args:
         equation: The equation.
         point: Its solution.
-        lane: Which of the fits.
-        loss: That it ended with.
+        losses: Those that the fits ended with.
     """
-    width = equation.width + equation.height
-    covariance, sizes = np.zeros((width, width)), np.ones(width)
+    count, width = len(losses), equation.width + equation.height
+    covariance, sizes = np.zeros((count, width, width)), np.ones((count, width))
+    scale = np.array([each.scale for each in losses])[:, None, None]
     inner = slice(0, equation.width)
-    covariance[inner, inner] = loss.scale**2 * point.linear.inverse[lane]
-    sizes[inner] = point.linear.size[lane]
-    return covariance, 0, sizes
+    covariance[:, inner, inner] = scale**2 * point.linear.inverse
+    sizes[:, inner] = point.linear.size
+    return Certainty(covariance, np.zeros(count, np.int64), sizes)
