@@ -1,8 +1,12 @@
 """Friction from any motion: parameters, their errors, and what cannot be told."""
 
 import dataclasses
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,6 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from axcomp.ident.fit import FitError
 from axcomp.ident.fit.friction import (
+    AbstractStructure,
     CoulombViscous,
     DriveSamples,
     KnotTable,
@@ -83,6 +88,22 @@ def test_law_of_the_fit_is_the_model_of_the_controller() -> None:
     assert fit.law is not None
     # Same formula written twice: rounding only.
     np.testing.assert_allclose(fit.band(speeds)[0], fit.law(speeds), atol=1e-12)
+
+
+@pytest.mark.parametrize("directional", [False, True])
+@pytest.mark.parametrize(
+    "kind", [CoulombViscous, Stribeck, partial(KnotTable, knots=(1.0, 30.0, 300.0))]
+)
+def test_law_in_plain_numbers_gives_the_same_and_the_law_takes_derivatives(
+    kind: Callable[[bool], AbstractStructure], directional: bool
+) -> None:
+    fit = fit_inverse(recording(1, 0.1), kind(directional))
+    speeds = np.linspace(-300.0, 300.0, 41)
+    assert fit.law is not None
+    assert fit.plain_law is not None
+    np.testing.assert_array_equal(fit.plain_law(speeds), fit.law(speeds))
+    slopes = eqx.filter_grad(lambda law: law(speeds).sum())(fit.law)
+    assert len(jax.tree.leaves(slopes)) == len(jax.tree.leaves(fit.law))
 
 
 @pytest.mark.parametrize("shape", [2.0, None])

@@ -1,11 +1,12 @@
 """From factors of columns to the parameters that users read."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ._determined import directions_seen, lost, sentences, vague_columns
+from ._determined import VAGUE, directions_seen, lost, sentences, vague_columns
 from ._problem import Problem
 from ._result import FrictionFit
 from ._separable import Solution
@@ -79,15 +80,15 @@ def _named(
     count = len(solution.factors)
     state = np.concatenate([solution.factors, solution.shape])
     split = structure.directional and problem.known.offset is None
-    shift, names, rows = np.eye(len(state)), list(problem.fixed_names), []
-    rows = list(np.eye(len(state))[:fixed])
+    unit = np.eye(len(state))
+    shift, names, rows = unit, list(problem.fixed_names), [*unit[:fixed]]
     if split:
         offset, shift = _gauge(problem, solution)
         names.append("offset")
         rows.append(offset)
     own = (shift @ state)[fixed:count]
     reported = structure.reported(own, solution.shape)
-    inner = np.concatenate([shift[fixed:count], np.eye(len(state))[count:]])
+    inner = np.concatenate([shift[fixed:count], unit[count:]])
     jacobian = np.concatenate(
         [np.array(rows).reshape(-1, len(state)), reported.jacobian @ inner]
     )
@@ -97,7 +98,9 @@ def _named(
     null = np.zeros((len(state), solution.null.shape[1]))
     null[:count] = solution.null
     gone = lost(jacobian, null, solution.column_size)
-    vague = vague_columns(problem, solution, used)
+    columns = problem.fixed_names + structure.names
+    unknown = vague_columns(problem, [solution], used[None] * 1.0)[0]
+    vague = {columns[place] for place in np.flatnonzero(unknown)}
     seen = directions_seen(problem, moving)
     for name, is_lost in zip(names, gone, strict=True):
         factor = name.replace("breakaway", "drop")
@@ -108,7 +111,7 @@ def _named(
         elif is_lost:
             undetermined.setdefault(name, "the motion does not tell it from the others")
         elif factor in vague or name in vague:
-            undetermined.setdefault(name, vague.get(name, vague.get(factor, "")))
+            undetermined.setdefault(name, VAGUE)
         elif split and name == "offset" and not all(seen):
             undetermined.setdefault(name, _LEVEL)
     levels = {
@@ -123,34 +126,42 @@ def _named(
 
 
 def law_factors(
-    solved: Solved, used: Bool[np.ndarray, " s"], moving: Bool[np.ndarray, " t"]
-) -> Float[np.ndarray, " f"] | None:
-    """Return the factors of a law fitted to some rows, level and offset parted.
+    solved: Sequence[Solved],
+    use: Float[np.ndarray, "w s"],
+    moving: Bool[np.ndarray, "w t"],
+) -> list[Float[np.ndarray, " f"] | None]:
+    """Return the factors of laws fitted to choices of rows, level and offset parted.
 
     Args:
-        solved: The fit, with its covariance.
-        used: Its rows.
-        moving: Samples in motion behind them.
+        solved: The fits of one equation, with their covariances.
+        use: 1 where a fit used a row, else 0.
+        moving: Samples in motion behind these.
 
     Returns:
-        None where these rows do not tell the level of friction.
+        None where its rows do not tell the level of friction.
     """
-    problem, solution = solved.problem, solved.solution
-    structure = problem.structure
-    if solution.null.shape[1] or not all(directions_seen(problem, moving)):
-        named = _named(solved, used, moving)
-        return named.own if named.has_law else None
-    # Every direction of the factors is seen: a level can only be vague.
-    vague = vague_columns(problem, solution, used)
-    levels = np.flatnonzero(np.tile(structure.levels(), structure.ways))
-    if any(structure.names[place] in vague for place in levels):
-        return None
-    fixed = len(problem.fixed_names)
-    factors = solution.factors
-    if structure.directional and problem.known.offset is None:
-        state = np.concatenate([factors, solution.shape])
-        factors = _gauge(problem, solution)[1] @ state
-    return np.asarray(factors[fixed : len(solution.factors)])
+    problem = solved[0].problem
+    structure, fixed = problem.structure, len(problem.fixed_names)
+    levels = fixed + np.flatnonzero(np.tile(structure.levels(), structure.ways))
+    vague = vague_columns(problem, [each.solution for each in solved], use)
+    unknown = vague[:, levels].any(axis=1)
+    parted = structure.directional and problem.known.offset is None
+    found: list[Float[np.ndarray, " f"] | None] = []
+    for number, each in enumerate(solved):
+        solution = each.solution
+        if solution.null.shape[1] or not all(directions_seen(problem, moving[number])):
+            named = _named(each, use[number] > 0, moving[number])
+            found.append(named.own if named.has_law else None)
+        elif unknown[number]:
+            # Every direction of the factors is seen: a level can only be vague.
+            found.append(None)
+        else:
+            factors = solution.factors
+            if parted:
+                state = np.concatenate([factors, solution.shape])
+                factors = _gauge(problem, solution)[1] @ state
+            found.append(np.asarray(factors[fixed : len(solution.factors)]))
+    return found
 
 
 def assemble(solved: Solved, method: str) -> FrictionFit:
@@ -167,7 +178,9 @@ def assemble(solved: Solved, method: str) -> FrictionFit:
     covariance = np.where(open_[:, None] | open_[None], np.nan, covariance)
     sd = np.sqrt(np.diag(covariance))
     good = [place for place in range(len(names)) if not open_[place]]
-    load = problem.load[used]
+    load, residual, share = (
+        each[used] for each in (problem.load, solution.residual, solution.share)
+    )
     return FrictionFit(
         method=method,
         structure=structure,
@@ -182,17 +195,15 @@ def assemble(solved: Solved, method: str) -> FrictionFit:
         gauges=_gauges(problem, solution, named.split, named.seen),
         remarks=sentences(problem),
         noise=solution.loss.scale,
-        relative_error=float(
-            np.linalg.norm(solution.residual[used]) / np.linalg.norm(load)
-        ),
-        residual=solution.residual[used],
-        share=solution.share[used],
+        relative_error=float(np.linalg.norm(residual) / np.linalg.norm(load)),
+        residual=residual,
+        share=share,
         index=problem.lowpass.centres[used],
-        count=int((solution.share > 0).sum()),
+        count=int(np.count_nonzero(share)),
         lag=solution.lag,
         passes=solution.passes,
         converged=solution.converged,
-        message=_message(problem, solution),
+        message=_message(solved, share),
         known=problem.known,
         decimate=problem.lowpass.factor,
         state=solution.factors,
@@ -246,11 +257,11 @@ def _gauges(
     return tuple(found)
 
 
-def _message(problem: Problem, solution: Solution) -> str:
-    wild = int((solution.share[problem.usable] == 0).sum())
-    total = int(problem.usable.sum())
+def _message(solved: Solved, share: Float[np.ndarray, " t"]) -> str:
+    solution, total = solved.solution, len(share)
+    wild = total - int(np.count_nonzero(share))
     words = "converged" if solution.converged else "did not settle"
     return (
-        f"{problem.structure.words}: {words} after {solution.passes} passes, "
+        f"{solved.problem.structure.words}: {words} after {solution.passes} passes, "
         f"{wild} of {total} samples rejected as wild."
     )

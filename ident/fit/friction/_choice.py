@@ -20,7 +20,7 @@ from ._solve import Solved
 from ._stack import alike
 from ._structure import AbstractStructure
 from ._structures import CoulombViscous, Stribeck
-from ._tables import KnotTable, spread_of
+from ._tables import KnotTable, Spread, spread_of
 
 WINDOWS = 10
 KNOTS = (3, 5, 8, 12, 20)
@@ -56,7 +56,13 @@ def default_structures(
     samples: DriveSamples, knots: Sequence[int] = KNOTS
 ) -> tuple[AbstractStructure, ...]:
     """Return the kinds of law to compare: simple, per direction, Stribeck, tables."""
-    spread = spread_of(np.abs(samples.velocity[samples.in_motion]))
+    return _structures(spread_of(np.abs(samples.velocity[samples.in_motion])), knots)
+
+
+def _structures(
+    spread: Spread, knots: Sequence[int] = KNOTS
+) -> tuple[AbstractStructure, ...]:
+    """Return what `default_structures` does, given how speeds in motion are spread."""
     places = [tuple(sorted(set(spread.knots(count)))) for count in knots]
     tables = [
         KnotTable(way, found)
@@ -100,8 +106,9 @@ def choose_law(
     check_samples(samples)
     known = Known() if known is None else known
     factor = default_factor(samples.cycle) if decimate is None else decimate
-    kinds = default_structures(samples) if structures is None else tuple(structures)
-    whole = make_problem(samples, kinds[0], known, factor)
+    first = structures[0] if structures else CoulombViscous()
+    whole = make_problem(samples, first, known, factor)
+    kinds = _structures(whole.spread) if structures is None else tuple(structures)
     parts = left_out(whole, loss, windows)
     (choice,) = in_group(_choose_all, [Competition(parts, kinds)])
     return choice

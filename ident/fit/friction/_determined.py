@@ -1,6 +1,6 @@
 """Which parameters the data determine, which they do not, and why."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,6 +10,7 @@ from ._problem import Problem
 from ._separable import Solution
 from ._structures import Stribeck
 
+VAGUE = "its share of the current is not told apart from the others'"
 _DIRECTION = 0.01
 """Share of the samples in motion that a direction needs to count as recorded."""
 _VAGUE = 0.3
@@ -90,18 +91,20 @@ def shape_reason(problem: Problem, solution: Solution) -> str | None:
 
 
 def vague_columns(
-    problem: Problem, solution: Solution, used: Bool[np.ndarray, " s"]
-) -> Mapping[str, str]:
-    """Return linear factors whose contribution is unknown to a good part of the load."""
-    names = problem.fixed_names + problem.structure.names
-    load = problem.load * used
-    size = np.sqrt(float(load @ load) / np.count_nonzero(used))
-    sd = np.sqrt(np.diag(solution.covariance))[: len(names)]
-    found = {}
-    for name, spread, rms in zip(names, sd, solution.column_size, strict=False):
-        if spread * rms > _VAGUE * size:
-            found[name] = "its share of the current is not told apart from the others'"
-    return found
+    problem: Problem, solutions: Sequence[Solution], use: Float[np.ndarray, "w s"]
+) -> Bool[np.ndarray, "w k"]:
+    """Return whose contribution is unknown to a good part of the load, of linear factors.
+
+    Args:
+        problem: The equation.
+        solutions: To some choices of its rows.
+        use: 1 where a row was used, else 0.
+    """
+    many = len(problem.fixed_names + problem.structure.names)
+    size = np.sqrt(use @ np.square(problem.load) / use.sum(axis=1))
+    variance = np.stack([np.diag(each.covariance)[:many] for each in solutions])
+    rms = np.stack([each.column_size[:many] for each in solutions])
+    return np.asarray(np.sqrt(variance) * rms > _VAGUE * size[:, None])
 
 
 def lost(

@@ -67,17 +67,25 @@ class LeftOut:
         edges = np.searchsorted(self.window, np.arange(self.count + 1)).tolist()
         return list(pairwise(edges))
 
+    @cached_property
+    def _usable(self) -> tuple[Int[np.ndarray, " w"], Int[np.ndarray, " w"]]:
+        """Where windows start, and how many rows of each may be used."""
+        starts = np.array([start for start, _ in self.bounds])
+        usable = self.problem.usable.astype(np.int64)
+        return starts, np.add.reduceat(usable, starts)
+
     def mean(self, square: Float[np.ndarray, " s"]) -> Float[np.ndarray, " w"]:
         """Return the mean of each window over its rows that may be used."""
-        usable = self.problem.usable
-        starts = [start for start, _ in self.bounds]
+        usable, (starts, count) = self.problem.usable, self._usable
         sums = np.add.reduceat(square[: len(usable)] * usable, starts)
-        return np.asarray(sums / np.add.reduceat(usable * 1.0, starts))
+        return np.asarray(sums / count)
 
-    @property
+    @cached_property
     def window_of_samples(self) -> Int[np.ndarray, " t"]:
         """Window of each sample of the recording: that of the nearest row."""
         centres = self.problem.lowpass.centres
+        if len(centres) == len(self.problem.samples.time):
+            return self.window
         middles = 0.5 * (centres[1:] + centres[:-1])
         samples = np.arange(len(self.problem.samples.time))
         return np.asarray(self.window[np.searchsorted(middles, samples)])
@@ -98,9 +106,9 @@ class LeftOut:
         except FitError:
             fits = []
         laws: list[Float[np.ndarray, " f"] | None] = [None] * self.count
-        for number, solved in enumerate(fits):
-            moving = samples.in_motion & (window != number)
-            laws[number] = law_factors(solved, self.lanes.use[number] > 0, moving)
+        if fits:
+            moving = samples.in_motion & (window != np.arange(self.count)[:, None])
+            laws = law_factors(fits, self.lanes.use, moving)
         found = np.zeros(len(window))
         told = np.array([own is not None for own in laws])
         if told.any():
@@ -111,7 +119,7 @@ class LeftOut:
         for unknown in np.flatnonzero(~told):
             own = window == unknown
             found[own] = 0.0
-            if fit.law is not None:
+            if fit.has_law:
                 found[own] = fit.band(samples.velocity[own])[0]
         return found
 

@@ -321,9 +321,9 @@ class Problem:
         own = pair[:, 0] * factors[law, first + cell]
         own += pair[:, 1] * factors[law, first + cell + 1]
         for place in structure.shaped:
-            every = np.zeros(len(shapes), np.int64)
-            profiles = structure.shaped_profiles(speed[None], every, shapes)[0]
-            own += profiles[law, rows] * factors[law, first + place]
+            # Each sample for itself, under the one law that is asked of it.
+            column = structure.shaped_profiles(speed[:, None], rows, shapes[law])[0]
+            own += column[:, 0] * factors[law, first + place]
         return np.asarray(sign * own)
 
     def design(self, shape: Float[np.ndarray, " s"]) -> Float[np.ndarray, "t k"]:

@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Mapping
 from functools import cached_property
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -86,6 +88,15 @@ class FrictionFit:
 
         None where the level of friction cannot be told from a constant load.
         """
+        law: AbstractFriction | None = jax.tree.map(jnp.asarray, self.plain_law)
+        return law
+
+    @cached_property
+    def plain_law(self) -> AbstractFriction | None:
+        """The same for where no derivative is taken with respect to its numbers.
+
+        They may be as NumPy has them: arrays of JAX take longer to make than all the rest.
+        """
         if not self.has_law:
             return None
         factors = self.factors.reshape(self.structure.ways, -1)
@@ -101,5 +112,5 @@ class FrictionFit:
             for slope in self.structure.column_slopes(velocity, self.shape)
         ]
         full = np.concatenate([columns, *[each[:, None] for each in tangents]], axis=1)
-        variance = np.einsum("tk,kl,tl->t", full, self.law_covariance, full)
+        variance = np.einsum("tk,tk->t", full @ self.law_covariance, full)
         return columns @ self.factors, np.sqrt(np.maximum(variance, 0.0))

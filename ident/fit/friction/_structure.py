@@ -154,7 +154,10 @@ class AbstractStructure(abc.ABC):
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
     ) -> AbstractFriction:
-        """Return the law for factors per direction (one row where both are alike)."""
+        """Return the law for factors per direction (one row where both are alike).
+
+        Its numbers may be as NumPy has them, of which JAX takes no derivative.
+        """
 
     @cached_property
     def alike(self) -> "AbstractStructure":

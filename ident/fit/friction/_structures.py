@@ -1,12 +1,13 @@
 """The friction laws with named parameters: Coulomb + viscous, Stribeck."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
-from typing import final
+from typing import Any, final
 
-import jax.numpy as jnp
+import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from ....data.signals import quantile
 from ....models import AbstractFriction, StribeckFriction
@@ -69,10 +70,9 @@ class CoulombViscous(AbstractLinearStructure):
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
-        coulomb, viscous = _ways(factors[:, 0]), _ways(factors[:, 1])
+        coulomb, viscous = factors.T
         # With break-away at the Coulomb level the Stribeck velocity says nothing.
-        one = jnp.ones(())
-        return StribeckFriction(coulomb, coulomb, one, 2.0 * one, viscous)
+        return _stribeck(coulomb, coulomb, 1.0, 2.0, viscous)
 
 
 @final
@@ -231,18 +231,33 @@ class Stribeck(AbstractStructure):
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
         exponent = np.exp(shape[1]) if self.shape is None else self.shape
-        return StribeckFriction(
-            _ways(factors[:, 0]),
-            _ways(factors[:, 0] + factors[:, 2]),
-            jnp.asarray(np.exp(shape[0])),
-            jnp.asarray(exponent),
-            _ways(factors[:, 1]),
-        )
+        coulomb, viscous, drop = factors.T
+        natural = float(np.exp(shape[0]))
+        return _stribeck(coulomb, coulomb + drop, natural, float(exponent), viscous)
 
 
-def _ways(values: Float[np.ndarray, " w"]) -> Array:
-    """Return one number, or the pair of both directions, as the models take it."""
-    return jnp.asarray(values[0]) if len(values) == 1 else jnp.asarray(values)
+def _stribeck(
+    coulomb: Float[np.ndarray, " w"],
+    breakaway: Float[np.ndarray, " w"],
+    velocity: float,
+    exponent: float,
+    viscous: Float[np.ndarray, " w"],
+) -> StribeckFriction:
+    """Return a Stribeck curve, its numbers as NumPy has them: one, or one per direction."""
+    levels = (coulomb, breakaway, velocity, exponent, viscous)
+    found: StribeckFriction = jax.tree.unflatten(
+        _five_numbers(), [np.squeeze(each) for each in levels]
+    )
+    return found
+
+
+@functools.cache
+def _five_numbers() -> Any:
+    """Return all of a Stribeck curve but its numbers.
+
+    To put them in is a tenth of the work of making a curve of arrays of JAX.
+    """
+    return jax.tree.structure(StribeckFriction(*np.ones(5)))
 
 
 def _level_and_slope(

@@ -175,8 +175,8 @@ class FrictionDraft(AbstractDraft):
         from_file = before.copy()
         if back is not None and self.unit.current is not None:
             from_file = before - steady(back.law, samples.velocity, self.unit.current)
-        elif found.fit.law is not None:
-            from_file = before - steady(found.fit.law, samples.velocity)
+        elif found.fit.plain_law is not None:
+            from_file = before - steady(found.fit.plain_law, samples.velocity)
         moving = self.recording.moving
         predicted = before - found.held_out
         wild = _wild(predicted[moving])
@@ -232,13 +232,14 @@ class FrictionDraft(AbstractDraft):
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
         inertia = fit.known.inertia or fit.parameters.get("inertia")
-        if back is None or fit.law is None or not inertia or self.unit.current is None:
+        law, unit = fit.plain_law, self.unit.current
+        if back is None or law is None or not inertia or unit is None:
             return None
         return circular_test(
-            fit.law,
+            law,
             float(inertia),
             back,
-            out_unit=self.unit.current,
+            out_unit=unit,
             cycle=job.spec.controller.cycle_time,
         )
 
