@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -85,21 +85,22 @@ class Lanes:
         if len(which) == len(self):
             return self
         # The same fits are taken of the equation, of weights, and of what was solved.
-        if not np.array_equal(self._taken["which"], which):
-            self._taken["which"] = which
-            self._taken["lanes"] = Lanes(
-                self.use[which],
-                self.usable,
-                self.of[which],
-                self.edges,
-                self.member[which],
-            )
-        return self._taken["lanes"]
+        if self._taken and np.array_equal(self._taken[0][0], which):
+            return self._taken[0][1]
+        found = Lanes(
+            self.use[which],
+            self.usable,
+            self.of[which],
+            self.edges,
+            self.member[which],
+        )
+        self._taken[:] = [(which, found)]
+        return found
 
     @cached_property
-    def _taken(self) -> dict[str, Any]:
-        """The fits that were taken last."""
-        return {"which": None}
+    def _taken(self) -> "list[tuple[Int[np.ndarray, ' v'], Lanes]]":
+        """The fits that were taken last, and which they are."""
+        return []
 
     def thinned(self, step: int) -> "Lanes":
         """Return the fits with every so-manieth row only."""

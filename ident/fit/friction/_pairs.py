@@ -110,7 +110,7 @@ class PairEquation(AbstractEquation):
         squares = np.empty((len(stack.problems), self.width))
         rows = stack.beside, stack.place, stack.pair, stack.usable
         _kernel.squares(*rows, squares)
-        return np.sqrt(squares / stack.lengths[:, None])
+        return np.asarray(np.sqrt(squares / stack.lengths[:, None]))
 
     def _size_of_drop(self, moving: Columns) -> Float[np.ndarray, "w d"]:
         """RMS of the columns that do, per direction."""
@@ -120,7 +120,7 @@ class PairEquation(AbstractEquation):
         squares = np.empty((len(of), len(self.moves)))
         drop = np.ascontiguousarray(moving.values[0])
         _kernel.squares_of_drop(stack.way, drop, of, squares)
-        return np.sqrt(squares / stack.lengths[of, None])
+        return np.asarray(np.sqrt(squares / stack.lengths[of, None]))
 
     def _factors(
         self, sums: Float[np.ndarray, "w q q1"], size: Float[np.ndarray, "w q"]

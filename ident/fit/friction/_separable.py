@@ -204,12 +204,13 @@ class _Going:
         """Return some of them."""
         if len(which) == len(self.lane):
             return self
-        point = None if self.point is None else self.point.take(which)
-        before = self.before
-        if point is not None and before is self.point.residual:
-            before = point.residual
-        elif before is not None:
-            before = before[which]
+        point, before = self.point, self.before
+        last = point is not None and before is point.residual
+        if point is not None:
+            point = point.take(which)
+        if before is not None:
+            # What the last pass left, for the most part: not taken twice.
+            before = point.residual if last and point is not None else before[which]
         return _Going(
             self.lane[which],
             self.equation.take(which),

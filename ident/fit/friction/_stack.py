@@ -100,7 +100,7 @@ class Stack:
     def place(self) -> Int[np.ndarray, "r s"]:
         """The first of the two neighbouring factors of friction that each row meets."""
         cell = self._once(self._alike("cell"), lambda each: each.pairs()[0])
-        return cell + len(self.structure.factors) * self.way
+        return np.asarray(cell + len(self.structure.factors) * self.way)
 
     @cached_property
     def pair(self) -> Float[np.ndarray, "r s 2"]:
@@ -208,7 +208,7 @@ class Stack:
         if self.one.filtered:
             return self._shaped_alone(shapes, of, False)[0][..., ::step]
         speed, sign = self._moves(of, False, step)
-        return sign * self.structure.shaped_values(speed, of, shapes)
+        return np.asarray(sign * self.structure.shaped_values(speed, of, shapes))
 
     def _moves(
         self, of: np.ndarray, instrument: bool, step: int = 1
