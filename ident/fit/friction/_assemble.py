@@ -66,29 +66,31 @@ class _Named:
 
 
 def _named(
-    solved: Solved, used: Bool[np.ndarray, " s"], moving: Bool[np.ndarray, " t"]
+    solved: Solved, load: Float[np.ndarray, "1"], moving: Bool[np.ndarray, " t"]
 ) -> _Named:
     """Return what a fit to some rows says, and what it does not.
 
     Args:
         solved: The fit.
-        used: Its rows.
+        load: Root mean square of the load over its rows.
         moving: Samples in motion behind them.
     """
     problem, solution = solved.problem, solved.solution
-    structure, fixed = problem.structure, len(problem.fixed_names)
+    structure, fixed_names = problem.structure, problem.fixed_names
+    fixed = len(fixed_names)
     count = len(solution.factors)
     state = np.concatenate([solution.factors, solution.shape])
     split = structure.directional and problem.known.offset is None
     unit = np.eye(len(state))
-    shift, names, rows = unit, list(problem.fixed_names), [*unit[:fixed]]
+    own, inner = solution.factors[fixed:], unit[fixed:]
+    names, rows = list(fixed_names), [*unit[:fixed]]
     if split:
         offset, shift = _gauge(problem, solution)
         names.append("offset")
         rows.append(offset)
-    own = (shift @ state)[fixed:count]
+        own = (shift @ state)[fixed:count]
+        inner = np.concatenate([shift[fixed:count], unit[count:]])
     reported = structure.reported(own, solution.shape)
-    inner = np.concatenate([shift[fixed:count], unit[count:]])
     jacobian = np.concatenate(
         [np.array(rows).reshape(-1, len(state)), reported.jacobian @ inner]
     )
@@ -98,9 +100,9 @@ def _named(
     null = np.zeros((len(state), solution.null.shape[1]))
     null[:count] = solution.null
     gone = lost(jacobian, null, solution.column_size)
-    columns = problem.fixed_names + structure.names
-    unknown = vague_columns(problem, [solution], used[None] * 1.0)[0]
-    vague = {columns[place] for place in np.flatnonzero(unknown)}
+    columns = fixed_names + structure.names
+    unknown = vague_columns(problem, [solution], load)[0].tolist()
+    vague = {name for name, one in zip(columns, unknown, strict=True) if one}
     seen = directions_seen(problem, moving)
     for name, is_lost in zip(names, gone, strict=True):
         factor = name.replace("breakaway", "drop")
@@ -114,12 +116,11 @@ def _named(
             undetermined.setdefault(name, VAGUE)
         elif split and name == "offset" and not all(seen):
             undetermined.setdefault(name, _LEVEL)
-    levels = {
-        name
+    has_law = not any(
+        name.removesuffix(WAYS[0]).removesuffix(WAYS[1]) in structure.level_names
         for name in reported.names
-        if name.removesuffix(WAYS[0]).removesuffix(WAYS[1]) in structure.level_names
-    }
-    has_law = not levels & set(undetermined)
+        if name in undetermined
+    )
     return _Named(
         tuple(names), values, jacobian, own, inner, split, seen, undetermined, has_law
     )
@@ -143,14 +144,15 @@ def law_factors(
     problem = solved[0].problem
     structure, fixed = problem.structure, len(problem.fixed_names)
     levels = fixed + np.flatnonzero(np.tile(structure.levels(), structure.ways))
-    vague = vague_columns(problem, [each.solution for each in solved], use)
-    unknown = vague[:, levels].any(axis=1)
+    load = np.sqrt(use @ np.square(problem.load) / use.sum(axis=1))
+    vague = vague_columns(problem, [each.solution for each in solved], load)
+    unknown = np.asarray(vague[:, levels].any(axis=1))
     parted = structure.directional and problem.known.offset is None
     found: list[Float[np.ndarray, " f"] | None] = []
     for number, each in enumerate(solved):
         solution = each.solution
         if solution.null.shape[1] or not all(directions_seen(problem, moving[number])):
-            named = _named(each, use[number] > 0, moving[number])
+            named = _named(each, load[number : number + 1], moving[number])
             found.append(named.own if named.has_law else None)
         elif unknown[number]:
             # Every direction of the factors is seen: a level can only be vague.
@@ -169,7 +171,11 @@ def assemble(solved: Solved, method: str) -> FrictionFit:
     problem, solution = solved.problem, solved.solution
     structure = problem.structure
     used = problem.usable
-    named = _named(solved, used, problem.samples.in_motion)
+    load, residual, share = (
+        each[used] for each in (problem.load, solution.residual, solution.share)
+    )
+    size = np.sqrt(np.mean(np.square(load), keepdims=True))
+    named = _named(solved, size, problem.samples.in_motion)
     names, values, undetermined = named.names, named.values, dict(named.undetermined)
     jacobian, own, inner = named.jacobian, named.own, named.inner
     covariance = jacobian @ solution.covariance @ jacobian.T
@@ -178,9 +184,6 @@ def assemble(solved: Solved, method: str) -> FrictionFit:
     covariance = np.where(open_[:, None] | open_[None], np.nan, covariance)
     sd = np.sqrt(np.diag(covariance))
     good = [place for place in range(len(names)) if not open_[place]]
-    load, residual, share = (
-        each[used] for each in (problem.load, solution.residual, solution.share)
-    )
     return FrictionFit(
         method=method,
         structure=structure,
@@ -227,8 +230,11 @@ def _gauges(
     problem: Problem, solution: Solution, split: bool, seen: tuple[bool, bool]
 ) -> tuple[str, ...]:
     structure, fixed = problem.structure, len(problem.fixed_names)
+    if not split and (all(seen) or not problem.fits_offset):
+        return ()
     found = []
-    one = structure.levels() / structure.levels().sum()
+    one = structure.levels()
+    one /= one.sum()
     if split:
         ahead = one @ solution.factors[fixed : fixed + len(one)]
         back = one @ solution.factors[fixed + len(one) : fixed + 2 * len(one)]
@@ -248,7 +254,7 @@ def _gauges(
                 else "."
             )
         )
-    elif problem.fits_offset and not all(seen):
+    else:
         place = problem.fixed_names.index("offset")
         sign = 1.0 if seen[0] else -1.0
         level = one @ solution.factors[fixed:] + sign * solution.factors[place]

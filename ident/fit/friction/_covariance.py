@@ -80,7 +80,7 @@ def lags_of(
     alpha /= np.maximum(far.sum(axis=1), 1.0)
     count = np.array([len(each) for each in scores])
     best = 1.1447 * (alpha * count) ** (1 / 3)
-    return np.minimum(best, _LARGEST_LAG * count).astype(np.int64)
+    return np.asarray(np.minimum(best, _LARGEST_LAG * count).astype(np.int64))
 
 
 def larger_covariance(

@@ -91,20 +91,19 @@ def shape_reason(problem: Problem, solution: Solution) -> str | None:
 
 
 def vague_columns(
-    problem: Problem, solutions: Sequence[Solution], use: Float[np.ndarray, "w s"]
+    problem: Problem, solutions: Sequence[Solution], load: Float[np.ndarray, " w"]
 ) -> Bool[np.ndarray, "w k"]:
     """Return whose contribution is unknown to a good part of the load, of linear factors.
 
     Args:
         problem: The equation.
         solutions: To some choices of its rows.
-        use: 1 where a row was used, else 0.
+        load: Root mean square of the load over the rows of each.
     """
     many = len(problem.fixed_names + problem.structure.names)
-    size = np.sqrt(use @ np.square(problem.load) / use.sum(axis=1))
     variance = np.stack([np.diag(each.covariance)[:many] for each in solutions])
     rms = np.stack([each.column_size[:many] for each in solutions])
-    return np.asarray(np.sqrt(variance) * rms > _VAGUE * size[:, None])
+    return np.asarray(np.sqrt(variance) * rms > _VAGUE * load[:, None])
 
 
 def lost(

@@ -112,7 +112,7 @@ def _independent(
     own = [pieces[k] for k in of]
     rows = [each[: len(piece), None] for each, piece in zip(left, own, strict=True)]
     every = 1 + lags_of(rows, own)
-    return np.maximum(seen // every, factors.shape[1] + 2)
+    return np.asarray(np.maximum(seen // every, factors.shape[1] + 2))
 
 
 def _weight_of(equation: AbstractEquation, shares: Shares, lane: int) -> float:

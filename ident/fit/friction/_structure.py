@@ -250,6 +250,8 @@ class AbstractStructure(abc.ABC):
         self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
     ) -> Reported:
         """Return all parameters as users read them."""
+        if not self.directional:
+            return self.reported_way(factors, shape)
         rows = factors.reshape(self.ways, -1)
         width = rows.shape[1]
         names: list[str] = []
@@ -261,8 +263,7 @@ class AbstractStructure(abc.ABC):
             one = self.reported_way(row, shape)
             own = [name for name in one.names if name not in shared or way == 0]
             keep = [one.names.index(name) for name in own]
-            ending = WAYS[way] if self.directional else ""
-            names += [name if name in shared else name + ending for name in own]
+            names += [name if name in shared else name + WAYS[way] for name in own]
             values.append(one.values[keep])
             block = np.zeros((len(keep), total))
             block[:, way * width : (way + 1) * width] = one.jacobian[keep][:, :width]

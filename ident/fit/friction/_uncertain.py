@@ -88,7 +88,7 @@ def _rows(
 
     def used(lane: int, instrument: bool) -> np.ndarray:
         found = equation.columns(point, lane, instrument=instrument)
-        return found * equation.lanes.use[lane, : len(found), None]
+        return np.asarray(found * equation.lanes.use[lane, : len(found), None])
 
     every = range(len(equation.lanes))
     own = [used(lane, False) for lane in every]
