@@ -147,6 +147,19 @@ def test_a_shape_sought_in_sums_is_where_all_rows_would_leave_it(way: bool) -> N
     np.testing.assert_allclose(step, 0.0, atol=1e-8)
 
 
+@pytest.mark.parametrize("way", [False, True])
+def test_a_shape_sought_in_sums_is_the_same_to_the_bit_in_any_company(way: bool) -> None:
+    stack = alone(make_problem(recording(), Stribeck(way), Known(), 1))
+    lanes, _ = windows(stack)
+    shares = lanes.all_rows()
+    sums = Interpolated(PairEquation(stack, lanes), np.log([[12.3]]))
+    shape, _ = sums.shapes(shares)
+    for lane in range(len(lanes)):
+        which = np.array([lane])
+        own, _ = sums.take(which).shapes(shares.take(which))
+        assert own.tobytes() == shape[which].tobytes()
+
+
 def test_a_shape_out_of_reach_is_not_claimed_to_be_found() -> None:
     stack = alone(make_problem(recording(), Stribeck(), Known(), 1))
     lanes, _ = windows(stack)

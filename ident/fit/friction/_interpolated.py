@@ -146,7 +146,7 @@ def _shares_of_nodes(
     angle = np.pi * (order + 0.5) / _NODES
     weight = chebyshev.chebvander(np.cos(angle), _NODES - 1)
     weight *= np.where(order > 0, 2.0, 1.0) / _NODES
-    here = chebyshev.chebvander(place, _NODES - 1)
-    # A product for each place: the same bits in any company.
+    # A product for each place, its numbers in a row: the same bits in any company.
+    here = np.ascontiguousarray(chebyshev.chebvander(place, _NODES - 1))
     bent = here[:, None, :-1] @ (chebyshev.chebder(np.eye(_NODES)) @ weight.T)
     return (here[:, None] @ weight.T)[:, 0], bent[:, 0]
