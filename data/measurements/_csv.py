@@ -20,23 +20,13 @@ from ._table import BadCell, Column, Skipped, Table
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
 _COMMENT_OR_SEMICOLON = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!|;).*$")
-_SHORT = 1 << 15
+SHORT = 1 << 15
 """Characters up to which a body is short."""
 _SMALL = 1 << 20
 """Bytes up to which one thread reads a file."""
 _NULLS = [
-    "",
-    "nan",
-    "NaN",
-    "NAN",
-    "-nan",
-    "NA",
-    "N/A",
-    "n/a",
-    "#N/A",
-    "null",
-    "NULL",
-    "-",
+    *("", "nan", "NaN", "NAN", "-nan"),
+    *("NA", "N/A", "n/a", "#N/A", "null", "NULL", "-"),
 ]
 
 
@@ -86,7 +76,7 @@ def _read_short(layout: Layout, text: str) -> _Read | None:
     Setting up pyarrow takes longer than that.
     """
     dialect, width = layout.dialect, len(layout.names)
-    if len(text) - layout.body > _SHORT or dialect.separator == " ":
+    if len(text) - layout.body > SHORT or dialect.separator == " ":
         return None
     if dialect.decimal != "." or not all(layout.numeric):
         return None

@@ -1,6 +1,7 @@
 """One measurement for one fit: its file, roles, units and reductions."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,6 +12,7 @@ from ...data.measurements import (
     LargeFile,
     Measurement,
     MeasurementError,
+    PlainRows,
     Table,
     derive_error,
     explain_direction,
@@ -21,7 +23,7 @@ from ...data.measurements import (
     without_motion,
 )
 from ._clocks import ClockState
-from ._fit_schema import FitSpec
+from ._fit_schema import FitSpec, FrictionSpec
 from ._joined import JoinedFiles, join_files
 from ._load import Job
 from ._reference import (
@@ -64,6 +66,15 @@ class Tables:
         self._read: dict[str, Table] = {}
         self._joined: dict[str, JoinedFiles] = {}
         self._large: dict[str, LargeFile | None] = {}
+
+    @functools.cached_property
+    def _plain_rows(self) -> PlainRows | None:
+        """What reads plain rows fast: machine code, where a fit of the job needs it anyway."""
+        if not any(isinstance(fit, FrictionSpec) for fit in self.job.spec.fits):
+            return None
+        from ._plain_rows import plain_rows  # takes long to load
+
+        return plain_rows
 
     @property
     def clocks(self) -> tuple[ClockState, ...]:
@@ -113,14 +124,19 @@ class Tables:
         """
         spec = self.job.spec.measurements[name]
         if name not in self._read and spec.files is not None:
-            files = [read_table(self.job.file(file)) for file in spec.files]
+            files = [
+                read_table(self.job.file(file), plain_rows=self._plain_rows)
+                for file in spec.files
+            ]
             self._joined[name] = join_files(self.job, name, spec, files)
             self._read[name] = self._joined[name].table
         if name not in self._read:
             file = spec.file
             assert file is not None  # `find_fault` has seen to it
             profile = spec.profile
-            table = read_table(self.job.file(file), profile=profile)
+            table = read_table(
+                self.job.file(file), profile=profile, plain_rows=self._plain_rows
+            )
             if profile is not None and table.format not in PROFILE_FORMATS:
                 raise self.job.error(
                     ("measurements", name, "profile"),
