@@ -28,11 +28,12 @@ class _Found:
         residual: Reading − table − run effects.
         share: Weight that the loss left each reading.
         wild: Readings that were rejected.
+        rejected: How many these are.
         noise: Of one reading, wild ones left out.
         spread: Range of the readings.
-        deviation: Standard deviations of the nodes; ``support``, ``values`` over the same.
-        support: Readings that touch each node.
-        values: Of the nodes.
+        deviation: Standard deviations of the nodes over (slow, fast).
+        support: Readings that touch each node, over the same.
+        tables: Values, deviations and support in the shape of the table.
         nearest: Node next to each reading.
         doubted: Whether the readings next to a node were mostly set aside.
         effects: Of the runs.
@@ -43,11 +44,12 @@ class _Found:
     residual: Float[np.ndarray, "k t"]
     share: Float[np.ndarray, "k t"]
     wild: Bool[np.ndarray, "k t"]
+    rejected: Int[np.ndarray, " k"]
     noise: Float[np.ndarray, " k"]
     spread: Float[np.ndarray, " k"]
     deviation: Float[np.ndarray, "k n s"]
     support: Int[np.ndarray, "k n s"]
-    values: Float[np.ndarray, "k n s"]
+    tables: tuple[np.ndarray, ...]
     nearest: Int[np.ndarray, "k t"]
     doubted: Bool[np.ndarray, "k m"]
     effects: Sequence[tuple[RunEffect, ...]]
@@ -87,6 +89,7 @@ def _found(
     own = np.diagonal(inverse, axis1=1, axis2=2)
     deviation = np.sqrt(np.maximum(variance[:, None] * own, 0.0))
     touching = (stack.columns[:, :, :size] > 0) & active[:, :, None]
+    support = touching.sum(axis=1)
     node = _nearest(stack)
     bins = (node + size * np.arange(len(node))[:, None]).ravel()
     count, kept = (
@@ -99,11 +102,12 @@ def _found(
         residual=residual,
         share=share,
         wild=~active,
+        rejected=(~active).sum(axis=1),
         noise=np.sqrt(inner / np.maximum(free, 1e-9)),
         spread=np.ptp(stack.error, axis=1),
         deviation=_by_node(stack, deviation),
-        support=_by_node(stack, touching.sum(axis=1)),
-        values=_by_node(stack, unknowns),
+        support=_by_node(stack, support),
+        tables=tuple(_tables(stack, own) for own in (unknowns, deviation, support)),
         nearest=node,
         doubted=doubted(count, kept),
         effects=effects,
@@ -119,6 +123,14 @@ def _by_node(stack: Stack, values: np.ndarray) -> np.ndarray:
     """Bring numbers over (branch, node), then run effects, to shape ``(k, n, s)``."""
     tables = values[:, : stack.size].reshape(-1, stack.branches, stack.nodes)
     return tables.transpose(0, 2, 1)
+
+
+def _tables(stack: Stack, values: np.ndarray) -> np.ndarray:
+    """Bring numbers over (branch, node), then run effects, to the shape of the tables."""
+    tables = values[:, : stack.size].reshape(-1, stack.branches, stack.nodes)
+    if stack.lanes[0].grid.layout.periodic:
+        tables = np.concatenate([tables, tables[:, :, :1]], axis=2)
+    return tables if stack.branches == 2 else tables[:, 0]
 
 
 def _nearest(stack: Stack) -> Int[np.ndarray, "k t"]:
@@ -168,7 +180,7 @@ def _result(
     """Return one lane's fit, or None where it must be looked at more closely."""
     lane = state.problems.stack.lanes[k]
     grid, wild = lane.grid, found.wild[k]
-    rejected = int(wild.sum())
+    rejected = int(found.rejected[k])
     if rejected and crowded_places(found.nearest[k], wild, grid.size).any():
         return None
     apart = lane.apart or found.suspects[k]
@@ -181,14 +193,15 @@ def _result(
         deviation, support, float(found.spread[k]), noise
     ):
         return None
+    values, spread, visits = (table[k] for table in found.tables)
     first, second = state.weights[k].tolist()
     converged = bool(state.converged[k])
     used = float(state.factors.used[k])
     return TableFit(
         layout=grid.layout,
-        values=grid.to_table(found.values[k]),
-        standard_deviation=grid.to_table(deviation),
-        support=grid.to_table(support),
+        values=values,
+        standard_deviation=spread,
+        support=visits,
         noise=noise,
         smoothness=Smoothness((first, second)).names(1),
         loss=request.loss,
