@@ -91,7 +91,7 @@ class Rounded:
 
     def integers(self, estimate: TableFit) -> Int[np.ndarray, "..."]:
         """Return the entries of its list."""
-        return self.integers_of([estimate])[0]
+        return np.asarray(self.integers_of([estimate])[0])
 
     def integers_of(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
         """Return the entries of the lists of several estimates."""

@@ -81,12 +81,12 @@ class _Lines:
     @functools.cached_property
     def steps(self) -> Float[np.ndarray, "b r m"]:
         """From node to node, in mm or °."""
-        return self.offset[..., 1:] - self.offset[..., :-1]
+        return np.asarray(self.offset[..., 1:] - self.offset[..., :-1])
 
     @functools.cached_property
     def slopes(self) -> Float[np.ndarray, "b r m"]:
         """Between the nodes, as pure numbers."""
-        return self.steps / (self.nodes[1:] - self.nodes[:-1])
+        return np.asarray(self.steps / (self.nodes[1:] - self.nodes[:-1]))
 
     @functools.cached_property
     def slopes_with_ends(self) -> Float[np.ndarray, "b r l"]:

@@ -100,7 +100,7 @@ def _robust(
     factors = factors_of(stack, normal, weights)
     inflation = np.ones(len(normal))
     going, part = np.arange(len(normal)), stack
-    kept = {"stack": stack, "weights": weights, "normal": normal, "factors": factors}
+    every, inverses, given = normal, factors, weights
     ended: list[_Ended] = []
     for step in range(PASSES):
         root = np.sqrt(part.weight)
@@ -119,8 +119,8 @@ def _robust(
                 normal[other] = fresh
                 factors.put(other, inverted)
                 if part is not stack:
-                    kept["normal"][going[other]] = fresh
-                    kept["factors"].put(going[other], inverted)
+                    every[going[other]] = fresh
+                    inverses.put(going[other], inverted)
         pseudo = _pseudo(scale, residual, scaled, active, step == 0 and not near, root)
         problems = _problems(part, normal, unknowns, pseudo, active)
         solutions = solve_lanes(problems, weights, factors)
@@ -151,6 +151,7 @@ def _robust(
                 each[going_on]
                 for each in (normal, weights, unknowns, inflation, active)
             )
+    kept = {"stack": stack, "weights": given, "normal": every, "factors": inverses}
     return _joined(ended, kept)
 
 
