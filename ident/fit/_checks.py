@@ -87,7 +87,7 @@ def check_finite(samples: Samples) -> None:
 def check_layout(layout: TableLayout) -> None:
     """Refuse nodes that do not ascend."""
     for axis, nodes in enumerate(layout.nodes):
-        if len(nodes) > 1 and not (np.diff(nodes) > 0).all():
+        if len(nodes) > 1 and not (nodes[1:] > nodes[:-1]).all():
             msg = f"nodes along axis {axis + 1} must ascend."
             raise FitError(msg)
 

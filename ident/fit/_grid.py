@@ -161,11 +161,12 @@ def _locate(
         return _locate_many(position, nodes, periodic)
     if periodic:
         position = nodes[0] + np.mod(position - nodes[0], nodes[-1] - nodes[0])
-    cell = np.clip(
-        np.searchsorted(nodes, position, side="right") - 1, 0, len(nodes) - 2
-    )
-    fraction = (position - nodes[cell]) / (nodes[cell + 1] - nodes[cell])
-    return cell, np.clip(fraction, 0.0, 1.0)
+    cell = np.searchsorted(nodes, position, side="right") - 1
+    # Of a few numbers `numpy.clip` would take most of the time.
+    cell = np.minimum(np.maximum(cell, 0), len(nodes) - 2)
+    start = nodes[cell]
+    fraction = (position - start) / (nodes[cell + 1] - start)
+    return cell, np.minimum(np.maximum(fraction, 0.0), 1.0)
 
 
 def _locate_many(

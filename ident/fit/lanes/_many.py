@@ -75,7 +75,10 @@ def _fit(
     weights = None
     if not isinstance(requests[0].smoothness, str):
         density = stack.density(stack.whole)
-        given = [_given(request.smoothness) for request in requests]
+        # The fits without each run have theirs from the same fit.
+        known = {id(request.smoothness): request.smoothness for request in requests}
+        pairs = {name: _given(smoothness) for name, smoothness in known.items()}
+        given = [pairs[id(request.smoothness)] for request in requests]
         weights = np.array(
             [
                 pair if scaled else (max(pair[0], FILL * own), 0.0)
