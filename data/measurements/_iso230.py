@@ -188,12 +188,22 @@ def _groups(key: _Key) -> list[tuple[tuple[float, int, int], list[int]]]:
 
     The same readings are judged before and after: they are sorted once.
     """
-    found: dict[tuple[float, int, int], list[int]] = {}
-    columns = [np.frombuffer(content, kind) for content, kind in key]
-    columns[0] = np.round(columns[0], _SAME_TARGET)
-    for row, which in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
-        found.setdefault((which[0] + 0.0, *which[1:]), []).append(row)
-    return [(which, found[which]) for which in sorted(found)]
+    target, runs, sides = (np.frombuffer(content, kind) for content, kind in key)
+    columns = [np.round(target, _SAME_TARGET) + 0.0, runs, sides]
+    order = np.lexsort(columns[::-1])
+    columns = [column[order] for column in columns]
+    differ = [column[1:] != column[:-1] for column in columns]
+    starts = [0, *(np.flatnonzero(np.logical_or.reduce(differ)) + 1).tolist()]
+    rows = order.tolist()
+    return [
+        (which, rows[start:end])
+        for which, start, end in zip(
+            zip(*(column[starts].tolist() for column in columns), strict=True),
+            starts,
+            [*starts[1:], len(rows)],
+            strict=True,
+        )
+    ]
 
 
 def _by_target(
