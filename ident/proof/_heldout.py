@@ -72,7 +72,7 @@ def held_out(
     weight = np.ones(len(before)) if samples.weight is None else samples.weight
     left = dict(leave_out(fit.layout, samples, groups, fit, run_effects=run_effects))
     folds = list(left.values())
-    which = np.searchsorted(list(left), groups)
+    which = np.array(list(left)).searchsorted(groups)
     offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)
     own = offsets[which, np.arange(len(before))]
     spread = deviations(folds, which, samples.positions, samples.branch)
