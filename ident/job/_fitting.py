@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from collections import Counter
 from collections.abc import Sequence
 from typing import final
 
@@ -198,7 +199,7 @@ def _run_effects(samples: Samples) -> str:
     """Return what each run may have of its own: ``none``, ``offset`` or ``drift``."""
     if samples.run is None:
         return "none"
-    labels, counts = np.unique(samples.run, return_counts=True)
-    if len(labels) < 2:
+    counts = Counter(samples.run.tolist()).values()
+    if len(counts) < 2:
         return "none"
-    return "drift" if counts.min() >= _DRIFT_NEEDS else "offset"
+    return "drift" if min(counts) >= _DRIFT_NEEDS else "offset"

@@ -111,10 +111,12 @@ def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"] | None:
 
     Of many runs, a tenth of them at a time.
     """
-    labels, rank = np.unique(run, return_inverse=True)
-    if len(labels) < 2:
+    count = len(set(run.tolist()))
+    if count < 2:
         return None
-    groups = rank.reshape(-1) % 10 if len(labels) > _MOST_RUNS else run
+    groups = run
+    if count > _MOST_RUNS:
+        groups = np.unique(run, return_inverse=True)[1].reshape(-1) % 10
     return np.asarray(groups, dtype=np.int64)
 
 
