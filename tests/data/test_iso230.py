@@ -15,6 +15,7 @@ from axcomp.data.measurements import (
     describe_drift,
     describe_iso230,
     iso230,
+    iso230_figures,
     measurement,
     read_table,
 )
@@ -208,3 +209,21 @@ def test_accuracy_is_never_smaller_than_its_parts(seed: int) -> None:
     assert found.B is not None
     assert found.M <= found.E <= found.A
     assert found.B <= found.R
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_figures_alone_are_those_of_the_whole_evaluation(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = 40
+    # Within 1 nm of a target, of either sign of zero, and several readings an approach.
+    target = -5.0 * rng.integers(0, 4, count) + rng.choice([0.0, 2e-8], count)
+    run = rng.integers(1, 4, count) if seed % 3 else None
+    direction = rng.choice([-1, 1], count) if seed % 2 else None
+    error = rng.normal(0.0, 1e-2, count)
+    whole = iso230(target, error, run, direction)
+    assert iso230_figures(target, error, run, direction) == whole.figures()
+    mixed = rng.permutation(count)
+    # Readings without a run count as they come.
+    if run is not None:
+        given = (run[mixed], None if direction is None else direction[mixed])
+        assert iso230_figures(target[mixed], error[mixed], *given) == whole.figures()
