@@ -4,6 +4,7 @@ import contextlib
 import errno
 import hashlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 _LONGEST = 200
@@ -52,20 +53,38 @@ def _write(path: Path, content: bytes) -> None:
             left = left[file.write(left) :]
 
 
-def sync_folder(folder: Path) -> None:
+def sync_folder(
+    folder: Path,
+    meanwhile: Callable[[], contextlib.AbstractContextManager[None]] = (
+        contextlib.nullcontext
+    ),
+) -> None:
     """Make a folder of written files survive a power cut.
+
+    Args:
+        folder: The folder, with all that lies in it.
+        meanwhile: Entered while the disk works and there is nothing else to do.
 
     Raises:
         OSError: If the disk does not take them.
     """
-    for parent, _, names in os.walk(folder):
-        for name in names:
-            handle = os.open(os.path.join(parent, name), os.O_RDWR)  # noqa: PTH118
-            try:
+    with contextlib.ExitStack() as stack:
+        files: list[int] = []
+        folders: list[int] = []
+        for parent, _, names in os.walk(folder):
+            for name in names:
+                files.append(os.open(os.path.join(parent, name), os.O_RDWR))  # noqa: PTH118
+                stack.callback(os.close, files[-1])
+            # The new names must survive as well; not every system can do that.
+            with contextlib.suppress(OSError):
+                folders.append(os.open(parent, os.O_RDONLY))
+                stack.callback(os.close, folders[-1])
+        with meanwhile():
+            for handle in files:
                 os.fsync(handle)
-            finally:
-                os.close(handle)
-        _sync_folder(Path(parent))
+            for handle in folders:
+                with contextlib.suppress(OSError):
+                    os.fsync(handle)
 
 
 def _draft_name(name: str) -> str:

@@ -55,7 +55,7 @@ class Order:
     reports: bool = False
     limit: float | None = None
 
-    @property
+    @functools.cached_property
     def work(self) -> Path:
         """Folder for what is not finished."""
         return Path(self.out) / WORK / self.token
@@ -165,7 +165,7 @@ def _is_full(error: BaseException | None) -> bool:
 
 def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     from ..fit import waiting
-    from ..job import as_tree, plain, run_job
+    from ..job import plain, run_job
 
     out = Path(order.out)
     stage.parent.mkdir(parents=True, exist_ok=True)
@@ -180,8 +180,7 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     )
     place = out / ("lists" if verified else "unverified") / task.name
     place.parent.mkdir(exist_ok=True)
-    with waiting():
-        sync_folder(stage)
+    sync_folder(stage, waiting)
     mine = task.sha256 in result.inputs.values()
     try:
         stage.rename(place)
@@ -193,8 +192,8 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
         shutil.rmtree(stage, ignore_errors=True)
     if mine:
         # What lies there says what the result does: no need to read it back.
-        folder, tree = f"{place.parent.name}/{task.name}", as_tree(result)
-        rows = rows_of(task.name, folder, verified, task.sha256, tree)
+        folder = f"{place.parent.name}/{task.name}"
+        rows = rows_of(task.name, folder, verified, task.sha256, result.tree)
         return [plain(row) for row in rows]
     found = published(task, out, fresh=True)
     assert found is not None
@@ -221,11 +220,12 @@ def published(task: Task, out: Path, *, fresh: bool = False) -> list[Row] | None
         fresh: They were put there just now; else what they were made of is looked at.
     """
     for verified, kind in ((True, "lists"), (False, "unverified")):
-        folder = out / kind / task.name
+        file = out.joinpath(kind, task.name, "result.json")
         try:
-            result = json.loads((folder / "result.json").read_bytes())
+            result = json.loads(file.read_bytes())
         except (OSError, ValueError):
             continue
+        folder = file.parent
         current = task.sha256 in result["inputs"].values() and (
             fresh or hash_of_inputs(result["inputs"]) == inputs_hash(Path(task.path))
         )

@@ -11,11 +11,7 @@ from ...data.files import write_atomically as write_atomically
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
 from ._errors import JobError as JobError, OutputError as OutputError
-from ._json import (
-    as_tree as as_tree,
-    plain as plain,
-    result_json as result_json,
-)
+from ._json import plain as plain, result_json as result_json
 from ._load import (
     Job as Job,
     load_conventions as load_conventions,

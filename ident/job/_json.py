@@ -41,7 +41,7 @@ _TEXT = json.JSONEncoder(allow_nan=False, default=_known).encode
 
 def result_json(result: JobResult) -> str:
     """Return ``result.json`` as text; it holds no NaN and no infinity."""
-    tree = as_tree(result)
+    tree = result.tree
     try:
         return _lines(tree, _DEPTH) + "\n"
     except (TypeError, ValueError):

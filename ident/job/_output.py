@@ -42,7 +42,7 @@ class OutFolder:
     ) -> None:
         self.root = root
         self._sync = sync
-        self.written: list[Path] = []
+        self._written: dict[str, Path] = {}
         self.remarks: list[str] = []
         self._sources = tuple(sources)
         self._made = not root.exists()
@@ -57,6 +57,11 @@ class OutFolder:
                 path=str(root), reason=f"cannot write into the output folder: {reason}"
             ) from None
         self._earlier = frozenset() if self._made else _files_of(root / "result.json")
+
+    @property
+    def written(self) -> tuple[Path, ...]:
+        """What was written, relative to the folder, in order."""
+        return tuple(self._written.values())
 
     def drop(self) -> None:
         """Remove the folder where it was made for nothing."""
@@ -98,16 +103,13 @@ class OutFolder:
         """
         target = self.root / name
         try:
-            if target.parent != self.root or not self._made:
+            if "/" in name or not self._made:
                 target.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(target, content, sync=self._sync)
         except OSError as error:
             reason = f"cannot write: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
-        relative = Path(name)
-        if relative not in self.written:
-            self.written.append(relative)
-        return relative
+        return self._written.setdefault(name, Path(name))
 
     def accept(self, name: str, content: bytes) -> Path:
         """Write a list that passed; what an earlier run rejected goes.
@@ -161,7 +163,7 @@ class OutFolder:
         Returns:
             Its new name, or None where there was none.
         """
-        if self._made and Path(name) not in self.written:
+        if self._made and name not in self._written:
             return None
         target = self.root / name
         if self._is_strange(name):

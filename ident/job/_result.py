@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
@@ -264,6 +265,13 @@ class JobResult:
     job: Mapping[str, Any]
     clocks: tuple[ClockState, ...] = ()
     groups: tuple["GroupResult", ...] = ()
+
+    @functools.cached_property
+    def tree(self) -> dict[str, Any]:
+        """What ``result.json`` says, as nested dictionaries and lists."""
+        from ._json import as_tree
+
+        return as_tree(self)
 
     @property
     def tables(self) -> tuple[TableResult, ...]:

@@ -269,6 +269,8 @@ def _write(
 
 
 def _relative(job: Job, file: Path) -> Path:
+    if file.parent == job.path.parent:
+        return Path(file.name)
     try:
         return Path(os.path.relpath(file, job.path.parent))
     except ValueError:  # another drive

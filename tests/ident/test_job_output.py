@@ -1,14 +1,17 @@
 """The output folder: whole files or none, and no failed list that looks valid."""
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from axcomp.data.files import sync_folder
 from axcomp.data.lists import ListFile
 from axcomp.ident.job import OutputError, run_job, write_atomically
 
@@ -108,6 +111,37 @@ def test_failed_write_leaves_the_old_file(
         write_atomically(target, b"new")
     assert target.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/fd").is_dir(), reason="needs the files that a process has open"
+)
+def test_a_folder_is_synced_whole_while_others_may_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "rejected").mkdir()
+    files = [tmp_path / "result.json", tmp_path / "rejected" / "achskw1.lis"]
+    for file in files:
+        file.write_bytes(b"x")
+    open_before = set(Path("/proc/self/fd").iterdir())
+    seen: list[Path | str] = []
+
+    @contextlib.contextmanager
+    def others() -> Iterator[None]:
+        seen.append("away")
+        yield
+        seen.append("back")
+
+    def note(handle: int) -> None:
+        seen.append(Path(f"/proc/self/fd/{handle}").readlink())
+
+    monkeypatch.setattr(os, "fsync", note)
+    sync_folder(tmp_path, others)
+    assert (seen[0], seen[-1]) == ("away", "back")
+    # A name counts only once what it stands for is there: the folders come last.
+    assert set(seen[1:3]) == set(files)
+    assert set(seen[3:-1]) == {tmp_path, tmp_path / "rejected"}
+    assert set(Path("/proc/self/fd").iterdir()) == open_before
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX permissions")
