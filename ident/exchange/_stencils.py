@@ -66,7 +66,7 @@ def offsets_at(
     answer = _kept if len(places) <= FEW else _asked
     nodes, weights = answer(question)
     if len(places) <= FEW:
-        return model.sign * (entries[:, nodes] * weights).sum(axis=2)
+        return np.asarray(model.sign * (entries[:, nodes] * weights).sum(axis=2))
     # One by one, which takes less memory.
     return np.stack(
         [model.sign * (table[nodes] * weights).sum(axis=1) for table in entries]
