@@ -5,7 +5,7 @@ import functools
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ...models import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints
 from ._errors import ExchangeError
@@ -42,12 +42,16 @@ class GridNodes:
     @property
     def integers(self) -> tuple[int, ...]:
         """Positions in list units."""
-        return tuple(self.start + self.interval * k for k in range(self.count))
+        return tuple(self._units.tolist())
 
     @property
     def positions(self) -> Float[np.ndarray, " n"]:
         """Positions in mm or °."""
-        return np.asarray(self.integers, dtype=np.int64) / LIST_UNITS
+        return self._units / LIST_UNITS
+
+    @property
+    def _units(self) -> Int[np.ndarray, " n"]:
+        return self.start + self.interval * np.arange(self.count)
 
     def model(self) -> EquidistantNodes:
         """Return the nodes of a model."""

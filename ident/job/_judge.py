@@ -17,13 +17,17 @@ def judge_files(
     New lists are judged beside the existing ones of the other axes. What stood in the
     user's lists before is named as such; an error that is new fails the list.
     """
-    theirs = list(_existing(job, job.spec.axes))
+    existing = {axis: _existing(job, axis) for axis in job.spec.axes}
+    theirs = [listing for own in existing.values() for listing in own]
     fitted = {one.axis for one in files}
-    others = list(
-        _existing(job, [axis for axis in job.spec.axes if axis not in fitted])
-    )
+    others = [
+        listing
+        for axis, own in existing.items()
+        if axis not in fitted
+        for listing in own
+    ]
     ours = [listing for one in files for _, listing in one.lists]
-    known = {_identity(item) for item in _check(job, theirs)}
+    known = {_identity(item) for item in _check(job, theirs)} if theirs else set()
     findings = _check(job, [*ours, *others])
     judged = []
     for one in files:
@@ -36,12 +40,10 @@ def judge_files(
     return tuple(judged), tuple(_remarks(new, known))
 
 
-def _existing(job: Job, axes: Iterable[str]) -> Iterable[ListFile]:
-    for name in axes:
-        axis = job.spec.axes[name]
-        for file in (axis.listing, axis.machine_data):
-            if file is not None:
-                yield ListFile.read(job.file(file))
+def _existing(job: Job, name: str) -> list[ListFile]:
+    axis = job.spec.axes[name]
+    files = (axis.listing, axis.machine_data)
+    return [ListFile.read(job.file(file)) for file in files if file is not None]
 
 
 def _check(job: Job, lists: Sequence[ListFile]) -> list[Finding]:

@@ -19,6 +19,8 @@ from ._schema import JobFile
 
 _PART = 1 << 16
 """Bytes of a file that are hashed at a time: most files are no longer."""
+_ASSUMED = Conventions()
+"""Rules of a controller of which nothing was measured."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,7 +82,7 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
         spec = JobFile.model_validate(values)
     except pydantic.ValidationError as error:
         raise first_fault(path, error, values, key_lines(text)) from None
-    job = Job(path, spec, Conventions(), frozenset(), text, ())
+    job = Job(path, spec, _ASSUMED, frozenset(), text, ())
     if needs_fits and not spec.fits:
         found = "found 0 values, expected 1"
         missing = "found nothing, expected this key"

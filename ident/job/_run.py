@@ -113,7 +113,7 @@ def run_job(
         remarks=(*remarks, *moved),
         files=(*folder.written, Path("result.json")),
         wall_time=time.perf_counter() - start,
-        job=job.spec.resolved() | {"gate": dataclasses.asdict(limits_of(job))},
+        job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
         clocks=tables.clocks,
         groups=tuple(sums),
     )
