@@ -114,7 +114,8 @@ def _guarded(task: Task, order: Order) -> Outcome:
         words = f"took more than {order.limit:g} s (--time-limit) and was given up"
         return Outcome(task.name, [_failed(task, words)])
     stage = order.work / task.name
-    shutil.rmtree(stage, ignore_errors=True)
+    if stage.exists():
+        shutil.rmtree(stage, ignore_errors=True)
     try:
         return Outcome(task.name, _run(task, order, stage))
     except (AxcompError, OSError) as error:
@@ -168,7 +169,6 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     from ..job import plain, run_job
 
     out = Path(order.out)
-    stage.parent.mkdir(parents=True, exist_ok=True)
     result = run_job(Path(task.path), stage, sync=False)
     if not all((stage / file).is_file() for file in result.files):
         # The batch that this worker belonged to ended and took its work away.

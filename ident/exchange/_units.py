@@ -34,11 +34,12 @@ def round_to_list(
     Raises:
         ExchangeError: If a value is not finite or does not fit the type of the entry.
     """
-    scaled = np.rint(np.asarray(values, dtype=float) * LIST_UNITS)
+    array = np.asarray(values, dtype=float)
+    scaled = np.rint(array * LIST_UNITS)
     low, high = bounds
-    bad = ~((scaled >= low) & (scaled <= high))
-    if bad.any():
-        worst = np.asarray(values, dtype=float)[bad].flat[0]
+    fits = (scaled >= low) & (scaled <= high)
+    if not fits.all():
+        worst = array[~fits].flat[0]
         raise ExchangeError(
             where=name,
             found=f"{worst:.6g} mm or °",
