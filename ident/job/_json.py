@@ -15,6 +15,7 @@ from ._result import AbstractResult, JobResult
 _DEPTH = 3
 """Down to the entries of a fit."""
 _PLAIN = (dict, list, int, float, type(None))
+_NUMPY = (np.ndarray, np.generic)
 _WORDS: Mapping[Any, str] = {None: "null", True: "true", False: "false"}
 
 
@@ -22,12 +23,13 @@ def _known(value: Any) -> Any:
     """Return a value in terms that JSON knows, what it holds left as it is."""
     if isinstance(value, _PLAIN):
         return value
-    if isinstance(value, Mapping):
-        return dict(value)
     if isinstance(value, tuple):
         return list(value)
-    if isinstance(value, np.ndarray | np.generic):
+    if isinstance(value, _NUMPY):
         return value.tolist()
+    # Last but one, since to ask for a `Mapping` takes longest.
+    if isinstance(value, Mapping):
+        return dict(value)
     if isinstance(value, Path | datetime.date):
         return str(value)
     msg = (
@@ -116,18 +118,22 @@ def _fit(fit: AbstractResult) -> dict[str, Any]:
 
 def plain(value: Any) -> Any:
     """Return a value that JSON can hold; NaN and infinity become null."""
-    if type(value) in (str, int, bool):
+    if value is None or type(value) in (str, int, bool):
         return value
-    if isinstance(value, Mapping):
+    if type(value) is float:
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
     if isinstance(value, np.ndarray):
         numbers = value.dtype.kind == "f"
         whole = not numbers or bool(np.isfinite(value).all())
         return value.tolist() if whole else plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
     if isinstance(value, np.generic):
         return plain(value.item())
+    if isinstance(value, Mapping):
+        return plain(dict(value))
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Path | datetime.date):
