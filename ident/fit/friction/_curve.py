@@ -53,15 +53,21 @@ class Curve:
         Places are counted from rest, where segments are short: there the sums are small.
         """
         x, y, w = self.place, self.height - self.level, self.weight
+        wx, wy = w * x, w * y
         sums = np.zeros((len(x) + 1, 6))
-        terms = np.stack([w, w * x, w * x * x, w * y, w * x * y, w * y * y], axis=1)
-        np.cumsum(terms, axis=0, out=sums[1:])
+        sums[1:].T[:] = w, wx, wx * x, wy, wx * y, wy * y
+        np.cumsum(sums, axis=0, out=sums)
         return sums
 
     @cached_property
     def slope(self) -> Float[np.ndarray, " m"]:
-        """Slope of the curve at its places."""
-        return np.asarray(np.gradient(self.height, self.place))
+        """Slope of the curve at its places: that of the parabola through the neighbours."""
+        gap = self.place[1:] - self.place[:-1]
+        lean = (self.height[1:] - self.height[:-1]) / gap
+        found = np.empty(len(self.place))
+        found[0], found[-1] = lean[0], lean[-1]
+        found[1:-1] = (lean[:-1] * gap[1:] + lean[1:] * gap[:-1]) / (gap[1:] + gap[:-1])
+        return found
 
     def at(self, place: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
         """Return the height of the curve at places."""

@@ -55,12 +55,15 @@ def _candidates(
     of weight times bend squared.
     """
     place = curve.place
-    gap = np.diff(place)
+    gap = place[1:] - place[:-1]
+    lean = (curve.height[1:] - curve.height[:-1]) / gap
     across = 0.5 * (gap[1:] + gap[:-1])
-    bend = np.diff(np.diff(curve.height) / gap) / across
+    bend = (lean[1:] - lean[:-1]) / across
     dense = across * (bend * bend * curve.weight[1:-1] / across) ** 0.2
-    bends = np.concatenate([[0.0], np.cumsum(dense), [dense.sum()]])
-    evenly = [np.log(place / place[0]), place - place[0], np.cumsum(curve.weight)]
+    bends = np.zeros(len(place))
+    np.cumsum(dense, out=bends[1:-1])
+    bends[-1] = dense.sum()
+    evenly = [np.log(place / place[0]), place - place[0], curve.sums[1:, 0]]
     share = sum(each / each[-1] for each in evenly) * (1.0 - _BENT) / 3.0
     share = share + _BENT * bends / max(bends[-1], 1e-300)
     found = np.interp(np.linspace(share[0], share[-1], count), share, place)

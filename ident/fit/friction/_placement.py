@@ -105,7 +105,7 @@ def _refuse(
     if len(velocity) < 2:
         msg = f"found {len(velocity)} speeds, expected at least 2 for a friction table"
         raise FitError(msg)
-    if not (velocity[0] > 0 and np.all(np.diff(velocity) > 0)):
+    if not (velocity[0] > 0 and np.all(velocity[1:] > velocity[:-1])):
         msg = "found speeds that do not ascend from above 0, expected them to"
         raise FitError(msg)
     if not (np.isfinite(current).all() and np.isfinite(weight).all()):
@@ -126,12 +126,11 @@ def _needed(
 
     The last two stay: they say that the table is flat from there on.
     """
+    at, high = places.tolist(), heights.tolist()
     keep = [0]
-    for k in range(1, len(places) - 1):
+    for k in range(1, len(at) - 1):
         a, b = keep[-1], k + 1
-        lean = (heights[k] - heights[a]) * (places[b] - places[k])
-        if k == len(places) - 2 or lean != (heights[b] - heights[k]) * (
-            places[k] - places[a]
-        ):
+        lean = (high[k] - high[a]) * (at[b] - at[k])
+        if k == len(at) - 2 or lean != (high[b] - high[k]) * (at[k] - at[a]):
             keep.append(k)
-    return np.array([*keep, len(places) - 1], dtype=np.int64)
+    return np.array([*keep, len(at) - 1], dtype=np.int64)

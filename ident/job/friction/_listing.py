@@ -57,9 +57,9 @@ def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
     driven = np.sort(np.abs(samples.velocity[samples.in_motion]))
     low, high = max(quantile(driven, 0.001), 1e-3), driven[-1]
     half = _POINTS // 2
-    speed = np.unique(
-        np.concatenate([np.geomspace(low, high, half), np.linspace(low, high, half)])
-    )
+    ways = np.geomspace(low, high, half), np.linspace(low, high, half)
+    speed = np.sort(np.concatenate(ways))
+    speed = np.append(speed[:1], speed[1:][speed[1:] > speed[:-1]])
     positive, positive_sd = fit.band(speed)
     negative, negative_sd = positive, positive_sd
     if fit.structure.directional:
@@ -82,10 +82,10 @@ def _density(
     """Return the share of the samples that each speed stands for; both ascend."""
     # What is slower or faster than all speeds counts with the first and the last.
     edges = np.geomspace(speed[0], speed[-1] * (1 + 1e-9), _BINS + 1)[1:-1]
-    counts, points = (
-        np.diff(np.searchsorted(each, edges), prepend=0, append=len(each))
-        for each in (driven, speed)
-    )
+    ends = np.zeros((2, _BINS + 1), np.int64)
+    for end, each in zip(ends, (driven, speed), strict=True):
+        end[1:-1], end[-1] = each.searchsorted(edges), len(each)
+    counts, points = ends[:, 1:] - ends[:, :-1]
     bin_of = np.repeat(np.arange(_BINS), points)
     weight = counts[bin_of] / points[bin_of]
     return np.asarray(weight / weight.sum())
