@@ -46,7 +46,7 @@ class LeftOut:
     @cached_property
     def lanes(self) -> Lanes:
         """Rows without each window in turn."""
-        return lanes_of(self.problem.usable, self.keep)
+        return self.every.take(np.arange(self.count))
 
     @cached_property
     def every(self) -> Lanes:
