@@ -148,7 +148,9 @@ def test_a_shape_sought_in_sums_is_where_all_rows_would_leave_it(way: bool) -> N
 
 
 @pytest.mark.parametrize("way", [False, True])
-def test_a_shape_sought_in_sums_is_the_same_to_the_bit_in_any_company(way: bool) -> None:
+def test_a_shape_sought_in_sums_is_the_same_to_the_bit_in_any_company(
+    way: bool,
+) -> None:
     stack = alone(make_problem(recording(), Stribeck(way), Known(), 1))
     lanes, _ = windows(stack)
     shares = lanes.all_rows()
