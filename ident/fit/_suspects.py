@@ -68,12 +68,12 @@ def suspect_runs(
     if design is None or len(design.labels) < 3:
         return ()
     scatter = medians(design.index, np.abs(residual), len(design.labels))
-    offset, spread = (
-        np.array([row])
-        for row in zip(*((e.offset, e.offset_sd) for e in effects), strict=True)
-    )
-    found = contradicting(scatter[None], offset, spread)[0]
-    return tuple(e.run for e, odd in zip(effects, found.tolist(), strict=True) if odd)
+    found = contradicting(
+        scatter[None],
+        np.array([[effect.offset for effect in effects]]),
+        np.array([[effect.offset_sd for effect in effects]]),
+    )[0]
+    return tuple(effects[place].run for place in np.flatnonzero(found))
 
 
 def contradicting(

@@ -322,7 +322,7 @@ class Problem:
         own += pair[:, 1] * factors[law, first + cell + 1]
         for place in structure.shaped:
             # Each sample for itself, under the one law that is asked of it.
-            column = structure.shaped_profiles(speed[:, None], rows, shapes[law])[0]
+            column = structure.shaped_values(speed[:, None], rows, shapes[law])
             own += column[:, 0] * factors[law, first + place]
         return np.asarray(sign * own)
 

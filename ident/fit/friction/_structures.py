@@ -140,7 +140,7 @@ class Stribeck(AbstractStructure):
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`."""
-        drop = self.shaped_profiles(speed[None], _FIRST, shape[None])[0][0]
+        drop = self.shaped_values(speed[None], _FIRST, shape[None])[0]
         return np.stack([np.ones_like(speed), speed, drop], axis=1)
 
     def profile_slopes(
