@@ -1,8 +1,9 @@
 """Estimators: arrays in, model and uncertainty out; this floor knows no files."""
 
+from ..core._drift import DriftNoise as DriftNoise
+from ..core._errors import FitError as FitError
+from ..core._threads import cores as cores, one_blas_thread as one_blas_thread
 from ._ahead import Ahead as Ahead, in_turn as in_turn
-from ._drift import DriftNoise as DriftNoise
-from ._errors import FitError as FitError
 from ._gather import (
     Gathering as Gathering,
     in_group as in_group,
@@ -30,7 +31,6 @@ from ._streamed import (
     fit_with_folds as fit_with_folds,
 )
 from ._table import fit_table as fit_table
-from ._threads import cores as cores, one_blas_thread as one_blas_thread
 from ._types import (
     RunEffect as RunEffect,
     Samples as Samples,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._errors import FitError
+from ..core._errors import FitError
 from ._types import Samples, TableLayout
 
 _NAME = re.compile("order [24], axis [12]")

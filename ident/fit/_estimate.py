@@ -6,12 +6,12 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..core._errors import FitError
+from ..core._loss import AbstractLoss, choose_loss
 from ._chain import chain_prior
-from ._errors import FitError
 from ._evidence import choose_smoothness
 from ._grid import Grid
 from ._logs import fixed_smoothness
-from ._loss import AbstractLoss, choose_loss
 from ._posterior import Posterior, solve
 from ._prior import Smoothness, TablePrior
 from ._problem import Problem

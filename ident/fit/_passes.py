@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Int
 
-from ._errors import FitError
+from ..core._errors import FitError
 from ._grid import Grid
 from ._types import Samples
 

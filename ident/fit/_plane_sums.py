@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..core._threads import cores
 from ._checks import Extent
 from ._grid import MANY, Grid, spacing_of
 from ._information import (
@@ -14,7 +15,6 @@ from ._information import (
     normal_from_moments,
     vector_from_moments,
 )
-from ._threads import cores
 from ._types import Samples
 
 _RECORD = 16

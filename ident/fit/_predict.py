@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._errors import FitError
+from ..core._errors import FitError
 from ._grid import Grid, Located
 from ._information import evaluate
 from ._table import fit_tables

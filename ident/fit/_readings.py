@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..core._loss import AbstractLoss
 from ._grid import Grid, Located
 from ._information import (
     Normal,
@@ -13,7 +14,6 @@ from ._information import (
     normal_from_moments,
     vector_from_moments,
 )
-from ._loss import AbstractLoss
 from ._prior import TablePrior
 from ._problem import Border, Problem
 

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float, Int
 
-from ._errors import FitError
+from ..core._errors import FitError
 from ._types import RunEffect, Samples
 
 

@@ -13,12 +13,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..core._errors import FitError
+from ..core._loss import choose_loss
+from ..core._threads import one_blas_thread
 from ._checks import check_extent, check_layout, check_smoothness
-from ._errors import FitError
 from ._estimate import THIN, table_prior
 from ._grid import Grid
 from ._information import evaluate
-from ._loss import choose_loss
 from ._passes import Apply, Asking, Grouping, Part, Stream
 from ._streamed_asked import Estimate, Options
 from ._streamed_estimate import closely, least_squares
@@ -33,7 +34,6 @@ from ._streamed_looks import (
     weights_of,
 )
 from ._streamed_sums import ByGroup, SumByGroup
-from ._threads import one_blas_thread
 from ._types import Samples, TableFit, TableLayout
 
 

@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._errors import FitError
+from ..core._errors import FitError
+from ..core._loss import AbstractLoss, choose_loss
 from ._estimate import PASSES, ROUGHLY, SAME, SETTLED, solved
 from ._evidence import choose_smoothness
-from ._loss import AbstractLoss, choose_loss
 from ._passes import Asking
 from ._posterior import Posterior, about
 from ._prior import Smoothness

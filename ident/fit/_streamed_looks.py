@@ -7,10 +7,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..core._loss import AbstractLoss
 from ._checks import Extent, check_finite
 from ._grid import Grid, Located
 from ._information import evaluate
-from ._loss import AbstractLoss
 from ._passes import AbstractPass, Grouping, Part, Place, added
 from ._plane_sums import has_cells, plane_residual
 from ._suspects import nearest

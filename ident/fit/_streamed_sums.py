@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..core._loss import AbstractLoss
 from ._checks import Extent, check_finite
 from ._grid import Grid, Located
 from ._information import (
@@ -18,7 +19,6 @@ from ._information import (
     touched,
     vector_from_moments,
 )
-from ._loss import AbstractLoss
 from ._passes import AbstractPass, Grouping, Place, added
 from ._plane_sums import Tally, has_cells, sums_of
 from ._streamed_looks import Rule, believed, by_group, residual_of, weights_of

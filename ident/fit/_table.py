@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..core._errors import FitError
+from ..core._threads import one_blas_thread
 from ._checks import check_samples
-from ._errors import FitError
 from ._estimate import State, estimate, table_prior
 from ._evidence import choose_smoothness
 from ._gather import in_group
@@ -16,7 +17,6 @@ from ._once import judge_once
 from ._readings import Readings
 from ._runs import RunDesign, run_design
 from ._suspects import suspect_nodes, suspect_runs
-from ._threads import one_blas_thread
 from ._types import RunEffect, Samples, TableFit, TableLayout
 from ._verdict import (
     FOLLOWS,

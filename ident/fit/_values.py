@@ -16,8 +16,9 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from ...models import _precision as _precision  # 64 bits, before any array
+from ..core._errors import FitError
+from ..core._threads import one_blas_thread
 from ._conjugate import conjugate_solve
-from ._errors import FitError
 from ._estimate import table_prior
 from ._grid import Grid, Located
 from ._information import Normal, evaluate
@@ -25,7 +26,6 @@ from ._logs import fixed_smoothness
 from ._plane_sums import sums_of
 from ._posterior import solve
 from ._problem import Problem
-from ._threads import one_blas_thread
 from ._types import Samples, TableLayout
 
 _LARGE = 1e7

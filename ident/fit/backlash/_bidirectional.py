@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....models import Leadscrew
-from .._errors import FitError
-from .._regression import Regression, refuse_confounded, regress
+from ...core._errors import FitError
+from ...core._regression import Regression, refuse_confounded, regress
 from ._dependence import HIGHEST, dependence_of, dependence_warning, polynomials
 from ._spread import carried_by, carried_warning
 from ._types import SURE, BacklashFit

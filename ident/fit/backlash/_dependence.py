@@ -5,7 +5,7 @@ from jaxtyping import Float
 from numpy.polynomial import legendre
 from scipy.stats import f as f_distribution
 
-from .._regression import Regression
+from ...core._regression import Regression
 from ._types import Dependence
 
 HIGHEST = 3

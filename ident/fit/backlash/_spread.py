@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import Leadscrew
-from .._errors import FitError
+from ...core._errors import FitError
 
 MOST_CYCLES = 19
 """P-AXIS-00243 lies below 20."""

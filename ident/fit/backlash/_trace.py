@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import Leadscrew
-from .._errors import FitError
-from .._regression import Regression, regress
+from ...core._errors import FitError
+from ...core._regression import Regression, regress
 from ._bidirectional import sentence
 from ._dependence import dependence_of, dependence_warning, polynomials
 from ._spread import carried_by, carried_warning

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ....models import Backlash
-from .._drift import DriftNoise
+from ...core._drift import DriftNoise
 
 SURE = 3.0
 """Deviations from which on a backlash shows."""

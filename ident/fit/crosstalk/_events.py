@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import Conventions, Crosstalk, surface_through
-from .._errors import FitError
+from ...core._errors import FitError
 from ._types import BRANCHES, CrosstalkReadings, Event
 
 _QUIET = 0.02

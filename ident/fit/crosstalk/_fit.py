@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from scipy.stats import chi2
 
 from ....models import Conventions, surface_through
-from .._errors import FitError
+from ...core._errors import FitError
 from ._events import cut_events, specified
 from ._own import Values, own_values, stencil_columns
 from ._smooth import PLENTY, smooth_values

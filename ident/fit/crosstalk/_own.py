@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import AbstractSurface
-from .._loss import choose_loss
+from ...core._loss import choose_loss
 
 _HOLD = 1e-6
 """Weight, relative to an event, that draws a value without events to the mean of all."""

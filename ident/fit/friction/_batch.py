@@ -18,7 +18,7 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
-from .._threads import cores
+from ...core._threads import cores
 
 LANES = 25
 """Axes that pass through the caches of a processor together."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from ...core._threads import one_blas_thread
 from .._gather import in_group
-from .._threads import one_blas_thread
 from ._assemble import assemble
 from ._compete import Candidate, Competition, compete, fit_all
 from ._inverse import METHOD

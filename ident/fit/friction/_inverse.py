@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .._errors import FitError
-from .._threads import one_blas_thread
+from ...core._errors import FitError
+from ...core._threads import one_blas_thread
 from ._assemble import assemble
 from ._lowpass import default_factor
 from ._problem import Known, Problem, make_problem

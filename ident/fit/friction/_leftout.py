@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._errors import FitError
+from ...core._errors import FitError
+from ...core._threads import one_blas_thread
 from .._gather import in_group
-from .._threads import one_blas_thread
 from ._assemble import law_factors
 from ._lanes import Lanes, lanes_of, side_by_side
 from ._problem import Problem

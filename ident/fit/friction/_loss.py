@@ -12,8 +12,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._errors import FitError
-from .._loss import HUBER, AbstractLoss, HuberLoss, choose_loss
+from ...core._errors import FitError
+from ...core._loss import HUBER, AbstractLoss, HuberLoss, choose_loss
 from ._lanes import Lanes, Shares
 
 _FULL = 4.0

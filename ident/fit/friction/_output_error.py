@@ -6,8 +6,8 @@ import itertools
 import numpy as np
 from jaxtyping import Float
 
-from .._errors import FitError
-from .._loss import GaussLoss
+from ...core._errors import FitError
+from ...core._loss import GaussLoss
 from ._assemble import assemble
 from ._covariance import score_covariance
 from ._marquardt import WINDOWS, Marquardt

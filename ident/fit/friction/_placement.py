@@ -6,7 +6,7 @@ import math
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._curve import Curve, Points
 from ._knots import best_knots
 

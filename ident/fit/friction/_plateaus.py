@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._covariance import score_covariance
 from ._samples import DriveSamples, check_samples, saturated
 

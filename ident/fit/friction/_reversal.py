@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ....models import AbstractFriction, FrictionCompensation
-from .._errors import FitError
+from ...core._errors import FitError
 
 _LOOKAHEAD = 4
 """Largest `reversal_lookahead` of the controller."""

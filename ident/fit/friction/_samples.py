@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.signals import median
-from .._errors import FitError
+from ...core._errors import FitError
 
 _JUMP = 0.5
 """Deviation of a time step from the cycle, in cycles, that starts a new piece."""

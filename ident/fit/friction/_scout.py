@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from .._loss import AbstractLoss
+from ...core._loss import AbstractLoss
 from ._equation import AbstractEquation
 from ._equations import equation_of
 from ._lanes import Lanes, Shares

@@ -11,8 +11,8 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._errors import FitError
-from .._loss import AbstractLoss
+from ...core._errors import FitError
+from ...core._loss import AbstractLoss
 from ._equation import AbstractEquation
 from ._interpolated import Interpolated
 from ._lanes import Shares

@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._axis import CANONICAL
 from ._problem import Problem
 from ._samples import DriveSamples

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._inverse import fit_problem
 from ._plateaus import Plateaus
 from ._problem import Known, make_problem

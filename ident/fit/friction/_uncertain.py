@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._loss import AbstractLoss
+from ...core._loss import AbstractLoss
 from ._covariance import larger_covariance, score_covariances
 from ._equation import AbstractEquation
 from ._linear import solve_linear

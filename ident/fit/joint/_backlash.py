@@ -6,7 +6,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._data import JointData
 from ._effect import AbstractOwnEffect, Block, sparse_rows
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import Conventions, Crosstalk, surface_through
-from .._errors import FitError
+from ...core._errors import FitError
 from ..crosstalk._types import BRANCHES, MOST_TESTS
 from ._data import JointData
 from ._effect import AbstractEffect, Block, sparse_rows

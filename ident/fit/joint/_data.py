@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._errors import FitError
+from ...core._errors import FitError
 
 Columns = Mapping[str, np.ndarray]
 """Arrays of shape ``(t,)`` by the name of an axis or of a sensor."""

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._data import JointData
 from ._effect import AbstractOwnEffect, Block
 

@@ -7,8 +7,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Int
 
+from ...core._errors import FitError
 from .._chain import chain_prior
-from .._errors import FitError
 from .._prior import TablePrior
 from ..thermal._laws import hats
 from ._data import JointData

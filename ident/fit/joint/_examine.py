@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool
 
-from .._errors import FitError
-from .._threads import one_blas_thread
+from ...core._errors import FitError
+from ...core._threads import one_blas_thread
 from ._confusion_words import undetermined
 from ._data import JointData
 from ._effect import AbstractEffect

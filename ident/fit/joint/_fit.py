@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._threads import cores, one_blas_thread
+from ...core._threads import cores, one_blas_thread
 from ._axis import AxisFit, fit_axis
 from ._data import JointData
 from ._effect import AbstractEffect

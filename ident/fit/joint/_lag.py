@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._data import JointData
 from ._design import Design
 from ._effect import AbstractEffect

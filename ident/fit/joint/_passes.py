@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._errors import FitError
+from ...core._errors import FitError
+from ...core._loss import AbstractLoss, StudentLoss, choose_loss
 from .._estimate import PASSES, SETTLED, THIN
-from .._loss import AbstractLoss, StudentLoss, choose_loss
 from .._readings import pseudo_readings
 from ._arrow import Arrow
 from ._null import Pinned

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._confused import Told, told_by
 from ._confusion_words import confusions_of
 from ._data import JointData

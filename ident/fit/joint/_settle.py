@@ -6,9 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._errors import FitError
+from ...core._errors import FitError
+from ...core._loss import AbstractLoss
 from .._estimate import ROUGHLY, SAME
-from .._loss import AbstractLoss
 from ._alone import logs_alone
 from ._choice import best_of, choose_weights, scanned_starts
 from ._data import JointData

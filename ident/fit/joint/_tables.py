@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
-from .._errors import FitError
+from ...core._errors import FitError
 from .._estimate import table_prior
 from .._grid import Grid
 from .._types import Samples, TableLayout

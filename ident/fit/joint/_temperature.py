@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ..thermal._clocked import Clocked, clocked
 from ..thermal._laws import hats
 from ._data import JointData

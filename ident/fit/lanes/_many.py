@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ...core._threads import one_blas_thread
 from .._logs import FILL
 from .._prior import Smoothness
 from .._runs import starts_of
-from .._threads import one_blas_thread
 from .._types import TableFit
 from ._passes import estimate_lanes, start_of
 from ._prepare import Prepared

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...core._errors import FitError
 from .._checks import Extent, check_extent, check_finite, check_layout, check_smoothness
-from .._errors import FitError
 from .._grid import Grid, Located
 from .._runs import RunDesign, run_design
 from ._request import TableRequest

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import gammaln
 
-from .._loss import FEW, FREEDOMS, HUBER, WILD
+from ...core._loss import FEW, FREEDOMS, HUBER, WILD
 from .._runs import row_medians
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize_scalar
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._laws import MOST_NODES, Shape
 from ._line import Data, Line, fit_linear, lag_grid, laid_out
 from ._types import LawScore

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from .._errors import FitError
-from .._regression import regress
+from ...core._errors import FitError
+from ...core._regression import regress
 from ._types import SensorLog
 
 _GRID = 81

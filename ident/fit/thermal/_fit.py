@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._choice import Score, choose_shape, find_lags, shapes_for
 from ._laws import Shape
 from ._line import Data, fit_line, laid_out

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._errors import FitError
-from .._regression import Regression, regress
+from ...core._errors import FitError
+from ...core._regression import Regression, regress
 from ._lag import structure_at
 from ._laws import Shape, hats, nodes_over
 from ._types import SensorLog

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .._errors import FitError
-from .._regression import Regression
+from ...core._errors import FitError
+from ...core._regression import Regression
 from ._choice import Score, held_out
 from ._laws import Shape, hats
 from ._line import Data, Line, fit_line, fit_linear, laid_out

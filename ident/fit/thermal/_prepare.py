@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Int
 
-from .._errors import FitError
+from ...core._errors import FitError
 from ._line import Data
 from ._steady import missed_temperatures
 from ._types import SensorLog, ThermalReadings

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._regression import Regression
+from ...core._regression import Regression
 from ._line import Data, Line
 from ._types import Lag, Law, LawScore, TemperatureFit, ThermalReadings
 from ._words import confusions, lag_sentence

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import median_filter
 
-from .._errors import FitError
+from ...core._errors import FitError
 
 _ABSOLUTE_ZERO = -273.15
 _WINDOW = 7

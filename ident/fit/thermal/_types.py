@@ -13,7 +13,7 @@ from ....models import (
     TemperatureCurve,
     TemperatureLine,
 )
-from .._drift import DriftNoise
+from ...core._drift import DriftNoise
 
 
 @dataclasses.dataclass(frozen=True)
