@@ -11,7 +11,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import OpenBLASController, ThreadpoolController
 
 
 @functools.cache
@@ -23,7 +23,8 @@ class _Limit:
     """The limit on BLAS threads, shared by all fits that overlap in time.
 
     The first fit sets it and the last one lifts it: a fit that restored what it found
-    would leave the limit of another one behind for ever.
+    would leave the limit of another one behind for ever. threadpoolctl listens to the
+    thread that set a limit only; the last fit may run in another one.
     """
 
     def __init__(self) -> None:
@@ -34,6 +35,7 @@ class _Limit:
     def enter(self) -> None:
         with self._lock:
             if self._users == 0:
+                OpenBLASController.clear_controlling_thread(force=True)
                 self._limiter = _controller().limit(limits=1, user_api="blas")
             self._users += 1
 
@@ -41,7 +43,9 @@ class _Limit:
         with self._lock:
             self._users -= 1
             if self._users == 0:
+                OpenBLASController.clear_controlling_thread(force=True)
                 self._limiter.restore_original_limits()
+                OpenBLASController.clear_controlling_thread(force=True)
 
 
 _LIMIT = _Limit()
