@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from ._drift import DriftNoise, find_drift, scatter_of_sums
 from ._errors import FitError
-from ._loss import AbstractLoss, choose_loss
+from ._loss import Loss, choose_loss
 
 _PASSES = 60
 """Robust passes at most."""
@@ -141,7 +141,7 @@ class _Pass:
     """Where the robust passes stand."""
 
     value: Float[np.ndarray, " k"]
-    loss: AbstractLoss
+    loss: Loss
     wild: Bool[np.ndarray, " t"]
     pseudo: Float[np.ndarray, " t"]
     normal: Float[np.ndarray, "k k"]

@@ -16,7 +16,6 @@ from ...models import (
     FrictionCompensation,
     FrictionTable,
 )
-from ..fit import in_group
 from ._course import Course, ServoLoop, course_of
 
 _FEW, _MANY = 16, 64
@@ -82,7 +81,7 @@ def circular_test(
     """
     course = course_of(radius, feed, ServoLoop() if loop is None else loop, cycle)
     one = _Circle(law, inertia, compensation, out_unit, course)
-    without, with_list = in_group(_follow_all, [one])[0]
+    without, with_list = _follow_all([one])[0]
     return CircularTest(
         angle=course.angle,
         without=without,

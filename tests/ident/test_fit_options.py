@@ -14,8 +14,6 @@ from axcomp.ident.fit import (
     fit_table,
     predict,
 )
-from axcomp.ident.fit._grid import Grid
-from axcomp.ident.fit._prior import Smoothness
 
 NOISE = 0.002  # mm
 NODES = np.linspace(0.0, 300.0, 31)
@@ -130,13 +128,6 @@ def test_weights_of_a_fit_make_the_same_fit(layout: TableLayout, loss: str) -> N
     "layout", [PLANE, TableLayout(PLANE.nodes[::-1])], ids=["longer 1", "longer 2"]
 )
 def test_names_of_weights_say_which_axis_is_meant(layout: TableLayout) -> None:
-    slow_axis = Grid(layout).slow_column + 1
-    assert len(layout.nodes[slow_axis - 1]) == 9
-    weights = Smoothness((1.0, 2.0), (3.0, 4.0))
-    names = weights.names(slow_axis)
-    assert names[f"order 2, axis {slow_axis}"] == 1.0
-    assert names[f"order 4, axis {3 - slow_axis}"] == 4.0
-    assert Smoothness.named(names, slow_axis) == weights
     # Stiff along the first axis only: hardly any bend is left along it.
     samples = readings(layout, 2000)
     stiff = fit_table(

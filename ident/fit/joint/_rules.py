@@ -19,7 +19,7 @@ from ._design import Component, Design, design_of
 from ._everything import everything_varies
 from ._families import Family, families, information
 from ._null import null_space, pivoted
-from ._sums import sums_of
+from ._sums import Information
 from ._tables import LeadscrewEffect
 from ._temperature import TemperatureEffect
 
@@ -103,7 +103,7 @@ def rules_of(
         else effect
         for effect in design.effects
     )
-    ideal = sums_of(
+    ideal = Information.of(
         design_of(
             design.axis, effects, varied, drift, None, measured=False, wander=False
         )
