@@ -111,7 +111,8 @@ class Problem:
         pull = self.held * self.theta
         for weight, term in zip(weights, stack.terms, strict=True):
             if weight > 0.0:
-                pull += weight * term.pull(self.theta)
+                here = term.here
+                pull[here] += weight * (term.penalty.gram @ self.theta[here])
         move = factor.solve(self.right - pull)
         square = sums.tally[2] / self.gain**2 - 2.0 * float(move @ self.right)
         square += float(move @ sums.apply(move))
@@ -121,7 +122,8 @@ class Problem:
         stack, sums = self.stack, self.sums
         terms = [(w, t) for w, t in zip(weights, stack.terms, strict=True) if w > 0.0]
         n = stack.band
-        reach = [max(stack.offsets), *(t.reach for _, t in terms if not t.border)]
+        reach = [max(stack.offsets)]
+        reach += [term.penalty.reach for _, term in terms if not term.border]
         width = min(max(reach), max(n - 1, 0))
         columns = np.zeros((n, width + 1))
         for slot, k in enumerate(stack.offsets if n else ()):
@@ -130,11 +132,12 @@ class Problem:
         columns[:, 0] += self.held[:n]
         border = sums.whole_border + np.diag(self.held[n:])
         for weight, term in terms:
-            row, column = term.row, term.column
+            own, shift = term.penalty, term.shift
             if term.border:
-                border[row, column] += weight * term.data
+                border[own.row + shift, own.column + shift] += weight * own.data
             else:
-                columns.reshape(-1)[column * width + row] += weight * term.data
+                places = own.column * width + own.row
+                columns.reshape(-1)[places] += weight * own.data
         return ArrowFactor.of(columns, sums.cross, border)
 
 
@@ -161,7 +164,8 @@ class Posterior:
     def penalties(self) -> Vector:
         """Penalty of each term for weight 1, free of cancellation."""
         terms = self.problem.stack.terms
-        return np.array([np.square(t.rows @ self.values).sum() for t in terms])
+        bends = (t.penalty.rows @ self.values[t.here] for t in terms)
+        return np.array([float(bend @ bend) for bend in bends])
 
     @cached_property
     def total(self) -> float:
@@ -198,7 +202,7 @@ class Posterior:
         used |= {k for k in stack.offsets if k < width}
         for weight, term in zip(self.weights, stack.terms, strict=True):
             if weight > 0.0 and not term.border:
-                used |= set(np.unique(term.row - term.column).tolist())
+                used |= term.penalty.distances
         return sorted(used)
 
     @cached_property
@@ -215,12 +219,14 @@ class Posterior:
         for k, term in enumerate(self.problem.stack.terms):
             if self.weights[k] == 0.0:
                 continue
+            own, shift = term.penalty, term.shift
             if term.border:
-                inverse = self.factor.border_inverse[term.row, term.column]
+                places = own.row + shift, own.column + shift
+                inverse = self.factor.border_inverse[places]
             else:
                 selected, slots = self._selected
-                inverse = selected[term.column, slots[term.row - term.column]]
-            result[k] = self.weights[k] * float(term.doubled @ inverse)
+                inverse = selected[own.column, slots[own.row - own.column]]
+            result[k] = self.weights[k] * float(own.doubled @ inverse)
         return result
 
     @property

@@ -5,6 +5,7 @@ of a file, over files, over workers. A group is left out by subtraction.
 """
 
 import dataclasses
+import weakref
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import final
@@ -90,11 +91,11 @@ class Stack:
 
     @cached_property
     def terms(self) -> "tuple[Term, ...]":
-        """Terms of the prior over all unknowns, in the order of the weights."""
+        """Terms of the prior, in the order of the weights."""
         return tuple(
-            Term.of(rows, here.start, self)
-            for prior, here, _ in self.priors
-            for rows in prior.rows
+            Term(penalty, self.here(number), self.here(number).start - self.band)
+            for number, effect in enumerate(self.effects)
+            for penalty in penalties(effect)
         )
 
     @cached_property
@@ -113,55 +114,78 @@ class Stack:
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class Term:
-    """One term of the prior, $K = D^T D$: its rows, and the lower elements of K.
+class Penalty:
+    """One term of a prior, $K = D^T D$, over the unknowns of its effect.
 
     Attributes:
-        rows: D over all unknowns.
-        row: Of the lower elements of K; in the border if `border`, counted from its start.
+        rows: D.
+        gram: K.
+        row: Of the lower elements of K.
         column: Likewise.
         data: The elements.
-        border: Whether the effect stands in the border.
+        doubled: Elements counted for both triangles.
+        distances: Of the elements from the diagonal.
     """
 
     rows: sp.csr_array
+    gram: sp.csr_array
     row: Int[np.ndarray, " e"]
     column: Int[np.ndarray, " e"]
     data: Float[np.ndarray, " e"]
-    border: bool
+    doubled: Float[np.ndarray, " e"]
+    distances: frozenset[int]
 
     @classmethod
-    def of(cls, rows: sp.csr_array, start: int, stack: Stack) -> "Term":
-        """Place the rows of an effect among all unknowns."""
-        count = len(rows.indptr) - 1
-        wide = sp.csr_array(
-            (rows.data, rows.indices + start, rows.indptr), shape=(count, stack.size)
-        )
-        gram = sp.coo_array(sp.tril(sp.csr_array(wide.T @ wide)))
-        keep = gram.data != 0.0
-        row, column = (each[keep] for each in gram.coords)
-        border = start >= stack.band
-        shift = stack.band if border else 0
-        return cls(wide, row - shift, column - shift, gram.data[keep], border)
+    def of(cls, rows: sp.csr_array) -> "Penalty":
+        """Return the penalty of rows."""
+        gram = sp.csr_array(rows.T @ rows)
+        lower = sp.coo_array(sp.tril(gram))
+        keep = lower.data != 0.0
+        row, column = (each[keep].astype(np.int64) for each in lower.coords)
+        data = lower.data[keep]
+        doubled = np.where(row == column, data, 2.0 * data)
+        distances = frozenset(np.unique(row - column).tolist())
+        return cls(rows, gram, row, column, data, doubled, distances)
 
-    @cached_property
+    @property
     def reach(self) -> int:
-        """Largest distance from the diagonal."""
-        return int((self.row - self.column).max(initial=0))
+        """Largest distance of an element from the diagonal."""
+        return max(self.distances, default=0)
 
-    @cached_property
-    def doubled(self) -> Float[np.ndarray, " e"]:
-        """Elements of the lower triangle counted for both triangles."""
-        return np.where(self.row == self.column, self.data, 2.0 * self.data)
 
-    @cached_property
-    def transposed(self) -> sp.csr_array:
-        """$D^T$."""
-        return sp.csr_array(self.rows.T)
+_PENALTIES: "weakref.WeakKeyDictionary[AbstractEffect, tuple[Penalty, ...]]" = (
+    weakref.WeakKeyDictionary()
+)
 
-    def pull(self, values: Vector) -> Vector:
-        """Return K × values."""
-        return np.asarray(self.transposed @ (self.rows @ values))
+
+def penalties(effect: AbstractEffect) -> tuple[Penalty, ...]:
+    """Return the terms of an effect's prior; they are kept as long as the effect."""
+    found = _PENALTIES.get(effect)
+    if found is None:
+        found = tuple(Penalty.of(rows) for rows in effect.prior.rows)
+        _PENALTIES[effect] = found
+    return found
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Term:
+    """A penalty at its place among all unknowns.
+
+    Attributes:
+        penalty: Over the unknowns of its effect.
+        here: These unknowns.
+        shift: First of them counted from the border; negative in the band.
+    """
+
+    penalty: Penalty
+    here: slice
+    shift: int
+
+    @property
+    def border(self) -> bool:
+        """Whether its effect stands in the border."""
+        return self.shift >= 0
 
 
 @final

@@ -109,6 +109,7 @@ def leave_out(
     sums: dict[int, Sums] = {}
     present = {}
     with one_blas_thread():
+        nodes, shares = stack.design(readings)
         for label in np.unique(groups).tolist():
             own = groups == label
             sums[label], _ = sums_of(stack, readings.take(own), found.about, found.loss)
@@ -116,8 +117,8 @@ def leave_out(
                 rest = readings.inputs["run"][~own]
                 present[label] = np.bincount(rest, minlength=len(fit.runs)) > 0
         left = leave_one_out(found, sums, present)
-    for label, post in left.items():
-        yield label, fold_of(fit, post)
+        folds = [(label, fold_of(fit, post)) for label, post in left.items()]
+    yield from folds
 
 
 def spatial_blocks(

@@ -29,6 +29,7 @@ from ._table import (
     NONE_LEFT_OUT,
     TOO_MANY,
     Smoothness,
+    first_level,
     floor_of,
     fold_of,
     suspect_nodes,
@@ -257,7 +258,7 @@ def _attempt(
         loss=loss,
         weights=fixed,
         floor=floor_of(first.error),
-        start=np.full(table.size, float(np.median(first.error))),
+        start=np.full(table.size, first_level(first.error)),
     )
     last = looks[0]
     if loss != "gauss":

@@ -35,6 +35,8 @@ _EXACT = 1e-5
 """Smallest scatter relative to the spread of the readings."""
 _THIN = 20_000
 """Readings that tell their spread."""
+_FIRST = 9
+"""Readings that tell where to begin."""
 _HOPELESS = 1e3
 """Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
 TOO_MANY = 0.1
@@ -148,6 +150,11 @@ def weights_of(
     return weights
 
 
+def first_level(error: Float[np.ndarray, " t"]) -> float:
+    """Return a level near the readings: of the first few, which a stream begins with, too."""
+    return float(np.median(error[:_FIRST]))
+
+
 def floor_of(error: Float[np.ndarray, " t"]) -> float:
     """Return the smallest scatter of readings to believe in, in mm or °.
 
@@ -175,7 +182,7 @@ class _Options:
         """Return the fit by one loss, some runs left out of the mean of all."""
         error, table = self.readings.value, self.layout.effect
         stack = Stack((table,))
-        start = np.full(table.size, float(np.median(error)))
+        start = np.full(table.size, first_level(error))
         if len(self.labels):
             counted = ~np.isin(self.labels, list(apart))
             trend = "order" if self.run_effects == "drift" else None
