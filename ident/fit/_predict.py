@@ -112,7 +112,13 @@ def leave_out(
         nodes, shares = stack.design(readings)
         for label in np.unique(groups).tolist():
             own = groups == label
-            sums[label], _ = sums_of(stack, readings.take(own), found.about, found.loss)
+            sums[label], _ = sums_of(
+                stack,
+                readings.take(own),
+                found.about,
+                found.loss,
+                design=(nodes[own], shares[own]),
+            )
             if kind != "none":
                 rest = readings.inputs["run"][~own]
                 present[label] = np.bincount(rest, minlength=len(fit.runs)) > 0

@@ -205,9 +205,7 @@ def test_left_out_run_is_not_in_its_fit() -> None:
         assert fold.loss == fit.loss
         # Whatever the left-out run says changes nothing.
         spoilt = changed(samples, samples.run == run, 7.0)
-        again = dict(leave_out(fit, spoilt, samples.run))[
-            run
-        ]
+        again = dict(leave_out(fit, spoilt, samples.run))[run]
         np.testing.assert_array_equal(again.values, fold.values)
 
 
