@@ -254,3 +254,23 @@ def test_several_tables_asked_at_once_say_what_each_says_alone(planar: bool) -> 
     alone = np.array([predict(fit, positions)[1] for fit in fits])
     found = deviations(fits, which, positions)
     assert np.array_equal(found, alone[which, np.arange(120)])
+
+
+def test_huber_leaves_wild_readings_out_of_the_noise() -> None:
+    rng = np.random.default_rng(9)
+    samples = readings(LINE, 3000)
+    error = samples.error.copy()
+    error[rng.choice(3000, 30, replace=False)] += rng.choice([-1.0, 1.0], 30)
+    fit = fit_table(LINE, dataclasses.replace(samples, error=error), loss="huber")
+    # 3000 readings tell their scatter to 1.3 %; the wild ones pull the table a little.
+    assert fit.noise == pytest.approx(NOISE, rel=0.1)
+
+
+def test_a_table_with_two_directions_is_not_asked_without_any() -> None:
+    rng = np.random.default_rng(10)
+    layout = TableLayout((NODES,), branches=2)
+    position, branch = rng.uniform(0.0, 300.0, (400, 1)), rng.integers(0, 2, 400)
+    error = 0.01 * branch + rng.normal(0.0, NOISE, 400)
+    fit = fit_table(layout, Samples(position, error, branch))
+    with pytest.raises(FitError, match="says something else in each"):
+        predict(fit, position)

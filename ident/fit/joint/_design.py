@@ -169,7 +169,7 @@ def design_of(
     keep = np.ones(len(data), bool) if use is None else np.asarray(use, bool)
     if measured:
         keep = keep & np.isfinite(data.column("error", axis, "the fit"))
-    if data.run is not None or drift:
+    if data.run_of(axis) is not None or drift:
         keep = keep & _clocked(data, drift)
     blocks = [effect.block(data) for effect in effects]
     for block in blocks:
@@ -205,7 +205,9 @@ def design_of(
     parts.append(sp.csr_array(np.ones((len(rows), 1))))
     ordered.append(Component(f"datum of {axis}", "datum", -1, np.array([count])))
     count += 1
-    run_columns, knots, spans, bridges = _run_columns(taken, drift, len(data))
+    run_columns, knots, spans, bridges = _run_columns(
+        taken, taken.run_of(axis), drift, len(data)
+    )
     if knots:
         parts.append(run_columns)
         places = np.arange(count, count + len(knots))
@@ -271,7 +273,7 @@ def _clocked(data: JointData, drift: int) -> Bool[np.ndarray, " t"]:
 
 
 def _run_columns(
-    data: JointData, drift: int, recorded: int
+    data: JointData, run: Int[np.ndarray, " t"] | None, drift: int, recorded: int
 ) -> tuple[
     sp.csr_array,
     tuple[tuple[int, float], ...],
@@ -284,7 +286,7 @@ def _run_columns(
     the recording can tell.
     """
     count = len(data)
-    run = np.zeros(count, np.int64) if data.run is None else data.run
+    run = np.zeros(count, np.int64) if run is None else run
     labels, index = np.unique(run, return_inverse=True)
     if len(labels) < 2 and not drift:
         return sp.csr_array((count, 0)), (), (), None
