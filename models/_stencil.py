@@ -44,6 +44,12 @@ class Stencil(eqx.Module):
         empty = jnp.zeros(self.size, dtype=self.weights.dtype)
         return empty.at[self.nodes].add(self.weights * amounts[:, None])
 
+    def matrix(self) -> Float[Array, "t n"]:
+        """Return the weights as a dense matrix, for tables of few nodes."""
+        count = self.nodes.shape[0]
+        empty = jnp.zeros((count, self.size), dtype=self.weights.dtype)
+        return empty.at[jnp.arange(count)[:, None], self.nodes].add(self.weights)
+
 
 def linear_stencil(
     coordinates: Sequence[Float[Array, " t"]],

@@ -7,10 +7,10 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Int
 
+from ...core import node_shares
 from ...core._errors import FitError
 from .._chain import chain_prior
 from .._prior import TablePrior
-from ..thermal._laws import hats
 from ._data import JointData
 from ._effect import AbstractEffect, Block
 from ._temperature import TemperatureEffect
@@ -254,7 +254,7 @@ def _run_columns(
         np.maximum.at(high, index, data.time)
         span = np.maximum(high - low, 1e-12)
         place = (data.time - low[index]) / span[index]
-        share = hats(place, np.linspace(0.0, 1.0, per))
+        share = node_shares(place, np.linspace(0.0, 1.0, per))
         spans = tuple(zip(low.tolist(), (low + span).tolist(), strict=True))
         steps = steps_of(recorded, len(labels), drift)
         bridges = Bridges(index, place, span, drift, steps)

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from ..thermal._clocked import Clocked
+from ...kinds.temperature import Clocked
 from ._arrow import Arrow
 from ._data import JointData
 from ._design import Design

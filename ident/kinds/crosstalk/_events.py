@@ -7,37 +7,20 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import Conventions, Crosstalk, surface_through
-from ...core._errors import FitError
+from ...core import FitError
 from ._types import BRANCHES, CrosstalkReadings, Event
 
 _QUIET = 0.02
 """Share of the specified acceleration up to which the master does not accelerate."""
+_TURN = 0.1
+"""Share of the impulse of an acceleration that a direction has at least where the master
+turns in it; less is the edge of a filtered acceleration."""
+_LEAST_SPEED = 1e-12
+"""mm/s: tells a direction and nothing else."""
 _ROWS = 4
 """Rows of an event at least."""
 _BLIND = 1e6
 """Variance of an event, relative to one reading, from which on it says nothing."""
-
-
-def shares_of(
-    readings: CrosstalkReadings,
-    acceleration: float,
-    deceleration: float,
-    conventions: Conventions,
-) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, " t"]]:
-    """Return the row of `BRANCHES` and the share of the specified acceleration per reading.
-
-    Both are those of the controller's own rule (`Crosstalk.stencil`).
-    """
-    model = Crosstalk(
-        surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
-        jnp.asarray(acceleration), jnp.asarray(deceleration),
-        by_speed=conventions.crosstalk_accelerate == "speed",
-        rest_direction=conventions.crosstalk_rest,
-        held_above=conventions.crosstalk_above == "hold",
-    )  # fmt: skip
-    stencil = model.stencil(readings.acceleration, readings.velocity)
-    branch = np.asarray(stencil.nodes)[:, 0].astype(np.int64)
-    return branch, np.asarray(stencil.weights).sum(axis=1)
 
 
 def specified(
@@ -105,21 +88,18 @@ def cut_events(
             row = int(np.flatnonzero(bad.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    branch, share = shares_of(readings, acceleration, deceleration, rules)
+    branch, share, edge = _shares(readings, acceleration, deceleration, rules)
     quiet = share < _QUIET
-    known = np.isfinite(readings.error)
+    known = np.isfinite(readings.error) & (quiet | ~edge)
     # One number per stretch: −1 where quiet, else the branch.
     label = np.where(quiet, -1, branch)
-    edges = np.flatnonzero(np.diff(label)) + 1
-    starts = np.concatenate([[0], edges])
-    stops = np.concatenate([edges, [len(label)]])
     found = []
-    for start, stop in zip(starts, stops, strict=True):
+    for start, stop in _stretches(label):
         if label[start] < 0 or share[start:stop].max() < least:
             continue
         if known[start:stop].sum() < _ROWS:
             continue
-        event = _event(readings, branch, share, quiet, known, int(start), int(stop))
+        event = _event(readings, label, share, known, start, stop)
         if event is not None:
             found.append(event)
     if not found:
@@ -132,51 +112,111 @@ def cut_events(
     return tuple(found)
 
 
+def _shares(
+    readings: CrosstalkReadings,
+    acceleration: float,
+    deceleration: float,
+    conventions: Conventions,
+) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
+    """Return row of `BRANCHES`, share of the specified acceleration, and edges per reading.
+
+    Row and share are those of the controller's own rule (`Crosstalk.stencil`), with the
+    direction of the motion that an acceleration belongs to: a filter smears it over the
+    standstill before and after, where the velocity has none. In these edges it is open what
+    the controller does.
+    """
+    model = Crosstalk(
+        surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
+        jnp.asarray(acceleration), jnp.asarray(deceleration),
+        by_speed=conventions.crosstalk_accelerate == "speed",
+        rest_direction=conventions.crosstalk_rest,
+        held_above=conventions.crosstalk_above == "hold",
+    )  # fmt: skip
+    velocity = _moving(readings.acceleration, readings.velocity, model)
+    as_it_stands = model.stencil(readings.acceleration, readings.velocity)
+    decided = model.stencil(readings.acceleration, velocity)
+    branch = np.asarray(decided.nodes)[:, 0].astype(np.int64)
+    edge = np.asarray(as_it_stands.nodes)[:, 0] != branch
+    return branch, np.asarray(decided.weights).sum(axis=1), edge
+
+
+def _moving(
+    acceleration: Float[np.ndarray, " t"],
+    velocity: Float[np.ndarray, " t"],
+    model: Crosstalk,
+) -> Float[np.ndarray, " t"]:
+    """Return the velocity with one direction per acceleration, or two where it turns."""
+    result = velocity.copy()
+    full = np.where(acceleration < 0, -model.deceleration, model.acceleration)
+    share = np.abs(acceleration) / full
+    sign = np.where(share < _QUIET, 0, np.sign(acceleration)).astype(np.int64)
+    for start, stop in _stretches(sign):
+        if sign[start] == 0:
+            continue
+        rows = slice(start, stop)
+        way, push = np.sign(velocity[rows]), share[rows]
+        forward, back = float(push[way > 0].sum()), float(push[way < 0].sum())
+        if forward == back:
+            continue
+        turn, lead = stop - start, 1.0 if forward > back else -1.0
+        if min(forward, back) >= _TURN * float(push.sum()):
+            # The master turns: one direction before, the other one after.
+            lead = -float(sign[start])
+            wrong = np.cumsum(push * way * lead)
+            turn = 1 + int(np.argmax(wrong))
+        order = np.where(np.arange(stop - start) < turn, lead, -lead)
+        result[rows] = order * np.maximum(np.abs(velocity[rows]), _LEAST_SPEED)
+    return result
+
+
+def _stretches(label: Int[np.ndarray, " t"]) -> list[tuple[int, int]]:
+    """Return first row and row after the last of each stretch of equal labels."""
+    edges = (np.flatnonzero(np.diff(label)) + 1).tolist()
+    return list(zip([0, *edges], [*edges, len(label)], strict=True))
+
+
 def _event(
     readings: CrosstalkReadings,
-    branch: Int[np.ndarray, " t"],
+    label: Int[np.ndarray, " t"],
     share: Float[np.ndarray, " t"],
-    quiet: Bool[np.ndarray, " t"],
     known: Bool[np.ndarray, " t"],
     start: int,
     stop: int,
 ) -> Event | None:
+    """Return the event of a stretch; None where what lies beside it does not tell it."""
     length = stop - start
     window = np.arange(max(start - length, 0), min(stop + length, len(share)))
     window = window[known[window]]
     own = (window >= start) & (window < stop)
     columns = [np.where(own, share[window], 0.0)]
+    keep = np.ones(len(window), bool)
     for other in range(len(BRANCHES)):
-        beside = ~own & ~quiet[window] & (branch[window] == other)
+        beside = ~own & (label[window] == other)
         if beside.sum() >= _ROWS:
             columns.append(np.where(beside, share[window], 0.0))
-        elif beside.any():
-            keep = ~beside
-            window, own = window[keep], own[keep]
-            columns = [column[keep] for column in columns]
-    clock = readings.time[window] - readings.time[window].mean()
-    span = max(float(np.abs(clock).max()), 1e-300)
-    columns += [np.ones(len(window)), clock / span]
-    design = np.column_stack(columns)
-    if len(window) <= design.shape[1]:
+        else:
+            keep &= ~beside
+    clock = readings.time[window] - readings.time[window[keep]].mean()
+    span = max(float(np.abs(clock[keep]).max()), 1e-300)
+    design = np.column_stack([*columns, np.ones(len(window)), clock / span])[keep]
+    error = readings.error[window[keep]]
+    free = len(error) - design.shape[1]
+    if free <= 0:
         return None
-    normal = design.T @ design
-    if np.linalg.cond(normal) > _BLIND**2:
+    solved, _, rank, _ = np.linalg.lstsq(design, error, rcond=1.0 / _BLIND)
+    if rank < design.shape[1]:
         # Steady acceleration all along with nothing beside it: level and crosstalk are one.
         return None
-    inverse = np.linalg.inv(normal)
-    if inverse[0, 0] > _BLIND:
+    alone = float(np.linalg.inv(design.T @ design)[0, 0])
+    if alone > _BLIND:
         return None
-    solved = inverse @ (design.T @ readings.error[window])
-    left = readings.error[window] - design @ solved
-    free = len(window) - design.shape[1]
-    variance = float(left @ left) / free * float(inverse[0, 0])
+    left = error - design @ solved
     rows = slice(start, stop)
     weight = share[rows] ** 2
     place = weight @ readings.positions[rows] / weight.sum()
     at = start + int(np.argmax(np.abs(readings.acceleration[rows])))
     return Event(
-        start, stop, int(branch[start]), tuple(float(each) for each in place),
+        start, stop, int(label[start]), tuple(float(each) for each in place),
         float(readings.acceleration[at]), float(solved[0]),
-        math.sqrt(max(variance, 1e-18)),
+        math.sqrt(max(float(left @ left) / free * alone, 1e-18)),
     )  # fmt: skip

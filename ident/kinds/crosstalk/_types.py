@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,6 +21,9 @@ MOST_TESTS = 15
 """Measurement tests that a list holds at most ([001] p.84)."""
 SAFE_TESTS = 14
 """Tests that satisfy both statements of the manuals (P-COMP-00083 < 15)."""
+
+Directions = Literal["given", "differ", "alike", "unknown"]
+"""Whether the values differ by the direction of motion: unknown where a branch has no event."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,11 +106,11 @@ class CrosstalkFit:
         acceleration: Specified, in mm/s², positive.
         deceleration: Specified, in mm/s², negative.
         velocity_dependent: Whether the directions differ; else both rows are equal.
+        directions: Why.
         noise: Standard deviation of one event of median weight in mm, per row of `BRANCHES`.
         events: All that were cut out.
         scores: Choices compared by hold-out; empty where the tests were given.
         conventions: How accelerations and directions were told apart.
-        messages: Sentences for the report.
     """
 
     mode: int
@@ -119,11 +123,11 @@ class CrosstalkFit:
     acceleration: float
     deceleration: float
     velocity_dependent: bool
+    directions: Directions
     noise: tuple[float, ...]
     events: tuple[Event, ...]
     scores: tuple[ModeScore, ...]
     conventions: Conventions
-    messages: tuple[str, ...]
 
     @property
     def determined(self) -> bool:

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit import FitError
-from axcomp.ident.fit.crosstalk import (
+from axcomp.ident.kinds.crosstalk import (
     CrosstalkReadings,
     cut_events,
     fit_crosstalk,
 )
-from axcomp.ident.fit.crosstalk._own import stencil_columns
-from axcomp.ident.fit.crosstalk._tests import grid_columns, points_of
-from axcomp.models import Conventions, surface_through
+from axcomp.ident.kinds.crosstalk._tests import grid_columns, points_of, surface_columns
+from axcomp.models import Conventions
 
 FULL = 2000.0  # mm/s²
 CYCLE = 0.004  # s
@@ -113,19 +112,23 @@ def test_events_held_out_choose_the_mode_and_the_axes(
 
 def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate() -> None:
     distances = []
-    for seed in range(16):
+    for seed in range(8):
         readings = without_places(log(seed, mode_1, moves=12))
-        fit = fit_crosstalk(readings, acceleration=FULL, deceleration=-FULL, mode=1)
+        fit = fit_crosstalk(
+            readings,
+            acceleration=FULL,
+            deceleration=-FULL,
+            mode=1,
+            velocity_dependent=True,
+        )
         values = fit.values[:, 0]
-        if not fit.velocity_dependent:
-            continue
         distances += list((values - BY_QUADRANT) / fit.standard_deviation[:, 0])
-    assert len(distances) > 50
-    # 95 % of 64 within two deviations; 9 misses have a chance below 1 %.
-    assert (np.abs(distances) < 2.0).mean() > 0.86
-    assert (np.abs(distances) < 1.0).mean() < 0.88  # and not because they are too wide
+    # 95 % of 32 within two deviations; 6 misses have a chance below 1 %.
+    assert (np.abs(distances) < 2.0).mean() > 0.82
+    assert (np.abs(distances) < 1.0).mean() < 0.9  # and not because they are too wide
 
 
+@pytest.mark.heavy
 def test_deviations_over_a_polygon_hold_too() -> None:
     distances = []
     for seed in range(7):
@@ -169,6 +172,51 @@ def test_every_event_is_shown_with_its_place_sign_and_direction() -> None:
         # 20 to 35 rows of 0.5 µm against as many beside them, at 60 % of the acceleration.
         assert abs(event.value - truth[0]) < 1e-3
         assert event.peak * (1 if event.branch < 2 else -1) > 0
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_a_filtered_acceleration_shows_as_many_events_as_took_place(
+    noise: float,
+) -> None:
+    readings = without_places(log(3, mode_1, moves=18))
+    # A filter of 9 rows smears every acceleration over the standstill beside it, where the
+    # velocity is 0 or, differentiated from a position, its own noise in mm/s.
+    window = np.hanning(11)[1:-1]
+    smeared = np.convolve(readings.acceleration, window / window.sum(), "same")
+    velocity = readings.velocity + noise * np.random.default_rng(0).normal(
+        size=len(smeared)
+    )
+    events = cut_events(
+        CrosstalkReadings(
+            readings.time, smeared, velocity, readings.error, readings.positions
+        ),
+        FULL,
+        -FULL,
+    )
+    assert [event.branch for event in events] == [0, 2, 3, 1] * 18
+    value = np.array([event.value for event in events])
+    truth = np.array([BY_QUADRANT[event.branch] for event in events])
+    # A line through the smeared edges is up to 4 % of 12 µm too steep, beside 0.15 µm of
+    # noise per event; an edge counted as an event was off by 13 µm.
+    assert np.abs(value - truth).max() < 1.2e-3
+
+
+def test_a_turn_under_one_acceleration_is_an_event_in_each_direction() -> None:
+    time = CYCLE * np.arange(300)
+    acceleration = np.where((time > 0.3) & (time < 0.9), FULL, 0.0)
+    velocity = np.clip(FULL * (time - 0.6), -600.0, 600.0)
+    branch = 2 * (acceleration < 0) + (velocity < 0)
+    error = acceleration / FULL * BY_QUADRANT[branch]
+    error += 1e-5 * np.random.default_rng(0).normal(size=300)
+    events = cut_events(
+        CrosstalkReadings(time, acceleration, velocity, error, np.zeros((300, 0))),
+        FULL,
+        -FULL,
+    )
+    assert [event.branch for event in events] == [1, 0]
+    # 70 rows of 0.01 µm each against a level: a few nm.
+    assert events[0].value == pytest.approx(BY_QUADRANT[1], abs=2e-5)
+    assert events[1].value == pytest.approx(BY_QUADRANT[0], abs=2e-5)
 
 
 def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
@@ -222,7 +270,7 @@ def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
     assert np.isnan(fit.values[1]).all()
     assert np.isinf(fit.standard_deviation[1]).all()
     np.testing.assert_allclose(fit.values[0], BY_QUADRANT[0], atol=3e-4)
-    assert any("Nothing is known for acceleration in neg" in m for m in fit.messages)
+    assert fit.directions == "unknown"
 
 
 def test_one_way_is_enough_where_directions_are_taken_as_alike() -> None:
@@ -250,7 +298,6 @@ def test_a_test_without_events_is_left_out_whole() -> None:
     model = fit.compensation()
     assert model is not None
     assert model.values.shape == (4, 3)
-    assert any("The test at (300) mm is left out" in m for m in fit.messages)
     # Tests stand from 0 to 200 of 300 mm: 27 of 41 places.
     np.testing.assert_allclose(
         fit.coverage(np.array([[0.0, 300.0]])), 2.0 / 3.0, atol=0.02
@@ -321,10 +368,11 @@ def test_columns_of_the_search_are_those_of_the_controller() -> None:
     rng = np.random.default_rng(0)
     nodes = (np.array([0.0, 150.0, 400.0]), np.array([-50.0, 80.0]))
     places = rng.uniform(-100.0, 500.0, (40, 2))
-    surface = surface_through(points_of(nodes))
     # Two ways of writing the same few products.
     np.testing.assert_allclose(
-        grid_columns(places, nodes), stencil_columns(surface, places), atol=1e-12
+        grid_columns(places, nodes),
+        surface_columns(points_of(nodes), places),
+        atol=1e-12,
     )
 
 

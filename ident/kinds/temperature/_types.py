@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +14,62 @@ from ....models import (
     TemperatureCurve,
     TemperatureLine,
 )
-from ...core._drift import DriftNoise
+from ...core import DriftNoise, node_shares
+
+_DRIFT = 3
+"""Order of the polynomial in time that a drift of the instrument may be."""
+_TOLD = 1.1
+"""What a drift must leave, in what the temperature leaves, to be told from it."""
+_FEW = 20
+"""Readings below which a cubic follows anything."""
+
+Effect = Literal["level", "offset", "slope", "slope change", "drift"]
+"""Level of the error, temperature at the offset, slope over the position, how that changes
+with the temperature, drift of the instrument in time."""
+Meeting = Literal[
+    "met", "given", "parallel", "unsure slope", "two sensors", "too far", "too few",
+    "not one point", "uncertain",
+]  # fmt: skip
+"""Whether the lines of all temperatures meet at the reference, or why it was not taken."""
+
+
+def drift_ratio(
+    time: Float[np.ndarray, " t"],
+    effect: Float[np.ndarray, " t"],
+    residual: Float[np.ndarray, " t"],
+    weight: Float[np.ndarray, " t"],
+    beside: Float[np.ndarray, "t k"] | None = None,
+) -> float:
+    """Return what a smooth drift in time leaves of readings, in what the temperature leaves.
+
+    A zero of an instrument that drifts as a cubic of the time may do the same to the readings
+    as a temperature that rises once; one that rises and falls is told from it. Infinite
+    where there is no effect or too few readings.
+
+    Args:
+        time: Of each reading, in any unit.
+        effect: What the temperature does to each.
+        residual: What it leaves of each, same unit.
+        weight: Of each reading; 0 = wild.
+        beside: Columns that are fitted beside the drift; a constant always is.
+    """
+    span, used = float(np.ptp(time)), int((weight > 0).sum())
+    if used < _FEW or not span > 0 or not np.ptp(effect) > 0:
+        return np.inf
+    place = 2.0 * (time - time.min()) / span - 1.0
+    columns = np.polynomial.legendre.legvander(place, _DRIFT)
+    if beside is not None:
+        columns = np.hstack([columns, beside])
+    root = np.sqrt(weight)
+    aim = root * (effect + residual)
+    value = np.linalg.lstsq(root[:, None] * columns, aim, rcond=None)[0]
+    left = float(np.linalg.norm(aim - root * (columns @ value)))
+    return left / max(float(np.linalg.norm(root * residual)), 1e-300)
+
+
+def is_drift(ratio: float) -> bool:
+    """Tell whether a drift explains readings as well as the temperature (`drift_ratio`)."""
+    return ratio < _TOLD
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +143,7 @@ class Law:
 
     def at(self, temperature: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the value at temperatures in °C."""
-        return np.asarray(np.interp(temperature, self.temperature, self.value))
+        return np.asarray(node_shares(temperature, self.temperature) @ self.value)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,13 +187,14 @@ class Confusion:
     """Two effects that the readings hardly tell apart, whatever the errors are.
 
     Attributes:
-        first: Effect in words.
+        first: One effect.
         second: The other.
-        correlation: Of what they do to the readings, −1 to 1, the other effects taken off.
+        correlation: Of what they do to the readings, −1 to 1, the other effects taken off; of
+            a drift that of the readings with what it explains.
     """
 
-    first: str
-    second: str
+    first: Effect
+    second: Effect
     correlation: float
 
 
@@ -153,8 +210,9 @@ class TemperatureFit:
         reference: $s_0$ in mm; 0 without a coefficient.
         reference_deviation: Standard deviation of the intersection in mm; None where the
             reference was given.
-        intersects: Whether the lines of all temperatures meet at the reference: the offset is
-            a constant there.
+        meeting: Whether the lines of all temperatures meet at the reference, where the offset
+            is a constant, or why that was not taken.
+        meeting_deviation: Standard deviation in mm of an intersection that was too uncertain.
         lags: One per sensor that is used.
         names: Of the parameters, in the order of the covariance.
         covariance: Of the node values of offset and coefficient, then of the intersection
@@ -170,14 +228,13 @@ class TemperatureFit:
         confounded: What these readings cannot tell apart.
         support: Readings that touch each node of offset and coefficient.
         converged: Whether the iterations settled.
-        messages: Sentences for the report.
     """
 
     offset: Law
     coefficient: Law | None
     reference: float
     reference_deviation: float | None
-    intersects: bool
+    meeting: Meeting
     lags: tuple[Lag, ...]
     names: tuple[str, ...]
     covariance: Float[np.ndarray, "k k"]
@@ -191,7 +248,12 @@ class TemperatureFit:
     confounded: tuple[Confusion, ...]
     support: tuple[int, ...]
     converged: bool
-    messages: tuple[str, ...]
+    meeting_deviation: float | None = None
+
+    @property
+    def intersects(self) -> bool:
+        """Whether the lines of all temperatures meet at the reference."""
+        return self.meeting == "met"
 
     @property
     def determined(self) -> bool:
@@ -237,9 +299,7 @@ class TemperatureFit:
             if law is None:
                 continue
             size = len(law.value)
-            here = np.array(
-                [np.interp(temperature, law.temperature, row) for row in np.eye(size)]
-            )
+            here = node_shares(np.array([temperature]), law.temperature)[0]
             move = np.eye(len(covariance))
             move[first : first + size, first : first + size] -= here[None, :]
             covariance = move @ covariance @ move.T
@@ -255,6 +315,22 @@ class TemperatureFit:
         return dataclasses.replace(
             self, offset=offset, coefficient=coefficient, covariance=covariance
         )
+
+    def deviation_at(
+        self, temperature: Float[np.ndarray, " t"]
+    ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+        """Return the deviations of offset (mm) and coefficient (mm/mm) at temperatures."""
+        found, first = [np.zeros(len(temperature)), np.zeros(len(temperature))], 0
+        for number, law in enumerate((self.offset, self.coefficient)):
+            if law is None:
+                continue
+            part = slice(first, first + len(law.value))
+            share = node_shares(temperature, law.temperature)
+            variance = np.einsum(
+                "ni,ij,nj->n", share, self.covariance[part, part], share
+            )
+            found[number], first = np.sqrt(np.maximum(variance, 0.0)), part.stop
+        return found[0], found[1]
 
     def compensation(self, sign: int = 1, cycles: int = 0) -> TemperatureLine:
         """Return the line that takes this error away.

@@ -1,21 +1,18 @@
 """Logs of several instruments on one clock: the offset between them, fitted."""
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from ...core._errors import FitError
-from ...core._regression import regress
-from ._types import SensorLog
+from ...core import FitError, regress_curve
 
 _GRID = 81
-_PASSES = 20
 _OVERLAP = 0.5
 """Share of the shorter log that must lie in the other one for an offset to be tried."""
 _FLAT = 0.98
 """Cost of the best offset, in those of the worst, that tells one from the other."""
+_LEAST = 8
 _ALIKE = (
     "the signals are equally alike at all offsets tried: they do not tell the offset "
     "between the clocks."
@@ -30,13 +27,11 @@ class ClockOffset:
         offset: In s: instant on the first clock = instant on the log's clock + offset.
         standard_deviation: In s.
         explained: Share of the scatter of the first signal that the log explains, 0 to 1.
-        message: One sentence for the report.
     """
 
     offset: float
     standard_deviation: float
     explained: float
-    message: str
 
 
 def clock_offset(
@@ -52,7 +47,7 @@ def clock_offset(
 
     The signal is taken as a line in the log's signal (the same temperature measured twice; an
     error that follows a temperature), with positions as a line whose slope and offset both
-    follow it. The sum of squares over the offset is searched, then refined by Gauss–Newton.
+    follow it. The sum over the offset is searched on a grid, then refined by `regress_curve`.
 
     Args:
         time: Of the first log in s.
@@ -72,11 +67,13 @@ def clock_offset(
     away = None if position is None else position[rows] - float(np.mean(position[rows]))
     span = min(float(np.ptp(time)), float(np.ptp(log_time)))
 
-    def inside(offset: float) -> np.ndarray:
+    def inside(offset: float) -> Bool[np.ndarray, " t"]:
         there = time - offset
         return np.asarray((there >= log_time[0]) & (there <= log_time[-1]))
 
-    def columns(offset: float, keep: np.ndarray) -> np.ndarray:
+    def columns(
+        offset: float, keep: Bool[np.ndarray, " t"]
+    ) -> Float[np.ndarray, "k c"]:
         other = np.interp(time[keep] - offset, log_time, log_signal)
         parts = [np.ones(int(keep.sum())), other - log_signal.mean()]
         if away is not None:
@@ -85,13 +82,11 @@ def clock_offset(
 
     def cost(offset: float) -> float:
         keep = inside(offset)
-        if keep.sum() < 8 or np.ptp(time[keep]) < _OVERLAP * span:
+        if keep.sum() < _LEAST or np.ptp(time[keep]) < _OVERLAP * span:
             return np.inf
         design = columns(offset, keep)
-        left = (
-            signal[keep] - design @ np.linalg.lstsq(design, signal[keep], rcond=None)[0]
-        )
-        size = np.abs(left)
+        value = np.linalg.lstsq(design, signal[keep], rcond=None)[0]
+        size = np.abs(signal[keep] - design @ value)
         return float(np.minimum(size, 5.0 * np.median(size) + 1e-300).mean())
 
     grid = np.linspace(-search, search, _GRID)
@@ -102,36 +97,27 @@ def clock_offset(
             "wider search."
         )
         raise FitError(msg)
-    offset = float(grid[np.argmin(costs)])
-    worst = float(costs[np.isfinite(costs)].max())
-    if not costs.min() < _FLAT * worst:
+    start = float(grid[np.argmin(costs)])
+    if not costs.min() < _FLAT * float(costs[np.isfinite(costs)].max()):
         raise FitError(_ALIKE)
     step = float(grid[1] - grid[0])
     # A slope over less than the distance of the readings would be one of the log's noise.
-    delta = 0.5 * max(float(np.median(np.diff(np.unique(time)))), 0.2 * step)
-    keep = inside(offset)
-    found = regress(columns(offset, keep), signal[keep], quick=True)
-    deviation = np.inf
-    for _ in range(_PASSES):
-        keep = inside(offset)
-        design = columns(offset, keep)
-        value = regress(design, signal[keep], quick=True).coefficients
-        near = keep & inside(offset + delta) & inside(offset - delta)
-        slope = np.zeros(len(time))
-        slope[near] = (
-            columns(offset + delta, near) - columns(offset - delta, near)
-        ) @ (value / (2.0 * delta))
-        both = np.column_stack([design, slope[keep]])
-        try:
-            found = regress(both, signal[keep], time=time[keep])
-        except FitError as error:
-            raise FitError(_ALIKE) from error
-        move = float(np.clip(found.coefficients[-1], -step, step))
-        deviation = float(found.standard_deviation[-1])
-        offset += move
-        step *= 0.7
-        if abs(move) < 0.01 * deviation:
-            break
+    width = 0.5 * max(float(np.median(np.diff(np.unique(time)))), 0.2 * step)
+    # The same readings for all offsets that are near.
+    reach = 1.5 * step
+    keep = inside(start - reach - width) & inside(start + reach + width)
+    try:
+        (offset,), found = regress_curve(
+            lambda shapes: columns(float(shapes[0]), keep),
+            signal[keep],
+            np.array([start]),
+            width=np.array([width]),
+            bounds=(np.array([start - reach]), np.array([start + reach])),
+            time=time[keep],
+        )
+    except FitError as error:
+        raise FitError(_ALIKE) from error
+    deviation = float(found.standard_deviation[-1])
     spread = float(np.var(signal[keep]))
     explained = 1.0 - float(np.var(found.residual[~found.wild])) / max(spread, 1e-300)
     if abs(offset) > search:
@@ -143,36 +129,4 @@ def clock_offset(
             "signals that change sharply enough to tell it."
         )
         raise FitError(msg)
-    message = (
-        f"The clocks differ by {offset:.4g} s ± {deviation:.2g} s; put on one clock the log "
-        f"explains {100 * max(explained, 0.0):.0f} % of the scatter."
-    )
-    return ClockOffset(offset, deviation, explained, message)
-
-
-def join_logs(logs: Sequence[tuple[SensorLog, float]]) -> SensorLog:
-    """Return the sensors of several logs side by side on the first clock.
-
-    Args:
-        logs: Each log with its offset in s (`ClockOffset.offset`; 0 for the first clock).
-            Instants are those of the densest log; outside a log its sensors are NaN.
-
-    Raises:
-        FitError: If there is none.
-    """
-    if not logs:
-        msg = "no logs to join, expected one at least."
-        raise FitError(msg)
-    clock, shift = max(logs, key=lambda each: len(each[0].time))
-    time = clock.time + shift
-    columns = []
-    for log, offset in logs:
-        for values in log.temperature.T:
-            known = np.isfinite(values)
-            columns.append(
-                np.interp(
-                    time, log.time[known] + offset, values[known],
-                    left=np.nan, right=np.nan,
-                )
-            )  # fmt: skip
-    return SensorLog(time, np.column_stack(columns))
+    return ClockOffset(float(offset), deviation, explained)

@@ -4,8 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from axcomp.ident.fit.thermal import (
+from axcomp.ident.core import FitError
+from axcomp.ident.kinds.temperature import (
     SensorLog,
+    TemperatureFit,
     ThermalReadings,
     fit_temperature,
     lagged,
@@ -60,9 +62,23 @@ def warm_up(
     )
 
 
-def test_lines_that_meet_are_found_with_their_intersection() -> None:
-    fit = fit_temperature(warm_up(1))
-    assert fit.intersects
+@pytest.fixture(scope="module")
+def plain() -> TemperatureFit:
+    """A warm-up with all left open: law, lag and intersection."""
+    return fit_temperature(warm_up(1))
+
+
+@pytest.fixture(scope="module")
+def behind() -> TemperatureFit:
+    """A structure that follows its sensor with 900 s, all left open."""
+    return fit_temperature(warm_up(6, lag=900.0))
+
+
+def test_lines_that_meet_are_found_with_their_intersection(
+    plain: TemperatureFit,
+) -> None:
+    fit = plain
+    assert fit.meeting == "met"
     assert fit.coefficient is not None
     assert fit.reference_deviation is not None
     # Three stated deviations: a fair fit misses that once in 370 seeds.
@@ -75,18 +91,12 @@ def test_lines_that_meet_are_found_with_their_intersection() -> None:
     assert fit.determined
 
 
-def test_lines_that_meet_nowhere_keep_the_reference_that_was_given() -> None:
-    fit = fit_temperature(warm_up(2, crossing=None), fallback=300.0)
-    assert not fit.intersects
-    assert fit.reference == 300.0
-    assert fit.reference_deviation is None
-    assert len(fit.offset.value) > 1
-    assert any("do not meet in one point" in each for each in fit.messages)
-
-
-def test_without_a_fallback_the_reference_is_the_middle() -> None:
+def test_lines_that_meet_nowhere_are_told_from_the_middle_of_the_positions() -> None:
     fit = fit_temperature(warm_up(2, crossing=None), law=(3, "linear"), lag="none")
+    assert fit.meeting == "not one point"
     assert fit.reference == 500.0
+    assert fit.reference_deviation is None
+    assert len(fit.offset.value) == 3
 
 
 def test_a_reference_in_mm_is_taken_as_it_is() -> None:
@@ -96,6 +106,7 @@ def test_a_reference_in_mm_is_taken_as_it_is() -> None:
     np.testing.assert_allclose(fit.offset.slope, 450.0 * 1.1e-5, rtol=0.02)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("drift", [0.0, 0.003])
 def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate(
     drift: float,
@@ -136,16 +147,15 @@ def test_drift_makes_deviations_larger_than_independent_readings_would() -> None
     assert drifting.independent < 0.2 * calm.independent
 
 
-def test_a_lag_is_estimated_with_its_uncertainty() -> None:
-    fit = fit_temperature(warm_up(6, lag=900.0))
-    (lag,) = fit.lags
+def test_a_lag_is_estimated_with_its_uncertainty(behind: TemperatureFit) -> None:
+    (lag,) = behind.lags
     assert lag.applied
     low, high = lag.interval
     assert low < 900.0 < high
     # An interval that is wider than a factor of 1.5 would be of no use to anybody.
     assert high / low < 1.5
-    assert any("time constant" in each for each in fit.messages)
-    np.testing.assert_allclose(fit.reference, -200.0, atol=10.0)
+    assert behind.names[-1] == "time constant"
+    np.testing.assert_allclose(behind.reference, -200.0, atol=10.0)
 
 
 def test_no_lag_is_reported_where_there_is_none() -> None:
@@ -163,7 +173,6 @@ def test_a_sensor_that_follows_late_is_named() -> None:
         ThermalReadings(readings.error, late[:, None], readings.position, readings.time)
     )
     assert fit.lags[0].sensor_late
-    assert any("ahead of sensor 1" in each for each in fit.messages)
 
 
 def test_a_dense_log_of_the_sensor_replaces_the_readings_of_it() -> None:
@@ -192,13 +201,15 @@ def two_sensors(seed: int) -> ThermalReadings:
 
 
 def test_one_sensor_moves_the_offset_and_another_the_coefficient() -> None:
-    fit = fit_temperature(two_sensors(1), offset_sensor=0, coefficient_sensor=1)
+    fit = fit_temperature(
+        two_sensors(1), offset_sensor=0, coefficient_sensor=1, lag="none"
+    )
     assert fit.coefficient is not None
     assert (fit.offset.sensor, fit.coefficient.sensor) == (0, 1)
     # 240 readings of 0.5 µm over 15 K and ±500 mm: 0.05 % and 0.5 %; three times that.
     np.testing.assert_allclose(fit.offset.slope, 2e-3, rtol=0.002)
     np.testing.assert_allclose(fit.coefficient.slope, 1e-5, rtol=0.015)
-    assert any("Two sensors" in each for each in fit.messages)
+    assert fit.meeting == "two sensors"
 
 
 def test_the_wrong_way_round_two_sensors_leave_a_larger_residual() -> None:
@@ -274,7 +285,6 @@ def test_missed_readings_glitches_and_missed_steps_change_nothing() -> None:
     known = np.isfinite(error[steps]) & fit.used[steps]
     assert fit.wild[steps[known]].all()
     assert fit.wild.sum() <= 8
-    assert any("missed or incomplete" in each for each in fit.messages)
 
 
 def rising_with_position() -> ThermalReadings:
@@ -286,13 +296,14 @@ def rising_with_position() -> ThermalReadings:
 
 
 def test_a_temperature_that_rises_with_the_position_is_named_as_confounded() -> None:
-    fit = fit_temperature(rising_with_position(), reference=500.0)
+    fit = fit_temperature(
+        rising_with_position(), reference=500.0, law=("linear", "linear"), lag="none"
+    )
     assert not fit.determined
     (pair, *_) = fit.confounded
-    assert {pair.first, pair.second} >= {"slope over the position"}
+    assert "slope" in (pair.first, pair.second)
     # 0.02 K of noise beside 10 K of rise: 1 − 2e-5.
     assert pair.correlation > 0.999
-    assert any("cannot tell" in each for each in fit.messages)
 
 
 def test_a_temperature_that_has_one_value_per_place_is_named_as_confounded() -> None:
@@ -311,7 +322,7 @@ def test_a_temperature_that_has_one_value_per_place_is_named_as_confounded() -> 
         lag="none",
     )
     assert not fit.determined
-    assert "change of that slope" in {pair.second for pair in fit.confounded}
+    assert "slope change" in {pair.second for pair in fit.confounded}
 
 
 def test_the_compensation_takes_the_error_away() -> None:
@@ -358,8 +369,49 @@ def test_shuffled_rows_give_the_same_fit() -> None:
 
 
 def test_a_single_given_lag_is_applied_and_not_fitted() -> None:
-    fit = fit_temperature(warm_up(6, lag=900.0), lag=900.0)
+    fit = fit_temperature(
+        warm_up(6, lag=900.0), lag=900.0, law=("linear", "linear"), reference=0.0
+    )
     (lag,) = fit.lags
     assert lag.time_constant == 900.0
     assert lag.interval == (900.0, 900.0)
     assert "time constant" not in fit.names
+
+
+def one_rise(seed: int, back: bool) -> ThermalReadings:
+    """An offset of 2 µm/K at one place while the machine warms up, and cools down again."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 7200.0, 20.0)
+    warm = 1.0 - np.exp(-time / 3600.0)
+    if back:
+        warm = np.where(
+            time < 3000.0, warm, warm[150] * np.exp(-(time - 3000.0) / 900.0)
+        )
+    error = 0.02 * warm + NOISE * rng.normal(size=len(time))
+    sensor = 20.0 + 10.0 * warm + 0.02 * rng.normal(size=len(time))
+    return ThermalReadings(error, sensor[:, None], None, time)
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_a_temperature_that_rises_once_is_not_told_from_a_drift(back: bool) -> None:
+    fit = fit_temperature(one_rise(0, back), coefficient_sensor=None)
+    pairs = [(pair.first, pair.second) for pair in fit.confounded]
+    assert pairs == ([] if back else [("offset", "drift")])
+
+
+def test_a_node_that_only_wild_readings_show_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    temperature = 20.0 + 5.0 * np.abs(np.sin(np.arange(200) / 20.0))
+    error = 1e-3 * temperature + NOISE * rng.normal(size=200)
+    # Four readings far above all others, which contradict each other.
+    temperature[100:104] = 30.0
+    error[100:104] = [3.0, -3.0, 2.0, -2.0]
+    with pytest.raises(
+        FitError, match=r"agree with each other do not tell offset at 30"
+    ):
+        fit_temperature(
+            ThermalReadings(error, temperature[:, None]),
+            coefficient_sensor=None,
+            law=(3, "constant"),
+            lag="none",
+        )
