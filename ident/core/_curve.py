@@ -33,8 +33,8 @@ from ._regression import (
 
 _TRIALS = 8
 """Evaluations of a curve in each robust pass; the next pass goes on from there."""
-_FEWEST, _NODES = 64, 8
-"""Places and nodes are filled up to powers of two from here on: compiled code serves again."""
+_SIZES, _NODES = (1 << 10, 1 << 12), 12
+"""Places and nodes are filled up to these, beyond to powers of two: compiled code serves again."""
 
 
 @jax.jit
@@ -50,13 +50,14 @@ def node_shares(
     Those of all laws of `axcomp.models` over given points: linear between, the ends held.
     """
     count, size, known = len(places), len(nodes), np.isfinite(places)
-    filled = np.full(max(_FEWEST, 1 << (count - 1).bit_length()), nodes[0])
+    length = next((each for each in _SIZES if count <= each), 1 << count.bit_length())
+    filled = np.full(length, nodes[0])
     # Held here, since further nodes stand behind the last one.
     filled[:count] = np.clip(np.where(known, places, nodes[0]), nodes[0], nodes[-1])
-    room = max(_NODES, 1 << (size - 1).bit_length())
+    room = _NODES if size <= _NODES else 1 << size.bit_length()
     more = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, room - size + 1)
     line = jnp.asarray(np.concatenate([nodes, more]))
-    result = np.array(_shares(line, jnp.asarray(filled))[:count, :size])
+    result = np.array(_shares(line, jnp.asarray(filled)))[:count, :size]
     result[~known] = np.nan
     return result
 
