@@ -3,7 +3,11 @@
 It knows no file and no compensation by name.
 """
 
-from ._curve import node_shares as node_shares, regress_curve as regress_curve
+from ._curve import (
+    filled as filled,
+    node_shares as node_shares,
+    regress_curve as regress_curve,
+)
 from ._drift import DriftNoise as DriftNoise
 from ._errors import FitError as FitError
 from ._loss import AbstractLoss as AbstractLoss, choose_loss as choose_loss

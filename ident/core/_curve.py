@@ -34,12 +34,20 @@ from ._regression import (
 _TRIALS = 8
 """Evaluations of a curve in each robust pass; the next pass goes on from there."""
 _SIZES, _NODES = (1 << 10, 1 << 12), 12
-"""Places and nodes are filled up to these, beyond to powers of two: compiled code serves again."""
+"""Rows and nodes are filled up to these, beyond to powers of two: compiled code serves again."""
 
 
 @jax.jit
 def _shares(nodes: Float[Array, " n"], places: Float[Array, " t"]) -> Array:
     return Setpoints(nodes).stencil(places).matrix()
+
+
+def filled(rows: Float[np.ndarray, "t *k"]) -> Float[Array, "n *k"]:
+    """Return rows with the last one repeated up to a length that compiled code knows."""
+    count = len(rows)
+    length = next((each for each in _SIZES if count <= each), 1 << count.bit_length())
+    more = np.repeat(rows[-1:], length - count, axis=0)
+    return jnp.asarray(np.concatenate([rows, more]))
 
 
 def node_shares(
@@ -50,14 +58,12 @@ def node_shares(
     Those of all laws of `axcomp.models` over given points: linear between, the ends held.
     """
     count, size, known = len(places), len(nodes), np.isfinite(places)
-    length = next((each for each in _SIZES if count <= each), 1 << count.bit_length())
-    filled = np.full(length, nodes[0])
     # Held here, since further nodes stand behind the last one.
-    filled[:count] = np.clip(np.where(known, places, nodes[0]), nodes[0], nodes[-1])
+    held = np.clip(np.where(known, places, nodes[0]), nodes[0], nodes[-1])
     room = _NODES if size <= _NODES else 1 << size.bit_length()
     more = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, room - size + 1)
     line = jnp.asarray(np.concatenate([nodes, more]))
-    result = np.array(_shares(line, jnp.asarray(filled)))[:count, :size]
+    result = np.array(_shares(line, filled(held)))[:count, :size]
     result[~known] = np.nan
     return result
 

@@ -22,7 +22,6 @@ def fit_backlash(
     direction: Int[np.ndarray, " t"],
     *,
     run: Int[np.ndarray, " t"] | None = None,
-    run_effects: str = "offset",
     time: Float[np.ndarray, " t"] | None = None,
     loss: str = "student",
 ) -> BacklashFit:
@@ -36,51 +35,38 @@ def fit_backlash(
         position: Of the axis in mm or °.
         error: Actual − commanded in mm or °, measured at standstill.
         direction: Of approach, +1 or −1.
-        run: Repeated run of each reading, None = no runs.
-        run_effects: ``"offset"`` lets every run that went both ways have its own; ``"drift"``
-            adds a drift within the runs, the same in all; ``"none"``.
+        run: Repeated run of each reading, None = no runs. Every run that went both ways has an
+            offset of its own.
         time: Of each reading in s; None = in the order of the rows.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
 
     Raises:
         FitError: If a direction is missing or no place was approached in both.
     """
-    if run_effects not in ("none", "offset", "drift"):
-        msg = (
-            f"run_effects: found {run_effects!r}, expected 'none', 'offset' or 'drift'."
-        )
-        raise FitError(msg)
     keep = _check(position, error, direction)
     rows = np.flatnonzero(keep)
     position, error, way = position[rows], error[rows], direction[rows].astype(float)
     clock = None if time is None else time[rows]
     common, places = _along(position, way)
-    slope = None
     if run is not None:
-        slope = _within_runs(run[rows])
-        if run_effects != "none":
-            common = np.hstack([common, _run_offsets(run[rows], way)])
-    steady = common
-    if slope is not None and run_effects == "drift":
-        common = np.hstack([common, slope])
+        common = np.hstack([common, _run_offsets(run[rows], way)])
     # What the model of the controller would take away, about the mean of both directions.
     play = -np.asarray(Backlash(jnp.ones(()), 1).offset(way)) - 0.5
     columns = np.column_stack([play, common])
     found = regress(columns, error, time=clock, names=_names(columns), loss=loss)
     refuse_untold(found, "readings")
     drift = None
-    if slope is not None and run_effects == "offset":
-        drift = _drift(np.hstack([columns, slope]), error, clock, loss)
+    if run is not None:
+        within = np.hstack([columns, _within_runs(run[rows])])
+        drift = _drift(within, error, clock, loss)
     order = min(_HIGHEST, places - 1)
     dependence = None
     if order >= 1 and len(error) > columns.shape[1] + order + 3:
-        # A change along the axis and a drift within the runs look alike: without the latter.
         shape = play[:, None] * polynomials(position, order)
         try:
-            richer = regress(np.hstack([shape, steady]), error, time=clock, loss=loss)
+            richer = regress(np.hstack([shape, common]), error, time=clock, loss=loss)
             dependence = dependence_of(richer, order, len(error))
         except FitError:
-            # Drift of the runs and a change along the axis may look the same.
             dependence = None
     wild = np.zeros(len(keep), bool)
     wild[rows[found.wild]] = True

@@ -7,9 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import Conventions, Crosstalk, surface_through
-from ...core import FitError
+from ...core import FitError, filled
 from ._types import BRANCHES, CrosstalkReadings, Event
 
+_LEAST = 0.3
+"""Share of the specified acceleration that an event reaches."""
 _QUIET = 0.02
 """Share of the specified acceleration up to which the master does not accelerate."""
 _TURN = 0.1
@@ -60,7 +62,6 @@ def cut_events(
     acceleration: float,
     deceleration: float,
     *,
-    least: float = 0.3,
     conventions: Conventions | None = None,
 ) -> tuple[Event, ...]:
     r"""Return the acceleration events of a log, one value each.
@@ -75,7 +76,6 @@ def cut_events(
         readings: Log of master and slave.
         acceleration: Specified, in mm/s², positive.
         deceleration: Specified, in mm/s², negative.
-        least: Share of the specified acceleration that an event reaches.
         conventions: How signs and directions are told apart; None = the defaults.
 
     Raises:
@@ -95,7 +95,7 @@ def cut_events(
     label = np.where(quiet, -1, branch)
     found = []
     for start, stop in _stretches(label):
-        if label[start] < 0 or share[start:stop].max() < least:
+        if label[start] < 0 or share[start:stop].max() < _LEAST:
             continue
         if known[start:stop].sum() < _ROWS:
             continue
@@ -104,7 +104,7 @@ def cut_events(
             found.append(event)
     if not found:
         msg = (
-            f"no acceleration of the master reaches {100 * least:.0f} % of "
+            f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
             f"{acceleration:g} mm/s² or {deceleration:g} mm/s² for {_ROWS} rows: nothing "
             "to fit."
         )
@@ -133,11 +133,15 @@ def _shares(
         held_above=conventions.crosstalk_above == "hold",
     )  # fmt: skip
     velocity = _moving(readings.acceleration, readings.velocity, model)
-    as_it_stands = model.stencil(readings.acceleration, readings.velocity)
-    decided = model.stencil(readings.acceleration, velocity)
-    branch = np.asarray(decided.nodes)[:, 0].astype(np.int64)
-    edge = np.asarray(as_it_stands.nodes)[:, 0] != branch
-    return branch, np.asarray(decided.weights).sum(axis=1), edge
+    count = len(velocity)
+    rows, parts = filled(readings.acceleration), []
+    for way in (velocity, readings.velocity):
+        stencil = model.stencil(rows, filled(way))
+        parts.append(
+            (np.asarray(stencil.nodes)[:count, 0], np.asarray(stencil.weights)[:count])
+        )
+    (branch, weight), (as_it_stands, _) = parts
+    return branch.astype(np.int64), weight.sum(axis=1), as_it_stands != branch
 
 
 def _moving(

@@ -41,7 +41,6 @@ def fit_crosstalk(
     positions: Float[np.ndarray, "p k"] | None = None,
     velocity_dependent: bool | str = "auto",
     most_tests: int = SAFE_TESTS,
-    least: float = 0.3,
     conventions: Conventions | None = None,
     loss: str = "student",
 ) -> CrosstalkFit:
@@ -59,7 +58,6 @@ def fit_crosstalk(
             readings where that is ``"auto"``); None = chosen from the events.
         velocity_dependent: Values of their own per direction; ``"auto"``: if they differ.
         most_tests: Tests at most, 1 to 15.
-        least: Share of the specified acceleration that an event reaches.
         conventions: How accelerations and directions are told apart; None = the defaults.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
 
@@ -75,7 +73,7 @@ def fit_crosstalk(
         )
         raise FitError(msg)
     up, down = specified(readings, acceleration, deceleration)
-    events = cut_events(readings, up, down, least=least, conventions=rules)
+    events = cut_events(readings, up, down, conventions=rules)
     directions: Directions = "given"
     apart = velocity_dependent
     if isinstance(apart, str):

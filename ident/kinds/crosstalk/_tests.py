@@ -4,12 +4,11 @@ import dataclasses
 import itertools
 import math
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import surface_through
-from ...core import FitError, Regression, node_shares, regress
+from ...core import FitError, Regression, filled, node_shares, regress
 from ._types import Event, ModeScore
 
 _CELLS, _FOLDS = 8, 8
@@ -72,8 +71,8 @@ def surface_columns(
     points: Float[np.ndarray, "p k"], positions: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "n p"]:
     """Return the weight of each test in each event, from the controller's own surface."""
-    stencil = surface_through(points).stencil(jnp.asarray(positions))
-    return np.array(stencil.matrix())
+    stencil = surface_through(points).stencil(filled(positions))
+    return np.array(stencil.matrix())[: len(positions)]
 
 
 def grid_columns(
