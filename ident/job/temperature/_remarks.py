@@ -22,7 +22,6 @@ _EFFECTS: Mapping[Effect, str] = {
     "offset": "temperature at the offset",
     "slope": "slope over the position",
     "slope change": "change of that slope",
-    "drift": "drift of the instrument in time",
 }
 _MEETINGS: Mapping[Meeting, tuple[str, str]] = {
     "met": ("info", "The lines meet at {at:.5g} mm ± {sure:.2g} mm."),
@@ -100,14 +99,6 @@ def _undetermined(axis: str, found: Identified) -> list[Remark]:
     remarks = []
     for pair in found.open:
         first, second = _EFFECTS[pair.first], _EFFECTS[pair.second]
-        if pair.second == "drift":
-            words = (
-                f"These readings cannot tell the {first} from a {second}: a cubic of the"
-                " time leaves no more of them. Nothing is written. Let the temperature"
-                " rise and fall while measuring, more than once."
-            )
-            remarks.append(Remark("error", words))
-            continue
         words = (
             f"These readings cannot tell the {first} from the {second}:"
             f" their correlation is {pair.correlation:.4f}."

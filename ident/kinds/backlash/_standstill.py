@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import Backlash
-from ...core import FitError, node_shares, refuse_confounded, regress
+from ...core import FitError, node_shares, one_blas_thread, refuse_confounded, regress
 from ._types import SURE, BacklashFit, dependence_of, polynomials, refuse_untold
 
 _HIGHEST = 3
@@ -16,6 +16,7 @@ _NODES = 24
 """Nodes of the error along the axis where the positions are all different."""
 
 
+@one_blas_thread()
 def fit_backlash(
     position: Float[np.ndarray, " t"],
     error: Float[np.ndarray, " t"],

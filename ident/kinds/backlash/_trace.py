@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from ...core import FitError, Regression, regress
+from ...core import FitError, Regression, one_blas_thread, regress
 from ._types import (
     SURE,
     BacklashFit,
@@ -27,6 +27,7 @@ _BINS = 20
 _NAMES = ("backlash", "delay between the instruments")
 
 
+@one_blas_thread()
 def fit_backlash_trace(
     time: Float[np.ndarray, " t"],
     position: Float[np.ndarray, " t"],

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from scipy.stats import chi2
 
 from ....models import Conventions, surface_through
-from ...core import FitError
+from ...core import FitError, one_blas_thread
 from ._events import cut_events, specified
 from ._tests import Table, choose_tests, fit_values, points_of, surface_columns
 from ._types import (
@@ -32,6 +32,7 @@ _APART = ((0, 1, 2, 3), (0, 0, 1, 1))
 _TOUCHED = 1e-9
 
 
+@one_blas_thread()
 def fit_crosstalk(
     readings: CrosstalkReadings,
     *,

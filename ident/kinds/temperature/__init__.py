@@ -27,6 +27,4 @@ from ._types import (
     SensorLog as SensorLog,
     TemperatureFit as TemperatureFit,
     ThermalReadings as ThermalReadings,
-    drift_ratio as drift_ratio,
-    is_drift as is_drift,
 )

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...core import FitError, regress_curve
+from ...core import FitError, one_blas_thread, regress_curve
 
 _GRID = 81
 _OVERLAP = 0.5
@@ -34,6 +34,7 @@ class ClockOffset:
     explained: float
 
 
+@one_blas_thread()
 def clock_offset(
     time: Float[np.ndarray, " t"],
     signal: Float[np.ndarray, " t"],

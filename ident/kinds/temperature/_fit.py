@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...core import FitError, Regression
+from ...core import FitError, Regression, one_blas_thread
 from ._choice import choose_shape, find_lags, find_meeting
 from ._line import (
     Data,
@@ -27,8 +27,6 @@ from ._types import (
     SensorLog,
     TemperatureFit,
     ThermalReadings,
-    drift_ratio,
-    is_drift,
 )
 
 _LAWS = {"constant": 1, "linear": 2}
@@ -38,6 +36,7 @@ _ALIKE = 0.98
 """Partial correlation of two effects from which the readings do not tell them apart."""
 
 
+@one_blas_thread()
 def fit_temperature(
     readings: ThermalReadings,
     *,
@@ -101,6 +100,7 @@ def fit_temperature(
     if wanted:
         met, meeting, unsure = find_meeting(line, found, data, scale, loss, free)
         line, found = (line, found) if met is None else met
+        _refuse_lacking(line, found)
     return _result(
         readings, keep, rows, data, line, found,
         scores, free, meeting, unsure, late,
@@ -209,10 +209,6 @@ def _result(
             temperature[rows, sensor] = values
     names = [*line.names(), *["reference position"] * (meeting == "met")]
     names += ["time constant"] * len(free)
-    confounded = _confusions(data, line)
-    if not confounded and readings.time is not None and line.shape.follows:
-        # Rows without a clock may stand in any order: then nothing is known of a drift.
-        confounded = _drift(data, line, columns, found)
     return TemperatureFit(
         offset=offset,
         coefficient=coefficient if len(coefficient.value) else None,
@@ -229,7 +225,7 @@ def _result(
         residual=residual,
         temperature=temperature,
         scores=scores,
-        confounded=confounded,
+        confounded=_confusions(data, line),
         support=tuple(
             int(each) for each in (np.abs(columns[~found.wild]) > 0).sum(axis=0)
         ),
@@ -258,26 +254,6 @@ def _reported_lags(
         behind = any(late[number] for number in group)
         result.append(Lag(sensor, constant, interval, constant > 0, behind))
     return tuple(result)
-
-
-def _drift(
-    data: Data,
-    line: Line,
-    columns: Float[np.ndarray, "t k"],
-    found: Regression,
-) -> tuple[Confusion, ...]:
-    """Return that a drift in time explains the readings as well as the law, if it does."""
-    effect = columns @ line.value
-    beside = None if data.sensors[1] is None else data.position[:, None]
-    ratio = drift_ratio(data.time, effect, data.error - effect, found.share, beside)
-    if not is_drift(ratio):
-        return ()
-    kept = found.share > 0
-    explained = 1.0 - np.var((data.error - effect)[kept]) * ratio**2 / max(
-        float(np.var(data.error[kept])), 1e-300
-    )
-    moved: Effect = "offset" if line.shape.offset > 1 else "slope change"
-    return (Confusion(moved, "drift", float(np.sqrt(max(explained, 0.0)))),)
 
 
 def _confusions(data: Data, line: Line) -> tuple[Confusion, ...]:

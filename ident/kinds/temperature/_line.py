@@ -37,11 +37,6 @@ class Shape:
         """Number of parameters."""
         return self.offset + self.coefficient
 
-    @property
-    def follows(self) -> bool:
-        """Whether anything changes with the temperature."""
-        return max(self.offset, self.coefficient) > 1
-
 
 @dataclasses.dataclass(frozen=True)
 class Data:

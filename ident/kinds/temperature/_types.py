@@ -16,60 +16,14 @@ from ....models import (
 )
 from ...core import DriftNoise, node_shares
 
-_DRIFT = 3
-"""Order of the polynomial in time that a drift of the instrument may be."""
-_TOLD = 1.1
-"""What a drift must leave, in what the temperature leaves, to be told from it."""
-_FEW = 20
-"""Readings below which a cubic follows anything."""
-
-Effect = Literal["level", "offset", "slope", "slope change", "drift"]
-"""Level of the error, temperature at the offset, slope over the position, how that changes
-with the temperature, drift of the instrument in time."""
+Effect = Literal["level", "offset", "slope", "slope change"]
+"""Level of the error, temperature at the offset, slope over the position, and how that
+changes with the temperature."""
 Meeting = Literal[
     "met", "given", "parallel", "unsure slope", "two sensors", "too far", "too few",
     "not one point", "uncertain",
 ]  # fmt: skip
 """Whether the lines of all temperatures meet at the reference, or why it was not taken."""
-
-
-def drift_ratio(
-    time: Float[np.ndarray, " t"],
-    effect: Float[np.ndarray, " t"],
-    residual: Float[np.ndarray, " t"],
-    weight: Float[np.ndarray, " t"],
-    beside: Float[np.ndarray, "t k"] | None = None,
-) -> float:
-    """Return what a smooth drift in time leaves of readings, in what the temperature leaves.
-
-    A zero of an instrument that drifts as a cubic of the time may do the same to the readings
-    as a temperature that rises once; one that rises and falls is told from it. Infinite
-    where there is no effect or too few readings.
-
-    Args:
-        time: Of each reading, in any unit.
-        effect: What the temperature does to each.
-        residual: What it leaves of each, same unit.
-        weight: Of each reading; 0 = wild.
-        beside: Columns that are fitted beside the drift; a constant always is.
-    """
-    span, used = float(np.ptp(time)), int((weight > 0).sum())
-    if used < _FEW or not span > 0 or not np.ptp(effect) > 0:
-        return np.inf
-    place = 2.0 * (time - time.min()) / span - 1.0
-    columns = np.polynomial.legendre.legvander(place, _DRIFT)
-    if beside is not None:
-        columns = np.hstack([columns, beside])
-    root = np.sqrt(weight)
-    aim = root * (effect + residual)
-    value = np.linalg.lstsq(root[:, None] * columns, aim, rcond=None)[0]
-    left = float(np.linalg.norm(aim - root * (columns @ value)))
-    return left / max(float(np.linalg.norm(root * residual)), 1e-300)
-
-
-def is_drift(ratio: float) -> bool:
-    """Tell whether a drift explains readings as well as the temperature (`drift_ratio`)."""
-    return ratio < _TOLD
 
 
 @dataclasses.dataclass(frozen=True)
@@ -189,8 +143,7 @@ class Confusion:
     Attributes:
         first: One effect.
         second: The other.
-        correlation: Of what they do to the readings, −1 to 1, the other effects taken off; of
-            a drift that of the readings with what it explains.
+        correlation: Of what they do to the readings, −1 to 1, the other effects taken off.
     """
 
     first: Effect

@@ -378,27 +378,6 @@ def test_a_single_given_lag_is_applied_and_not_fitted() -> None:
     assert "time constant" not in fit.names
 
 
-def one_rise(seed: int, back: bool) -> ThermalReadings:
-    """An offset of 2 µm/K at one place while the machine warms up, and cools down again."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(0.0, 7200.0, 20.0)
-    warm = 1.0 - np.exp(-time / 3600.0)
-    if back:
-        warm = np.where(
-            time < 3000.0, warm, warm[150] * np.exp(-(time - 3000.0) / 900.0)
-        )
-    error = 0.02 * warm + NOISE * rng.normal(size=len(time))
-    sensor = 20.0 + 10.0 * warm + 0.02 * rng.normal(size=len(time))
-    return ThermalReadings(error, sensor[:, None], None, time)
-
-
-@pytest.mark.parametrize("back", [False, True])
-def test_a_temperature_that_rises_once_is_not_told_from_a_drift(back: bool) -> None:
-    fit = fit_temperature(one_rise(0, back), coefficient_sensor=None)
-    pairs = [(pair.first, pair.second) for pair in fit.confounded]
-    assert pairs == ([] if back else [("offset", "drift")])
-
-
 def test_a_node_that_only_wild_readings_show_is_refused() -> None:
     rng = np.random.default_rng(0)
     temperature = 20.0 + 5.0 * np.abs(np.sin(np.arange(200) / 20.0))
