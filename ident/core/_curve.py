@@ -19,9 +19,9 @@ from scipy.optimize import least_squares
 from ...models import Setpoints
 from ._errors import FitError
 from ._regression import (
-    ROUGHLY,
-    SETTLED,
+    LOOSE,
     SINGULAR,
+    TIGHT,
     Regression,
     estimate,
     iterate,
@@ -86,8 +86,8 @@ def regress_curve(
         columns_at: Columns per reading for values of the non-linear parameters.
         target: Readings.
         start: Of these parameters, inside the bounds.
-        width: Step to both sides by which the change of the columns is told: small beside
-            what curves them, large beside the noise in them.
+        width: Step to both sides for the derivative of the columns: small against their
+            curvature, large against the noise in them.
         bounds: Lowest and highest values.
         time: As for `regress`.
         names: Of the columns, then of the parameters.
@@ -99,7 +99,7 @@ def regress_curve(
         parameter: its deviation is that of the parameter, its value is the parameter's.
 
     Raises:
-        FitError: If columns and parameters cannot be told apart.
+        FitError: If columns and parameters cannot be separated.
     """
     known = np.ones(len(target))
     first = columns_at(start)
@@ -158,7 +158,7 @@ def regress_curve(
         size + len(start),
         least_scale(target),
         loss,
-        ROUGHLY if quick else SETTLED,
+        LOOSE if quick else TIGHT,
     )
     columns = columns_at(last.value[size:])
     design = np.hstack([columns, slopes(last.value)])

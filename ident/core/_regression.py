@@ -20,7 +20,7 @@ from ._loss import AbstractLoss, choose_loss
 
 _PASSES = 60
 """Robust passes at most."""
-SETTLED, ROUGHLY = 1e-3, 1e-2
+TIGHT, LOOSE = 1e-3, 1e-2
 """Last move of any fitted value, in scales, at which the robust passes end."""
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
@@ -51,7 +51,7 @@ class Regression:
         independent: Number of independent readings of the same total scatter that would leave
             the same uncertainty, per coefficient; the rows kept where nothing drifts.
         undetermined: Coefficients that the readings that were kept do not determine.
-        converged: Whether the robust passes settled.
+        converged: Whether the robust passes converged.
     """
 
     coefficients: Float[np.ndarray, " k"]
@@ -155,9 +155,9 @@ def iterate(
     size: int,
     floor: float,
     loss: str = "student",
-    settled: float = SETTLED,
+    tolerance: float = TIGHT,
 ) -> tuple[RobustPass, bool]:
-    """Return the last robust pass, and whether the passes settled.
+    """Return the last robust pass, and whether the passes converged.
 
     Args:
         start: Where to begin.
@@ -168,7 +168,7 @@ def iterate(
         size: Number of parameters.
         floor: Smallest scale to believe in.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
-        settled: Move in scales at which the passes end.
+        tolerance: Move in scales at which the passes end.
 
     Raises:
         FitError: If the loss rejects all but as many readings as there are parameters.
@@ -192,7 +192,7 @@ def iterate(
         before, residual = residual, residual_at(value)
         move = float(np.abs((residual - before) * root).max())
         current = RobustPass(value, before, chosen, pseudo, wild, move)
-        if move <= settled * chosen.scale or (loss == "gauss" and step):
+        if move <= tolerance * chosen.scale or (loss == "gauss" and step):
             return current, True
         if step >= 20:
             # Readings at the very edge must not let the passes go round in circles.
@@ -230,10 +230,10 @@ def regress(
         quick: Coefficients only: covariance and drift are left out (hold-out folds).
         noise: Scatter of a reading of weight 1 as it is known beforehand: counts as two
             readings, and lets as many unknowns be fitted as there are readings.
-        refuse: Raise where columns cannot be told apart; else those are undetermined.
+        refuse: Raise where columns cannot be separated; else those are undetermined.
 
     Raises:
-        FitError: If the columns cannot be told apart or there are too few readings.
+        FitError: If the columns cannot be separated or there are too few readings.
     """
     count, size = columns.shape
     known = np.ones(count) if weight is None else np.asarray(weight, float)
@@ -256,7 +256,7 @@ def regress(
         size,
         least_scale(target, noise),
         loss,
-        ROUGHLY if quick else SETTLED,
+        LOOSE if quick else TIGHT,
     )
     result = estimate(design, target - design @ last.value, known, last, converged)
     result = dataclasses.replace(result, coefficients=last.value / scale)

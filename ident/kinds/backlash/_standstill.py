@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float, Int
 
 from ....models import Backlash
 from ...core import FitError, node_shares, one_blas_thread, refuse_confounded, regress
-from ._types import SURE, BacklashFit, dependence_of, polynomials, refuse_untold
+from ._types import SURE, BacklashFit, dependence_of, polynomials, refuse_undetermined
 
 _HIGHEST = 3
 """Order of the polynomial along the axis."""
@@ -55,7 +55,7 @@ def fit_backlash(
     play = -np.asarray(Backlash(jnp.ones(()), 1).offset(way)) - 0.5
     columns = np.column_stack([play, common])
     found = regress(columns, error, time=clock, names=_names(columns), loss=loss)
-    refuse_untold(found, "readings")
+    refuse_undetermined(found, "readings")
     drift = None
     if run is not None:
         within = np.hstack([columns, _within_runs(run[rows])])
@@ -101,7 +101,7 @@ def _check(
     for sign, name in ((1, "positive"), (-1, "negative")):
         if not (direction[keep] == sign).any():
             msg = (
-                f"no reading was approached in {name} direction: one direction alone does "
+                f"no reading was approached in {name} direction: one direction does "
                 "not tell the backlash."
             )
             raise FitError(msg)

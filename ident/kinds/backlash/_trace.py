@@ -13,11 +13,11 @@ from ._types import (
     Reversal,
     dependence_of,
     polynomials,
-    refuse_untold,
+    refuse_undetermined,
 )
 
 _LEAST = 3
-"""Reversals without which nothing can be said of their scatter."""
+"""Reversals that show how they scatter, at least."""
 _ROWS = 4
 """Rows on each side of a reversal that it takes at least."""
 _SPEEDS = 0.05
@@ -99,7 +99,7 @@ def fit_backlash_trace(
         seen = error - found.coefficients[1] * speeds
         # The error of a reference that is late is −delay · speed.
         delay = (-float(found.coefficients[1]), float(found.standard_deviation[1]))
-    refuse_untold(found, "reversals")
+    refuse_undetermined(found, "reversals")
     best, deviation = float(found.coefficients[0]), float(found.standard_deviation[0])
     good = [
         turn.direction for turn, odd in zip(turns, found.wild, strict=True) if not odd

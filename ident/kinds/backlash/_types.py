@@ -45,7 +45,7 @@ class Reversal:
         turn: Row of the turning point.
         position: Of the turning point in mm or °.
         direction: Of the motion after it, ±1.
-        width: Backlash that this reversal shows alone, in mm or °.
+        width: Backlash that this reversal shows by itself, in mm or °.
         standard_deviation: Of the width, from the scatter within the window.
         wild: Set aside because it contradicts the others.
     """
@@ -125,15 +125,15 @@ class BacklashFit:
         return Backlash(jnp.asarray(self.width), 1 if reference > 0 else -1, cycles)
 
 
-def refuse_untold(found: Regression, things: str) -> None:
-    """Refuse a width, the first coefficient, that the readings that were kept do not tell.
+def refuse_undetermined(found: Regression, things: str) -> None:
+    """Refuse a width, the first coefficient, that the kept readings do not determine.
 
     Raises:
         FitError: Saying how many were left out.
     """
     if found.undetermined[0]:
         msg = (
-            f"the {things} that agree with each other do not tell the backlash: "
+            f"the {things} that agree with each other do not determine the backlash: "
             f"{int(found.wild.sum())} wild ones are left out."
         )
         raise FitError(msg)

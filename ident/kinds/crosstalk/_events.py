@@ -76,7 +76,7 @@ def cut_events(
         readings: Log of master and slave.
         acceleration: Specified, in mm/s², positive.
         deceleration: Specified, in mm/s², negative.
-        conventions: How signs and directions are told apart; None = the defaults.
+        conventions: How signs and directions are defined; None = the defaults.
 
     Raises:
         FitError: If rows are not finite or there is no event.
@@ -211,8 +211,8 @@ def _event(
     if rank < design.shape[1]:
         # Steady acceleration all along with nothing beside it: level and crosstalk are one.
         return None
-    alone = float(np.linalg.inv(design.T @ design)[0, 0])
-    if alone > _BLIND:
+    unit_variance = float(np.linalg.inv(design.T @ design)[0, 0])
+    if unit_variance > _BLIND:
         return None
     left = error - design @ solved
     rows = slice(start, stop)
@@ -222,5 +222,5 @@ def _event(
     return Event(
         start, stop, int(label[start]), tuple(float(each) for each in place),
         float(readings.acceleration[at]), float(solved[0]),
-        math.sqrt(max(float(left @ left) / free * alone, 1e-18)),
+        math.sqrt(max(float(left @ left) / free * unit_variance, 1e-18)),
     )  # fmt: skip

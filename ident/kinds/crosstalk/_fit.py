@@ -59,7 +59,7 @@ def fit_crosstalk(
             readings where that is ``"auto"``); None = chosen from the events.
         velocity_dependent: Values of their own per direction; ``"auto"``: if they differ.
         most_tests: Tests at most, 1 to 15.
-        conventions: How accelerations and directions are told apart; None = the defaults.
+        conventions: How accelerations and directions are defined; None = the defaults.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
 
     Raises:

@@ -95,8 +95,8 @@ def fit_values(
 ) -> Regression:
     """Return the values of tests that explain the events of one group best.
 
-    Each rests on the events around it alone. What events tell of their own scatter counts
-    beside what is seen where they are few, and wild ones need spare ones to be found.
+    Each rests on the events around it. The scatter within events counts beside that between
+    them where these are few, and wild ones need spare ones to be found.
     """
     spare = len(columns) - int((columns > _TOUCHED).any(axis=0).sum())
     return regress(

@@ -110,7 +110,7 @@ class CrosstalkFit:
         noise: Standard deviation of one event of median weight in mm, per row of `BRANCHES`.
         events: All that were cut out.
         scores: Choices compared by hold-out; empty where the tests were given.
-        conventions: How accelerations and directions were told apart.
+        conventions: How accelerations and directions are defined.
     """
 
     mode: int

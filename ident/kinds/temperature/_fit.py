@@ -94,13 +94,13 @@ def fit_temperature(
     if free:
         line, _ = fit_line(line, thin, loss, False, free, quick=True)
     line, found = fit_line(line, data, loss, False, free)
-    _refuse_lacking(line, found)
+    _refuse_undetermined(line, found)
     meeting: Meeting = "given"
     unsure = None
     if wanted:
         met, meeting, unsure = find_meeting(line, found, data, scale, loss, free)
         line, found = (line, found) if met is None else met
-        _refuse_lacking(line, found)
+        _refuse_undetermined(line, found)
     return _result(
         readings, keep, rows, data, line, found,
         scores, free, meeting, unsure, late,
@@ -160,8 +160,8 @@ def _shape(
     return Shape(counts[0], 0 if data.sensors[1] is None else counts[1]), (), None
 
 
-def _refuse_lacking(line: Line, found: Regression) -> None:
-    """Refuse a law of which the readings that were kept do not tell every value."""
+def _refuse_undetermined(line: Line, found: Regression) -> None:
+    """Refuse a law of which the kept readings do not determine every value."""
     lacking = [
         name
         for name, each in zip(line.names(), found.undetermined, strict=False)
@@ -169,7 +169,7 @@ def _refuse_lacking(line: Line, found: Regression) -> None:
     ]
     if lacking:
         msg = (
-            f"the readings that agree with each other do not tell {', '.join(lacking)}: "
+            f"the readings that agree with each other do not determine {', '.join(lacking)}: "
             f"{int(found.wild.sum())} wild ones are left out."
         )
         raise FitError(msg)

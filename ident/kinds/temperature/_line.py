@@ -11,7 +11,7 @@ from ._structure import Clocked, clocked, missed_temperatures
 from ._types import SensorLog, ThermalReadings
 
 LEAST_RANGE = 0.5
-"""Range of a sensor in K below which no law can be told."""
+"""Range of a sensor in K below which no law is determined."""
 _MANY = 3_000
 """Readings by which laws and lags are chosen; the chosen one is fitted to all."""
 _LEAST = 4

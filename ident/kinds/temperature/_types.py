@@ -180,7 +180,7 @@ class TemperatureFit:
         scores: Laws compared by hold-out; empty where the law was given.
         confounded: What these readings cannot tell apart.
         support: Readings that touch each node of offset and coefficient.
-        converged: Whether the iterations settled.
+        converged: Whether the iterations converged.
     """
 
     offset: Law

@@ -120,7 +120,7 @@ def test_no_backlash_is_reported_where_there_is_none() -> None:
     assert fit.kind == "no backlash shows"
 
 
-def test_a_direction_that_only_wild_readings_show_tells_no_backlash() -> None:
+def test_a_direction_that_only_wild_readings_show_determines_no_backlash() -> None:
     rng = np.random.default_rng(0)
     position = np.concatenate([np.tile(TARGETS, 4), [80.0, 240.0, 320.0, 160.0]])
     direction = np.repeat([1, -1], [4 * len(TARGETS), 4])
@@ -128,7 +128,7 @@ def test_a_direction_that_only_wild_readings_show_tells_no_backlash() -> None:
     # They contradict each other by a thousand times the noise of the others.
     error[direction < 0] = [1.0, -1.0, 0.5, -0.3]
     with pytest.raises(
-        FitError, match="agree with each other do not tell the backlash"
+        FitError, match="agree with each other do not determine the backlash"
     ):
         fit_backlash(position, error, direction)
 

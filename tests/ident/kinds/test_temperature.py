@@ -386,7 +386,7 @@ def test_a_node_that_only_wild_readings_show_is_refused() -> None:
     temperature[100:104] = 30.0
     error[100:104] = [3.0, -3.0, 2.0, -2.0]
     with pytest.raises(
-        FitError, match=r"agree with each other do not tell offset at 30"
+        FitError, match=r"agree with each other do not determine offset at 30"
     ):
         fit_temperature(
             ThermalReadings(error, temperature[:, None]),

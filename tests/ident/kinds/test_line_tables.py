@@ -141,10 +141,13 @@ def test_rough_table_comes_back_as_well_as_with_the_best_fixed_smoothness(
 @pytest.mark.parametrize(
     ("table", "name"),
     [
-        (table, name)
-        for table in LAYOUTS
-        for name in ("waves", "field of 5 nodes", "field of 10 nodes", "sag")
-        if not (table == "modulo" and name == "sag")  # no turn sags
+        *[(table, "waves") for table in LAYOUTS],
+        *[
+            pytest.param(table, name, marks=pytest.mark.heavy)
+            for table in LAYOUTS
+            for name in ("field of 5 nodes", "field of 10 nodes", "sag")
+            if not (table == "modulo" and name == "sag")  # no turn sags
+        ],
     ],
 )
 def test_smooth_table_comes_back_better_than_with_the_best_fixed_smoothness(
@@ -190,6 +193,7 @@ def test_directions_share_smoothness_and_nothing_else() -> None:
         np.testing.assert_allclose(fit.values[branch], alone.values, atol=1e-12)
 
 
+@pytest.mark.heavy
 @pytest.mark.slow
 @pytest.mark.parametrize(("runs", "bend"), [(5, 10.0), (3, 300.0)])
 def test_sharp_bends_on_which_repeated_readings_agree_are_believed(
