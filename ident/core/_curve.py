@@ -34,7 +34,8 @@ from ._regression import (
 _TRIALS = 8
 """Evaluations of a curve in each robust pass; the next pass goes on from there."""
 _SIZES, _NODES = (1 << 10, 1 << 12), 12
-"""Rows and nodes are filled up to these, beyond to powers of two: compiled code serves again."""
+"""Rows are filled up to these, beyond to powers of two, and nodes up to so many: compiled code
+serves again."""
 
 
 @jax.jit
@@ -45,7 +46,8 @@ def _shares(nodes: Float[Array, " n"], places: Float[Array, " t"]) -> Array:
 def filled(rows: Float[np.ndarray, "t *k"]) -> Float[Array, "n *k"]:
     """Return rows with the last one repeated up to a length that compiled code knows."""
     count = len(rows)
-    length = next((each for each in _SIZES if count <= each), 1 << count.bit_length())
+    further = 1 << max(count - 1, 0).bit_length()
+    length = next((each for each in _SIZES if count <= each), further)
     more = np.repeat(rows[-1:], length - count, axis=0)
     return jnp.asarray(np.concatenate([rows, more]))
 
@@ -60,7 +62,8 @@ def node_shares(
     count, size, known = len(places), len(nodes), np.isfinite(places)
     # Held here, since further nodes stand behind the last one.
     held = np.clip(np.where(known, places, nodes[0]), nodes[0], nodes[-1])
-    room = _NODES if size <= _NODES else 1 << size.bit_length()
+    # Many places outweigh a compilation, and their columns the memory.
+    room = max(size, _NODES if count <= _SIZES[-1] else 0)
     more = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, room - size + 1)
     line = jnp.asarray(np.concatenate([nodes, more]))
     result = np.array(_shares(line, filled(held)))[:count, :size]
