@@ -20,6 +20,11 @@ Read `_readings`, `_effect`, `_prior`, `_sums` (`_kernel` is the same for many r
 them stand linear fits of few columns with noise that drifts (`_regression`, `_drift`).
 """
 
+from ._curve import (
+    filled as filled,
+    node_shares as node_shares,
+    regress_curve as regress_curve,
+)
 from ._drift import DriftNoise as DriftNoise
 from ._effect import (
     AbstractEffect as AbstractEffect,

@@ -17,8 +17,8 @@ from ...core import (
     Stack,
     TableEffect,
     chain,
+    node_shares,
 )
-from ..thermal._laws import hats
 from ._data import JointData
 from ._effect import AbstractEffect, Block
 from ._temperature import TemperatureEffect
@@ -301,7 +301,7 @@ def _run_columns(
         np.maximum.at(high, index, data.time)
         span = np.maximum(high - low, 1e-12)
         place = (data.time - low[index]) / span[index]
-        share = hats(place, np.linspace(0.0, 1.0, per))
+        share = node_shares(place, np.linspace(0.0, 1.0, per))
         spans = tuple(zip(low.tolist(), (low + span).tolist(), strict=True))
         steps = steps_of(recorded, len(labels), drift)
         bridges = Bridges(index, place, span, drift, steps)

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from ...core import ArrowFactor, Estimate
-from ..thermal._clocked import Clocked
+from ...kinds.temperature import Clocked
 from ._data import JointData
 from ._design import Design
 from ._temperature import TemperatureEffect

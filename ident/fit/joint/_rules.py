@@ -13,7 +13,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from ..thermal._laws import hats
+from ...core import node_shares
 from ._data import JointData
 from ._design import Component, Design, design_of
 from ._everything import everything_varies
@@ -184,4 +184,4 @@ def _reference(component: Component, design: Design) -> Float[np.ndarray, "1 p"]
     effect = design.effects[component.effect]
     assert isinstance(effect, TemperatureEffect)
     nodes = effect.nodes[component.kind.removeprefix("temperature ")]
-    return hats(np.array([effect.reference_temperature]), nodes)
+    return node_shares(np.array([effect.reference_temperature]), nodes)

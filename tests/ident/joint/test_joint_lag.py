@@ -13,8 +13,7 @@ from axcomp.ident.fit.joint import (
     TemperatureEffect,
     fit_joint,
 )
-from axcomp.ident.fit.thermal._clocked import clocked
-from axcomp.ident.fit.thermal._lag import lagged
+from axcomp.ident.kinds.temperature import clocked, lagged
 
 LAG = 90.0
 
