@@ -1,6 +1,7 @@
 """Which law to believe: the simplest that predicts windows held out as well as the best does."""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -209,7 +210,7 @@ def _windows(equation: Equation, windows: int) -> _Windows:
     window = np.minimum((share * windows).astype(np.int64), windows - 1)
     edges = np.searchsorted(window, np.arange(windows + 1)).tolist()
     reach = equation.lowpass.reach
-    spans = list(zip(edges[:-1], edges[1:], strict=True))
+    spans = list(itertools.pairwise(edges))
     return _Windows(
         window=window,
         spans=[slice(*span) for span in spans],
