@@ -10,12 +10,13 @@ Read in this order:
 - `_determined`, `_result`: what the data do not tell; `FrictionFit` with parameters and σ.
 - `_inverse`: `fit_inverse`, all of that in one call.
 - `_choice`: `choose_law`, which kind of law predicts windows held out.
-- `_knots`: `place_knots`, the entries of a friction list.
+- `_knots`, `_polyline`: `place_knots`, the entries of a friction list, and their search.
 """
 
 from ._choice import (
     Candidate as Candidate,
     Choice as Choice,
+    WindowLaw as WindowLaw,
     choose_law as choose_law,
 )
 from ._equation import Known as Known

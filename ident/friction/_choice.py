@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ...models import AbstractFriction
 from ..core import FitError, one_blas_thread
 from ._equation import Equation, Known
 from ._inverse import METHOD, equation_of, fit_carried
-from ._result import FrictionFit, assemble
+from ._result import FrictionFit, assemble, part_offset
 from ._samples import DriveSamples
 from ._separable import (
     Solution,
@@ -63,6 +64,21 @@ class Candidate:
 
 
 @dataclasses.dataclass(frozen=True)
+class WindowLaw:
+    """A law fitted to a recording without one of its windows.
+
+    Attributes:
+        law: In load units over mm/s, for both directions.
+        inertia: In load units per mm/s².
+        offset: Constant load in load units.
+    """
+
+    law: AbstractFriction
+    inertia: float
+    offset: float
+
+
+@dataclasses.dataclass(frozen=True)
 class Choice:
     """The law chosen, and all that competed.
 
@@ -74,8 +90,7 @@ class Choice:
         candidates: From simple to rich.
         windows: How many windows were held out.
         window: Of each sample of the recording.
-        held_out: Load − prediction per sample of the recording, under the chosen law fitted
-            to the other windows, in load units; filtered by nothing.
+        without: The chosen law fitted without each window.
     """
 
     fit: FrictionFit
@@ -85,7 +100,7 @@ class Choice:
     candidates: tuple[Candidate, ...]
     windows: int
     window: Int[np.ndarray, " t"]
-    held_out: Float[np.ndarray, " t"]
+    without: tuple[WindowLaw, ...]
 
 
 def choose_law(
@@ -144,7 +159,6 @@ def choose_law(
             fits[kinds[chosen]] = assemble(
                 *fit_carried(asked, loss, begin=share), METHOD
             )
-    window = _window_of_samples(equation, parts.window)
     return Choice(
         fit=fits[kinds[chosen]],
         laws=tuple(fits[kind] for kind in kinds if kind.parametric),
@@ -152,8 +166,8 @@ def choose_law(
         best=best,
         candidates=candidates,
         windows=windows,
-        window=window,
-        held_out=found[spoken[chosen]].sample_errors(window),
+        window=_window_of_samples(equation, parts.window),
+        without=found[spoken[chosen]].laws(),
     )
 
 
@@ -261,16 +275,22 @@ class _HeldOut:
             fitted_error=float(np.sqrt(self.fitted / size)),
         )
 
-    def sample_errors(self, window: Int[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-        """Return load − prediction per sample, each by the law without its window."""
-        plain = dataclasses.replace(self.equation, factor=1)
-        found = np.empty(len(window))
-        for number, factors in enumerate(self.factors):
-            own = window == number
-            part = dataclasses.replace(plain, samples=plain.samples.take(own))
-            design = part.design(self.shapes[number])
-            found[own] = part.target - design @ factors
-        return found
+    def laws(self) -> tuple[WindowLaw, ...]:
+        """Return the law without each window."""
+        structure, known = self.equation.structure, self.equation.known
+        to_offset, to_law = part_offset(self.equation)
+        found = []
+        for factors, shape in zip(self.factors, self.shapes, strict=True):
+            beside = {"inertia": known.inertia or 0.0, "offset": known.offset or 0.0}
+            beside |= dict(zip(self.equation.fixed_names, factors, strict=False))
+            if to_offset is not None:
+                beside["offset"] = to_offset @ factors
+            own = (to_law @ factors).reshape(structure.ways, -1)
+            law = structure.law(own, shape)
+            found.append(
+                WindowLaw(law, float(beside["inertia"]), float(beside["offset"]))
+            )
+        return tuple(found)
 
 
 def _held_out(
