@@ -13,9 +13,9 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.signal import firwin, upfirdn
+from scipy.signal import firwin
 
-from ._samples import DriveSamples, saturated
+from ._samples import DriveSamples
 from ._structures import AbstractStructure, default_knots
 
 _REACH = 10
@@ -82,14 +82,28 @@ class Lowpass:
 
     def __call__(self, columns: Float[np.ndarray, "t c"]) -> Float[np.ndarray, "s c"]:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
-        if self.factor == 1:
-            return columns
+        if self.factor == 1 or not columns.size:
+            return columns[self.centres]
         found = [np.zeros((0, columns.shape[1]))]
         for run in self._runs:
-            rows = (run.stop - run.start - len(self._kernel)) // self.factor + 1
-            full = upfirdn(self._kernel, columns[run], down=self.factor, axis=0)
-            found.append(full[2 * _REACH : 2 * _REACH + rows])
+            count = (run.stop - run.start - len(self._kernel)) // self.factor + 1
+            found.append(self._run(columns[run], count))
         return np.concatenate(found)
+
+    def _run(
+        self, columns: Float[np.ndarray, "m c"], count: int
+    ) -> Float[np.ndarray, "r c"]:
+        """Return so many rows: products of pieces of column and kernel, added in place."""
+        factor, parts = self.factor, 2 * _REACH + 1
+        kernel = np.append(self._kernel, np.zeros(factor - 1)).reshape(parts, factor)
+        whole = np.zeros((columns.shape[1], (count + parts - 1) * factor))
+        used = min(len(columns), whole.shape[1])
+        whole[:, :used] = columns[:used].T
+        pieces = whole.reshape(columns.shape[1], -1, factor)
+        products = np.moveaxis(kernel @ np.swapaxes(pieces, 1, 2), 1, 0)
+        return np.sum(
+            [each[:, part : part + count] for part, each in enumerate(products)], axis=0
+        ).T
 
 
 def default_factor(cycle: float) -> int:
@@ -116,7 +130,7 @@ class Equation:
     def with_structure(self, structure: AbstractStructure) -> "Equation":
         """Return the same rows for another kind of law; what they share is kept."""
         other = dataclasses.replace(self, structure=structure)
-        for name in ("lowpass", "load", "target", "usable", "piece", "speed"):
+        for name in ("lowpass", "load", "target", "usable", "piece", "speed", "_still"):
             other.__dict__[name] = getattr(self, name)
         if structure.directional == self.structure.directional:
             other.__dict__["_beside"] = self._beside
@@ -145,7 +159,7 @@ class Equation:
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
         """Rows to fit: in motion and not saturated, for the most part of the filter."""
-        good = self.samples.in_motion & ~saturated(self.samples.current)
+        good = self.samples.in_motion & ~self.samples.saturated
         return np.asarray(self.lowpass(good[:, None] * 1.0)[:, 0] > 0.5)
 
     @cached_property
@@ -212,10 +226,31 @@ class Equation:
         kept = self._designs.get(instrument)
         if kept is not None and np.array_equal(kept[0], shape):
             return kept[1]
-        own = self.structure.columns(self._velocity(instrument), shape)
-        found = np.concatenate([self._beside[instrument], self.lowpass(own)], axis=1)
+        own = self._friction(shape, instrument)
+        found = np.concatenate([self._beside[instrument], own], axis=1)
         self._designs[instrument] = shape, found
         return found
+
+    def _friction(
+        self, shape: Float[np.ndarray, " h"], instrument: bool
+    ) -> Float[np.ndarray, "s k"]:
+        """Return the columns of friction; those that follow no shape are made once."""
+        velocity, structure = self._velocity(instrument), self.structure
+        if structure.shapes:
+            return self.lowpass(structure.columns(velocity, shape))
+        each_way = dataclasses.replace(structure, directional=True)
+        key = each_way, instrument
+        if key not in self._still:
+            self._still[key] = self.lowpass(each_way.columns(velocity, shape))
+        found, width = self._still[key], len(structure.factors)
+        return found if structure.directional else found[:, :width] + found[:, width:]
+
+    @cached_property
+    def _still(
+        self,
+    ) -> dict[tuple[AbstractStructure, bool], Float[np.ndarray, "s k"]]:
+        """Columns per direction of laws without a shape, for all laws of the recording."""
+        return {}
 
     @cached_property
     def _designs(

@@ -78,6 +78,7 @@ def fit_carried(
     loss: str,
     smoothness: float | None = None,
     begin: Float[np.ndarray, " s"] | None = None,
+    near: Float[np.ndarray, " h"] | None = None,
 ) -> tuple[Equation, Solution, dict[str, str]]:
     """Return equation and solution of what the data carry of a law, and what they do not.
 
@@ -86,8 +87,9 @@ def fit_carried(
         loss: As for `fit_inverse`.
         smoothness: Likewise.
         begin: Weights of the rows to begin with.
+        near: Logarithms of a shape to begin with.
     """
-    solution = fit_equation(equation, loss, smoothness, begin)
+    solution = fit_equation(equation, loss, smoothness, begin, near)
     missing: dict[str, str] = {}
     structure = equation.structure
     reason = shape_reason(equation, solution)

@@ -7,6 +7,7 @@ the values of the columns, are those of `axcomp.models`.
 
 import abc
 import dataclasses
+from functools import cached_property
 from typing import final
 
 import jax.numpy as jnp
@@ -25,6 +26,8 @@ from ...models import (
 )
 
 WAYS = ("_positive", "_negative")
+KNOTS = 20
+"""Knots of a free table."""
 GAUSS = 2.0
 """Exponent of the Stribeck curve that is assumed where the data do not tell it."""
 _EXPONENTS = (0.7, 1.0, 2.0)
@@ -157,7 +160,7 @@ class AbstractStructure(abc.ABC):
         """How many sets of factors there are."""
         return 2 if self.directional else 1
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all factors, direction by direction."""
         if not self.directional:
@@ -336,7 +339,7 @@ class KnotTable(AbstractStructure):
         """See `AbstractStructure`."""
         return False
 
-    @property
+    @cached_property
     def factors(self) -> tuple[str, ...]:
         """See `AbstractStructure`."""
         return tuple(f"knot_{index}" for index in range(len(self.knots)))
