@@ -5,7 +5,7 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ..core import FitError, one_blas_thread
 from ._equation import Equation, Known
@@ -159,7 +159,8 @@ def choose_law(
                 asked, solution, missing = fit_carried(
                     asked, loss, begin=share, near=near.get(kind.shapes)
                 )
-                near[asked.structure.shapes] = solution.shape
+                if len(solution.shape) == len(kind.shapes):
+                    near[kind.shapes] = solution.shape
                 fits[kind] = assemble(asked, solution, missing, METHOD)
             # Where the data do not carry a law, the simpler one speaks for it.
             spoken.append(asked.structure)

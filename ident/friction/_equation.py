@@ -59,7 +59,7 @@ class Lowpass:
 
     @cached_property
     def _runs(self) -> list[slice]:
-        edges = np.flatnonzero(np.diff(self.piece, prepend=-1, append=-1))
+        edges = np.flatnonzero(np.diff(self.piece, prepend=-1, append=-1)).tolist()
         runs = [slice(*ends) for ends in itertools.pairwise(edges)]
         return [run for run in runs if run.stop - run.start >= len(self._kernel)]
 
@@ -82,7 +82,9 @@ class Lowpass:
 
     def __call__(self, columns: Float[np.ndarray, "t c"]) -> Float[np.ndarray, "s c"]:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
-        if self.factor == 1 or not columns.size:
+        if self.factor == 1:
+            return columns
+        if not columns.size:
             return columns[self.centres]
         found = [np.zeros((0, columns.shape[1]))]
         for run in self._runs:

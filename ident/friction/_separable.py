@@ -401,8 +401,7 @@ class _Projection:
         return np.asarray(starts[np.argmax(gain)])
 
     def _at(self, shape: Float[np.ndarray, " h"]) -> tuple[np.ndarray, ...]:
-        """Return the columns that follow the shape, their inverse Gram matrix and factors, and
-        what is left."""
+        """Return the columns that follow the shape, (XᵀX)⁻¹, factors, and what is left."""
         key = shape.tobytes()
         if self._last is None or self._last[0] != key:
             columns = self._equation.last_columns(shape)[self._rows]
