@@ -70,7 +70,10 @@ from ._friction_compensation import (
     FrictionCompensation as FrictionCompensation,
     FrictionState as FrictionState,
 )
-from ._friction_stribeck import StribeckFriction as StribeckFriction
+from ._friction_stribeck import (
+    StribeckFriction as StribeckFriction,
+    stribeck_decay as stribeck_decay,
+)
 from ._leadscrew import Leadscrew as Leadscrew
 from ._motion import (
     COMPENSATIONS as COMPENSATIONS,

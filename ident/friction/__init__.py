@@ -1,0 +1,25 @@
+"""Friction of a drive: from a recording of any motion to a law, and to the knots of a list.
+
+Read in this order:
+
+- `_samples`: `DriveSamples`, what a drive recorded.
+- `_structures`: the kinds of law, Coulomb + viscous, Stribeck, table, and their columns.
+- `_equation`: a recording as rows of a linear equation, filtered alike on both sides.
+- `_separable`: its robust fit by variable projection; `_smoothing`: how smooth a table is;
+  `_covariance`: standard deviations where neighbouring residuals resemble each other.
+- `_determined`, `_result`: what the data do not tell; `FrictionFit` with parameters and σ.
+- `_inverse`: `fit_inverse`, all of that in one call.
+"""
+
+from ._equation import Known as Known
+from ._inverse import fit_inverse as fit_inverse, force_error as force_error
+from ._result import FrictionFit as FrictionFit
+from ._samples import DriveSamples as DriveSamples
+from ._structures import (
+    AbstractStructure as AbstractStructure,
+    CoulombViscous as CoulombViscous,
+    DirectionalTable as DirectionalTable,
+    KnotTable as KnotTable,
+    Stribeck as Stribeck,
+    default_knots as default_knots,
+)
