@@ -64,6 +64,7 @@ from ._filter import (
 from ._friction import (
     AbstractFriction as AbstractFriction,
     FrictionTable as FrictionTable,
+    linear_weights as linear_weights,
     sample_friction as sample_friction,
 )
 from ._friction_compensation import (
@@ -73,6 +74,7 @@ from ._friction_compensation import (
 from ._friction_stribeck import (
     StribeckFriction as StribeckFriction,
     stribeck_decay as stribeck_decay,
+    stribeck_slopes as stribeck_slopes,
 )
 from ._leadscrew import Leadscrew as Leadscrew
 from ._motion import (

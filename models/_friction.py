@@ -117,13 +117,10 @@ class FrictionTable(AbstractFriction):
         What `stencil` gives for positive velocities.
         """
         points = np.asarray(self.nodes.points)
-        last = len(points) - 1
-        place = np.interp(speed, points, np.arange(last + 1.0))
-        first = np.minimum(place.astype(np.int64), max(last - 1, 0))
-        weights = np.stack([1.0 - (place - first), place - first])
+        first, weights = linear_weights(points, speed)
         if not self.held_below and points[0] > 0:
             weights *= np.minimum(speed / points[0], 1.0)
-        if not self.held_above and last > 0:
+        if not self.held_above and len(points) > 1:
             beyond = np.maximum(speed - points[-1], 0.0) / (points[-1] - points[-2])
             weights += np.stack([-beyond, beyond])
         return first, np.asarray(self.scaling) * weights
@@ -157,6 +154,18 @@ class FrictionTable(AbstractFriction):
         last = self.nodes.points[-1]
         excess = (speed - last) / (last - self.nodes.points[-2])
         return jnp.where(speed >= last, excess, 0.0)
+
+
+def linear_weights(
+    points: Float[np.ndarray, " p"], position: Float[np.ndarray, " t"]
+) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "2 t"]]:
+    """Return the first of the 2 nodes of each position and both weights, held outside.
+
+    What `FrictionTable.stencil` gives for positive velocities, by NumPy.
+    """
+    place = np.interp(position, points, np.arange(float(len(points))))
+    first = np.minimum(place.astype(np.int64), max(len(points) - 2, 0))
+    return first, np.stack([1.0 - (place - first), place - first])
 
 
 def sample_friction(

@@ -93,23 +93,29 @@ class StribeckFriction(AbstractFriction):
 
 
 def stribeck_decay(
-    speed: Float[np.ndarray, " t"], velocity: float, shape: float
-) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, "2 t"]]:
-    r"""Return the share of the break-away excess left at speeds, and its slopes, by NumPy.
+    speed: Float[np.ndarray, "..."],
+    velocity: float | Float[np.ndarray, "..."],
+    shape: float | Float[np.ndarray, "..."],
+) -> Float[np.ndarray, "..."]:
+    r"""Return the share of the break-away excess that is left at speeds, by NumPy.
 
-    The column of $s - c$ in `StribeckFriction`: $e^{-(|v|/v_s)^\delta}$.
+    The column of $s - c$ in `StribeckFriction`: $e^{-(|v|/v_s)^\delta}$. Arguments broadcast.
 
     Args:
         speed: |v| in mm/s or °/s.
         velocity: Stribeck velocity $v_s$ in the same unit.
         shape: Exponent $\delta$.
-
-    Returns:
-        The column, and its derivatives with respect to $\ln v_s$ and $\ln \delta$.
     """
+    return np.asarray(_decay(np, speed, velocity, shape)[0])
+
+
+def stribeck_slopes(
+    speed: Float[np.ndarray, " t"], velocity: float, shape: float
+) -> Float[np.ndarray, "2 t"]:
+    r"""Return the derivatives of `stribeck_decay` by $\ln v_s$ and $\ln \delta$."""
     decay, power, raised = _decay(np, speed, velocity, shape)
     both = power * decay
-    return decay, np.stack([shape * both, -raised * both])
+    return np.stack([shape * both, -raised * both])
 
 
 def _decay(xp: ModuleType, speed: Any, velocity: Any, shape: Any) -> Any:

@@ -9,10 +9,19 @@ Read in this order:
   `_covariance`: standard deviations where neighbouring residuals resemble each other.
 - `_determined`, `_result`: what the data do not tell; `FrictionFit` with parameters and σ.
 - `_inverse`: `fit_inverse`, all of that in one call.
+- `_choice`: `choose_law`, which kind of law predicts windows held out.
+- `_knots`, `_polyline`: `place_knots`, the entries of a friction list, and their search.
 """
 
+from ._choice import (
+    Candidate as Candidate,
+    Choice as Choice,
+    WindowLaw as WindowLaw,
+    choose_law as choose_law,
+)
 from ._equation import Known as Known
 from ._inverse import fit_inverse as fit_inverse, force_error as force_error
+from ._knots import Knots as Knots, place_knots as place_knots
 from ._result import FrictionFit as FrictionFit
 from ._samples import DriveSamples as DriveSamples
 from ._structures import (

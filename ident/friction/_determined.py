@@ -44,20 +44,21 @@ def drop_reason(equation: Equation, solution: Solution) -> str | None:
     drop_sd = sd[len(equation.fixed_names) : count].reshape(structure.ways, -1)[:, -1]
     velocity = float(np.exp(solution.shape[0]))
     slowest, fastest = float(speeds.min()), float(speeds.max())
+    per = f"{equation.samples.unit}/s"
     if (drops <= 0).all():
         return (
             "friction does not fall from rest on: no Stribeck effect above "
-            f"{slowest:.3g} mm/s, the slowest motion recorded"
+            f"{slowest:.3g} {per}, the slowest motion recorded"
         )
     if velocity > _TOO_FAST * fastest or (factors[:, 0] < 0).any():
         return (
-            f"friction bends up to the highest speeds recorded ({fastest:.3g} mm/s): "
+            f"friction bends up to the highest speeds recorded ({fastest:.3g} {per}): "
             "that is no drop from break-away, and says nothing of one"
         )
     if solution.at_bound[0] or sd[count] > _VAGUE_LOG:
         return (
             f"the recording has too little motion in the Stribeck range (slowest "
-            f"{slowest:.3g} mm/s, found {velocity:.3g} mm/s)"
+            f"{slowest:.3g} {per}, found {velocity:.3g} {per})"
         )
     if not (drops > _DROP * drop_sd).any():
         return "the drop from break-away to Coulomb friction is lost in the noise"

@@ -122,14 +122,14 @@ def assemble(
     count, used = len(solution.factors), equation.usable
     state = np.concatenate([solution.factors, solution.shape])
     seen = directions_seen(equation.samples.velocity[equation.samples.in_motion])
-    parted = structure.directional and equation.known.offset is None
-    unit = np.eye(len(state))
-    names, rows, inner = list(equation.fixed_names), [*unit[:fixed]], unit[fixed:]
-    if parted:
-        offset, shift = _gauge(fixed, structure, len(state))
+    to_offset, to_law = part_offset(equation)
+    parted = to_offset is not None
+    unit, shapes = np.eye(len(state)), len(solution.shape)
+    names, rows = list(equation.fixed_names), [*unit[:fixed]]
+    inner = np.concatenate([np.pad(to_law, ((0, 0), (0, shapes))), unit[count:]])
+    if to_offset is not None:
         names.append("offset")
-        rows.append(offset)
-        inner = np.concatenate([shift[fixed:count], unit[count:]])
+        rows.append(np.pad(to_offset, (0, shapes)))
     own = inner[: count - fixed] @ state
     reported, values, slopes = _reported(structure, own, solution.shape)
     jacobian = np.concatenate([np.array(rows).reshape(-1, len(state)), slopes @ inner])
@@ -193,21 +193,23 @@ def assemble(
     )
 
 
-def _gauge(
-    fixed: int, structure: AbstractStructure, total: int
-) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
-    """Return offset and all factors after parting levels per direction from the offset.
+def part_offset(
+    equation: Equation,
+) -> tuple[Float[np.ndarray, " k"] | None, Float[np.ndarray, "f k"]]:
+    """Return maps from the linear factors as fitted to the offset, and to those of the law.
 
-    Seen in motion are level⁺ + offset and level⁻ − offset only. The offset is chosen so that
-    the mean levels of both directions are equal. Both results multiply the state as fitted.
+    Per direction, seen in motion are level⁺ + offset and level⁻ − offset only. The offset is
+    chosen so that the mean levels of both directions are equal. Where it has a column of its
+    own or is known there is no map to it.
     """
+    structure, fixed = equation.structure, len(equation.fixed_names)
+    unit = np.eye(fixed + len(structure.names))
+    if not structure.directional or equation.known.offset is not None:
+        return None, unit[fixed:]
     one = structure.levels()
-    ahead = slice(fixed, fixed + len(one))
-    back = slice(fixed + len(one), fixed + 2 * len(one))
-    offset, shift = np.zeros(total), np.eye(total)
-    offset[ahead], offset[back] = 0.5 * one / one.sum(), -0.5 * one / one.sum()
-    shift[ahead] -= np.outer(one, offset)
-    shift[back] += np.outer(one, offset)
+    offset = np.zeros(len(unit))
+    offset[fixed:] = 0.5 * np.concatenate([one, -one]) / one.sum()
+    shift = unit[fixed:] - np.outer(np.concatenate([one, -one]), offset)
     return offset, shift
 
 

@@ -22,7 +22,7 @@ _SATURATED = 5
 class DriveSamples:
     """One recording of one axis; all arrays have one entry per sample and no NaN.
 
-    Rotary axes have ° where it says mm.
+    Rotary axes have ° where mm is written.
 
     Attributes:
         time: In s, ascending; where it jumps, a new piece begins.
@@ -37,6 +37,7 @@ class DriveSamples:
         moving: Whether the axis moves; samples at rest say nothing of kinetic friction. Left
             out: faster than a thousandth of the highest speed.
         position: Measured, in mm; only the output-error fit needs it.
+        unit: ``"mm"``, or ``"°"`` for a rotary axis: all lengths are in it.
     """
 
     time: Float[np.ndarray, " t"]
@@ -50,6 +51,7 @@ class DriveSamples:
     )
     moving: Bool[np.ndarray, " t"] | None = None
     position: Float[np.ndarray, " t"] | None = None
+    unit: str = "mm"
 
     @cached_property
     def cycle(self) -> float:
@@ -87,6 +89,7 @@ class DriveSamples:
             {name: values[keep] for name, values in self.loads.items()},
             cut(self.moving),
             cut(self.position),
+            self.unit,
         )
 
 
@@ -122,7 +125,7 @@ def check_samples(samples: DriveSamples) -> None:
     arrays = {
         field.name: getattr(samples, field.name)
         for field in dataclasses.fields(samples)
-        if field.name not in ("loads", "moving")
+        if field.name not in ("loads", "moving", "unit")
     } | dict(samples.loads)
     if count < 2:
         msg = f"found {count} samples of the drive, expected a recording."

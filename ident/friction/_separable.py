@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
+from ...data.signals import median
 from ..core import AbstractLoss, FitError, choose_loss
 from ._covariance import larger_covariance, score_covariance
 from ._equation import Equation
@@ -40,11 +41,15 @@ _SETTLED = 1e-3
 """Largest change of a row's residual in one pass, in scales, at the end."""
 _NULL = 1e-9
 """Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
-_START_ROWS = 512
+_START_ROWS = 256
 """Rows that tell where a search begins, at most."""
-_TOLERANCE = 1e-9
+_TOLERANCE = 1e-8
 """Of cost and shape at the end of a search."""
 _LARGEST_LEVERAGE = 0.9
+_INSIDE = 0.999
+"""Share of the way from the middle of the bounds to their edge where a search may begin."""
+_AT_BOUND = 0.01
+"""Distance to a bound, as a share of the range, that counts as none."""
 
 
 @final
@@ -194,6 +199,7 @@ def fit_equation(
         equation, residual, share, found, shape, linear.factors, weight
     )
     low, high = equation.structure.bounds(equation.speed)
+    edge = _AT_BOUND * (high - low)
     return Solution(
         factors=linear.factors,
         shape=shape,
@@ -206,7 +212,7 @@ def fit_equation(
         lag=lag,
         passes=step + 1,
         converged=bool(settled),
-        at_bound=(shape <= low + 1e-6) | (shape >= high - 1e-6),
+        at_bound=(shape <= low + edge) | (shape >= high - edge),
         smoothness=weight,
     )
 
@@ -267,7 +273,7 @@ def reweigh(
         loss = kept
     elif name == "trim":
         # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
-        scale = 1.4826 * float(np.median(np.abs(residual[used]))) * inflation
+        scale = 1.4826 * median(np.abs(residual[used])) * inflation
         loss = TrimLoss(max(scale, floor))
     else:
         loss = choose_loss(name, residual[used], inflation, floor)
@@ -317,11 +323,8 @@ def search_shape(
     projection = _Projection(equation, share)
     bounds = structure.bounds(equation.speed)
     begin = projection.best_start() if near is None else near
-    inside = 1e-6 * (bounds[1] - bounds[0])
-    begin = np.clip(begin, bounds[0] + inside, bounds[1] - inside)
     found = _least(projection.residual, projection.jacobian, begin, bounds)
     if equation.has_instrument:
-        found = np.clip(found, bounds[0] + inside, bounds[1] - inside)
         moments = _Moments(equation, share)
         found = _least(moments.residual, moments.jacobian, found, bounds)
     return found
@@ -333,11 +336,19 @@ def _least(
     begin: Float[np.ndarray, " h"],
     bounds: Float[np.ndarray, "2 h"],
 ) -> Float[np.ndarray, " h"]:
+    """Return the shape of least squares within bounds, by Levenberg and Marquardt's method."""
+    middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
+
+    def natural(free: np.ndarray) -> np.ndarray:
+        return np.asarray(middle + half * np.tanh(free))
+
     found = least_squares(
-        residual, begin, jacobian, bounds=bounds,
-        xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=None,
+        lambda free: residual(natural(free)),
+        np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
+        lambda free: jacobian(natural(free)) * (half * (1.0 - np.tanh(free) ** 2)),
+        method="lm", xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE,
     )  # fmt: skip
-    return np.asarray(found.x)
+    return natural(found.x)
 
 
 class _Projection:
@@ -375,8 +386,7 @@ class _Projection:
         basis = self._basis[::step] * np.sqrt(step)
         starts = structure.starts(equation.speed)
         speed = np.abs(velocity)
-        drops = np.stack([structure.profile(speed, one)[:, -1] for one in starts])
-        columns = drops[:, :, None] * signs.T
+        columns = structure.last(speed, starts)[:, :, None] * signs.T
         columns = columns - basis @ (basis.T @ columns)
         moment = np.einsum("nsw,s->nw", columns, self._target[::step])
         gram = np.swapaxes(columns, 1, 2) @ columns
@@ -388,8 +398,8 @@ class _Projection:
         """Return the columns that follow the shape, their factors, and what is left."""
         key = shape.tobytes()
         if self._last is None or self._last[0] != key:
-            design = self._equation.design(shape)[:, self._moving]
-            columns = self._apart(self._root * design[self._rows])
+            columns = self._equation.last_columns(shape)[self._rows]
+            columns = self._apart(self._root * columns)
             factors = np.linalg.lstsq(columns, self._target, rcond=1e-9)[0]
             residual = self._target - columns @ factors
             self._last = key, (columns, factors, residual)

@@ -27,27 +27,33 @@ def choose_smoothness(equation: Equation, share: Float[np.ndarray, " s"]) -> flo
     penalty = equation.penalty
     assert penalty is not None
     change, flats = _bends(penalty, len(equation.fixed_names), equation.structure.ways)
-    root = np.sqrt(share)
-    design = root[:, None] * (equation.design(np.zeros(0)) @ change)
-    target = root * equation.target
-    straight, bent = design[:, :flats], design[:, flats:]
-    size = np.linalg.norm(straight, axis=0)
-    straight = straight / np.where(size > 0, size, 1.0)
-    inverse = np.linalg.pinv(straight.T @ straight, rcond=1e-10, hermitian=True)
-    both = np.column_stack([bent, target])
-    both -= straight @ (inverse @ (straight.T @ both))
-    bent, target = both[:, :-1], both[:, -1]
-    spectrum, vectors = np.linalg.eigh(bent.T @ bent)
+    design = equation.design(np.zeros(0))
+    right = np.column_stack([design, equation.target])
+    sums = (share[:, None] * right).T @ right
+    square = float(sums[-1, -1])
+    sums = np.column_stack(
+        [change.T @ sums[:-1, :-1] @ change, change.T @ sums[:-1, -1]]
+    )
+    size = np.sqrt(np.diag(sums)[:flats])
+    size = np.where(size > 0, size, 1.0)
+    inner = sums[:flats, :flats] / np.outer(size, size)
+    inverse = np.linalg.pinv(inner, rcond=1e-10, hermitian=True) / np.outer(size, size)
+    reach = sums[:flats, flats:]
+    rest = sums[flats:, flats:] - reach[:, :-1].T @ inverse @ reach
+    square -= float(reach[:, -1] @ inverse @ reach[:, -1])
+    spectrum, vectors = np.linalg.eigh(rest[:, :-1])
     spectrum = np.maximum(spectrum, 0.0)
-    along = vectors.T @ (bent.T @ target)
+    along = vectors.T @ rest[:, -1]
     seen = spectrum > _NULL * spectrum[-1]
-    free = vectors[:, seen] @ (along[seen] / spectrum[seen])
-    lag = lag_of((target - bent @ free)[:, None], equation.piece)
+    bent = vectors[:, seen] @ (along[seen] / spectrum[seen])
+    straight = inverse @ (reach[:, -1] - reach[:, :-1] @ bent)
+    left = equation.target - design @ (change @ np.concatenate([straight, bent]))
+    lag = lag_of((np.sqrt(share) * left)[:, None], equation.piece)
     rows = int((share > 0).sum()) // (1 + lag)
     count = max(rows, design.shape[1] + 2)
     raised = spectrum + _WEIGHTS[:, None]
-    left = target @ target - (along**2 / raised).sum(axis=1)
-    score = (count - flats) * np.log(np.maximum(left, 1e-300))
+    remaining = np.maximum(square - (along**2 / raised).sum(axis=1), 1e-300)
+    score = (count - flats) * np.log(remaining)
     score += np.log(raised).sum(axis=1) - len(spectrum) * np.log(_WEIGHTS)
     return float(_WEIGHTS[np.argmin(score)])
 

@@ -19,7 +19,9 @@ from ...models import (
     FrictionTable,
     Setpoints,
     StribeckFriction,
+    linear_weights,
     stribeck_decay,
+    stribeck_slopes,
 )
 
 WAYS = ("_positive", "_negative")
@@ -28,7 +30,7 @@ GAUSS = 2.0
 _EXPONENTS = (0.7, 1.0, 2.0)
 """Exponents from which the search starts."""
 _EXPONENT_RANGE = (0.3, 6.0)
-_RATIO = np.sqrt(2.0)
+_RATIO = 2.0
 """Ratio of neighbouring Stribeck velocities from which the search starts."""
 _LEVELS = 400
 """Speeds at which the distribution of a recording is taken."""
@@ -118,6 +120,12 @@ class AbstractStructure(abc.ABC):
         """Return the least and the largest logarithms that the data can tell apart."""
         del speed
         return np.zeros((2, 0))
+
+    def last(
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n s"]
+    ) -> Float[np.ndarray, "n t"]:
+        """Return the last column of `profile` for several shapes."""
+        return np.stack([self.profile(speed, shape)[:, -1] for shape in shapes])
 
     def slopes(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
@@ -268,14 +276,23 @@ class Stribeck(AbstractStructure):
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`."""
-        drop, _ = stribeck_decay(speed, *self._natural(shape))
+        drop = stribeck_decay(speed, *self._natural(shape))
         return np.stack([np.ones_like(speed), speed, drop], axis=1)
+
+    def last(
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n s"]
+    ) -> Float[np.ndarray, "n t"]:
+        """See `AbstractStructure`."""
+        velocity, exponent = np.exp(shapes[:, :1]), self.exponent
+        if exponent is None:
+            return stribeck_decay(speed[None], velocity, np.exp(shapes[:, 1:]))
+        return stribeck_decay(speed[None], velocity, np.full_like(velocity, exponent))
 
     def slopes(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
     ) -> Float[np.ndarray, "s t"]:
         """See `AbstractStructure`."""
-        return stribeck_decay(speed, *self._natural(shape))[1][: len(shape)]
+        return stribeck_slopes(speed, *self._natural(shape))[: len(shape)]
 
     def reported(
         self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
@@ -334,7 +351,7 @@ class KnotTable(AbstractStructure):
     ) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`: the weights of the model's table."""
         count, rows = len(self.knots), np.arange(len(speed))
-        first, weights = self._table(np.zeros(count)).numpy_weights(speed)
+        first, weights = linear_weights(np.asarray(self.knots), speed)
         found = np.zeros((len(speed), count))
         found[rows, first], found[rows, first + 1] = weights
         return found

@@ -11,15 +11,8 @@ from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.exchange import friction_from_list
 from axcomp.ident.job import FrictionResult, JobResult, run_job
-from axcomp.ident.job.friction._identify import steady
 from axcomp.ident.report import write_report
-from axcomp.models import (
-    AbstractFriction,
-    Conventions,
-    FrictionTable,
-    Setpoints,
-    StribeckFriction,
-)
+from axcomp.models import AbstractFriction, Conventions, StribeckFriction
 
 LAW = StribeckFriction(2.0, 3.0, 5.0, 2.0, 0.004)
 INERTIA, OFFSET, NOISE = 0.002, 0.3, 0.1
@@ -230,14 +223,3 @@ def test_current_held_at_its_limit_writes_no_list(tmp_path: Path) -> None:
         "No list is written. The current is held at its limit" in w for w in words
     )
     assert not result.passed
-
-
-@pytest.mark.parametrize("held", [True, False])
-def test_a_list_is_told_in_the_unit_of_the_recording(held: bool) -> None:
-    knots, currents = np.array([1.0, 2.0, 5.0]), np.array([3.0, 4.0, 2.0])
-    law = FrictionTable(Setpoints(knots), currents, scaling=0.7, held_below=held)
-    velocity = np.array([-9.0, -1.5, -0.5, 0.0, 0.2, 1.0, 4.0, 6.0])
-    # Both round a few products and a sum of numbers below 10.
-    np.testing.assert_allclose(
-        steady(law, velocity, 0.012), 0.012 * np.asarray(law(velocity)), atol=1e-15
-    )

@@ -5,21 +5,24 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....models import AbstractFriction, FrictionTable
-from ...fit import FitError
+from ...core import FitError
 from ...fit.friction import (
+    OutputErrorFit,
+    ReversalFit,
+    fit_output_error,
+    fit_reversal,
+)
+from ...friction import (
     Choice,
     DriveSamples,
     FrictionFit,
     Known,
-    OutputErrorFit,
-    ReversalFit,
+    WindowLaw,
     choose_law,
-    fit_output_error,
-    fit_reversal,
 )
 from .._fit_schema import FrictionSpec
 from .._result import Remark
+from ._listing import without_inertia
 from ._recording import DriveRecording
 
 _WINDOWS = 10
@@ -37,7 +40,7 @@ class Identified:
         law: That of them which predicts best; `fit` itself where it is one.
         output: The output-error fit, where it was asked for.
         reversal: What reversals show, or None.
-        held_out: Friction that laws fitted to the other windows predict, per sample.
+        without: Laws fitted without each window in turn.
         window: Window of each sample.
         remarks: What the user must know.
     """
@@ -48,7 +51,7 @@ class Identified:
     law: FrictionFit
     output: OutputErrorFit | None
     reversal: ReversalFit | None
-    held_out: Float[np.ndarray, " t"]
+    without: tuple[WindowLaw, ...]
     window: Int[np.ndarray, " t"]
     remarks: tuple[Remark, ...]
 
@@ -79,60 +82,35 @@ def identify(
         Remark("warning", f"{name.replace('_', ' ')} is not known: {reason}")
         for name, reason in law.undetermined.items()
     ]
-    window = choice.left_out.window_of_samples
-    held_out = choice.left_out.predicted(fit)
     reversal = None
     if spec.reversal:
         reversal, more = _reversal(recording, fit, cycle_time)
         remarks += more
     return Identified(
-        choice, fit, laws, law, output, reversal, held_out, window, tuple(remarks)
+        choice,
+        fit,
+        laws,
+        law,
+        output,
+        reversal,
+        choice.without,
+        choice.window,
+        tuple(remarks),
     )
 
 
 def _best_law(choice: Choice) -> int:
     """Return the simplest law in words that predicts as well as the best of them."""
-    laws = [each for each in choice.candidates if each.structure.in_words]
+    laws = [each for each in choice.candidates if each.structure.parametric]
     best = min(laws, key=lambda each: each.error)
     good = [each for each in laws if each.error <= best.error + best.standard_error]
     return laws.index(min(good, key=lambda each: each.parameters))
 
 
-def steady(
-    law: AbstractFriction, velocity: Float[np.ndarray, " t"], unit: float = 1.0
-) -> np.ndarray:
-    """Return the current of a law at velocities, as NumPy has it.
-
-    Args:
-        law: The law.
-        velocity: In mm/s or °/s.
-        unit: What one unit of a table is in that of the current.
-    """
-    if isinstance(law, FrictionTable) and law.held_below and law.held_above:
-        # A compiled table would have to be compiled anew for every number of entries.
-        entries = np.asarray(law.scaling) * (np.asarray(law.values) * unit)
-        level = np.interp(np.abs(velocity), np.asarray(law.nodes.points), entries)
-        return np.asarray(np.sign(velocity) * level)
-    if unit != 1.0:
-        assert isinstance(law, FrictionTable)
-        law = dataclasses.replace(law, values=law.values * unit)
-    found: np.ndarray = np.array(law(velocity), dtype=float)
-    return found
-
-
-def friction_of(samples: DriveSamples, fit: FrictionFit) -> Float[np.ndarray, " t"]:
+def _friction_of(samples: DriveSamples, fit: FrictionFit) -> Float[np.ndarray, " t"]:
     """Return the current that friction takes: inertia and constant load taken off."""
-    values = dict(zip(fit.names, fit.values, strict=True))
-    known = fit.known
-
-    def one(name: str, stated: float | None) -> float:
-        value = stated if stated is not None else values.get(name, 0.0)
-        return 0.0 if not np.isfinite(value) else float(value)
-
-    left = samples.current - one("offset", known.offset)
-    if samples.acceleration is not None:
-        left = left - one("inertia", known.inertia) * samples.acceleration
-    return np.asarray(left)
+    inertia, offset = (fit.parameters.get(name, 0.0) for name in ("inertia", "offset"))
+    return without_inertia(samples, inertia) - offset
 
 
 def _beside(recording: DriveRecording) -> Float[np.ndarray, "t 5"]:
@@ -165,7 +143,7 @@ def _reversal(
             fit.law,
             recording.commanded,
             recording.commanded_velocity,
-            friction_of(samples, fit),
+            _friction_of(samples, fit),
             nuisance=_beside(recording),
         )
     except FitError as error:

@@ -1,12 +1,8 @@
 """Friction from any motion: parameters, their errors, and what cannot be told."""
 
 import dataclasses
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -14,7 +10,6 @@ from scipy.signal import butter, sosfiltfilt
 
 from axcomp.ident.fit import FitError
 from axcomp.ident.friction import (
-    AbstractStructure,
     CoulombViscous,
     DriveSamples,
     KnotTable,
@@ -26,7 +21,7 @@ from axcomp.ident.friction import (
 )
 from axcomp.models import StribeckFriction
 
-DATA = Path(__file__).parents[2] / "../shared/data"
+DATA = Path(__file__).parents[3] / "../shared/data"
 CYCLE = 0.01  # s
 TRUTH = {
     "coulomb": 1.2,
