@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import FitError
+from ._choice import WindowLaw
 from ._covariance import score_covariance
 from ._equation import Equation
 from ._inverse import equation_of, fit_inverse
@@ -136,13 +137,13 @@ def fit_output_error(
     return asked.fit(shooting, starts)
 
 
-def held_out_error(
+def laws_held_out(
     fit: OutputErrorFit,
     samples: DriveSamples,
     window: Int[np.ndarray, " t"],
     loss: str = "trim",
-) -> Float[np.ndarray, " t"]:
-    """Return load − prediction per sample under the drive found without its window.
+) -> tuple[WindowLaw, ...]:
+    """Return the drive found by output error without each window.
 
     For each window the inverse fit and the output error are repeated on the rest of the
     recording; the axis is set down anew, as measured, behind the window. Where the rest does
@@ -153,12 +154,8 @@ def held_out_error(
         samples: The recording.
         window: Of each sample, from 0.
         loss: Of the inverse fits, as for `fit_inverse`.
-
-    Returns:
-        In load units, filtered by nothing.
     """
-    whole = fit.friction
-    error = _force_left(whole, samples)
+    whole, found = fit.friction, []
     for number in range(int(window.max()) + 1):
         rows = window != number
         try:
@@ -177,11 +174,18 @@ def held_out_error(
             options = (fit.variance, fit.trust, fit.solver, fit.constraints)
             asked = _Asked(equation, cut, guess, *options)
             shooting = make_shooting(equation, cut, _values(guess), fit.constraints)
-            found = asked.fit(shooting, np.zeros((0, 2))).friction
+            other = asked.fit(shooting, np.zeros((0, 2))).friction
         except FitError:
-            continue
-        error[~rows] = _force_left(found, samples)[~rows]
-    return error
+            other = whole
+        found.append(_window_law(other if other.has_law else whole))
+    return tuple(found)
+
+
+def _window_law(fit: FrictionFit) -> WindowLaw:
+    law = fit.law
+    assert law is not None
+    inertia, offset = (fit.parameters.get(name, 0.0) for name in ("inertia", "offset"))
+    return WindowLaw(law, inertia, offset)
 
 
 def free_run(
@@ -233,12 +237,6 @@ def _refuse_unsimulated(guess: FrictionFit, samples: DriveSamples) -> None:
 
 def _values(fit: FrictionFit) -> Float[np.ndarray, " p"]:
     return np.concatenate([fit.state, fit.shape])
-
-
-def _force_left(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " t"]:
-    """Return load − prediction per sample, filtered by nothing, in load units."""
-    equation = equation_of(samples, fit.structure, fit.known, 1)
-    return np.asarray(equation.target - equation.design(fit.shape) @ fit.state)
 
 
 def _approached(

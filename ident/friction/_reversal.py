@@ -319,7 +319,7 @@ def _shares(
     template: FrictionCompensation,
     position: Float[Array, " t"],
     velocity: Float[Array, " t"],
-    distance: float | Float[Array, ""],
+    distance: Float[Array, ""],
 ) -> Float[Array, "l t"]:
     found = []
     for lookahead in range(LOOKAHEADS):

@@ -336,7 +336,7 @@ def _levenberg_marquardt(
         limit, limit, norm=optx.rms_norm, linear_solver=lx.Normal(lx.Cholesky())
     )
     still = (jnp.zeros_like(shooting.start), jnp.zeros_like(starts))
-    found = optx.least_squares(
+    found: Any = optx.least_squares(
         residual, solver, still, shooting, max_steps=_STEPS, throw=False
     )
     converged = jnp.asarray(found.result == optx.RESULTS.successful)
@@ -388,8 +388,16 @@ def _levels(point: Float[Array, " x"], shooting: Shooting) -> Float[Array, " g"]
 def _ended(
     shooting: Shooting, values: Array, starts: Array, steps: int, converged: bool
 ) -> Found:
-    arrays = (values, starts, *linearised(shooting, values, starts))
-    return Found(*(np.asarray(each) for each in arrays), steps, converged)
+    residual, slopes, start_slopes = linearised(shooting, values, starts)
+    return Found(
+        values=np.asarray(values),
+        starts=np.asarray(starts),
+        residual=np.asarray(residual),
+        slopes=np.asarray(slopes),
+        start_slopes=np.asarray(start_slopes),
+        steps=steps,
+        converged=converged,
+    )
 
 
 @eqx.filter_jit
@@ -408,7 +416,7 @@ def linearised(
 
     still = jnp.zeros(len(values) + 1)
     residual, along = jax.linearize(of, still)
-    slopes = jax.vmap(along, out_axes=1)(jnp.eye(len(still)))
+    slopes: Array = jax.vmap(along, out_axes=1)(jnp.eye(len(still)))
     return residual, slopes[:, :-1], slopes[:, -1]
 
 

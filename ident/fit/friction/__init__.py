@@ -12,13 +12,6 @@ from ._choice import (
 )
 from ._compete import Candidate as Candidate
 from ._inverse import fit_inverse as fit_inverse
-from ._ipopt import Ipopt as Ipopt
-from ._marquardt import Marquardt as Marquardt
-from ._output_error import (
-    OutputErrorFit as OutputErrorFit,
-    fit_output_error as fit_output_error,
-    free_run as free_run,
-)
 from ._placement import Knots as Knots, place_knots as place_knots
 from ._plateaus import (
     Plateaus as Plateaus,
@@ -27,9 +20,7 @@ from ._plateaus import (
 )
 from ._problem import Known as Known
 from ._result import FrictionFit as FrictionFit
-from ._reversal import ReversalFit as ReversalFit, fit_reversal as fit_reversal
 from ._samples import DriveSamples as DriveSamples
-from ._shooting import AbstractSolver as AbstractSolver
 from ._static import fit_static as fit_static
 from ._structure import AbstractStructure as AbstractStructure
 from ._structures import CoulombViscous as CoulombViscous, Stribeck as Stribeck

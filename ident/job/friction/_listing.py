@@ -8,8 +8,7 @@ from jaxtyping import Bool, Float
 from ....data.signals import median, quantile
 from ....models import AbstractFriction, FrictionCompensation
 from ...exchange import FrictionNumbers
-from ...fit.friction import ReversalFit
-from ...friction import DriveSamples, FrictionFit, Knots, place_knots
+from ...friction import DriveSamples, FrictionFit, Knots, ReversalFit, place_knots
 from .._fit_schema import FrictionSpec
 from ._result import LawCurve
 
