@@ -80,7 +80,7 @@ class DriveSamples:
     @cached_property
     def saturated(self) -> Bool[np.ndarray, " t"]:
         """Which samples stand at the limit of the drive."""
-        return saturated(self.current)
+        return _saturated(self.current)
 
     @cached_property
     def directions(self) -> tuple[bool, bool]:
@@ -150,7 +150,7 @@ class DriveSamples:
         )
 
 
-def saturated(current: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+def _saturated(current: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
     """Return which samples stand at the limit of the drive.
 
     A measured current hardly repeats itself to the last digit at its very extreme: five in a

@@ -3,26 +3,23 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ...core import FitError
-from ...fit.friction import (
-    OutputErrorFit,
-    ReversalFit,
-    fit_output_error,
-    fit_reversal,
-)
 from ...friction import (
     Choice,
-    DriveSamples,
     FrictionFit,
     Known,
+    OutputErrorFit,
+    ReversalFit,
     WindowLaw,
     choose_law,
+    fit_output_error,
+    fit_reversal,
+    laws_held_out,
 )
 from .._fit_schema import FrictionSpec
 from .._result import Remark
-from ._listing import without_inertia
 from ._recording import DriveRecording
 
 _WINDOWS = 10
@@ -68,24 +65,29 @@ def identify(
     inertia = spec.inertia if isinstance(spec.inertia, float) else None
     known = Known(inertia=inertia)
     loss = spec.loss if "loss" in spec.model_fields_set else "trim"
+    reversal, remarks = None, list[Remark]()
+    if spec.reversal:
+        reversal, remarks = _reversal(recording, known, cycle_time)
+    if reversal is not None:
+        # What is missing around reversals is none of the law's.
+        current = samples.current + reversal.missing / known.gain
+        samples = dataclasses.replace(samples, current=current)
     choice = choose_law(samples, known=known, loss=loss, windows=_WINDOWS)
-    fit, output = choice.fit, None
+    fit, output, without = choice.fit, None, choice.without
     laws = choice.laws
     law = laws[_best_law(choice)]
-    remarks: list[Remark] = []
     if spec.method == "output_error":
         # A table cannot be simulated sample by sample; the law in words can.
-        output = fit_output_error(law, samples)
+        output = fit_output_error(
+            law, samples, solver=spec.solver, constraints=spec.constraints
+        )
         fit = law = output.friction
-    remarks += [Remark("info", words) for words in (*law.gauges, *law.remarks)]
-    remarks += [
+        without = laws_held_out(output, samples, choice.window, loss)
+    about = [Remark("info", words) for words in (*law.gauges, *law.remarks)]
+    about += [
         Remark("warning", f"{name.replace('_', ' ')} is not known: {reason}")
         for name, reason in law.undetermined.items()
     ]
-    reversal = None
-    if spec.reversal:
-        reversal, more = _reversal(recording, fit, cycle_time)
-        remarks += more
     return Identified(
         choice,
         fit,
@@ -93,9 +95,9 @@ def identify(
         law,
         output,
         reversal,
-        choice.without,
+        without,
         choice.window,
-        tuple(remarks),
+        (*about, *remarks),
     )
 
 
@@ -107,28 +109,11 @@ def _best_law(choice: Choice) -> int:
     return laws.index(min(good, key=lambda each: each.parameters))
 
 
-def _friction_of(samples: DriveSamples, fit: FrictionFit) -> Float[np.ndarray, " t"]:
-    """Return the current that friction takes: inertia and constant load taken off."""
-    inertia, offset = (fit.parameters.get(name, 0.0) for name in ("inertia", "offset"))
-    return without_inertia(samples, inertia) - offset
-
-
-def _beside(recording: DriveRecording) -> Float[np.ndarray, "t 5"]:
-    """Return what a smoothed acceleration leaves in the current: pulses of the command."""
-    step = np.diff(recording.commanded_velocity, prepend=0.0) / recording.samples.cycle
-    columns = [np.roll(step, away) for away in (-1, 0, 1, 2)]
-    return np.stack([*columns, np.ones_like(step)], axis=1)
-
-
 def _reversal(
-    recording: DriveRecording, fit: FrictionFit, cycle_time: float
+    recording: DriveRecording, known: Known, cycle_time: float
 ) -> tuple[ReversalFit | None, list[Remark]]:
     """Return what reversals show, or a remark that says why nothing does."""
     samples = recording.samples
-    if fit.law is None:
-        return None, [
-            Remark("error", "reversal: without a law there is nothing to see.")
-        ]
     if abs(samples.cycle - cycle_time) > _SAME_CLOCK * cycle_time:
         return None, [
             Remark(
@@ -138,13 +123,16 @@ def _reversal(
                 " cycles cannot be counted.",
             )
         ]
+    # The file does not say whether a velocity belongs to the step before a position or to
+    # the steps around it, which moves reversals by half a cycle.
+    central = np.gradient(recording.commanded, samples.cycle)
     try:
-        found = fit_reversal(
-            fit.law,
-            recording.commanded,
-            recording.commanded_velocity,
-            _friction_of(samples, fit),
-            nuisance=_beside(recording),
+        found = min(
+            (
+                fit_reversal(samples, recording.commanded, velocity, known=known)
+                for velocity in (recording.commanded_velocity, central)
+            ),
+            key=lambda each: each.noise,
         )
     except FitError as error:
         return None, [Remark("error", f"reversal: {error}")]

@@ -8,8 +8,14 @@ from jaxtyping import Float
 from ....data.signals import quantile
 from ....models import FrictionCompensation
 from ...exchange import FrictionNumbers
-from ...fit.friction import ReversalFit
-from ...friction import DriveSamples, FrictionFit, Knots, WindowLaw, place_knots
+from ...friction import (
+    DriveSamples,
+    FrictionFit,
+    Knots,
+    ReversalFit,
+    WindowLaw,
+    place_knots,
+)
 from .._fit_schema import FrictionSpec
 from ._result import LawCurve
 

@@ -6,8 +6,14 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...fit.friction import OutputErrorFit, ReversalFit
-from ...friction import Choice, FrictionFit, Knots, Stribeck
+from ...friction import (
+    Choice,
+    FrictionFit,
+    Knots,
+    OutputErrorFit,
+    ReversalFit,
+    Stribeck,
+)
 from ...proof import CircularTest
 from .._result import AbstractResult
 
