@@ -87,7 +87,7 @@ class WindowLaw:
 
     def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the friction at velocities in mm/s, in load units."""
-        return self.structure.columns(velocity, self.shape) @ self.factors
+        return np.asarray(self.structure.columns(velocity, self.shape) @ self.factors)
 
 
 @dataclasses.dataclass(frozen=True)

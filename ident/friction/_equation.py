@@ -85,7 +85,7 @@ class Lowpass:
         if self.factor == 1:
             return columns
         if not columns.size:
-            return columns[self.centres]
+            return np.asarray(columns[self.centres])
         found = [np.zeros((0, columns.shape[1]))]
         for run in self._runs:
             count = (run.stop - run.start - len(self._kernel)) // self.factor + 1
@@ -103,9 +103,8 @@ class Lowpass:
         whole[:, :used] = columns[:used].T
         pieces = whole.reshape(columns.shape[1], -1, factor)
         products = np.moveaxis(kernel @ np.swapaxes(pieces, 1, 2), 1, 0)
-        return np.sum(
-            [each[:, part : part + count] for part, each in enumerate(products)], axis=0
-        ).T
+        shifted = [each[:, part : part + count] for part, each in enumerate(products)]
+        return np.asarray(np.sum(shifted, axis=0).T)
 
 
 def default_factor(cycle: float) -> int:
@@ -167,12 +166,12 @@ class Equation:
     @cached_property
     def piece(self) -> Int[np.ndarray, " s"]:
         """Piece of each row."""
-        return self.samples.piece[self.lowpass.centres]
+        return np.asarray(self.samples.piece[self.lowpass.centres])
 
     @cached_property
     def speed(self) -> Float[np.ndarray, " t"]:
         """Speeds in motion in mm/s."""
-        return np.abs(self.samples.velocity[self.samples.in_motion])
+        return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
 
     def knots(self, count: int) -> tuple[float, ...]:
         """Return knots in mm/s where the samples in motion are (`default_knots`)."""

@@ -149,7 +149,7 @@ def _lines(curve: Curve, low: int, high: int, count: int) -> Float[np.ndarray, "
         costs = list(curve.apart(near[:-1, :, None], near[1:, None]))
         path = _cheapest(np.zeros(near.shape[1]), costs)
         found = near[np.arange(len(near)), path]
-    return found
+    return np.asarray(found)
 
 
 def _beside(
@@ -192,7 +192,7 @@ def _downhill(curve: Curve, places: Float[np.ndarray, " k"]) -> Float[np.ndarray
 
     def knots(free: np.ndarray) -> np.ndarray:
         parts = np.cumsum(np.exp(np.clip(np.append(free, 0.0), -_FLAT, _FLAT)))
-        return low + span * np.append(0.0, parts / parts[-1])
+        return np.asarray(low + span * np.append(0.0, parts / parts[-1]))
 
     def residual(free: np.ndarray) -> np.ndarray:
         at = knots(free)
@@ -208,7 +208,9 @@ def _downhill(curve: Curve, places: Float[np.ndarray, " k"]) -> Float[np.ndarray
         moved = -slope[cell][:, None] * hats[:, 1:-1]
         share = np.diff(at)[:-1] / span
         chain = np.tri(len(free)) - ((at[1:-1] - low) / span)[:, None]
-        return (moved - hats @ (inverse @ (hats.T @ moved))) @ (span * chain * share)
+        return np.asarray(
+            (moved - hats @ (inverse @ (hats.T @ moved))) @ (span * chain * share)
+        )
 
     gaps = np.log(np.diff(places))
     if len(gaps) < 2 or len(gaps) > len(curve.place):

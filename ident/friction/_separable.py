@@ -61,7 +61,7 @@ class TrimLoss(AbstractLoss):
 
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
-        return np.clip((_NONE - np.abs(ratio)) / (_NONE - _FULL), 0.0, 1.0)
+        return np.asarray(np.clip((_NONE - np.abs(ratio)) / (_NONE - _FULL), 0.0, 1.0))
 
     def slope(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
@@ -184,9 +184,10 @@ def fit_equation(
         weight = (
             choose_smoothness(equation, share) if smoothness is None else smoothness
         )
-    shape, kept, before, settled = near, None, None, False
+    kept, before, settled = None, None, False
+    shape = search_shape(equation, share, near)
     for step in range(_PASSES):
-        shape = search_shape(equation, share, shape)
+        shape = search_shape(equation, share, shape) if step else shape
         linear = solve(equation, share, shape, weight)
         residual = equation.target - equation.design(shape) @ linear.factors
         last = share
@@ -308,7 +309,7 @@ def prior_of(equation: Equation, smoothness: float) -> Float[np.ndarray, "k k"]:
     if equation.penalty is None:
         many = len(equation.fixed_names) + len(equation.structure.names)
         return np.zeros((many, many))
-    return smoothness * (equation.penalty.T @ equation.penalty)
+    return np.asarray(smoothness * (equation.penalty.T @ equation.penalty))
 
 
 def search_shape(
@@ -480,7 +481,7 @@ def _uncertainty(
     def columns(instrument: bool) -> np.ndarray:
         design = equation.design(shape, instrument=instrument)
         tangents = equation.tangents(shape, factors, instrument=instrument)
-        return used * np.concatenate([design, tangents], axis=1)
+        return np.asarray(used * np.concatenate([design, tangents], axis=1))
 
     own = columns(False)
     other = columns(True) if equation.has_instrument else own

@@ -170,7 +170,7 @@ class AbstractStructure(abc.ABC):
     def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
         """Return the sign that the columns of each direction carry; 0 elsewhere."""
         if not self.directional:
-            return np.sign(velocity)[None]
+            return np.asarray(np.sign(velocity)[None])
         return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
     def columns(
@@ -223,7 +223,7 @@ class CoulombViscous(AbstractStructure):
     ) -> AbstractFriction:
         """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
-        return StribeckFriction(coulomb, coulomb, 1.0, GAUSS, viscous)
+        return _stribeck(coulomb, coulomb, 1.0, GAUSS, viscous)
 
 
 @final
@@ -268,12 +268,12 @@ class Stribeck(AbstractStructure):
         seen = speed[speed > 0]
         velocity = np.array([quantile(seen, 0.001) / 2.0, 2.0 * seen.max()])
         every = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
-        return np.log(np.stack(every, axis=1))
+        return np.asarray(np.log(np.stack(every, axis=1)))
 
     def _natural(self, shape: Float[np.ndarray, " s"]) -> tuple[float, float]:
-        free = self.exponent is None
-        exponent = np.exp(shape[1]) if free else self.exponent
-        return float(np.exp(shape[0])), float(exponent)
+        if self.exponent is not None:
+            return float(np.exp(shape[0])), self.exponent
+        return float(np.exp(shape[0])), float(np.exp(shape[1]))
 
     def profile(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
@@ -314,7 +314,7 @@ class Stribeck(AbstractStructure):
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
         velocity, exponent = self._natural(shape)
-        return StribeckFriction(coulomb, coulomb + drop, velocity, exponent, viscous)
+        return _stribeck(coulomb, coulomb + drop, velocity, exponent, viscous)
 
 
 @final
@@ -380,7 +380,18 @@ class KnotTable(AbstractStructure):
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
 
     def _table(self, values: Float[np.ndarray, " k"]) -> FrictionTable:
-        return FrictionTable(Setpoints(np.asarray(self.knots)), values)
+        return FrictionTable(Setpoints(jnp.asarray(self.knots)), jnp.asarray(values))
+
+
+def _stribeck(
+    coulomb: float | Float[np.ndarray, " 2"],
+    breakaway: float | Float[np.ndarray, " 2"],
+    velocity: float,
+    exponent: float,
+    viscous: float | Float[np.ndarray, " 2"],
+) -> StribeckFriction:
+    numbers = (coulomb, breakaway, velocity, exponent, viscous)
+    return StribeckFriction(*map(jnp.asarray, numbers))
 
 
 def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ...]:

@@ -79,7 +79,9 @@ class DrivenSpeeds:
 
     def held(self, way: int) -> Float[np.ndarray, " v"]:
         """Return the speeds at which the law of one direction speaks for each of them."""
-        return np.clip(self.speed, *(self.positive if way > 0 else self.negative))
+        return np.asarray(
+            np.clip(self.speed, *(self.positive if way > 0 else self.negative))
+        )
 
     def mean(self, law: WindowLaw) -> Float[np.ndarray, " v"]:
         """Return what a list can say of a law: the mean of both directions."""
