@@ -216,7 +216,9 @@ def _downhill(curve: Curve, places: Float[np.ndarray, " k"]) -> Float[np.ndarray
     if len(gaps) < 2 or len(gaps) > len(curve.place):
         return places
     start = gaps[:-1] - gaps[-1]
-    return knots(leastsq(residual, start, Dfun=jacobian, maxfev=40)[0])
+    # With the full output it does not warn where it ends after so many steps.
+    found = leastsq(residual, start, Dfun=jacobian, maxfev=40, full_output=True)
+    return knots(found[0])
 
 
 def _on_whole_numbers(

@@ -349,13 +349,13 @@ def _least(
     def natural(free: np.ndarray) -> np.ndarray:
         return np.asarray(middle + half * np.tanh(free))
 
-    found, _ = leastsq(
+    found = leastsq(
         lambda free: residual(natural(free)),
         np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
         Dfun=lambda free: jacobian(natural(free)) * (half * (1.0 - np.tanh(free) ** 2)),
-        xtol=_TOLERANCE, ftol=_TOLERANCE,
+        xtol=_TOLERANCE, ftol=_TOLERANCE, full_output=True,
     )  # fmt: skip
-    return natural(found)
+    return natural(found[0])
 
 
 class _Projection:
