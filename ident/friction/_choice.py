@@ -351,7 +351,7 @@ def _held_out(
     residual = equation.target - own @ every[-1]
     _, found = reweigh(equation, residual, loss)
     error = np.empty(len(residual))
-    low, high = equation.structure.bounds(equation.speed)
+    low, high = equation.structure.bounds(equation.speed_range)
     for number, span in enumerate(parts.spans):
         error[span] = equation.target[span] - own[span] @ every[number]
         shapes[number] = np.clip(shape + steps[number], low, high)

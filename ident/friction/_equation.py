@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.signal import firwin
 
+from ...data.signals import quantile
 from ._samples import DriveSamples
 from ._structures import AbstractStructure, default_knots
 
@@ -103,8 +104,10 @@ class Lowpass:
         whole[:, :used] = columns[:used].T
         pieces = whole.reshape(columns.shape[1], -1, factor)
         products = np.moveaxis(kernel @ np.swapaxes(pieces, 1, 2), 1, 0)
-        shifted = [each[:, part : part + count] for part, each in enumerate(products)]
-        return np.asarray(np.sum(shifted, axis=0).T)
+        rows = np.zeros((columns.shape[1], count))
+        for part, each in enumerate(products):
+            rows += each[:, part : part + count]
+        return rows.T
 
 
 def default_factor(cycle: float) -> int:
@@ -131,7 +134,16 @@ class Equation:
     def with_structure(self, structure: AbstractStructure) -> "Equation":
         """Return the same rows for another kind of law; what they share is kept."""
         other = dataclasses.replace(self, structure=structure)
-        for name in ("lowpass", "load", "target", "usable", "piece", "speed", "_still"):
+        for name in (
+            "lowpass",
+            "load",
+            "target",
+            "usable",
+            "piece",
+            "speed",
+            "speed_range",
+            "_still",
+        ):
             other.__dict__[name] = getattr(self, name)
         if structure.directional == self.structure.directional:
             other.__dict__["_beside"] = self._beside
@@ -172,6 +184,12 @@ class Equation:
     def speed(self) -> Float[np.ndarray, " t"]:
         """Speeds in motion in mm/s."""
         return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
+
+    @cached_property
+    def speed_range(self) -> tuple[float, float]:
+        """Slowest speed in mm/s, but for a thousandth of the samples, and the fastest."""
+        seen = self.speed[self.speed > 0]
+        return quantile(seen, 0.001), float(seen.max())
 
     def knots(self, count: int) -> tuple[float, ...]:
         """Return knots in mm/s where the samples in motion are (`default_knots`)."""

@@ -201,7 +201,7 @@ def fit_equation(
     covariance, lag, sizes = _uncertainty(
         equation, residual, share, found, shape, linear.factors, weight
     )
-    low, high = equation.structure.bounds(equation.speed)
+    low, high = equation.structure.bounds(equation.speed_range)
     edge = _AT_BOUND * (high - low)
     return Solution(
         factors=linear.factors,
@@ -328,7 +328,7 @@ def search_shape(
     if not structure.shapes:
         return np.zeros(0)
     projection = _Projection(equation, share)
-    bounds = structure.bounds(equation.speed)
+    bounds = structure.bounds(equation.speed_range)
     begin = projection.best_start() if near is None else near
     found = _least(projection.residual, projection.jacobian, begin, bounds)
     if equation.has_instrument:
@@ -368,7 +368,7 @@ class _Projection:
         structure = equation.structure
         width, fixed = len(structure.factors), len(equation.fixed_names)
         self._moving = fixed + width * np.arange(1, structure.ways + 1) - 1
-        _, start = structure.bounds(equation.speed)
+        _, start = structure.bounds(equation.speed_range)
         still = np.delete(equation.design(start), self._moving, axis=1)
         still = self._root * still[self._rows]
         size = np.linalg.norm(still, axis=0)
@@ -391,7 +391,7 @@ class _Projection:
         velocity = equation.samples.velocity[equation.lowpass.centres[rows]]
         signs = self._root[::step, 0] * structure.signs(velocity)
         basis = self._basis[::step] * np.sqrt(step)
-        starts = structure.starts(equation.speed)
+        starts = structure.starts(equation.speed_range)
         speed = np.abs(velocity)
         columns = structure.last(speed, starts)[:, :, None] * signs.T
         columns = columns - basis @ (basis.T @ columns)

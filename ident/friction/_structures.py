@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...data.signals import quantile
 from ...models import (
     AbstractFriction,
     FrictionTable,
@@ -114,14 +113,14 @@ class AbstractStructure(abc.ABC):
         """The factors that a constant in the level of friction adds to."""
         return ("coulomb",)
 
-    def starts(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "n s"]:
-        """Return logarithms of shapes to start from, given the speeds in mm/s."""
-        del speed
+    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n s"]:
+        """Return logarithms of shapes to start from, given the range of speeds in mm/s."""
+        del speeds
         return np.zeros((1, 0))
 
-    def bounds(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "2 s"]:
+    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 s"]:
         """Return the least and the largest logarithms that the data can tell apart."""
-        del speed
+        del speeds
         return np.zeros((2, 0))
 
     def last(
@@ -253,9 +252,9 @@ class Stribeck(AbstractStructure):
         free = ("stribeck_velocity", "stribeck_shape")
         return free if self.exponent is None else free[:1]
 
-    def starts(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "n s"]:
+    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n s"]:
         """See `AbstractStructure`: velocities in steps of √2, for each usual exponent."""
-        low, high = self.bounds(speed)[:, 0]
+        low, high = self.bounds(speeds)[:, 0]
         count = max(4, 1 + int((high - low) / np.log(_RATIO)))
         grid = np.linspace(low, high, count)[1:-1]
         if self.exponent is not None:
@@ -263,10 +262,9 @@ class Stribeck(AbstractStructure):
         exponents = np.log(_EXPONENTS)
         return np.stack(np.meshgrid(grid, exponents), axis=-1).reshape(-1, 2)
 
-    def bounds(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "2 s"]:
+    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 s"]:
         """See `AbstractStructure`."""
-        seen = speed[speed > 0]
-        velocity = np.array([quantile(seen, 0.001) / 2.0, 2.0 * seen.max()])
+        velocity = np.array([0.5 * speeds[0], 2.0 * speeds[1]])
         every = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
         return np.asarray(np.log(np.stack(every, axis=1)))
 
