@@ -16,6 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import least_squares
 
 from ...models import FrictionCompensation, StribeckFriction
@@ -29,14 +30,14 @@ LOOKAHEADS = 5
 """How many look-aheads the controller has: 0 to 4 cycles."""
 _FARTHEST, _NOTHING = 0.02, 1e-6
 """mm: no friction takes longer to build up, however soft the drive, and below is none."""
-_DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 10)])
+_DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 6)])
 """Where the search for the distance starts, in mm."""
 _MARGIN = 10
 """Cycles that are looked at beyond those that look-ahead and delay touch."""
 _KNOTS = 20
 _REVERSALS = 64
 """Reversals that are looked at closely, at most; samples around others are left out."""
-_CLOSE, _TRIALS = 4, 30
+_CLOSE, _TRIALS = 3, 15
 """Pairs of look-ahead and delay whose distance and shape are searched, and steps at most."""
 _WILD = 6.0
 _SMALL = 0.05
@@ -44,7 +45,7 @@ _SMALL = 0.05
 _FEW = 4
 """Reversals below which nothing is known of them."""
 _SINGULAR = 1e-12
-"""Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
+"""Added to the diagonal of scaled normal matrices."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -306,12 +307,12 @@ def _least(
     gram: Float[np.ndarray, "p p"], moment: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " p"], float]:
     """Return the solution of normal equations, and how much of the squares it explains."""
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values, ways = np.linalg.eigh(gram / size / size[:, None])
-    told = values > _SINGULAR * values[-1]
-    along = ways[:, told].T @ (moment / size)
-    factors = ways[:, told] @ (along / values[told]) / size
-    return factors, float(along**2 @ (1.0 / values[told]))
+    size = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    scaled, right = gram / size / size[:, None], moment / size
+    # Where columns cannot be told apart, all of them take a share.
+    scaled[np.diag_indices_from(scaled)] += _SINGULAR
+    found = cho_solve(cho_factor(scaled, check_finite=False), right, check_finite=False)
+    return found / size, float(right @ found)
 
 
 @eqx.filter_jit

@@ -325,7 +325,7 @@ def _levenberg_marquardt(
     unit = jnp.where(jnp.isfinite(size) & (size > 0), size, 1.0)
 
     def parts(free: tuple[Array, Array], given: Shooting) -> tuple[Array, Array]:
-        return given.bounded(free[0]), starts + free[1] * given.start_scale
+        return given.bounded(free[0]), starts + free[1] * given.start_scale[None]
 
     def residual(free: tuple[Array, Array], given: Shooting) -> Array:
         return given.residual(*parts(free, given)) / unit

@@ -134,19 +134,20 @@ def _simulate(
         way = jnp.where(begins, 0.0, way) + small * (first + second)
         return (second, way), (first, second, way)
 
-    still = (jnp.zeros(()), jnp.zeros(()))
-    steps = (given.force, given.begins, given.velocity)
-    found: tuple[Array, Array, Array] = lax.scan(once, still, steps)[1]
-    return found
+    # A law takes arrays: a step is one of a single element.
+    still = (jnp.zeros(1), jnp.zeros(1))
+    steps = tuple(each[:, None] for each in (given.force, given.begins, given.velocity))
+    first, second, way = (each[:, 0] for each in lax.scan(once, still, steps)[1])
+    return first, second, way
 
 
 def _half_step(
     drive: Drive,
-    before: Float[Array, "*t"],
-    force: Float[Array, "*t"],
+    before: Float[Array, " t"],
+    force: Float[Array, " t"],
     small: Float[Array, ""],
-) -> Float[Array, "*t"]:
-    """Return the velocities after half a time step each; scalars or arrays of steps."""
+) -> Float[Array, " t"]:
+    """Return the velocities after half a time step each."""
     law = drive.law
     dry = eqx.tree_at(lambda each: each.viscous, law, jnp.zeros(()))
     viscous = jnp.broadcast_to(law.viscous, (2,))
