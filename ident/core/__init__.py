@@ -37,6 +37,11 @@ from ._errors import FitError as FitError
 from ._evidence import choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
 from ._hold_out import leave_one_out as leave_one_out
+from ._ipopt import (
+    IpoptSolution as IpoptSolution,
+    IpoptStatus as IpoptStatus,
+    least_squares_ipopt as least_squares_ipopt,
+)
 from ._loss import Loss as Loss, choose_loss as choose_loss
 from ._posterior import (
     CellCovariance as CellCovariance,

@@ -143,6 +143,3 @@ def _student_fit(
     cost = 0.5 * (freedom + 1.0) * spread + 0.5 * float(np.log(scale2 * freedom))
     cost += float(gammaln(freedom / 2) - gammaln((freedom + 1) / 2))
     return cost, float(np.sqrt(scale2))
-
-
-AbstractLoss = StudentLoss = GaussLoss = HuberLoss = Loss

@@ -8,7 +8,7 @@ import pytest
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
-from axcomp.ident.fit.friction import place_knots
+from axcomp.ident.friction import place_knots
 from axcomp.ident.job import BacklashResult, JobResult, run_job
 from axcomp.ident.kinds.temperature import ThermalReadings, fit_temperature
 
