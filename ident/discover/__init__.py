@@ -22,3 +22,8 @@ from ._data import (
     stack as stack,
 )
 from ._discover import discover as discover
+from ._heat import (
+    AgainstDrift as AgainstDrift,
+    against_drift as against_drift,
+    heat_or_drift as heat_or_drift,
+)

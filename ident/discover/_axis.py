@@ -7,7 +7,7 @@ import numpy as np
 
 from ._confusion import Confusion, look_for_confusion, sensors_alike
 from ._data import AxisSummary, Discovery, Drift, Found, Observed, Rejected, Unexplained
-from ._heat import choose_heat
+from ._heat import choose_heat, heat_or_drift
 from ._left import Ripple, Wander, find_ripples, find_wander, structure_left
 from ._select import Columns, Selection, Worth, select_terms
 from ._terms import HEAT, Kind, Need, Term, compose
@@ -168,8 +168,8 @@ class _Words:
             if drift.doubtful:
                 named = next((each for each in needs if each.terms == terms), None)
                 if named not in confusion.others or named is None:
-                    names = heat_or_drift(self.axis, terms[0].words)
-                    yield named, self.cannot_tell(names, (), drift.rms, WIGGLE)
+                    what, remedy = heat_or_drift(terms[0].words, self.axis)
+                    yield named, self.cannot_tell([what], (), drift.rms, remedy)
 
     def _remedy(self, need: Need, others: Sequence[Term]) -> str:
         kinds = {each.kind for each in others}
@@ -238,14 +238,6 @@ class _Words:
         return Drift(
             self.axis, wander.source, wander.pieces, wander.rms, self.unit, sentence
         )
-
-
-WIGGLE = "Let the temperature rise and fall while measuring, more than once."
-
-
-def heat_or_drift(axis: str, heat: str) -> list[str]:
-    """Return the names of the two that the data cannot tell apart."""
-    return [heat, f"drift of the instrument at {axis}"]
 
 
 def _rejected(

@@ -60,7 +60,9 @@ def look_for_confusion(
     if heat and found.columns.drift.shape[1]:
         warm = [each.terms for each in needs if each.compensation == "temperature"]
         terms = warm[0] if warm else (_likest(found, heat),)
-        drift[terms] = _against_drift(found, terms)
+        against = _against_drift(found, terms)
+        if against is not None:
+            drift[terms] = against
     others, hidden = _substitutes(found, needs) if needs else ({}, [])
     return Confusion(others, tuple(hidden), drift)
 
@@ -72,7 +74,7 @@ def _likest(found: Selection, heat: Sequence[Term]) -> Term:
     return max(shifts, key=lambda term: followed(course, found.columns.of(term)))
 
 
-def _against_drift(found: Selection, terms: Sequence[Term]) -> AgainstDrift:
+def _against_drift(found: Selection, terms: Sequence[Term]) -> AgainstDrift | None:
     """Return what temperature terms are, beside all else that was found, against a drift."""
     columns, design = found.columns, found.design
     heat = np.concatenate([columns.of(term) for term in terms], axis=1)
@@ -85,8 +87,8 @@ def _against_drift(found: Selection, terms: Sequence[Term]) -> AgainstDrift:
         columns.view.data.clock,
         heat,
         np.asarray(columns.view.error - np.sum(rest, axis=0)),
-        columns.drift,
         np.concatenate([nuisance.zeros, nuisance.runs], axis=1),
+        columns.drift,
     )
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterable, Mapping
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -86,7 +86,7 @@ class Observed:
 
     def take(self, rows: Int[np.ndarray, " n"] | Bool[np.ndarray, " t"]) -> "Observed":
         """Return some of the rows."""
-        channels = {
+        channels: dict[str, Any] = {
             channel: {name: each[rows] for name, each in getattr(self, channel).items()}
             for channel in _CHANNELS
         }

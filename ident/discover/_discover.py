@@ -101,7 +101,8 @@ def examine_drive(observed: Observed, axis: str) -> Discovery:
         return Discovery((), rejected=(Rejected("friction", axis, (), None, why),))
     columns = Columns(view_of(observed, axis, rows, "current"), _WORTH, drifting=False)
     terms, slow = friction_terms(columns.view)
-    terms += max(((each,) for each in slow), key=evidence_of(columns, terms))
+    evidence = evidence_of(columns, terms)
+    terms.append(max(slow, key=lambda each: evidence((each,))))
     chosen = select_terms(columns, terms)
     current = columns.view.data.current[axis]
     size = float(np.sqrt(np.mean(current**2)))
@@ -132,11 +133,12 @@ def examine_drive(observed: Observed, axis: str) -> Discovery:
             text = term.start
             if term.kind is Kind.VISCOUS_WAY:
                 text += _steeper(chosen, term, current)
-            verdict = "the kernel cannot express this"
-            text = f"{text}: {term.facts.why}"
             unexplained.append(
-                Unexplained(axis, term.words, (), rms, share, "", verdict, text)
-            )
+                Unexplained(
+                    axis, term.words, (), rms, share, "", "the kernel cannot express this",
+                    f"{text}: {term.facts.why}",
+                )
+            )  # fmt: skip
     nothing = Rejected("friction", axis, (), None, "nothing of it in the current")
     return Discovery(
         (summary,), tuple(found), () if law else (nothing,), tuple(unexplained)

@@ -17,6 +17,7 @@ from ._evidence import (
     present,
     sums_of,
 )
+from ._features import slow_functions
 from ._select import BEYOND_CHANCE, Columns, look_at, weights_of
 from ._terms import HEAT, Term
 
@@ -156,9 +157,9 @@ def against_drift(
     clock: Float[np.ndarray, " t"],
     heat: Float[np.ndarray, "t h"],
     error: Float[np.ndarray, " t"],
-    slow: Float[np.ndarray, "t s"],
     beside: Float[np.ndarray, "t b"],
-) -> AgainstDrift:
+    slow: Float[np.ndarray, "t s"] | None = None,
+) -> AgainstDrift | None:
     """Return whether an error follows a temperature or a drift; `discover` and `fit` ask it.
 
     Args:
@@ -166,9 +167,15 @@ def against_drift(
         heat: What the temperature may do to the error: functions of it, or of it and a
             position.
         error: Readings in any unit, all else that is known of it taken off.
-        slow: What the drift may do (`slow_functions`), of each measurement for itself.
         beside: Of what else the error may have a part: zeros, a line over the position.
+        slow: What the drift may do, of each measurement for itself; None = one measurement.
+
+    Returns:
+        What the temperature is against the drift; None for readings too few to have one.
     """
+    slow = slow_functions(clock) if slow is None else slow
+    if not slow.shape[1]:
+        return None
     parts = [_scaled(part - part.mean(axis=0)) for part in (heat, slow)]
     columns = np.concatenate([*parts, _scaled(beside)], axis=1)
     ends = np.cumsum([0, *(part.shape[1] for part in (heat, slow, beside))]).tolist()
@@ -204,8 +211,14 @@ def against_drift(
     )
 
 
+def heat_or_drift(heat: str, axis: str) -> tuple[str, str]:
+    """Return what the data cannot tell apart, and what to do: for `discover` and `fit`."""
+    wiggle = "Let the temperature rise and fall while measuring, more than once."
+    return f"{heat} or drift of the instrument at {axis}", wiggle
+
+
 def _scaled(columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "t k"]:
-    return columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
+    return np.asarray(columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12))
 
 
 def followed(
@@ -214,4 +227,5 @@ def followed(
     """Return the share of the square of a course that columns follow, means aside."""
     course, columns = course - course.mean(), columns - columns.mean(axis=0)
     left = course - columns @ np.linalg.lstsq(columns, course)[0]
-    return 1.0 - float(left @ left) / (float(course @ course) or 1.0)
+    whole = float(course @ course)
+    return 1.0 - float(left @ left) / whole if whole > 0 else 0.0
