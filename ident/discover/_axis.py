@@ -90,7 +90,7 @@ def _selected(
     found = select_terms(columns, terms)
     more = list(late_terms(columns.view, axes, found.terms))
     if more:
-        second = select_terms(columns, [*found.terms, *more])
+        second = select_terms(columns, [*found.terms, *more], found)
         if any(term in more for term in second.terms):
             found = dataclasses.replace(second, looked=terms)
     return found

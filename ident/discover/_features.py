@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Float, Int
 
+from ._data import Observed
 from ._terms import Kind, Term
 from ._view import AxisView
 
@@ -43,7 +44,9 @@ def columns_of(view: AxisView, term: Term) -> Float[np.ndarray, "t k"]:
     from pysindy import CustomLibrary, TensoredLibrary
 
     factors = [
-        _FACTORS[name](view, term, term.owner(whose), most)
+        (_CHANNELS[name](view.data, term.owner(whose)), [_SAME])
+        if name in _CHANNELS
+        else _FACTORS[name](view, term, term.owner(whose), most)
         for name, whose, most in term.facts.factors
     ]
     inputs = np.stack([channel for channel, _ in factors], axis=1)
@@ -90,54 +93,15 @@ def _line(view: AxisView, term: Term, axis: str, most: int) -> Factor:
 _SURFACES = (Kind.SURFACE, Kind.OWN_LINE)
 
 
-def _middle(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    return view.scaled(axis), [_STRAIGHT]
-
-
-def _way(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    return np.sign(view.data.direction[axis]), [_SAME]
-
-
-def _sign(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    return np.sign(view.data.velocity[axis]), [_SAME]
-
-
-def _speed(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    return _scaled(view.data.velocity[axis]), [_SAME]
-
-
-def _drag(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    return _scaled(view.data.velocity[axis] * np.abs(view.data.velocity[axis])), [_SAME]
-
-
-def _magnitude(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    return _scaled(np.abs(view.data.velocity[axis])), [_SAME]
-
-
-def _slow(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    velocity = view.data.velocity[axis]
-    knee = term.lag * float(np.nanmax(np.abs(velocity)))
-    return _scaled(np.sign(velocity) * np.exp(-((velocity / knee) ** 2))), [_SAME]
-
-
-def _pull(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    return _scaled(view.data.acceleration[axis]), [_SAME]
-
-
 def _scaled(values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     finite = values[np.isfinite(values)]
     size = float(np.sqrt(np.mean(finite**2))) if finite.size else 1.0
     return values / (size or 1.0)
 
 
-def _time(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+def _time(view: AxisView) -> Float[np.ndarray, " t"]:
     clock = view.data.clock
-    return (clock - clock.mean()) / (float(np.std(clock)) or 1.0), [_SAME]
-
-
-def _aging(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    """Return a delay between instrument and encoder that changes with time."""
-    return _time(view, term, axis, most)[0], [_ONE, _SAME]
+    return np.asarray((clock - clock.mean()) / (float(np.std(clock)) or 1.0))
 
 
 def _push(view: AxisView, term: Term, axis: str, most: int) -> Factor:
@@ -185,23 +149,35 @@ def _heated(view: AxisView, term: Term, sensor: str, most: int) -> Factor:
     return (body - zero) / spread, [_SAME, bent][:most]
 
 
+def _slow(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+    velocity = view.data.velocity[axis]
+    knee = term.lag * float(np.nanmax(np.abs(velocity)))
+    return _scaled(np.sign(velocity) * np.exp(-((velocity / knee) ** 2))), [_SAME]
+
+
 _FACTORS: Mapping[str, Callable[[AxisView, Term, str, int], Factor]] = {
     "line": _line,
-    "middle": _middle,
-    "way": _way,
-    "sign": _sign,
-    "speed": _speed,
-    "drag": _drag,
-    "magnitude": _magnitude,
-    "slow": _slow,
-    "pull": _pull,
-    "time": _time,
-    "aging": _aging,
     "push": _push,
     "memory": _memory,
     "heat": _heat,
     "heated": _heated,
+    "slow": _slow,
+    "middle": lambda view, _, axis, most: (view.scaled(axis), [_STRAIGHT]),
+    "time": lambda view, _, axis, most: (_time(view), [_SAME]),
+    # A delay between instrument and encoder may change with time.
+    "aging": lambda view, _, axis, most: (_time(view), [_ONE, _SAME]),
 }
+_CHANNELS: Mapping[str, Callable[[Observed, str], Float[np.ndarray, " t"]]] = {
+    "way": lambda data, axis: np.sign(data.direction[axis]),
+    "sign": lambda data, axis: np.sign(data.velocity[axis]),
+    "speed": lambda data, axis: _scaled(data.velocity[axis]),
+    "drag": lambda data, axis: _scaled(
+        data.velocity[axis] * np.abs(data.velocity[axis])
+    ),
+    "magnitude": lambda data, axis: _scaled(np.abs(data.velocity[axis])),
+    "pull": lambda data, axis: _scaled(data.acceleration[axis]),
+}
+"""Factors that are a channel as it stands."""
 
 
 def lagged(view: AxisView, sensor: str, lag: float) -> Float[np.ndarray, " t"]:

@@ -43,7 +43,7 @@ _OUTER = 0.95
 """Quantile of the readings that is their scale before anything is known of them."""
 _PLACED = 0.9
 """Share of a drift that positions explain, from which on it cannot be told from them."""
-_PAIRS = 15
+_PAIRS = 12
 """Complementary pairs of halves."""
 _FOLLOWS = 0.5
 """Share of its shape that a term must keep in the other half."""
@@ -258,17 +258,27 @@ class Selection:
         return float(min(self.frequency[self.index(terms)]))
 
 
-def select_terms(columns: Columns, terms: Sequence[Term]) -> Selection:
-    """Return the terms that the error (or current) of an axis consists of."""
-    look, view = look_at(columns, terms), columns.view
-    kept = [term for g, term in enumerate(terms) if look.variances.group[g] > 0]
+def select_terms(
+    columns: Columns, terms: Sequence[Term], first: Selection | None = None
+) -> Selection:
+    """Return the terms that the error (or current) of an axis consists of.
+
+    Args:
+        columns: Features of the axis.
+        terms: Candidates.
+        first: An earlier selection, whose weights of readings are good for this one.
+    """
+    view, kept = columns.view, list(terms)
+    if first is None:
+        group = look_at(columns, terms).variances.group
+        kept = [term for g, term in enumerate(terms) if group[g] > 0]
     nuisance = columns.nuisance
     beside = (nuisance.zeros, nuisance.runs, columns.drift)
     design = design_of(kept, [columns.of(term) for term in kept], beside)
-    blocks = sums_of(design.columns, view.error, look.weight, view.block)
+    blocks = sums_of(design.columns, view.error, columns.weight, view.block)
     sums = blocks.total()
-    least = columns.worth.least(sums, look.variances.noise)
-    found = estimate_variances(sums, design.slices, 0.1 * least)
+    found = estimate_variances(sums, design.slices, 0.1 * columns.worth.least(sums))
+    least = columns.worth.least(sums, found.noise)
     frequency = _selection_frequency(blocks, design, found, least)
     chosen = _without_needless(sums, design, found, frequency >= _STABLE, least)
     group = found.without(np.flatnonzero(~chosen).tolist()).group
@@ -277,7 +287,7 @@ def select_terms(columns: Columns, terms: Sequence[Term]) -> Selection:
     alone = dataclasses.replace(found, group=group)
     alone = estimate_variances(sums, design.slices, 0.1 * least, alone)
     return Selection(
-        columns, design, look.weight, alone, frequency, chosen, least, tuple(terms)
+        columns, design, columns.weight, alone, frequency, chosen, least, tuple(terms)
     )
 
 

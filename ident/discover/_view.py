@@ -144,13 +144,8 @@ def _blocks(data: Observed) -> Int[np.ndarray, " t"]:
     count = int(runs.max(initial=0)) + 1
     if count >= _BLOCKS // 2:
         return (runs * min(_BLOCKS, count) // count).astype(np.int64)
-    each = -(-_BLOCKS // count)
-    block = np.zeros(len(runs), dtype=np.int64)
-    for number in range(count):
-        rows = np.flatnonzero(runs == number)
-        pieces = max(1, min(each, len(rows) // 4))
-        block[rows] = number * each + np.arange(len(rows)) * pieces // len(rows)
-    return np.unique(block, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    pieces = max(1, min(_BLOCKS, len(data) // 4))
+    return np.arange(len(data)) * pieces // len(data)
 
 
 def _distance(observed: Observed, axis: str) -> Float[np.ndarray, " t"] | None:
