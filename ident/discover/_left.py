@@ -6,18 +6,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ..core import regress
 from ._features import smooth
 from ._select import Selection
 
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 20)
 """Straight pieces that a drift may have."""
-_MOST, _FEWEST = 200, 16
-"""Stretches of a recording that are compared; with fewer, nothing is said."""
-_EACH = 10
-"""Readings of a stretch, at least."""
-_SURE = 4.0
-"""Deviations by which stretches that were left out must be predicted better by a drift."""
 _WORTH = 0.25
 """Of the scatter of a reading: what is smaller is left where it is."""
 _BINS = 4096
@@ -52,82 +45,27 @@ class Wander:
 def find_wander(found: Selection) -> Iterator[Wander]:
     """Yield the drift of each measurement of an axis in which there is one.
 
-    The means of stretches in time are predicted from the stretches beside them, by drifts of
-    more and more pieces: one that is there predicts stretches that it was not fitted to.
+    How large it is, the evidence says; its pieces are the fewest that follow it.
     """
-    view = found.view
-    if view.data.time is None:
+    view, drift = found.view, found.columns.drift
+    if view.data.time is None or not drift.shape[1]:
         return
-    first = len(found.design.terms)
-    slow = [found.part(g) for g in range(first, len(found.design.slices))]
-    known = found.residual + np.sum(slow, axis=0)
+    course = found.part(len(found.design.slices) - 1)
     for rows in view.sources():
-        rows = rows[found.weight[rows] > 0]
-        if len(np.unique(view.data.run[rows])) > 1:
-            continue  # Runs have an offset each.
-        clock, source = view.data.time[rows], int(view.data.source[rows[0]])
-        count = min(_MOST, len(rows) // _EACH)
-        if count < _FEWEST or not np.ptp(clock) > 0:
+        clock = view.data.time[rows]
+        rms = float(np.std(course[rows]))
+        # Runs have an offset each, which a fit allows for.
+        several = len(np.unique(view.data.run[rows])) > 1
+        if several or not np.ptp(clock) > 0 or rms <= _WORTH * found.noise:
             continue
         share = (clock - clock.min()) / np.ptp(clock)
-        pieces = _pieces(share, known[rows], found.weight[rows], count, found.noise)
-        if not pieces:
-            continue
-        hats = _hats(share, pieces)
-        hats = hats[:, hats.any(axis=0)]
-        fit = regress(
-            hats, known[rows], weight=found.weight[rows], loss="gauss", quick=True
-        )
-        rms = float(np.std(known[rows] - fit.residual))
-        if rms > _WORTH * found.noise:
-            yield Wander(source, pieces, rms)
-
-
-def _pieces(
-    share: Float[np.ndarray, " n"],
-    left: Float[np.ndarray, " n"],
-    weight: Float[np.ndarray, " n"],
-    count: int,
-    noise: float,
-) -> int:
-    """Return how many pieces a drift needs; 0 where there is none."""
-    at = np.minimum((share * count).astype(np.int64), count - 1)
-    total = np.bincount(at, weight, count)
-    full = np.flatnonzero(np.bincount(at, minlength=count) >= _EACH // 2)
-    if len(full) < _FEWEST:
-        return 0
-    mean = np.bincount(at, weight * left, count)[full] / total[full]
-    place = np.bincount(at, weight * share, count)[full] / total[full]
-    sure = noise / np.sqrt(total[full])
-    none = _missed(np.ones((len(full), 1)), mean, sure)
-    tried = {
-        pieces: _missed(_hats(place, pieces), mean, sure)
-        for pieces in _PIECES
-        if 4 * (pieces + 1) <= len(full)
-    }
-    best = min(tried.values(), key=np.mean)
-    gain = none - best
-    if not gain.mean() > _SURE * gain.std() / np.sqrt(len(gain)):
-        return 0
-    # What a drift of fewer pieces leaves beyond chance is as small as it matters.
-    worth = 1.0 + (_WORTH * noise / float(np.median(sure))) ** 2
-    enough = max(worth, 1.25 * float(best.mean()))
-    return next(k for k, missed in tried.items() if float(missed.mean()) <= enough)
-
-
-def _missed(
-    columns: Float[np.ndarray, "b k"],
-    mean: Float[np.ndarray, " b"],
-    sure: Float[np.ndarray, " b"],
-) -> Float[np.ndarray, " b"]:
-    """Return squares, over their variance, of each stretch predicted by every other one."""
-    scaled, target = columns / sure[:, None], mean / sure
-    missed = np.empty(len(mean))
-    for turn in (0, 1):
-        out = np.arange(len(mean)) % 2 == turn
-        values = np.linalg.lstsq(scaled[~out], target[~out])[0]
-        missed[out] = (target[out] - scaled[out] @ values) ** 2
-    return missed
+        pieces = _PIECES[-1]
+        for pieces in _PIECES:
+            hats = _hats(share, pieces)
+            left = course[rows] - hats @ np.linalg.lstsq(hats, course[rows])[0]
+            if float(np.std(left)) <= _WORTH * found.noise:
+                break
+        yield Wander(int(view.data.source[rows[0]]), pieces, rms)
 
 
 def _hats(place: Float[np.ndarray, " n"], pieces: int) -> Float[np.ndarray, "n k"]:
