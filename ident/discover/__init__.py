@@ -1,18 +1,29 @@
 """Which compensations a machine asks for, from what was measured of it.
 
-`discover` fits terms of every compensation, and of what the controller has none for, to
-the error of each axis, and names those that come back in resamples; `Observed` is what
-it takes. Beside `proof`: it rests on `fit`, and knows no files.
+`discover` fits terms of every compensation, and of what the controller has none for, to the error
+of each axis, and names those that come back in resamples; `Observed` is what it takes. It knows
+no files. To be read in this order: `_data` (readings in, findings out), `_terms` (what an error
+may depend on, and which compensations hold it), `_view` (readings of one axis, and what they could
+show), `_features` (columns of terms, by libraries of pysindy), `_evidence` (how large each term
+is), `_select` (which terms are there, by optimisers of pysindy), `_heat` (sensor and lag; a
+temperature against a drift), `_confusion` (what explains the same), `_left` (what stays), `_axis`
+and `_discover` (the whole, for an axis and a drive).
 """
 
-from ._discover import discover as discover
-from ._errors import DiscoverError as DiscoverError
-from ._observed import Observed as Observed, stack as stack
-from ._result import (
+from ._data import (
     AxisSummary as AxisSummary,
+    DiscoverError as DiscoverError,
     Discovery as Discovery,
     Drift as Drift,
     Found as Found,
+    Observed as Observed,
     Rejected as Rejected,
     Unexplained as Unexplained,
+    stack as stack,
+)
+from ._discover import discover as discover
+from ._heat import (
+    AgainstDrift as AgainstDrift,
+    against_drift as against_drift,
+    heat_or_drift as heat_or_drift,
 )

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.stats import rankdata
 
+from ...discover import against_drift, heat_or_drift
 from ...kinds.temperature import Effect, Lag, Meeting, TemperatureFit
 from .._result import Remark
 from ._identify import Identified
@@ -203,6 +204,7 @@ def _not_told(
                         " warming and cooling tells them apart.",
                     )
                 )
+    remarks += _drift_instead(axis, recording, fit)
     if fit.independent < _FEW and fit.noise.drift > 0:
         remarks.append(
             Remark(
@@ -213,6 +215,40 @@ def _not_told(
             )
         )
     return remarks
+
+
+def _drift_instead(
+    axis: str, recording: ThermalRecording, fit: TemperatureFit
+) -> list[Remark]:
+    """Return that it may be a drift, where `discover` says so of the same readings."""
+    readings, used = recording.readings, fit.used
+    count = int(used.sum())
+    clock = np.arange(count, dtype=float)
+    if readings.time is not None:
+        clock = readings.time[used]
+    away = np.zeros(count)
+    if readings.position is not None:
+        away = readings.position[used] - readings.position[used].mean()
+    columns = {
+        "offset": fit.temperature[used, recording.effects.get("offset", 0)],
+        "coefficient": fit.temperature[used, recording.effects.get("coefficient", 0)],
+    }
+    columns["coefficient"] = (
+        columns["coefficient"] - columns["coefficient"].mean()
+    ) * away
+    found = against_drift(
+        clock,
+        np.stack([columns[effect] for effect in recording.effects], axis=1),
+        readings.error[used],
+        np.stack([np.ones(count), away], axis=1),
+    )
+    if found is None or not found.doubtful:
+        return []
+    effect, sensor = next(iter(recording.effects.items()))
+    heat = f"temperature {effect} of {axis} by {recording.sensors[sensor]}"
+    what, remedy = heat_or_drift(heat, axis)
+    words = f"The data cannot tell: {what} ({1e3 * found.rms:.2g} µm rms). {remedy}"
+    return [Remark("warning", words)]
 
 
 def _alike(recording: ThermalRecording) -> list[Remark]:

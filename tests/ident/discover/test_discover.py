@@ -1,16 +1,19 @@
 """What is there is named, and nothing else; confounded data are said, not guessed."""
 
 import dataclasses
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from axcomp.ident.cli import main
 from axcomp.ident.discover import DiscoverError, Discovery, Observed, discover
+from axcomp.ident.job import run_job
 
 MINUTES = 600.0
-ROWS = 8_000
+ROWS = 5_000
 
 
 def named(found: Discovery) -> set[tuple[str, str, tuple[str, ...]]]:
@@ -46,7 +49,7 @@ def look(
 @pytest.fixture(scope="module")
 def whole(virtual: ModuleType) -> Discovery:
     """Half an hour of three axes with every compensation at once, thinned."""
-    motion = virtual.motion(4, "XYZ", 1800.0, 20_000)
+    motion = virtual.motion(4, "XYZ", 1800.0, 10_000)
     effects = {
         "X": [
             virtual.line("X", 1, 0.008),
@@ -121,65 +124,68 @@ def test_drift_and_wild_readings_are_no_compensation(virtual: ModuleType) -> Non
     assert ("temperature", ()) in reasons
 
 
-def test_a_delay_is_no_backlash(virtual: ModuleType) -> None:
-    def late(motion: Any) -> np.ndarray:
-        return np.asarray(-2e-5 * motion.velocity["X"])
+def wound_up(motion: Any) -> np.ndarray:
+    """Return an error that builds up over 5 mm after a reversal."""
+    place, way = motion.position["X"], motion.direction["X"]
+    turned = np.flatnonzero(np.diff(way, prepend=way[0]))
+    last = np.searchsorted(turned, np.arange(len(way)), side="right") - 1
+    start = place[np.maximum(turned[np.maximum(last, 0)] - 1, 0)]
+    gone = np.abs(place - start)
+    return np.asarray(0.003 * way * (1.0 - 2.0 * np.exp(-gone / 5.0)))
 
-    found = look(virtual, virtual.line("X", 3, 0.004), late)
-    assert named(found) == {("leadscrew", "X", ())}
-    assert any(
-        "follows its velocity, as a delay" in each for each in kernel_cannot(found)
-    )
+
+@pytest.fixture(scope="module")
+def foreign(virtual: ModuleType) -> Discovery:
+    """Ten minutes of a delay and a fine period in X, and of what Y shares with X."""
+    motion = virtual.motion(1, "XY", MINUTES, 8_000)
+    effects = {
+        "X": [
+            virtual.line("X", 3, 0.004),
+            lambda m: -2e-5 * m.velocity["X"],
+            lambda m: 8e-4 * np.sin(2 * np.pi * m.position["X"] / 5.0),
+        ],
+        "Y": [
+            lambda m: 2e-3 * m.direction["X"],
+            lambda m: 5e-8 * (m.position["X"] - 250) * (m.position["Y"] - 250),
+        ],
+    }
+    return discover(virtual.observe(motion, effects, 1), ("X", "Y"))
+
+
+def test_what_the_kernel_lacks_is_not_given_to_what_it_has(foreign: Discovery) -> None:
+    # A delay is no backlash, neither is a jump where another axis reverses.
+    assert named(foreign) == {("leadscrew", "X", ())}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "Error of X that follows its velocity, as a delay",
+        "Jump of Y where X reverses",
+        "Error of Y over Y that changes with X",
+    ],
+)
+def test_what_the_kernel_lacks_is_named(foreign: Discovery, words: str) -> None:
+    assert any(each.startswith(words) for each in kernel_cannot(foreign))
+
+
+def test_a_periodic_error_finer_than_a_table_is_named_with_its_period(
+    foreign: Discovery,
+) -> None:
+    (one,) = (each for each in foreign.unexplained if "repeats" in each.sentence)
+    # 100 periods in the travel, told to a fifth of one.
+    period = float(one.sentence.split(" every ")[1].split()[0])
+    assert period == pytest.approx(5, abs=0.01)
+    assert one.rms == pytest.approx(8e-4 / np.sqrt(2), rel=0.3)
+    assert "finer than a table" in one.sentence
 
 
 def test_an_error_that_builds_up_after_reversals_is_beyond_the_kernel(
     virtual: ModuleType,
 ) -> None:
-    def wound_up(motion: Any) -> np.ndarray:
-        place, way = motion.position["X"], motion.direction["X"]
-        turned = np.flatnonzero(np.diff(way, prepend=way[0]))
-        last = np.searchsorted(turned, np.arange(len(way)), side="right") - 1
-        start = place[np.maximum(turned[np.maximum(last, 0)] - 1, 0)]
-        gone = np.abs(place - start)
-        return np.asarray(0.003 * way * (1.0 - 2.0 * np.exp(-gone / 5.0)))
-
     found = look(virtual, wound_up)
     assert named(found) == {("backlash", "X", ())}
     assert any("hysteresis with memory" in each for each in kernel_cannot(found))
-
-
-def test_a_periodic_error_finer_than_a_table_is_named_with_its_period(
-    virtual: ModuleType,
-) -> None:
-    def pitch(motion: Any) -> np.ndarray:
-        return np.asarray(8e-4 * np.sin(2 * np.pi * motion.position["X"] / 5.0))
-
-    found = look(virtual, virtual.line("X", 3, 0.004), pitch)
-    (one,) = found.unexplained
-    # 100 periods in the travel, told to a fifth of one.
-    assert float(one.sentence.split(" every ")[1].split()[0]) == pytest.approx(
-        5, abs=0.01
-    )
-    assert one.rms == pytest.approx(8e-4 / np.sqrt(2), rel=0.3)
-    assert "finer than a table" in one.sentence
-
-
-@pytest.mark.parametrize(
-    ("effect", "words"),
-    [
-        (lambda m: 2e-3 * m.direction["Y"], "Jump of X where Y reverses"),
-        (
-            lambda m: 5e-8 * (m.position["X"] - 250) * (m.position["Y"] - 250),
-            "Error of X over X that changes with Y",
-        ),
-    ],
-)
-def test_what_the_kernel_lacks_is_named_and_not_given_to_what_it_has(
-    virtual: ModuleType, effect: Any, words: str
-) -> None:
-    found = look(virtual, effect)
-    assert not found.found
-    assert any(each.startswith(words) for each in kernel_cannot(found))
 
 
 def test_growth_without_a_sensor_asks_for_one(virtual: ModuleType) -> None:
@@ -331,3 +337,99 @@ def test_nothing_measured_is_refused() -> None:
     few = dataclasses.replace(nothing, error={"X": np.zeros(5)})
     with pytest.raises(DiscoverError, match="5 readings of the error of X"):
         discover(few, ("X",))
+
+
+def plane_with(wild: float) -> Discovery:
+    """Return what is found in a plane of 20 x 20 points, one of them off by so many mm."""
+    x, y = map(np.ravel, np.meshgrid(*2 * [np.linspace(0.0, 300.0, 20)]))
+    error = 0.02 * np.sin(x / 120) * np.cos(y / 100)
+    error += 2e-3 * np.random.default_rng(1).normal(size=400)
+    error[133] += wild
+    rows = np.zeros(400, dtype=np.int64)
+    position = {"X": x, "Y": y}
+    return discover(Observed(None, rows, rows, position, {"Z": error}), ("X", "Y", "Z"))
+
+
+@pytest.mark.parametrize("wild", [10.0, 1000.0])
+def test_one_wild_reading_hides_no_plane(wild: float) -> None:
+    found = plane_with(wild)
+    assert named(found) == {("plane", "Z", ("X", "Y"))}
+    # 20 x 20 readings hold 10.9 µm of plane about 2 µm of noise, so 97 % of the square.
+    assert found.found[0].share == pytest.approx(0.97, abs=0.03)
+
+
+@pytest.mark.parametrize(("cold", "names"), [(20.0, 1), (24.0, 2)])
+def test_a_law_that_is_zero_at_the_reference_needs_no_leadscrew(
+    cold: float, names: int
+) -> None:
+    rng = np.random.default_rng(1)
+    time = np.arange(3600.0)
+    place = 400.0 * rng.random(3600)
+    warm = cold + 3.0 - 3.0 * np.cos(2 * np.pi * time / 1700.0)
+    error = 1.1e-5 * (warm - 20.0) * place + 5e-4 * rng.normal(size=3600)
+    rows = np.zeros(3600, dtype=np.int64)
+    sensor = {"scale": warm + 0.01 * rng.normal(size=3600)}
+    data = Observed(time, rows, rows, {"X": place}, {"X": error}, temperature=sensor)
+    found = discover(data, ("X",))
+    # Where 20 °C was not measured the law is zero at 24 °C, as that of a fit is, and what
+    # the axis shows there, 11e-6 x 4 K over 400 mm or 5.1 µm rms, is a leadscrew.
+    kinds = ["temperature", "leadscrew"][:names]
+    assert [one.compensation for one in found.found] == kinds
+    if names == 2:
+        assert found.found[1].rms == pytest.approx(5.1e-3, rel=0.05)
+
+
+def test_a_warm_up_may_be_a_drift_and_a_fit_says_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 7200.0, 20.0)
+    warm = 6.0 * (1.0 - np.exp(-time / 2000.0))
+    error = 4e-3 * warm + 5e-4 * rng.normal(size=360)
+    sensor = 20.0 + warm + 0.02 * rng.normal(size=360)
+    table = np.column_stack([time, np.full(360, 100.0), error, sensor])
+    header = "time [s],Z.position [mm],Z.error [mm],temperature.frame"
+    np.savetxt(tmp_path / "log.csv", table, "%.6f", ",", header=header, comments="")
+    job = (
+        '[axes.Z]\nnumber = 3\n[measurements.m]\nfile = "log.csv"\nremove = "offset"\n'
+    )
+    fit = '[[fits]]\ncompensation = "temperature"\naxis = "Z"\nmeasurement = "m"\n'
+    fit += 'sensors = { offset = "frame" }\nlag = "none"\n'
+    (tmp_path / "job.toml").write_text(job + fit)
+    assert main(["discover", str(tmp_path / "job.toml")]) == 1
+    doubt = "temperature offset of Z by frame or drift of the instrument at Z"
+    assert f"the data cannot tell: {doubt}" in capsys.readouterr().out
+    (result,) = run_job(tmp_path / "job.toml", tmp_path / "out").fits
+    assert any(
+        f"The data cannot tell: {doubt}" in each.message for each in result.remarks
+    )
+
+
+def test_pysindy_selects_and_its_libraries_carry_the_terms(
+    virtual: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pysindy
+
+    kept: list[int] = []
+    plain = pysindy.STLSQ.fit
+
+    def fit(self: Any, *rows: Any, **options: Any) -> Any:
+        result = plain(self, *rows, **options)
+        kept.append(int(np.count_nonzero(self.coef_)))
+        return result
+
+    monkeypatch.setattr(pysindy.STLSQ, "fit", fit)
+    monkeypatch.setattr(pysindy.TensoredLibrary, "transform", nothing_but_zeros)
+    assert not look(virtual, virtual.line("X", 3, 0.004)).found
+    monkeypatch.undo()
+    monkeypatch.setattr(pysindy.STLSQ, "fit", fit)
+    found = look(virtual, virtual.line("X", 3, 0.004))
+    assert named(found) == {("leadscrew", "X", ())}
+    # Two selections of twelve pairs of halves, each by a thresholded regression of 9 terms.
+    assert len(kept) == 48
+    assert set(kept) <= {1, 2}
+
+
+def nothing_but_zeros(self: Any, rows: Any) -> Any:
+    """Return features as a library would that has no functions."""
+    return np.zeros((len(rows), self.n_output_features_))

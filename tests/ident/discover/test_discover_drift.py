@@ -158,7 +158,7 @@ def test_without_the_stated_drift_the_same_fit_leaves_more(
 
 
 def written(folder: Path, virtual: ModuleType, job: str) -> str:
-    motion = virtual.motion(3, axes="XY", duration=600.0, rows=3000)
+    motion = virtual.motion(3, axes="X", duration=600.0, rows=2000)
     effects = {"X": [virtual.line("X", 5, 0.004), virtual.reversal("X", 0.004)]}
     error = virtual.observe(motion, effects, 4, drift=4e-3).error["X"]
     way = motion.direction["X"]

@@ -1,0 +1,278 @@
+"""What goes in and what comes out: readings of a machine, and what they ask for."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...data.errors import AxcompError
+
+Channel = Mapping[str, Float[np.ndarray, " t"]]
+Verdict = Literal["the kernel cannot express this", "the data cannot tell"]
+
+_CHANNELS = (
+    "position",
+    "error",
+    "direction",
+    "velocity",
+    "acceleration",
+    "temperature",
+    "current",
+)
+
+
+class DiscoverError(AxcompError, ValueError):
+    """Measurements in which no compensation can be looked for: where, found, expected."""
+
+    def __init__(self, where: str, found: str, expected: str) -> None:
+        super().__init__(where, found, expected)
+        self.where, self.found, self.expected = where, found, expected
+
+    def __str__(self) -> str:
+        return f"{self.where}: found {self.found}, expected {self.expected}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Observed:
+    """Readings of a machine; NaN = not measured in this row, no key = never.
+
+    Attributes:
+        time: Instant of each row in s, or None where the rows only have an order.
+        run: Number of the run or set-up of each row.
+        source: Number of the measurement of each row: each has a zero of its own.
+        position: Commanded, mm or °, by axis.
+        error: Actual − commanded at standstill, actual − encoder in motion; mm or °.
+        direction: ±1, of the last motion of the axis.
+        velocity: In mm/s or °/s.
+        acceleration: In mm/s² or °/s².
+        temperature: In °C, by sensor.
+        current: In the unit of the drive.
+        rotary: Axes whose positions are angles.
+        modulo: Range of the axes that go round.
+    """
+
+    time: Float[np.ndarray, " t"] | None
+    run: Int[np.ndarray, " t"]
+    source: Int[np.ndarray, " t"]
+    position: Channel
+    error: Channel = dataclasses.field(default_factory=dict)
+    direction: Channel = dataclasses.field(default_factory=dict)
+    velocity: Channel = dataclasses.field(default_factory=dict)
+    acceleration: Channel = dataclasses.field(default_factory=dict)
+    temperature: Channel = dataclasses.field(default_factory=dict)
+    current: Channel = dataclasses.field(default_factory=dict)
+    rotary: frozenset[str] = frozenset()
+    modulo: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for channel in _CHANNELS:
+            for name, values in getattr(self, channel).items():
+                if len(values) != len(self):
+                    where = f"{channel} of {name}"
+                    count, rows = f"{len(values)} values", f"{len(self)}, one per row"
+                    raise DiscoverError(where, count, rows)
+
+    def __len__(self) -> int:
+        return len(self.run)
+
+    @property
+    def clock(self) -> Float[np.ndarray, " t"]:
+        """Instants, or the numbers of the rows where there is no time."""
+        if self.time is None:
+            return np.arange(len(self), dtype=float)
+        return self.time
+
+    def take(self, rows: Int[np.ndarray, " n"] | Bool[np.ndarray, " t"]) -> "Observed":
+        """Return some of the rows."""
+        channels: dict[str, Any] = {
+            channel: {name: each[rows] for name, each in getattr(self, channel).items()}
+            for channel in _CHANNELS
+        }
+        time = None if self.time is None else self.time[rows]
+        return dataclasses.replace(
+            self, time=time, run=self.run[rows], source=self.source[rows], **channels
+        )
+
+    def unit(self, axis: str) -> str:
+        """Return the unit of positions and errors of an axis."""
+        return "°" if axis in self.rotary else "mm"
+
+
+def stack(parts: Iterable[Observed]) -> Observed:
+    """Return the rows of several recordings one after the other.
+
+    What a recording does not have is NaN in its rows; runs and sources stay apart, and
+    each clock starts where the one before has ended.
+    """
+    every = list(parts)
+    if not every:
+        where, expected = "job", "at least one"
+        raise DiscoverError(where, "no measurement", expected)
+    merged: dict[str, dict[str, np.ndarray]] = {}
+    for channel in _CHANNELS:
+        parts_of = [(getattr(part, channel), len(part)) for part in every]
+        names = dict.fromkeys(name for part, _ in parts_of for name in part)
+        merged[channel] = {
+            name: np.concatenate(
+                [part.get(name, np.full(size, np.nan)) for part, size in parts_of]
+            )
+            for name in names
+        }
+    runs, sources, times = [], [], []
+    first_run = first_source = 0
+    start = 0.0
+    for part in every:
+        run = np.unique(part.run, return_inverse=True)[1].reshape(-1)
+        source = np.unique(part.source, return_inverse=True)[1].reshape(-1)
+        runs.append(run + first_run)
+        sources.append(source + first_source)
+        first_run += int(run.max(initial=-1)) + 1
+        first_source += int(source.max(initial=-1)) + 1
+        clock = part.clock
+        times.append(clock - clock.min(initial=np.inf if len(clock) else 0.0) + start)
+        start = float(times[-1].max(initial=start)) + 1.0
+    known = all(part.time is not None for part in every)
+    return Observed(
+        time=np.concatenate(times) if known else None,
+        run=np.concatenate(runs).astype(np.int64),
+        source=np.concatenate(sources).astype(np.int64),
+        rotary=frozenset().union(*(part.rotary for part in every)),
+        modulo={key: span for part in every for key, span in part.modulo.items()},
+        **merged,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """A compensation that the measurements ask for.
+
+    Attributes:
+        compensation: As the job file calls it.
+        axis: Axis to compensate.
+        masters: Other axes that it depends on; of crosstalk first the one that
+            accelerates, then those whose positions adapt it.
+        sensor: Temperature that it follows; None where there is none, or two.
+        share: Of the mean square of the error (or of the current), 0 to 1.
+        rms: Contribution in mm, ° or the unit of the current.
+        stability: Share of the resamples in which it was selected.
+        unit: Of `rms`.
+        keys: What the job file says of it beyond axis and measurement.
+        group: Name of the fits that overlap with it, or None.
+        sentence: In words.
+    """
+
+    compensation: str
+    axis: str
+    masters: tuple[str, ...]
+    sensor: str | None
+    share: float
+    rms: float
+    stability: float
+    unit: str
+    keys: Mapping[str, object]
+    group: str | None
+    sentence: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Rejected:
+    """A compensation that was looked for and is not needed, or could not be seen."""
+
+    compensation: str
+    axis: str
+    masters: tuple[str, ...]
+    sensor: str | None
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Unexplained:
+    """Structure that no compensation takes away, or that several could.
+
+    Attributes:
+        axis: Whose error (or current) shows it.
+        what: Short name.
+        masters: Other axes that it depends on.
+        rms: Its size in mm, ° or the unit of the current.
+        share: Of the mean square of the error (or the current), 0 to 1.
+        unit: Of `rms`.
+        verdict: Why it stays.
+        sentence: In words.
+    """
+
+    axis: str
+    what: str
+    masters: tuple[str, ...]
+    rms: float
+    share: float
+    unit: str
+    verdict: Verdict
+    sentence: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Drift:
+    """A slow change of the error in time that nothing that was found explains.
+
+    Attributes:
+        axis: Whose error shows it.
+        source: Number of the measurement in which it does.
+        pieces: Straight pieces in time that follow it, for the fit to allow for.
+        rms: In mm or ° about its mean.
+        unit: Of `rms`.
+        sentence: In words.
+    """
+
+    axis: str
+    source: int
+    pieces: int
+    rms: float
+    unit: str
+    sentence: str
+
+
+@dataclasses.dataclass(frozen=True)
+class AxisSummary:
+    """The error (or current) of one axis as a whole.
+
+    Attributes:
+        axis: Its name.
+        channel: ``error`` or ``current``.
+        rows: Readings.
+        rms: Before anything is taken away.
+        noise: Scatter about all that was found.
+        unit: Of both.
+    """
+
+    axis: str
+    channel: str
+    rows: int
+    rms: float
+    noise: float
+    unit: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Discovery:
+    """What a machine asks for; ranked by share within each axis.
+
+    Attributes:
+        axes: Errors and currents as they are.
+        found: Compensations that are needed.
+        rejected: Compensations that are not, or could not be seen.
+        unexplained: What stays, or what several could explain.
+        drifts: Slow changes in time.
+    """
+
+    axes: tuple[AxisSummary, ...]
+    found: tuple[Found, ...] = ()
+    rejected: tuple[Rejected, ...] = ()
+    unexplained: tuple[Unexplained, ...] = ()
+    drifts: tuple[Drift, ...] = ()
+
+    @property
+    def told(self) -> bool:
+        """Whether the data tell apart all that they show."""
+        return all(each.verdict != "the data cannot tell" for each in self.unexplained)
