@@ -100,24 +100,24 @@ def fit_model(
     if constraints is not None and solver != "ipopt":
         msg = "constraints need solver='ipopt': optimistix knows no inequalities."
         raise ValueError(msg)
-    params, rest = eqx.partition(model, _which(model, fitted))
-    form = _Form.of(params)
+    params, rest = eqx.partition(model, fitted_arrays(model, fitted))
+    form = Form.of(params)
     if not form.names:
         msg = "found no array to fit in the model, expected one of floats"
         raise ValueError(msg)
-    readings = _float(measured)
+    readings = as_float(measured)
     problem = _Problem(
         predict,
         constraints,
         form,
         rest,
-        jax.tree.map(_float, inputs),
+        jax.tree.map(as_float, inputs),
         readings,
-        _weights(readings, weights),
+        weights_of(readings, weights),
         form.pairs(bounds, (-np.inf, np.inf), "bounds"),
         form.pairs(priors, (0.0, np.inf), "priors"),
     )
-    start, known = form.flat(params), None if noise is None else _float(noise)
+    start, known = form.flat(params), None if noise is None else as_float(noise)
     leaves = jax.tree.leaves((problem, start, known))
     traced = any(isinstance(leaf, Tracer) for leaf in leaves)
     if traced and solver == "ipopt":
@@ -167,7 +167,7 @@ LEVENBERG_MARQUARDT: optx.LevenbergMarquardt[Any, Any, Any] = optx.LevenbergMarq
 
 
 @dataclasses.dataclass(frozen=True)
-class _Form:
+class Form:
     """How the fitted arrays of a model lie in one vector."""
 
     structure: Any
@@ -176,11 +176,16 @@ class _Form:
     """Name of each array."""
 
     @classmethod
-    def of(cls, params: Any) -> "_Form":
+    def of(cls, params: Any) -> "Form":
         leaves = jtu.tree_leaves_with_path(params)
         shapes = tuple(jnp.shape(leaf) for _, leaf in leaves)
-        paths = tuple(_name(path) for path, _ in leaves)
+        paths = tuple(path_name(path) for path, _ in leaves)
         return cls(jax.tree.structure(params), shapes, paths)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many numbers each array has."""
+        return tuple(math.prod(shape) for shape in self.shapes)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -192,10 +197,12 @@ class _Form:
         )
 
     def flat(self, params: Any) -> Float[Array, " p"]:
-        return jnp.concatenate([jnp.ravel(_float(x)) for x in jax.tree.leaves(params)])
+        return jnp.concatenate(
+            [jnp.ravel(as_float(x)) for x in jax.tree.leaves(params)]
+        )
 
     def tree(self, values: Float[Array, " p"]) -> Any:
-        ends = np.cumsum([math.prod(shape) for shape in self.shapes])[:-1]
+        ends = np.cumsum(self.sizes)[:-1]
         parts = jnp.split(values, ends)
         leaves = [jnp.reshape(p, s) for p, s in zip(parts, self.shapes, strict=True)]
         return jax.tree.unflatten(self.structure, leaves)
@@ -212,7 +219,7 @@ class _Form:
             named = dict(given or {})
         else:
             leaves = jtu.tree_leaves_with_path(given, is_leaf=_is_pair)
-            named = {_name(path): pair for path, pair in leaves}
+            named = {path_name(path): pair for path, pair in leaves}
             # What is not fitted may have a place in the tree.
             named = {path: named[path] for path in self.paths if path in named}
         unknown = [name for name in named if name not in self.paths]
@@ -227,7 +234,7 @@ class _Form:
                 msg = f"{what} of {path}: found {pair!r}, expected a pair or None"
                 raise ValueError(msg)
             for side, one, other in zip(sides, pair or default, default, strict=True):
-                value = _float(other if one is None else one)
+                value = as_float(other if one is None else one)
                 side.append(jnp.ravel(jnp.broadcast_to(value, shape)))
         return jnp.concatenate(sides[0]), jnp.concatenate(sides[1])
 
@@ -241,7 +248,7 @@ class _Problem(eqx.Module):
 
     predict: Callable[[Any, Any], Array] = eqx.field(static=True)
     constraints: Callable[[Any], Array] | None = eqx.field(static=True)
-    form: _Form = eqx.field(static=True)
+    form: Form = eqx.field(static=True)
     rest: Any
     """What is not fitted of the model."""
     inputs: Any
@@ -310,9 +317,9 @@ def _by_ipopt(
 
 
 class _Change(eqx.Module):
-    """Change of variables: a step of one from the start changes the residual by its size.
+    r"""Change of variables: a step of one from the start changes the residual by its size.
 
-    Inside limits with $\\tanh$. What rests on a limit is held there: the change of
+    Inside limits with $\tanh$. What rests on a limit is held there: the change of
     variables would reach it after infinitely many steps.
     """
 
@@ -334,7 +341,7 @@ class _Change(eqx.Module):
     ) -> "_Change":
         (low, high), args = problem.limits, (problem, noise)
         natural = jnp.where(start != 0, jnp.abs(start), 1.0)
-        width = jnp.minimum(high - low, jnp.finfo(natural).max)
+        width = jnp.minimum(high - low, float(np.finfo(np.float64).max))
         gap = _INSIDE * jnp.minimum(width, natural)
         inside = jnp.clip(start, low + gap, high - gap)
         at = jnp.where(first, inside, start)
@@ -483,7 +490,7 @@ def _report(
     }
 
 
-def _float(value: Any) -> Any:
+def as_float(value: Any) -> Any:
     """Return numbers as an array of 64-bit floats, integers of arrays as they are."""
     if isinstance(value, Array):
         wide = jnp.issubdtype(value.dtype, jnp.floating)
@@ -493,8 +500,10 @@ def _float(value: Any) -> Any:
     return value
 
 
-def _weights(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
-    weights = jnp.broadcast_to(_float(1.0 if given is None else given), measured.shape)
+def weights_of(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
+    weights = jnp.broadcast_to(
+        as_float(1.0 if given is None else given), measured.shape
+    )
     if not isinstance(weights, Tracer):
         if not np.all(np.asarray(weights) >= 0):
             msg = "weights: found one below 0 or NaN, expected 0 or more"
@@ -520,7 +529,7 @@ def _blocks(groups: ArrayLike | None, size: int) -> tuple[Int[np.ndarray, " t"],
     return blocks, len(names)
 
 
-def _which(model: eqx.Module, fitted: Sequence[str] | None) -> Any:
+def fitted_arrays(model: Any, fitted: Sequence[str] | None) -> Any:
     """Return the filter of the arrays to fit."""
     if fitted is None:
         positions = (AbstractNodes, AbstractSurface)
@@ -530,7 +539,7 @@ def _which(model: eqx.Module, fitted: Sequence[str] | None) -> Any:
             is_leaf=lambda leaf: isinstance(leaf, positions),
         )
     arrays = eqx.filter(model, eqx.is_inexact_array)
-    known = [_name(path) for path, _ in jtu.tree_leaves_with_path(arrays)]
+    known = [path_name(path) for path, _ in jtu.tree_leaves_with_path(arrays)]
     for name in fitted:
         if not any((own + ".").startswith(name + ".") for own in known):
             msg = f"fitted: found {name}, expected some of {', '.join(known)}"
@@ -538,11 +547,11 @@ def _which(model: eqx.Module, fitted: Sequence[str] | None) -> Any:
     return jtu.tree_map_with_path(
         lambda path, leaf: (
             eqx.is_inexact_array(leaf)
-            and any((_name(path) + ".").startswith(name + ".") for name in fitted)
+            and any((path_name(path) + ".").startswith(name + ".") for name in fitted)
         ),
         model,
     )
 
 
-def _name(path: Any) -> str:
+def path_name(path: Any) -> str:
     return jtu.keystr(path, simple=True, separator=".")
