@@ -16,7 +16,7 @@ import lineax as lx
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..models import AbstractNodes, Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
 from ._fit_model import Form, as_float, fitted_arrays, path_name, weights_of
@@ -70,39 +70,70 @@ def fit_linear(
     inputs = jax.tree.map(as_float, inputs)
     known = weights_of(readings, weights).ravel()
     reduce, penalties = _structure(model, form)
-    unknown = [name for name in _named(smoothness) if name not in penalties]
+    asked = smoothness if isinstance(smoothness, Mapping) else ()
+    unknown = [name for name in asked if name not in penalties]
     if unknown:
         msg = (
             f"smoothness: found {', '.join(unknown)}, expected tables {list(penalties)}"
         )
         raise ValueError(msg)
 
-    def predicted(values: Float[Array, " p"]) -> Float[Array, " t"]:
-        full = eqx.combine(form.tree(reduce @ values), rest)
-        return jnp.ravel(predict(full, inputs))
-
-    origin = jnp.zeros(reduce.shape[1])
-    off, along = jax.linearize(predicted, origin)
-    design = jax.vmap(along, out_axes=1)(jnp.eye(reduce.shape[1]))
-    used = known > 0
-    error = jnp.where(used, jnp.where(used, readings.ravel(), 0.0) - off, 0.0)
-    matrix = design.T @ (known[:, None] * design)
-    for name, terms in penalties.items():
-        given = (
-            smoothness.get(name, 0.0) if isinstance(smoothness, Mapping) else smoothness
-        )
+    named = smoothness if isinstance(smoothness, Mapping) else {}
+    every = 0.0 if isinstance(smoothness, Mapping) else smoothness
+    pairs = []
+    for name in penalties:
+        given = named.get(name, every)
         pair = given if isinstance(given, tuple) else (given, 0.0)
-        for weight, gram in zip(pair, terms, strict=True):
-            matrix = matrix + as_float(weight) * gram
-    values, solved = _solve(matrix, design.T @ (known * error))
+        pairs.append((as_float(pair[0]), as_float(pair[1])))
+    values, solved = _values(
+        predict,
+        form,
+        rest,
+        reduce,
+        inputs,
+        readings,
+        known,
+        list(penalties.values()),
+        pairs,
+    )
     if throw and not isinstance(solved, Tracer) and not bool(solved):
         msg = (
             "fit_linear: readings and smoothness do not determine the model; expected "
             "readings that touch every node, or a smoothness above 0"
         )
         raise FitError(msg)
-    found: M = eqx.combine(form.tree(reduce @ values), rest)
+    found: M = eqx.combine(form.tree(values), rest)
     return found
+
+
+@eqx.filter_jit
+def _values(
+    predict: Callable[[Any, Any], Array],
+    form: Form,
+    rest: Any,
+    reduce: Float[Array, "n p"],
+    inputs: Any,
+    readings: Float[Array, "..."],
+    weights: Float[Array, " t"],
+    penalties: list[list[Float[Array, "p p"]]],
+    pairs: list[tuple[Float[Array, ""], Float[Array, ""]]],
+) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
+    """Return the fitted arrays in a row, and whether they are determined."""
+
+    def predicted(values: Float[Array, " p"]) -> Float[Array, " t"]:
+        full = eqx.combine(form.tree(reduce @ values), rest)
+        return jnp.ravel(predict(full, inputs))
+
+    count = reduce.shape[1]
+    off, along = jax.linearize(predicted, jnp.zeros(count))
+    design = jax.vmap(along, out_axes=1)(jnp.eye(count))
+    used = weights > 0
+    error = jnp.where(used, jnp.where(used, readings.ravel(), 0.0) - off, 0.0)
+    matrix = design.T @ (weights[:, None] * design)
+    for terms, pair in zip(penalties, pairs, strict=True):
+        matrix += pair[0] * terms[0] + pair[1] * terms[1]
+    values, solved = _solve(matrix, design.T @ (weights * error))
+    return reduce @ values, solved
 
 
 def _solve(
@@ -121,10 +152,6 @@ def _solve(
 
 
 _ROUNDING = float(np.sqrt(np.finfo(np.float64).eps))
-
-
-def _named(smoothness: Any) -> Mapping[str, Any]:
-    return smoothness if isinstance(smoothness, Mapping) else {}
 
 
 def _tables(model: Any) -> Iterator[tuple[Any, Any]]:

@@ -449,7 +449,7 @@ def _report(
     values: Float[Array, " p"],
     assumed: Float[Array, ""],
     known: Float[Array, ""] | None,
-    blocks: Int[np.ndarray, " t"],
+    blocks: Int[Array, " t"],
     count: int,
 ) -> dict[str, Any]:
     """Return noise, standard deviations and the rest of a `ModelFit` at a solution.
@@ -472,7 +472,6 @@ def _report(
     free = jnp.maximum(jnp.sum(used) - parameters, 1.0)
     noise = jnp.sqrt(jnp.sum(residual**2) / free) if known is None else known
     deviation = noise * jnp.sqrt(jnp.where(lost, jnp.inf, jnp.diag(per_noise)))
-    shown = jnp.asarray(blocks)
     return {
         "model": problem.model(values),
         "standard_deviation": eqx.combine(
@@ -480,7 +479,7 @@ def _report(
             eqx.filter(problem.rest, eqx.is_inexact_array, inverse=True),
         ),
         "noise": noise,
-        "held_out": held_out_rms(design, -residual, prior, shown, count, used),
+        "held_out": held_out_rms(design, -residual, prior, blocks, count, used),
         "residual": problem.error(values),
         "values": values,
         "limits": jnp.stack(problem.limits),
@@ -518,15 +517,15 @@ def weights_of(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
     return weights
 
 
-def _blocks(groups: ArrayLike | None, size: int) -> tuple[Int[np.ndarray, " t"], int]:
+def _blocks(groups: ArrayLike | None, size: int) -> tuple[Int[Array, " t"], int]:
     if groups is None:
         count = min(_BLOCKS, max(size, 1))
-        return np.arange(size) * count // max(size, 1), count
+        return jnp.asarray(np.arange(size) * count // max(size, 1)), count
     names, blocks = np.unique(np.ravel(np.asarray(groups)), return_inverse=True)
     if blocks.shape != (size,):
         msg = f"groups: found {blocks.size} of them, expected one per reading, {size}"
         raise ValueError(msg)
-    return blocks, len(names)
+    return jnp.asarray(blocks), len(names)
 
 
 def fitted_arrays(model: Any, fitted: Sequence[str] | None) -> Any:
