@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .. import models
-from ._fit_model import as_float
+from ._parameters import as_float
 from .core import FitError
 from .fit import joint
 

@@ -19,7 +19,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from ..models import AbstractNodes, Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
-from ._fit_model import Form, as_float, fitted_arrays, path_name, weights_of
+from ._parameters import Form, as_float, fitted_arrays, path_name, weights_of
 from .core import FitError
 from .fit._chain import chain_prior
 

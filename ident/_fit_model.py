@@ -1,40 +1,29 @@
 """Fit any equinox module to readings: least squares by optimistix, or by CasADi and IPOPT."""
 
-import dataclasses
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import jax.tree_util as jtu
 import numpy as np
 import optimistix as optx
 from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ..models import AbstractNodes, AbstractSurface
+from ._limits import PASSES, Change
 from ._model_fit import STATUSES, ModelFit, covariance_of, factor, held_out_rms
+from ._parameters import Form, Pairs, as_float, fitted_arrays, weights_of
 from .core import FitError, least_squares_ipopt
 
 M = TypeVar("M", bound=eqx.Module)
-
-Pairs = Any
-"""A tree shaped like the model, or a mapping of names: a pair of numbers or None each."""
 
 _BLOCKS = 10
 """Blocks of consecutive readings that are held out in turn."""
 _PASSES = 30
 _SAME = 1e-10
 """Passes at most, and the relative change of the noise that ends them: it weighs priors."""
-_LIMIT_PASSES = 4
-"""Solves with limits: after each, what rests on one is held there, or let go."""
-_NEAR = 1e-2
-"""How near to a limit that is, in steps that change the residual by its size."""
-_INSIDE = 1e-3
-"""How far inside its limits a start begins, in parts of their distance or of itself."""
 
 
 def fit_model(
@@ -65,7 +54,8 @@ def fit_model(
 
     With optimistix it may be called inside `jax.jit` and differentiated by `jax.grad`
     with respect to inputs, readings, weights and priors (implicit function theorem at the
-    solution; give `noise` where priors are traced). IPOPT works on the host.
+    solution; give `noise` where priors are traced); standard deviations and the error held
+    out count as constants. IPOPT works on the host.
 
     Args:
         model: Start values; its type is that of the result.
@@ -166,83 +156,6 @@ LEVENBERG_MARQUARDT: optx.LevenbergMarquardt[Any, Any, Any] = optx.LevenbergMarq
 """The default; steps are counted in units that change the residual by its first size."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Form:
-    """How the fitted arrays of a model lie in one vector."""
-
-    structure: Any
-    shapes: tuple[tuple[int, ...], ...]
-    paths: tuple[str, ...]
-    """Name of each array."""
-
-    @classmethod
-    def of(cls, params: Any) -> "Form":
-        leaves = jtu.tree_leaves_with_path(params)
-        shapes = tuple(jnp.shape(leaf) for _, leaf in leaves)
-        paths = tuple(path_name(path) for path, _ in leaves)
-        return cls(jax.tree.structure(params), shapes, paths)
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """How many numbers each array has."""
-        return tuple(math.prod(shape) for shape in self.shapes)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each number."""
-        return tuple(
-            path + (f"[{', '.join(map(str, place))}]" if place else "")
-            for path, shape in zip(self.paths, self.shapes, strict=True)
-            for place in np.ndindex(shape)
-        )
-
-    def flat(self, params: Any) -> Float[Array, " p"]:
-        return jnp.concatenate(
-            [jnp.ravel(as_float(x)) for x in jax.tree.leaves(params)]
-        )
-
-    def tree(self, values: Float[Array, " p"]) -> Any:
-        ends = np.cumsum(self.sizes)[:-1]
-        parts = jnp.split(values, ends)
-        leaves = [jnp.reshape(p, s) for p, s in zip(parts, self.shapes, strict=True)]
-        return jax.tree.unflatten(self.structure, leaves)
-
-    def pairs(
-        self, given: Pairs, default: tuple[float, float], what: str
-    ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-        """Return the first and the second number of all pairs, as two vectors.
-
-        Raises:
-            ValueError: If a name is unknown or a pair is none.
-        """
-        if given is None or isinstance(given, Mapping):
-            named = dict(given or {})
-        else:
-            leaves = jtu.tree_leaves_with_path(given, is_leaf=_is_pair)
-            named = {path_name(path): pair for path, pair in leaves}
-            # What is not fitted may have a place in the tree.
-            named = {path: named[path] for path in self.paths if path in named}
-        unknown = [name for name in named if name not in self.paths]
-        if unknown:
-            known = ", ".join(self.paths)
-            msg = f"{what}: found {', '.join(unknown)}, expected some of {known}"
-            raise ValueError(msg)
-        sides: tuple[list[Array], list[Array]] = ([], [])
-        for path, shape in zip(self.paths, self.shapes, strict=True):
-            pair = named.get(path)
-            if not _is_pair(pair):
-                msg = f"{what} of {path}: found {pair!r}, expected a pair or None"
-                raise ValueError(msg)
-            for side, one, other in zip(sides, pair or default, default, strict=True):
-                value = as_float(other if one is None else one)
-                side.append(jnp.ravel(jnp.broadcast_to(value, shape)))
-        return jnp.concatenate(sides[0]), jnp.concatenate(sides[1])
-
-
-def _is_pair(node: Any) -> bool:
-    return node is None or (type(node) in (tuple, list) and len(node) == 2)
-
-
 class _Problem(eqx.Module):
     """A fit as arrays and functions: its residual over a vector of numbers."""
 
@@ -316,80 +229,8 @@ def _by_ipopt(
     return jnp.asarray(found.values), code, jnp.asarray(found.steps)
 
 
-class _Change(eqx.Module):
-    r"""Change of variables: a step of one from the start changes the residual by its size.
-
-    Inside limits with $\tanh$. What rests on a limit is held there: the change of
-    variables would reach it after infinitely many steps.
-    """
-
-    start: Float[Array, " p"]
-    unit: Float[Array, " p"]
-    limits: tuple[Float[Array, " p"], Float[Array, " p"]]
-    held: tuple[Bool[Array, " p"], Bool[Array, " p"]]
-    """Whether a number rests on its lower, on its upper limit."""
-    length: Float[Array, ""]
-    """Of the residual at the start."""
-
-    @classmethod
-    def of(
-        cls,
-        problem: _Problem,
-        start: Float[Array, " p"],
-        noise: Array,
-        first: Bool[Array, ""],
-    ) -> "_Change":
-        (low, high), args = problem.limits, (problem, noise)
-        natural = jnp.where(start != 0, jnp.abs(start), 1.0)
-        width = jnp.minimum(high - low, float(np.finfo(np.float64).max))
-        gap = _INSIDE * jnp.minimum(width, natural)
-        inside = jnp.clip(start, low + gap, high - gap)
-        at = jnp.where(first, inside, start)
-        residual, design = _full(at, args), jax.jacfwd(_full)(at, args)
-        length = jnp.linalg.norm(residual)
-        length = jnp.where(length > 0, length, 1.0)
-        norms = jnp.linalg.norm(design, axis=0)
-        felt = jnp.isfinite(norms) & (norms > 0)
-        unit = jnp.where(felt, length / jnp.where(felt, norms, 1.0), natural)
-        unit, slope = jnp.minimum(unit, width), residual @ design
-        near = jnp.where(first, -1.0, _NEAR) * unit
-        held = (at - low <= near) & (slope > 0), (high - at <= near) & (slope < 0)
-        fixed = (inside, unit, (low, high), held, length)
-        return cls(*jax.lax.stop_gradient(fixed))
-
-    def values(self, x: Float[Array, " p"]) -> Float[Array, " p"]:
-        """Return the numbers of the model: inside their limits, with slope `unit` at 0."""
-        low, high = self.limits
-        step = self.unit * x
-        has_low, has_high = jnp.isfinite(low), jnp.isfinite(high)
-        # One limit: a hyperbola between it and a straight line. What is not meant must
-        # stay finite, for its derivative.
-        above = jnp.where(has_low, self.start - low, 1.0)
-        below = jnp.where(has_high, high - self.start, 1.0)
-        only_low = self.start + above * (_hyperbola(step / above) - 1.0)
-        only_high = self.start - below * (_hyperbola(-step / below) - 1.0)
-        half = 0.5 * (above + below)
-        place = (above - below) / (2.0 * half)
-        bent = jnp.tanh(jnp.arctanh(place) + step / (half * (1.0 - place**2)))
-        both = self.start + half * (bent - place)
-        one = jnp.where(has_high, only_high, self.start + step)
-        one = jnp.where(has_low, jnp.where(has_high, both, only_low), one)
-        return jnp.where(self.held[0], low, jnp.where(self.held[1], high, one))
-
-    def at_rest(self, slope: Float[Array, " p"]) -> Bool[Array, ""]:
-        """Return whether the cost pushes all that is held against its limit."""
-        low, high = self.held
-        return ~jnp.any((low & (slope < 0)) | (high & (slope > 0)))
-
-
-def _hyperbola(x: Float[Array, " p"]) -> Float[Array, " p"]:
-    """Return a positive function with value and slope 1 at 0."""
-    root = jnp.sqrt(x * x + 1.0)
-    return jnp.where(x < 0, 1.0 / (root - x), x + root)
-
-
 def _changed(
-    x: Float[Array, " p"], args: tuple[_Problem, Array, _Change]
+    x: Float[Array, " p"], args: tuple[_Problem, Array, Change]
 ) -> Float[Array, " r"]:
     problem, noise, change = args
     return _full(change.values(x), (problem, noise)) / change.length
@@ -404,17 +245,20 @@ def _by_optimistix(
     max_steps: int,
     limited: bool,
 ) -> tuple[Float[Array, " p"], Int[Array, ""], Int[Array, ""]]:
-    passes = _LIMIT_PASSES if limited else 1
+    passes = PASSES if limited else 1
     outcomes = {
         "converged": optx.RESULTS.successful,
         "max_steps": optx.RESULTS.nonlinear_max_steps_reached,
         "not_finite": optx.RESULTS.nonfinite,
     }
 
+    def residual(values: Float[Array, " p"]) -> Float[Array, " r"]:
+        return _full(values, (problem, noise))
+
     def once(
         start: Float[Array, " p"], first: Bool[Array, ""]
     ) -> tuple[Array, tuple[Array, Array]]:
-        change = _Change.of(problem, start, noise, first)
+        change = Change.of(residual, start, problem.limits, first, limited)
         found: optx.Solution[Any, Any] = optx.least_squares(
             _changed,
             solver,
@@ -427,11 +271,15 @@ def _by_optimistix(
         code = jnp.asarray(STATUSES.index("failed"))
         for status, outcome in outcomes.items():
             code = jnp.where(found.result == outcome, STATUSES.index(status), code)
-        slope = jax.grad(lambda x: 0.5 * jnp.sum(_full(x, (problem, noise)) ** 2))
-        resting = change.at_rest(jax.lax.stop_gradient(slope(values)))
-        code = jnp.where(resting, code, STATUSES.index("max_steps"))
+        if limited:
+            still = jax.lax.stop_gradient(values)
+            slope = jax.grad(lambda x: 0.5 * jnp.sum(residual(x) ** 2))(still)
+            code = jnp.where(change.at_rest(slope), code, STATUSES.index("max_steps"))
         return values, (code, jnp.asarray(found.stats["num_steps"]))
 
+    if not limited:
+        values, (code, steps) = once(start, jnp.asarray(True))
+        return values, code, steps
     values, (codes, steps) = jax.lax.scan(once, start, jnp.arange(passes) == 0)
     return values, codes[-1], jnp.sum(steps)
 
@@ -463,11 +311,14 @@ def _report(
         count: Of blocks.
     """
     residual = problem.residual(values)
-    design = jax.jacfwd(problem.residual)(values)
-    prior = assumed / problem.prior[1]
+    # Derivatives of a fit are those of its values and its noise: how sure it is counts as
+    # constant, since factors of a design are costly to differentiate.
+    fixed, at, weight = jax.lax.stop_gradient((problem, values, assumed))
+    design = jax.jacfwd(fixed.residual)(at)
+    prior = weight / fixed.prior[1]
     scale, singular, directions = factor(design, prior)
     per_noise, lost = covariance_of(singular, directions, scale)
-    used = jnp.ravel(jnp.where(problem.weights > 0, 1.0, 0.0))
+    used = jnp.ravel(jnp.where(fixed.weights > 0, 1.0, 0.0))
     parameters = jnp.sum((design @ per_noise) * design)
     free = jnp.maximum(jnp.sum(used) - parameters, 1.0)
     noise = jnp.sqrt(jnp.sum(residual**2) / free) if known is None else known
@@ -479,7 +330,9 @@ def _report(
             eqx.filter(problem.rest, eqx.is_inexact_array, inverse=True),
         ),
         "noise": noise,
-        "held_out": held_out_rms(design, -residual, prior, blocks, count, used),
+        "held_out": held_out_rms(
+            design, -fixed.residual(at), prior, blocks, count, used
+        ),
         "residual": problem.error(values),
         "values": values,
         "limits": jnp.stack(problem.limits),
@@ -487,34 +340,6 @@ def _report(
         "singular": singular,
         "directions": directions,
     }
-
-
-def as_float(value: Any) -> Any:
-    """Return numbers as an array of 64-bit floats, integers of arrays as they are."""
-    if isinstance(value, Array):
-        wide = jnp.issubdtype(value.dtype, jnp.floating)
-        return value.astype(jnp.float64) if wide else value
-    if isinstance(value, np.ndarray | np.generic | int | float | Sequence):
-        return jnp.asarray(value, jnp.float64)
-    return value
-
-
-def weights_of(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
-    weights = jnp.broadcast_to(
-        as_float(1.0 if given is None else given), measured.shape
-    )
-    if not isinstance(weights, Tracer):
-        if not np.all(np.asarray(weights) >= 0):
-            msg = "weights: found one below 0 or NaN, expected 0 or more"
-            raise ValueError(msg)
-        if not isinstance(measured, Tracer):
-            lost = np.flatnonzero((weights > 0) & ~np.isfinite(measured))
-            if lost.size:
-                msg = (
-                    f"measured: reading {lost[0]} is not finite; weight 0 leaves it out"
-                )
-                raise FitError(msg)
-    return weights
 
 
 def _blocks(groups: ArrayLike | None, size: int) -> tuple[Int[Array, " t"], int]:
@@ -526,31 +351,3 @@ def _blocks(groups: ArrayLike | None, size: int) -> tuple[Int[Array, " t"], int]
         msg = f"groups: found {blocks.size} of them, expected one per reading, {size}"
         raise ValueError(msg)
     return jnp.asarray(blocks), len(names)
-
-
-def fitted_arrays(model: Any, fitted: Sequence[str] | None) -> Any:
-    """Return the filter of the arrays to fit."""
-    if fitted is None:
-        positions = (AbstractNodes, AbstractSurface)
-        return jax.tree.map(
-            lambda leaf: not isinstance(leaf, positions) and eqx.is_inexact_array(leaf),
-            model,
-            is_leaf=lambda leaf: isinstance(leaf, positions),
-        )
-    arrays = eqx.filter(model, eqx.is_inexact_array)
-    known = [path_name(path) for path, _ in jtu.tree_leaves_with_path(arrays)]
-    for name in fitted:
-        if not any((own + ".").startswith(name + ".") for own in known):
-            msg = f"fitted: found {name}, expected some of {', '.join(known)}"
-            raise ValueError(msg)
-    return jtu.tree_map_with_path(
-        lambda path, leaf: (
-            eqx.is_inexact_array(leaf)
-            and any((path_name(path) + ".").startswith(name + ".") for name in fitted)
-        ),
-        model,
-    )
-
-
-def path_name(path: Any) -> str:
-    return jtu.keystr(path, simple=True, separator=".")
