@@ -174,7 +174,12 @@ def _structure(
         name = path_name(path)
         for field, axes in _axes(table).items():
             start = starts[f"{name}.{field}" if name else field]
-            chains = [chain_prior(np.asarray(n.positions), ring) for n, ring in axes]
+            with jax.ensure_compile_time_eval():  # nodes are constants under jit, too
+                places = [np.asarray(nodes.positions) for nodes, _ in axes]
+            chains = [
+                chain_prior(place, ring)
+                for place, (_, ring) in zip(places, axes, strict=True)
+            ]
             shape = tuple(nodes.count for nodes, _ in axes)
             index = start + np.arange(np.prod(shape)).reshape(shape)
             for axis, chain in enumerate(chains):
