@@ -5,6 +5,7 @@ inputs (positions, temperatures), weights and smoothness. For noise, evidence, r
 standard deviations there is `axcomp.fit`.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
@@ -16,11 +17,11 @@ import lineax as lx
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..models import AbstractNodes, Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
 from ._parameters import Form, as_float, fitted_arrays, path_name, weights_of
-from .core import FitError
+from .core import FitError, one_blas_thread
 from .fit._chain import chain_prior
 
 M = TypeVar("M")
@@ -43,7 +44,8 @@ def fit_linear(
 
     $\hat\theta = (X^T W X + P)^{-1} X^T W y$ with the design $X$, the derivative of the
     predictions, and the differences of the tables as penalty $P$. The design is dense: good
-    for up to some $10^7$ numbers.
+    for up to some $10^7$ numbers. Inside `jax.jit` threads of BLAS may fight on a busy
+    machine: run what was compiled under `axcomp.ident.core.one_blas_thread`.
 
     Args:
         model: A model, or a tuple, list or dictionary of models: a stack. Its arrays are
@@ -69,15 +71,12 @@ def fit_linear(
     form, readings = Form.of(params), as_float(measured)
     inputs = jax.tree.map(as_float, inputs)
     known = weights_of(readings, weights).ravel()
-    reduce, penalties = _structure(model, form)
+    unknown, penalties = _structure(model, form)
     asked = smoothness if isinstance(smoothness, Mapping) else ()
-    unknown = [name for name in asked if name not in penalties]
-    if unknown:
-        msg = (
-            f"smoothness: found {', '.join(unknown)}, expected tables {list(penalties)}"
-        )
+    wrong = [name for name in asked if name not in penalties]
+    if wrong:
+        msg = f"smoothness: found {', '.join(wrong)}, expected tables {list(penalties)}"
         raise ValueError(msg)
-
     named = smoothness if isinstance(smoothness, Mapping) else {}
     every = 0.0 if isinstance(smoothness, Mapping) else smoothness
     pairs = []
@@ -85,17 +84,20 @@ def fit_linear(
         given = named.get(name, every)
         pair = given if isinstance(given, tuple) else (given, 0.0)
         pairs.append((as_float(pair[0]), as_float(pair[1])))
-    values, solved = _values(
-        predict,
-        form,
-        rest,
-        reduce,
-        inputs,
-        readings,
-        known,
-        list(penalties.values()),
-        pairs,
-    )
+    with one_blas_thread():
+        values, solved = _values(
+            predict,
+            form,
+            rest,
+            unknown,
+            inputs,
+            readings,
+            known,
+            list(penalties.values()),
+            pairs,
+        )
+        if not isinstance(values, Tracer):
+            values.block_until_ready()
     if throw and not isinstance(solved, Tracer) and not bool(solved):
         msg = (
             "fit_linear: readings and smoothness do not determine the model; expected "
@@ -111,20 +113,20 @@ def _values(
     predict: Callable[[Any, Any], Array],
     form: Form,
     rest: Any,
-    reduce: Float[Array, "n p"],
+    unknown: Int[Array, " n"],
     inputs: Any,
     readings: Float[Array, "..."],
     weights: Float[Array, " t"],
-    penalties: list[list[Float[Array, "p p"]]],
+    penalties: list[Float[Array, "2 p p"]],
     pairs: list[tuple[Float[Array, ""], Float[Array, ""]]],
 ) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
     """Return the fitted arrays in a row, and whether they are determined."""
 
     def predicted(values: Float[Array, " p"]) -> Float[Array, " t"]:
-        full = eqx.combine(form.tree(reduce @ values), rest)
+        full = eqx.combine(form.tree(values[unknown]), rest)
         return jnp.ravel(predict(full, inputs))
 
-    count = reduce.shape[1]
+    count = penalties[0].shape[1] if penalties else len(unknown)
     off, along = jax.linearize(predicted, jnp.zeros(count))
     design = jax.vmap(along, out_axes=1)(jnp.eye(count))
     used = weights > 0
@@ -133,7 +135,7 @@ def _values(
     for terms, pair in zip(penalties, pairs, strict=True):
         matrix += pair[0] * terms[0] + pair[1] * terms[1]
     values, solved = _solve(matrix, design.T @ (weights * error))
-    return reduce @ values, solved
+    return values[unknown], solved
 
 
 def _solve(
@@ -162,45 +164,36 @@ def _tables(model: Any) -> Iterator[tuple[Any, Any]]:
 
 def _structure(
     model: Any, form: Form
-) -> tuple[Float[Array, "n p"], dict[str, list[Float[Array, "p p"]]]]:
-    """Return what makes all arrays of the unknowns, and the penalties of each table.
+) -> tuple[Int[Array, " n"], dict[str, Float[Array, "2 p p"]]]:
+    """Return the unknown of each number of the model, and the penalties of each table.
 
     The last node of a ring is the first one again: they are one unknown.
     """
     starts = dict(zip(form.paths, np.cumsum([0, *form.sizes]), strict=False))
     same = np.arange(sum(form.sizes))
-    found: dict[str, list[np.ndarray]] = {}
+    found: list[tuple[str, int, np.ndarray, np.ndarray]] = []
     for path, table in _tables(model):
         name = path_name(path)
         for field, axes in _axes(table).items():
             start = starts[f"{name}.{field}" if name else field]
             with jax.ensure_compile_time_eval():  # nodes are constants under jit, too
                 places = [np.asarray(nodes.positions) for nodes, _ in axes]
-            chains = [
-                chain_prior(place, ring)
-                for place, (_, ring) in zip(places, axes, strict=True)
-            ]
-            shape = tuple(nodes.count for nodes, _ in axes)
-            index = start + np.arange(np.prod(shape)).reshape(shape)
-            for axis, chain in enumerate(chains):
-                along = np.moveaxis(index, axis, 0)
-                if chain.ring:
+            shape = tuple(map(len, places))
+            index = start + np.arange(math.prod(shape)).reshape(shape)
+            for axis, (place, (_, ring)) in enumerate(zip(places, axes, strict=True)):
+                along, chain = np.moveaxis(index, axis, 0), chain_prior(place, ring)
+                if ring:
                     same[along[-1]] = same[along[0]]
+                lines = along[: chain.size].reshape(chain.size, -1).T
                 for order, rows in enumerate((chain.second, chain.fourth)):
-                    gram = (rows.T @ rows).toarray()
-                    terms = found.setdefault(name, [np.zeros((len(same),) * 2)] * 2)
-                    whole = terms[order].copy()
-                    for line in along[: chain.size].reshape(chain.size, -1).T:
-                        whole[np.ix_(line, line)] += gram
-                    terms[order] = whole
-    kept, place = np.unique(same, return_inverse=True)
-    reduce = np.zeros((len(same), len(kept)))
-    reduce[np.arange(len(same)), place] = 1.0
-    penalties = {
-        name: [jnp.asarray(reduce.T @ term @ reduce) for term in terms]
-        for name, terms in found.items()
-    }
-    return jnp.asarray(reduce), penalties
+                    found.append((name, order, lines, (rows.T @ rows).toarray()))
+    kept, unknown = np.unique(same, return_inverse=True)
+    size = len(kept)
+    penalties = {name: np.zeros((2, size, size)) for name, *_ in found}
+    for name, order, lines, gram in found:
+        own = unknown[lines]
+        np.add.at(penalties[name][order], (own[:, :, None], own[:, None, :]), gram)
+    return jnp.asarray(unknown), {k: jnp.asarray(v) for k, v in penalties.items()}
 
 
 def _axes(table: Any) -> dict[str, list[tuple[AbstractNodes, bool]]]:

@@ -1,5 +1,6 @@
 """Fit any equinox module to readings: least squares by optimistix, or by CasADi and IPOPT."""
 
+import contextlib
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeVar
 
@@ -15,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ._limits import PASSES, Change
 from ._model_fit import STATUSES, ModelFit, covariance_of, factor, held_out_rms
 from ._parameters import Form, Pairs, as_float, fitted_arrays, weights_of
-from .core import FitError, least_squares_ipopt
+from .core import FitError, least_squares_ipopt, one_blas_thread
 
 M = TypeVar("M", bound=eqx.Module)
 
@@ -121,16 +122,21 @@ def fit_model(
     blocks, count = _blocks(groups, readings.size)
     if known is None and priors is not None:
         sigma = _spread_of(problem, start)
+    found: dict[str, Any] = {}
+    code = jnp.asarray(STATUSES.index("failed"))
     for _ in range(_PASSES):
-        if isinstance(solver, str):
-            start, code, more = _by_ipopt(problem, start, sigma, max_steps)
-        else:
-            start, code, more = _by_optimistix(
-                problem, start, sigma, solver, max_steps, bounds is not None
-            )
-        steps = steps + more
-        before, found = sigma, _report(problem, start, sigma, known, blocks, count)
-        sigma = found["noise"]
+        with contextlib.nullcontext() if traced else one_blas_thread():
+            if isinstance(solver, str):
+                start, code, more = _by_ipopt(problem, start, sigma, max_steps)
+            else:
+                start, code, more = _by_optimistix(
+                    problem, start, sigma, solver, max_steps, bounds is not None
+                )
+            before = sigma
+            found = _report(problem, start, sigma, known, blocks, count)
+            steps, sigma = steps + more, found["noise"]
+            if not traced:
+                sigma.block_until_ready()
         # Only priors need the noise, and only where it is not known.
         if known is not None or priors is None or bool(abs(sigma / before - 1) < _SAME):
             break

@@ -95,6 +95,8 @@ class Fit(Mapping[str, FittedEffect]):
         effects: The effects by these names.
         noise: Standard deviation of one reading by axis, wild ones left out, in mm or °
             (friction: in the unit of the current).
+        datum: Constant of each axis that no effect holds, and its standard deviation, in mm
+            or °.
         gauges: What may be moved between effects without changing their sum, and the rule.
         undetermined: What these readings cannot tell apart.
         converged: Whether the iterations reached their tolerance.
@@ -104,6 +106,7 @@ class Fit(Mapping[str, FittedEffect]):
 
     effects: Mapping[str, FittedEffect]
     noise: Mapping[str, float]
+    datum: Mapping[str, tuple[float, float]]
     gauges: tuple[Gauge, ...]
     undetermined: tuple[Confusion | str, ...]
     converged: bool
@@ -208,9 +211,16 @@ def fit(
     if len(names) < len(found):
         msg = f"found an effect twice among {', '.join(kinds)}, expected each once an axis"
         raise FitError(msg)
-    gauges = () if joint is None else joint.gauges
-    converged = joint is None or joint.converged
-    return Fit(names, noise, gauges, tuple(undetermined), converged, joint, recording)
+    return Fit(
+        effects=names,
+        noise=noise,
+        datum={} if joint is None else joint.datum,
+        gauges=() if joint is None else joint.gauges,
+        undetermined=tuple(undetermined),
+        converged=joint is None or joint.converged,
+        joint=joint,
+        data=recording,
+    )
 
 
 def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:

@@ -111,7 +111,8 @@ class ModelFit(eqx.Module, Generic[M]):
         empty = np.asarray(self.directions)[~np.asarray(kept)]
         if not len(empty):
             return ()
-        own = scipy.linalg.qr(empty, mode="r", pivoting=True)[1][: len(empty)]
+        order: Any = scipy.linalg.qr(empty, mode="r", pivoting=True)[-1]
+        own = np.asarray(order)[: len(empty)]
         found, scale = [], np.asarray(self.scale)
         for row, place in zip(np.linalg.solve(empty[:, own], empty), own, strict=True):
             moves = row * scale / scale[place]

@@ -1,5 +1,6 @@
 """The fit of a linear stack as a function, and its derivatives."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -9,7 +10,7 @@ import pytest
 from jaxtyping import Array, Float
 
 import axcomp
-from axcomp.ident.core import FitError
+from axcomp.ident.core import FitError, one_blas_thread
 from axcomp.models import Backlash, EquidistantNodes, Leadscrew, Plane, Setpoints
 
 COUNT = 160
@@ -26,6 +27,13 @@ TABLES = {
     "ring": Leadscrew(EVEN, np.zeros(11), modulo=True),
 }
 tables = pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
+
+
+@pytest.fixture(autouse=True)
+def _without_threads() -> Iterator[None]:
+    # What is compiled here runs on tiny matrices, which threads of BLAS only slow down.
+    with one_blas_thread():
+        yield
 
 
 def predict(table: Any, place: Float[Array, "t 2"]) -> Float[Array, " t"]:
@@ -51,6 +59,7 @@ def bends(count: int, ring: bool) -> np.ndarray:
 @tables
 def test_the_fit_is_that_of_penalised_least_squares(table: Any) -> None:
     found = fitted(table, PLACE, ERROR, WEIGHT, 0.5)
+    ring = isinstance(table, Leadscrew) and table.modulo is not None
     if isinstance(table, Plane):
         stencil, shape = table.stencil(PLACE), (11, 6)
         own = [
@@ -59,25 +68,24 @@ def test_the_fit_is_that_of_penalised_least_squares(table: Any) -> None:
         ]
     else:
         stencil = table.stencil(PLACE[:, 0], WAY)
-        ring = table.modulo is not None
         own = [np.kron(np.eye(2 if table.bilateral else 1), bends(11 - ring, ring))]
         shape = (stencil.size,)
     design = np.zeros((COUNT, stencil.size))
     np.add.at(design, (np.arange(COUNT)[:, None], stencil.nodes), stencil.weights)
-    if not isinstance(table, Plane) and ring:
+    if ring:
         design[:, 0] += design[:, -1]
         design = design[:, :-1]
     root = np.sqrt(WEIGHT)
     rows = np.concatenate([root[:, None] * design, *(0.5**0.5 * each for each in own)])
     right = np.concatenate([root * ERROR, np.zeros(len(rows) - COUNT)])
     values = np.linalg.lstsq(rows, right)[0]
-    if not isinstance(table, Plane) and ring:
+    if ring:
         values = np.append(values, values[0])
     # Normal equations against an orthogonal factor: rounding times the condition.
     np.testing.assert_allclose(found.values, values.reshape(shape), atol=1e-10)
 
 
-@pytest.mark.parametrize("name", ["plane", "two directions", "ring"])
+@pytest.mark.parametrize("name", ["plane", "ring"])
 def test_derivatives_are_those_of_differences(name: str) -> None:
     table: Any = TABLES[name]
     pull = jnp.asarray(RNG.normal(size=table.values.shape))
@@ -109,7 +117,7 @@ def test_a_stack_is_fitted_by_name() -> None:
     truth = {"screw": Leadscrew(stack["screw"].nodes, np.array([1.0, -2.0, 3.0])),
              "play": Backlash(0.7)}  # fmt: skip
 
-    def both(stack: Any, place: Float[Array, " t"]) -> Float[Array, " t"]:
+    def both(stack: Any, place: Any) -> Float[Array, " t"]:
         return stack["screw"].offset(place) + stack["play"].offset(jnp.asarray(WAY))
 
     place = PLACE[:, 0]

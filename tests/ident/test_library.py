@@ -79,7 +79,9 @@ def test_models_of_a_fit_take_the_error_off() -> None:
     left += talk.offset(acceleration, velocity)
     # What stays is the noise and a constant, which no table is asked to hold.
     assert np.std(left) == pytest.approx(0.0002, rel=0.1)
-    assert np.ptp(fit["cross"].model.offset(x) + 1e-4 * x) < 1e-5  # the constant is the datum
+    assert (
+        np.ptp(fit["cross"].model.offset(x) + 1e-4 * x) < 1e-5
+    )  # the constant is the datum
     assert fit["plane"].standard_deviation.values.shape == plane.values.shape
 
 
