@@ -66,8 +66,8 @@ def fit_model(
         measured: Readings, of any shape.
         bounds: Pair (least, largest) per array, a number or an array each; None = free.
             Either a tree shaped like the model, or a mapping of names to pairs. optimistix
-            sees them as a change of variables, $\tanh$ with unit slope at the start; a
-            solution on a limit is reached to about 1e-6.
+            sees them as a change of variables, $\tanh$ with unit slope at the start; what
+            rests on a limit is held there, so that both solvers end at the same optimum.
         priors: Pair (mean, standard deviation) per array, in its unit; None = none.
         weights: Of the readings, relative; 0 leaves a reading out, NaN or not.
         groups: Number of the group of each reading, for `ModelFit.held_out`; left out: ten
