@@ -6,12 +6,16 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 WORKERS ?= 2
 
-.PHONY: demo test lint wheel-test bench docs clean
+.PHONY: demo test test-all lint wheel-test bench docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/axcomp demo --out axcomp-demo
 
 test: $(INSTALLED)
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy"
+
+# With all repetitions.
+test-all: $(INSTALLED)
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile
 
 lint: $(INSTALLED)
@@ -21,8 +25,8 @@ lint: $(INSTALLED)
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 # The wheel as a user gets it, in an environment of its own, from a folder that holds no
-# source: what only works inside the checkout fails here. The slow tests have just run
-# from source; what is packaged wrongly shows in the others.
+# source: what only works inside the checkout fails here. How things are computed was tested
+# from source; here it is what packaging can break: imports, commands, the demo.
 wheel-test: $(INSTALLED)
 	rm -rf dist $(WHEEL_VENV)
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
@@ -30,8 +34,8 @@ wheel-test: $(INSTALLED)
 	$(WHEEL_VENV)/bin/python -m pip install --quiet --upgrade pip
 	$(WHEEL_VENV)/bin/python -m pip install --quiet --constraint constraints.txt --group dev dist/axcomp-*.whl
 	mkdir -p dist/empty
-	cd dist/empty && ../../$(WHEEL_VENV)/bin/pytest -n $(WORKERS) --dist loadfile \
-	  -m "not slow" -c ../../pyproject.toml --rootdir ../.. ../../tests
+	cd dist/empty && ../../$(WHEEL_VENV)/bin/pytest -c ../../pyproject.toml --rootdir ../.. \
+	  -o addopts="--import-mode=importlib -ra" ../../tests/packaging
 
 # Without the run-time type checks of the tests, which would be timed too.
 bench: $(INSTALLED)

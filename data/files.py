@@ -4,7 +4,6 @@ import contextlib
 import errno
 import hashlib
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 _LONGEST = 200
@@ -53,17 +52,11 @@ def _write(path: Path, content: bytes) -> None:
             left = left[file.write(left) :]
 
 
-def sync_folder(
-    folder: Path,
-    meanwhile: Callable[[], contextlib.AbstractContextManager[None]] = (
-        contextlib.nullcontext
-    ),
-) -> None:
+def sync_folder(folder: Path) -> None:
     """Make a folder of written files survive a power cut.
 
     Args:
         folder: The folder, with all that lies in it.
-        meanwhile: Entered while the disk works and there is nothing else to do.
 
     Raises:
         OSError: If the disk does not take them.
@@ -79,12 +72,11 @@ def sync_folder(
             with contextlib.suppress(OSError):
                 folders.append(os.open(parent, os.O_RDONLY))
                 stack.callback(os.close, folders[-1])
-        with meanwhile():
-            for handle in files:
+        for handle in files:
+            os.fsync(handle)
+        for handle in folders:
+            with contextlib.suppress(OSError):
                 os.fsync(handle)
-            for handle in folders:
-                with contextlib.suppress(OSError):
-                    os.fsync(handle)
 
 
 def _draft_name(name: str) -> str:

@@ -64,13 +64,18 @@ from ._filter import (
 from ._friction import (
     AbstractFriction as AbstractFriction,
     FrictionTable as FrictionTable,
+    linear_weights as linear_weights,
     sample_friction as sample_friction,
 )
 from ._friction_compensation import (
     FrictionCompensation as FrictionCompensation,
     FrictionState as FrictionState,
 )
-from ._friction_stribeck import StribeckFriction as StribeckFriction
+from ._friction_stribeck import (
+    StribeckFriction as StribeckFriction,
+    stribeck_decay as stribeck_decay,
+    stribeck_slopes as stribeck_slopes,
+)
 from ._leadscrew import Leadscrew as Leadscrew
 from ._motion import (
     COMPENSATIONS as COMPENSATIONS,

@@ -6,7 +6,7 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._nodes import Setpoints, float_array, is_known
 from ._primitive import interpolate
@@ -33,11 +33,22 @@ class AbstractFriction(eqx.Module):
             direction: Of the motion: negative, or anything else for positive.
         """
 
+    @abc.abstractmethod
+    def numpy_level(
+        self, speed: Float[np.ndarray, " t"], direction: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return what `level` does, computed by NumPy."""
+
     def __call__(self, velocity: Float[Array | np.ndarray, " t"]) -> Float[Array, " t"]:
         """Return the current in drive units at velocities in mm/s or °/s."""
         moving = jnp.asarray(velocity, dtype=jnp.float64)
         direction = jnp.sign(moving)
         return direction * self.level(jnp.abs(moving), direction)
+
+    def evaluate(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        """Return what a call does by NumPy: nothing is compiled for each new length."""
+        direction = np.sign(velocity)
+        return np.asarray(direction * self.numpy_level(np.abs(velocity), direction))
 
 
 @final
@@ -89,6 +100,31 @@ class FrictionTable(AbstractFriction):
             found = found + self._beyond(place) * (self.values[-1] - self.values[-2])
         return self.scaling * found
 
+    def numpy_level(
+        self, speed: Float[np.ndarray, " t"], direction: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return what `level` does, computed by NumPy."""
+        del direction
+        first, weights = self.numpy_weights(speed)
+        values = np.append(np.asarray(self.values), 0.0)  # a table may have one node
+        return np.asarray(weights[0] * values[first] + weights[1] * values[first + 1])
+
+    def numpy_weights(
+        self, speed: Float[np.ndarray, " t"]
+    ) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "2 t"]]:
+        """Return the first of the 2 nodes of each speed ≥ 0 and both weights, by NumPy.
+
+        What `stencil` gives for positive velocities.
+        """
+        points = np.asarray(self.nodes.points)
+        first, weights = linear_weights(points, speed)
+        if not self.held_below and points[0] > 0:
+            weights *= np.minimum(speed / points[0], 1.0)
+        if not self.held_above and len(points) > 1:
+            beyond = np.maximum(speed - points[-1], 0.0) / (points[-1] - points[-2])
+            weights += np.stack([-beyond, beyond])
+        return first, np.asarray(self.scaling) * weights
+
     @eqx.filter_jit
     def stencil(self, velocity: Float[Array | np.ndarray, " t"]) -> Stencil:
         """Return the 2 nodes that each velocity touches, sign and scaling in weights.
@@ -118,6 +154,18 @@ class FrictionTable(AbstractFriction):
         last = self.nodes.points[-1]
         excess = (speed - last) / (last - self.nodes.points[-2])
         return jnp.where(speed >= last, excess, 0.0)
+
+
+def linear_weights(
+    points: Float[np.ndarray, " p"], position: Float[np.ndarray, " t"]
+) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, "2 t"]]:
+    """Return the first of the 2 nodes of each position and both weights, held outside.
+
+    What `FrictionTable.stencil` gives for positive velocities, by NumPy.
+    """
+    place = np.interp(position, points, np.arange(float(len(points))))
+    first = np.minimum(place.astype(np.int64), max(len(points) - 2, 0))
+    return first, np.stack([1.0 - (place - first), place - first])
 
 
 def sample_friction(

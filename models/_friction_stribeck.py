@@ -1,6 +1,7 @@
 """The Stribeck curve: friction of an axis by a handful of parameters."""
 
-from typing import final
+from types import ModuleType
+from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -70,19 +71,62 @@ class StribeckFriction(AbstractFriction):
     ) -> Float[Array, " t"]:
         """Return the current at speeds ≥ 0 in drive units; at 0 the break-away."""
         place = jnp.asarray(speed, dtype=jnp.float64)
-        negative = jnp.asarray(direction) < 0
-        coulomb = _choose(self.coulomb, negative)
-        moving = place > 0.0
-        # Neither the logarithm nor its derivative exists at rest: a stand-in goes
-        # through them there, and is thrown away after.
-        ratio = jnp.where(moving, place, 1.0) / _choose(
-            self.stribeck_velocity, negative
-        )
-        power = _choose(self.stribeck_shape, negative) * jnp.log(ratio)
-        decay = jnp.exp(-jnp.exp(jnp.minimum(power, _LARGEST_POWER)))
-        decay = jnp.where(moving, decay, 1.0)
-        excess = _choose(self.breakaway, negative) - coulomb
-        return coulomb + excess * decay + _choose(self.viscous, negative) * place
+        found: Array = self._level(jnp, place, jnp.asarray(direction) < 0)
+        return found
+
+    def numpy_level(
+        self, speed: Float[np.ndarray, " t"], direction: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return what `level` does, computed by NumPy."""
+        return np.asarray(self._level(np, speed, direction < 0))
+
+    def _level(self, xp: ModuleType, speed: Any, negative: Any) -> Any:
+        def choose(parameter: Array) -> Any:
+            if parameter.ndim == 0:
+                return xp.asarray(parameter)
+            return xp.where(negative, parameter[1], parameter[0])
+
+        coulomb, velocity = choose(self.coulomb), choose(self.stribeck_velocity)
+        decay, _, _ = _decay(xp, speed, velocity, choose(self.stribeck_shape))
+        excess = choose(self.breakaway) - coulomb
+        return coulomb + excess * decay + choose(self.viscous) * speed
+
+
+def stribeck_decay(
+    speed: Float[np.ndarray, "..."],
+    velocity: float | Float[np.ndarray, "..."],
+    shape: float | Float[np.ndarray, "..."],
+) -> Float[np.ndarray, "..."]:
+    r"""Return the share of the break-away excess that is left at speeds, by NumPy.
+
+    The column of $s - c$ in `StribeckFriction`: $e^{-(|v|/v_s)^\delta}$. Arguments broadcast.
+
+    Args:
+        speed: |v| in mm/s or °/s.
+        velocity: Stribeck velocity $v_s$ in the same unit.
+        shape: Exponent $\delta$.
+    """
+    return np.asarray(_decay(np, speed, velocity, shape)[0])
+
+
+def stribeck_slopes(
+    speed: Float[np.ndarray, " t"], velocity: float, shape: float
+) -> Float[np.ndarray, "2 t"]:
+    r"""Return the derivatives of `stribeck_decay` by $\ln v_s$ and $\ln \delta$."""
+    decay, power, raised = _decay(np, speed, velocity, shape)
+    both = power * decay
+    return np.stack([shape * both, -raised * both])
+
+
+def _decay(xp: ModuleType, speed: Any, velocity: Any, shape: Any) -> Any:
+    """Return exp(−p), p and ln p of p = (speed / velocity) ** shape; p = 0 at rest."""
+    moving = speed > 0.0
+    # Neither the logarithm nor its derivative exists at rest: a stand-in goes through
+    # them there, and is thrown away after.
+    ratio = xp.where(moving, speed, 1.0) / velocity
+    raised = xp.minimum(shape * xp.log(ratio), _LARGEST_POWER)
+    power = xp.where(moving, xp.exp(raised), 0.0)
+    return xp.where(moving, xp.exp(-power), 1.0), power, raised
 
 
 def _choose(

@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._cells import FEWEST, among_few, cell_of
 from ._kernels import take, whole
+from ._stencil import Stencil, linear_stencil
 
 _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """A position may miss the node it was computed for by a few roundings of this size."""
@@ -74,6 +75,10 @@ class AbstractNodes(eqx.Module):
         place = self.coordinate(position)
         cell = jnp.minimum(jnp.floor(place), float(max(self.count - 2, 0)))
         return whole(cell), place - cell
+
+    def stencil(self, position: Float[Array, " t"]) -> Stencil:
+        """Return the 2 nodes that each position touches, the ends held."""
+        return linear_stencil((self.coordinate(position),), (self.count,))
 
 
 @final

@@ -44,6 +44,13 @@ class Stencil(eqx.Module):
         empty = jnp.zeros(self.size, dtype=self.weights.dtype)
         return empty.at[self.nodes].add(self.weights * amounts[:, None])
 
+    def matrix(self) -> Float[Array, "t n"]:
+        """Return the weights as a dense matrix, for tables of few nodes."""
+        # Comparing with each node takes a tenth of the time of a scatter.
+        node = jnp.arange(self.size, dtype=self.nodes.dtype)
+        touched = self.nodes[:, :, None] == node[None, None, :]
+        return jnp.sum(jnp.where(touched, self.weights[:, :, None], 0.0), axis=1)
+
 
 def linear_stencil(
     coordinates: Sequence[Float[Array, " t"]],

@@ -16,6 +16,8 @@ _LEAST_POWER = 1e-9
 """Share of a column that the others do not have, below which it is not told from them."""
 _SAME = 1e-13
 """Such a share that is nothing but rounding."""
+_OUTWEIGHS = 5.0
+"""Current of friction over that of inertia from which on its sign alone is believed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,6 +109,14 @@ def find_polarity(
     signs = {int(np.sign(told[name])) for name in certain}
     best = max(names[1:], key=lambda name: abs(ratio[name]))
     confidence = 0.5 * (1.0 + math.erf(abs(ratio[best]) / 2.0**0.5))
+    if len(signs) == 2:
+        # Friction that builds up behind reversals, or comes late, takes from the current
+        # where the acceleration is largest: that looks like a small negative inertia.
+        assert push is not None
+        pushed = abs(inertia) * float(np.sqrt(np.mean(push**2)))
+        if abs(friction) >= _OUTWEIGHS * pushed:
+            certain = ["friction"]
+            signs = {int(np.sign(friction))}
     if len(signs) == 2:
         reason = "friction and inertia contradict each other"
         return dataclasses.replace(_unknown(reason), friction=friction, inertia=inertia)

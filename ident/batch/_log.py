@@ -74,7 +74,7 @@ def fit_log(
     *,
     factor: float = 1.0,
     smoothness: float | str | Mapping[str, float] = "auto",
-    loss: str = "gauss",
+    loss: str = "student",
     scheduler: str | None = None,
     workers: int = 1,
 ) -> TableFit:

@@ -1,4 +1,4 @@
-"""What a worker does: some jobs side by side, their fits together, their files published.
+"""What a worker does: jobs one after the other, their files published.
 
 A job writes into a folder of its own under ``.work/``; when all of it is there the folder
 is moved to its place at once. So a list either is there, complete, or it is not.
@@ -21,7 +21,6 @@ from ...data.files import sync_folder
 from ._rows import Row, failed_row, hash_of_inputs, rows_of
 
 if TYPE_CHECKING:
-    from ..fit import Gathering
     from ..job import JobResult
 
 WORK = ".work"
@@ -70,27 +69,29 @@ class Outcome:
     full: bool = False
 
 
-def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
-    """Run some jobs side by side; whatever goes wrong with one is its row."""
-    from ..fit import Gathering
+@dataclasses.dataclass
+class _Turn:
+    """Which of some jobs is at work, and since when (`time.monotonic`)."""
 
+    number: int = 0
+    since: float = dataclasses.field(default_factory=time.monotonic)
+
+
+def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
+    """Run some jobs one after the other; whatever goes wrong with one is its row."""
     start_worker()
-    gathering = Gathering()
-    calls = [functools.partial(_guarded, task, order) for task in tasks]
-    over = threading.Event()
+    turn, over = _Turn(), threading.Event()
     if order.limit is not None:
-        watch = functools.partial(_watch, gathering, tasks, order, order.limit, over)
+        watch = functools.partial(_watch, turn, tasks, order, order.limit, over)
         threading.Thread(target=watch, daemon=True).start()
+    found = []
     try:
-        found = gathering.run(calls)
+        for number, task in enumerate(tasks):
+            turn.number, turn.since = number, time.monotonic()
+            found.append(_guarded(task, order))
     finally:
         over.set()
-    return [
-        one
-        if isinstance(one, Outcome)
-        else Outcome(task.name, [failed_row(task.name, f"unexpected: {one!r}")])
-        for task, one in zip(tasks, found, strict=True)
-    ]
+    return found
 
 
 @functools.cache
@@ -165,7 +166,6 @@ def _is_full(error: BaseException | None) -> bool:
 
 
 def _run(task: Task, order: Order, stage: Path) -> list[Row]:
-    from ..fit import waiting
     from ..job import plain, run_job
 
     out = Path(order.out)
@@ -180,7 +180,7 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     )
     place = out / ("lists" if verified else "unverified") / task.name
     place.parent.mkdir(exist_ok=True)
-    sync_folder(stage, waiting)
+    sync_folder(stage)
     mine = task.sha256 in result.inputs.values()
     try:
         stage.rename(place)
@@ -239,19 +239,17 @@ def published(task: Task, out: Path, *, fresh: bool = False) -> list[Row] | None
 
 
 def _watch(
-    gathering: "Gathering",
+    turn: _Turn,
     tasks: Sequence[Task],
     order: Order,
     limit: float,
     over: threading.Event,
 ) -> None:
-    """End this process where no job has got on for too long; another takes the rest."""
+    """End this process where a job takes too long; another process takes the rest."""
     while not over.wait(min(limit / 4, 1.0)):
-        if time.monotonic() - gathering.moved < limit:
+        if time.monotonic() - turn.since < limit:
             continue
-        busy = gathering.busy or ([0] if len(tasks) == 1 else [])
         late = order.work / "late"
         late.mkdir(parents=True, exist_ok=True)
-        for k in busy:
-            (late / tasks[k].name).touch()
+        (late / tasks[turn.number].name).touch()
         os._exit(_LATE)

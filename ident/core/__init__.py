@@ -1,19 +1,71 @@
 """The estimator: a stack of effects and readings in, a posterior out.
 
-It knows no file and no compensation by name.
+It knows no file and no compensation by name. The route of one table (a leadscrew, say):
+
+1. `TableEffect.design` asks the controller's model for the stencil of every reading;
+2. `estimate` makes passes over the readings in turn with the search for the weights:
+3. `memory` (or `stream`) is the pass; it calls
+4. `sums_of`: residuals about the estimate, their influence, and what adds up;
+5. `choose_loss` takes scale and tails of the noise from the residuals;
+6. `Problem.at` puts information and prior together and calls
+7. `ArrowFactor.of`, a band with a dense border, and
+8. `ArrowFactor.solve`, which gives the `Posterior`;
+9. `choose_weights` searches the weights of the prior by its evidence and slopes, for which
+10. `Chain.logdet` gives the prior's determinant and
+11. `band_inverse` the elements of the inverse, from which the deviations come as well;
+12. `leave_one_out` gives the posterior without a group of readings.
+
+Read `_readings`, `_effect`, `_prior`, `_sums` (`_kernel` is the same for many readings),
+`_factor`, `_posterior`, `_evidence`, `_loss`, `_robust`, `_hold_out` in this order. Beside
+them stand linear fits of few columns with noise that drifts (`_regression`, `_drift`).
 """
 
+from ._curve import (
+    filled as filled,
+    node_shares as node_shares,
+    regress_curve as regress_curve,
+)
 from ._drift import DriftNoise as DriftNoise
+from ._effect import (
+    AbstractEffect as AbstractEffect,
+    ColumnsEffect as ColumnsEffect,
+    GroupEffect as GroupEffect,
+    TableEffect as TableEffect,
+    axis_nodes as axis_nodes,
+)
 from ._errors import FitError as FitError
+from ._evidence import choose_weights as choose_weights
+from ._factor import ArrowFactor as ArrowFactor
+from ._hold_out import leave_one_out as leave_one_out
 from ._ipopt import (
     IpoptSolution as IpoptSolution,
     IpoptStatus as IpoptStatus,
     least_squares_ipopt as least_squares_ipopt,
 )
-from ._loss import AbstractLoss as AbstractLoss, choose_loss as choose_loss
+from ._loss import Loss as Loss, choose_loss as choose_loss
+from ._posterior import (
+    CellCovariance as CellCovariance,
+    Posterior as Posterior,
+    Problem as Problem,
+)
+from ._prior import (
+    AbstractPrior as AbstractPrior,
+    Independent as Independent,
+    NoPrior as NoPrior,
+    Smooth as Smooth,
+    chain as chain,
+)
+from ._readings import Pieces as Pieces, Readings as Readings
 from ._regression import (
     Regression as Regression,
     refuse_confounded as refuse_confounded,
     regress as regress,
 )
+from ._robust import (
+    Estimate as Estimate,
+    Pass as Pass,
+    estimate as estimate,
+    memory as memory,
+)
+from ._sums import Stack as Stack, Sums as Sums, sums_of as sums_of
 from ._threads import cores as cores, one_blas_thread as one_blas_thread

@@ -100,10 +100,10 @@ def find_drift(
     )
     free = len(time) - columns.shape[1]
     square = float((weight * residual**2).sum())
-    alone = DriftNoise(float(np.sqrt(square / max(free, 1))))
+    white_only = DriftNoise(float(np.sqrt(square / max(free, 1))))
     chain = _chain(time)
     if free < _FEW or chain.size < _FEW or not square > 0:
-        return alone
+        return white_only
     right = np.column_stack([columns, residual])
     plain = right.T @ (weight[:, None] * right)
     gathered = chain.gather(weight[:, None] * right)
@@ -142,7 +142,7 @@ def find_drift(
         for tau in np.linspace(low, high, _TIMES)
     ]
     start = min(starts, key=lambda each: cost(each)[0])
-    # Longer than the log a drift cannot be told from a level, which the columns hold.
+    # A drift longer than the log cannot be separated from a level, which the columns hold.
     bounds = [(np.log(1e-4), np.log(1e6)), (low - 2.0, high + 1.0)]
     found = minimize(
         lambda each: cost(each)[0], start, method="Nelder-Mead", bounds=bounds,
@@ -150,7 +150,7 @@ def find_drift(
     )  # fmt: skip
     value, variance = cost(found.x)
     if not value < independent - _WORTH:
-        return alone
+        return white_only
     ratio, time_constant = np.exp(found.x)
     return DriftNoise(
         float(np.sqrt(variance)),

@@ -1,50 +1,57 @@
-"""Linear fits of few columns: robust, with standard deviations that know of drift.
+"""Robust regression on few columns.
 
-For curves (thermal line, backlash, acceleration events) what `fit_table` is for tables: wild
-readings are set aside by the same losses, and the covariance is that of the estimate under
-residuals that remember (`_drift`).
+For curves (thermal line, backlash, acceleration events) what the fit of a table is for tables:
+`iterate` is the one robust loop (residuals at a value → loss → pseudo-readings → solve), the
+factor of the design decides what the readings determine, and the covariance is that of the
+estimate under residuals that drift (`_drift`).
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
+from scipy.linalg import qr, solve_triangular
 
 from ._drift import DriftNoise, find_drift, scatter_of_sums
 from ._errors import FitError
-from ._loss import AbstractLoss, choose_loss
+from ._loss import Loss, choose_loss
 
 _PASSES = 60
 """Robust passes at most."""
-_SETTLED, _ROUGHLY = 1e-3, 1e-2
+TIGHT, LOOSE = 1e-3, 1e-2
 """Last move of any fitted value, in scales, at which the robust passes end."""
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
-_SINGULAR = 1e-9
-"""Singular value of scaled columns below which they do not tell each other apart."""
+SINGULAR = 1e-9
+"""Part of a scaled column beside all others below which it is one of their sums."""
 _MEMBER = 0.3
 """Share of a column in a direction without information from which it is named."""
 _LEAST_FREE = 3.0
 """Independent readings that are granted to a drift, however slow."""
+_BELIEF = 2.0
+"""Readings that a scatter known beforehand counts for."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Regression:
-    """A fitted linear model.
+    """A fitted model.
 
     Attributes:
-        coefficients: One per column.
-        covariance: Of the coefficients, drift of the residuals counted in.
+        coefficients: One per column, then one per non-linear parameter; 0 where undetermined.
+        covariance: Of the coefficients, drift of the residuals counted in; infinite on the
+            diagonal where undetermined.
         noise: How the residuals scatter, wild ones left out.
         residual: Reading − fit per row.
         share: Weight that the loss left each reading, 0 to 1.
         wild: Readings that the loss rejected outright.
         independent: Number of independent readings of the same total scatter that would leave
             the same uncertainty, per coefficient; the rows kept where nothing drifts.
-        converged: Whether the robust passes settled.
+        undetermined: Coefficients that the readings that were kept do not determine.
+        converged: Whether the robust passes converged.
     """
 
     coefficients: Float[np.ndarray, " k"]
@@ -54,12 +61,143 @@ class Regression:
     share: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
     independent: Float[np.ndarray, " k"]
+    undetermined: Bool[np.ndarray, " k"]
     converged: bool
 
     @property
     def standard_deviation(self) -> Float[np.ndarray, " k"]:
-        """Of the coefficients."""
+        """Of the coefficients; infinite where undetermined."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class PivotedFactor:
+    """Pivoted QR of a weighted design, which knows its rank.
+
+    Attributes:
+        triangle: Of the columns that stand by themselves, in their order.
+        kept: Numbers of these columns.
+        null: Combinations of columns that the readings do not see, one per column.
+    """
+
+    triangle: Float[np.ndarray, "r r"]
+    kept: Int[np.ndarray, " r"]
+    null: Float[np.ndarray, "k n"]
+
+    @classmethod
+    def of(cls, design: Float[np.ndarray, "t k"]) -> "PivotedFactor":
+        """Return the factor of a design whose columns are about of length 1."""
+        size = design.shape[1]
+        triangle, order = qr(design, mode="r", pivoting=True, check_finite=False)
+        diagonal = np.abs(np.diag(triangle))
+        rank = int((diagonal > SINGULAR * max(1e-300, float(diagonal.max()))).sum())
+        inner, beside = triangle[:rank, :rank], triangle[:rank, rank:]
+        null = np.zeros((size, size - rank))
+        null[order[:rank]] = -solve_triangular(inner, beside) if rank else 0.0
+        null[order[rank:]] = np.eye(size - rank)
+        return cls(inner, order[:rank], null)
+
+    @property
+    def undetermined(self) -> Bool[np.ndarray, " k"]:
+        """Columns that take part in what the readings do not see."""
+        if not self.null.shape[1]:
+            return np.zeros(len(self.null), bool)
+        return np.asarray((np.abs(self.null) > SINGULAR**0.5).any(axis=1))
+
+    def solve(self, right: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Return the solution of the normal equations, 0 for columns left out."""
+        result = np.zeros(len(self.null))
+        half = solve_triangular(self.triangle, right[self.kept], trans="T")
+        result[self.kept] = solve_triangular(self.triangle, half)
+        return result
+
+    def inverse(self) -> Float[np.ndarray, "k k"]:
+        """Return the inverse of the normal matrix, 0 for columns left out."""
+        root = np.zeros((len(self.null), len(self.kept)))
+        root[self.kept] = solve_triangular(self.triangle, np.eye(len(self.kept)))
+        return np.asarray(root @ root.T)
+
+
+@dataclasses.dataclass(frozen=True)
+class RobustPass:
+    """Where the robust passes stand.
+
+    Attributes:
+        value: What is fitted.
+        residual: Reading − fit at the value before this pass.
+        loss: Its scale is that of these residuals.
+        pseudo: Pseudo-residuals that led to the value, 0 where wild.
+        wild: Readings that the loss rejected outright.
+        move: Largest change of any residual × √weight by this pass.
+    """
+
+    value: Float[np.ndarray, " p"]
+    residual: Float[np.ndarray, " t"]
+    loss: Loss
+    pseudo: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+    move: float
+
+
+def iterate(
+    start: Float[np.ndarray, " p"],
+    residual_at: Callable[[Float[np.ndarray, " p"]], Float[np.ndarray, " t"]],
+    solve: Callable[
+        [
+            Float[np.ndarray, " p"],
+            Float[np.ndarray, " t"],
+            Bool[np.ndarray, " t"],
+        ],
+        Float[np.ndarray, " p"],
+    ],
+    known: Float[np.ndarray, " t"],
+    size: int,
+    floor: float,
+    loss: str = "student",
+    tolerance: float = TIGHT,
+) -> tuple[RobustPass, bool]:
+    """Return the last robust pass, and whether the passes converged.
+
+    Args:
+        start: Where to begin.
+        residual_at: Reading − fit at a value.
+        solve: Least squares from a value, its pseudo-residuals and the readings that are
+            left out.
+        known: Weights of the readings.
+        size: Number of parameters.
+        floor: Smallest scale to believe in.
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        tolerance: Move in scales at which the passes end.
+
+    Raises:
+        FitError: If the loss rejects all but as many readings as there are parameters.
+    """
+    count, root = len(known), np.sqrt(known)
+    inflation = float(np.sqrt(count / max(count - size, 1)))
+    out = np.zeros(count, bool)
+    value, residual = start, residual_at(start)
+    for step in range(_PASSES):
+        chosen = choose_loss(loss, residual * root, inflation, floor)
+        ratio = residual * root / chosen.scale
+        wild = chosen.wild(ratio) | out
+        good = int((~wild).sum())
+        if wild.any() and good <= size:
+            msg = "the readings that agree with each other are too few to fit."
+            raise FitError(msg)
+        slope = np.where(wild, 0.0, chosen.slope(ratio))
+        steepness = max(float(slope.sum()) / max(good, 1), 0.1)
+        pseudo = np.where(wild, 0.0, residual * chosen.share(ratio) / steepness)
+        value = solve(value, pseudo, wild)
+        before, residual = residual, residual_at(value)
+        move = float(np.abs((residual - before) * root).max())
+        current = RobustPass(value, before, chosen, pseudo, wild, move)
+        if move <= tolerance * chosen.scale or (loss == "gauss" and step):
+            return current, True
+        if step >= 20:
+            # Readings at the very edge must not let the passes go round in circles.
+            out = wild
+    return current, False
 
 
 def regress(
@@ -72,6 +210,8 @@ def regress(
     loss: str = "student",
     drifting: bool = True,
     quick: bool = False,
+    noise: float | None = None,
+    refuse: bool = True,
 ) -> Regression:
     r"""Return the factors of columns that explain readings.
 
@@ -88,40 +228,122 @@ def regress(
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
         drifting: Look for drift in the residuals; false where readings are independent.
         quick: Coefficients only: covariance and drift are left out (hold-out folds).
+        noise: Scatter of a reading of weight 1 as it is known beforehand: counts as two
+            readings, and lets as many unknowns be fitted as there are readings.
+        refuse: Raise where columns cannot be separated; else those are undetermined.
 
     Raises:
-        FitError: If the columns cannot be told apart or there are too few readings.
+        FitError: If the columns cannot be separated or there are too few readings.
     """
     count, size = columns.shape
     known = np.ones(count) if weight is None else np.asarray(weight, float)
-    if count <= size:
+    root = np.sqrt(known)
+    scale = np.sqrt(np.square(columns * root[:, None]).sum(axis=0))
+    design = columns / np.where(scale > 0, scale, 1.0)
+    scale = np.where(scale > 0, scale, 1.0)
+    if refuse:
+        _refuse_few(count, size, noise is not None)
+        refuse_confounded(columns * root[:, None], names)
+    else:
+        size = len(PivotedFactor.of(design * root[:, None]).kept)
+        _refuse_few(count, size, noise is not None)
+    system = _LinearSystem(design, known)
+    last, converged = iterate(
+        _least_magnitudes(design * root[:, None], target * root, loss),
+        lambda value: target - design @ value,
+        system.solve,
+        known,
+        size,
+        least_scale(target, noise),
+        loss,
+        LOOSE if quick else TIGHT,
+    )
+    result = estimate(design, target - design @ last.value, known, last, converged)
+    result = dataclasses.replace(result, coefficients=last.value / scale)
+    if quick:
+        return result
+    return with_covariance(
+        result, design, scale, known, last.pseudo, time, drifting, noise
+    )
+
+
+def _refuse_few(count: int, size: int, believed: bool) -> None:
+    if count < size or (count == size and not believed):
         msg = f"{count} readings for {size} unknowns, expected more than {size}."
         raise FitError(msg)
-    scale = np.sqrt((known[:, None] * columns**2).sum(axis=0))
-    refuse_confounded(columns * np.sqrt(known)[:, None], names)
-    design = columns / scale
-    settled = _ROUGHLY if quick else _SETTLED
-    last, converged = _robust(design, target, known, loss, settled)
-    residual = target - design @ last.value
+
+
+@dataclasses.dataclass
+class _LinearSystem:
+    """Least squares on one design; its factor changes only with the wild readings."""
+
+    design: Float[np.ndarray, "t k"]
+    known: Float[np.ndarray, " t"]
+    _out: Bool[np.ndarray, " t"] | None = None
+    _factor: PivotedFactor | None = None
+
+    def solve(
+        self,
+        value: Float[np.ndarray, " k"],
+        pseudo: Float[np.ndarray, " t"],
+        wild: Bool[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " k"]:
+        kept = self.known * ~wild
+        same = self._out is not None and np.array_equal(wild, self._out)
+        if self._factor is None or not same:
+            self._factor = PivotedFactor.of(np.sqrt(kept)[:, None] * self.design)
+            self._out = wild
+        move = self._factor.solve(self.design.T @ (kept * pseudo))
+        return np.asarray(value + move)
+
+
+def estimate(
+    design: Float[np.ndarray, "t k"],
+    residual: Float[np.ndarray, " t"],
+    known: Float[np.ndarray, " t"],
+    last: RobustPass,
+    converged: bool,
+) -> Regression:
+    """Return what is known without the covariance."""
+    count, size = design.shape
     ratio = residual * np.sqrt(known) / last.loss.scale
-    result = Regression(
-        coefficients=last.value / scale,
+    return Regression(
+        coefficients=last.value,
         covariance=np.zeros((size, size)),
         noise=DriftNoise(last.loss.scale),
         residual=residual,
         share=np.where(last.wild, 0.0, last.loss.share(ratio)),
         wild=last.wild,
         independent=np.full(size, float(count)),
+        undetermined=np.zeros(size, bool),
         converged=converged,
     )
-    if quick:
-        return result
-    rows = ~last.wild
-    clock = np.arange(count, dtype=float) if time is None else np.asarray(time, float)
-    parts = (clock[rows], design[rows], last.pseudo[rows], known[rows])
-    noise = find_drift(*parts) if drifting else _white(*parts[1:])
-    inverse = np.linalg.inv(last.normal)
-    scatter = scatter_of_sums(noise, clock[rows], design[rows], known[rows])
+
+
+def with_covariance(
+    result: Regression,
+    design: Float[np.ndarray, "t k"],
+    scale: Float[np.ndarray, " k"],
+    known: Float[np.ndarray, " t"],
+    pseudo: Float[np.ndarray, " t"],
+    time: Float[np.ndarray, " t"] | None,
+    drifting: bool,
+    belief: float | None,
+) -> Regression:
+    """Return the result with covariance, drift and what is not determined."""
+    rows = ~result.wild
+    clock = np.arange(len(rows), dtype=float) if time is None else np.asarray(time)
+    weight, part = known[rows], design[rows]
+    factor = PivotedFactor.of(np.sqrt(weight)[:, None] * part)
+    lacking = factor.undetermined
+    # The likelihood needs the columns that stand by themselves only.
+    own = part[:, np.sort(factor.kept)]
+    if drifting:
+        noise = find_drift(clock[rows], own, pseudo[rows], weight)
+    else:
+        noise = _white(own.shape[1], pseudo[rows], weight, belief)
+    inverse = factor.inverse()
+    scatter = scatter_of_sums(noise, clock[rows], part, weight)
     covariance = inverse @ scatter @ inverse / np.outer(scale, scale)
     plain = (noise.white**2 + noise.drift**2) * np.diag(inverse) / scale**2
     swell = np.diag(covariance) / np.maximum(plain, 1e-300)
@@ -131,72 +353,16 @@ def regress(
         free = np.maximum(independent, _LEAST_FREE)
         heavy = np.sqrt(free / (free - 2.0))
         covariance = covariance * np.outer(heavy, heavy)
+    covariance[lacking, :] = covariance[:, lacking] = 0.0
+    covariance[lacking, lacking] = np.inf
     return dataclasses.replace(
-        result, covariance=covariance, noise=noise, independent=independent
+        result,
+        coefficients=np.where(lacking, 0.0, result.coefficients),
+        covariance=covariance,
+        noise=noise,
+        independent=np.where(lacking, 0.0, independent),
+        undetermined=lacking,
     )
-
-
-@dataclasses.dataclass(frozen=True)
-class _Pass:
-    """Where the robust passes stand."""
-
-    value: Float[np.ndarray, " k"]
-    loss: AbstractLoss
-    wild: Bool[np.ndarray, " t"]
-    pseudo: Float[np.ndarray, " t"]
-    normal: Float[np.ndarray, "k k"]
-    move: float
-
-
-def _robust(
-    design: Float[np.ndarray, "t k"],
-    target: Float[np.ndarray, " t"],
-    known: Float[np.ndarray, " t"],
-    loss: str,
-    settled: float,
-) -> tuple[_Pass, bool]:
-    """Return the last robust pass, and whether the passes settled."""
-    root, floor = np.sqrt(known), _floor(target)
-    none = np.zeros(len(target), bool)
-    value = _start(design * root[:, None], target * root, loss)
-    current = _pass(design, target, known, loss, floor, value, none)
-    for step in range(1, _PASSES):
-        if current.move <= settled * current.loss.scale or loss == "gauss":
-            return current, True
-        # Readings at the very edge must not let the passes go round in circles.
-        out = current.wild if step > 20 else none
-        current = _pass(design, target, known, loss, floor, current.value, out)
-    return current, False
-
-
-def _pass(
-    design: Float[np.ndarray, "t k"],
-    target: Float[np.ndarray, " t"],
-    known: Float[np.ndarray, " t"],
-    loss: str,
-    floor: float,
-    value: Float[np.ndarray, " k"],
-    out: Bool[np.ndarray, " t"],
-) -> _Pass:
-    """Return one step from ``value``: pseudo-readings, then least squares on them."""
-    count, size = design.shape
-    root = np.sqrt(known)
-    residual = target - design @ value
-    inflation = float(np.sqrt(count / (count - size)))
-    chosen = choose_loss(loss, residual * root, inflation, floor)
-    ratio = residual * root / chosen.scale
-    wild = chosen.wild(ratio) | out
-    kept = known * ~wild
-    slope = np.where(wild, 0.0, chosen.slope(ratio))
-    steepness = max(float(slope.sum()) / max(int((~wild).sum()), 1), 0.1)
-    pseudo = np.where(wild, 0.0, residual * chosen.share(ratio) / steepness)
-    normal = design.T @ (kept[:, None] * design)
-    if int((~wild).sum()) <= size or np.linalg.cond(normal) > _SINGULAR**-2:
-        msg = "the readings that agree with each other are too few to fit."
-        raise FitError(msg)
-    move = np.linalg.solve(normal, design.T @ (kept * pseudo))
-    largest = float(np.abs(design @ move * root).max())
-    return _Pass(value + move, chosen, wild, pseudo, normal, largest)
 
 
 def refuse_confounded(
@@ -214,16 +380,16 @@ def refuse_confounded(
     for k in np.flatnonzero(scale == 0.0):
         msg = f"no reading tells {called[int(k)]}: it is 0 in all of them."
         raise FitError(msg)
-    _, singular, vectors = np.linalg.svd(columns / scale, full_matrices=False)
-    if singular[-1] > _SINGULAR * singular[0]:
+    null = PivotedFactor.of(columns / scale).null
+    if not null.shape[1]:
         return
-    weak = np.abs(vectors[-1])
+    weak = np.abs(null[:, 0])
     members = [called[k] for k in np.flatnonzero(weak > _MEMBER * weak.max())]
     msg = f"the readings cannot tell apart {', '.join(members)}."
     raise FitError(msg)
 
 
-def _start(
+def _least_magnitudes(
     design: Float[np.ndarray, "t k"], target: Float[np.ndarray, " t"], loss: str
 ) -> Float[np.ndarray, " k"]:
     """Return least squares, or least magnitudes where wild readings are expected."""
@@ -238,10 +404,10 @@ def _start(
     return np.asarray(value)
 
 
-def _floor(target: Float[np.ndarray, " t"]) -> float:
+def least_scale(target: Float[np.ndarray, " t"], noise: float | None = None) -> float:
     """Return the smallest scale of residuals to believe in."""
     spread = float(np.ptp(np.quantile(target, (0.05, 0.95))))
-    floor = max(_EXACT * spread, 1e-12)
+    floor = max(_EXACT * spread, 1e-12, 0.1 * (noise or 0.0))
     different = np.unique(target)
     if 1 < len(different) < 0.3 * len(target):
         # A coarse instrument repeats itself; that is no proof of its accuracy.
@@ -250,9 +416,14 @@ def _floor(target: Float[np.ndarray, " t"]) -> float:
 
 
 def _white(
-    design: Float[np.ndarray, "t k"],
+    size: int,
     pseudo: Float[np.ndarray, " t"],
     weight: Float[np.ndarray, " t"],
+    belief: float | None,
 ) -> DriftNoise:
-    free = max(len(pseudo) - design.shape[1], 1)
-    return DriftNoise(float(np.sqrt((weight * pseudo**2).sum() / free)))
+    """Return independent noise; what is known beforehand counts as a few readings."""
+    free = float(len(pseudo) - size)
+    square = float((weight * pseudo**2).sum())
+    if belief is not None:
+        free, square = free + _BELIEF, square + _BELIEF * belief**2
+    return DriftNoise(float(np.sqrt(square / max(free, 1.0))))

@@ -20,7 +20,6 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._grid import Grid
 from ._types import Samples, TableFit
 
 _NEAR = 1e-3
@@ -105,13 +104,14 @@ def _half_way(
     weight[place] = kept
     before = np.square(fit.standard_deviation)
     gain = np.square(weight * fit.noise) - np.square(weight) * before
-    grid = Grid(fit.layout)
-    covariance = {}
-    for step, known in fit.covariance.items():
-        # Columns of the positions run against the axes of the array.
-        between_lines = step[0] if grid.slow_column == 1 - across else step[1]
-        covariance[step] = known + (offset**2 if between_lines == 0 else 0.0)
-    covariance[0, 0] = covariance[0, 0] + grid.from_table(gain)
+    table = fit.layout.effect
+    columns = fit.covariance.columns.copy()
+    unknown = table.to_table(np.arange(table.size))
+    for slot, step in enumerate(fit.covariance.offsets):
+        # Nodes of one line share its offset.
+        along = np.abs(np.diff(unknown, axis=1 - across).flat[0])
+        columns[:, slot] += offset**2 if step in (0, along) else 0.0
+    columns[:, 0] += table.to_values(gain)
     message = (
         f"{fit.message} Every node was read once, and the lines of readings differ by more "
         "than readings scatter: an offset of every line and structure as fine as the nodes "
@@ -127,6 +127,6 @@ def _half_way(
         noise=float(np.hypot(fit.noise, offset)),
         line_offset=offset,
         residual=fit.residual * (1.0 - kept),
-        covariance=covariance,
+        covariance=dataclasses.replace(fit.covariance, columns=columns),
         message=message,
     )

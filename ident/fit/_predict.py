@@ -1,16 +1,23 @@
 """What a fitted table says elsewhere, and what it says without some of its readings."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..core._errors import FitError
-from ._grid import Grid, Located
-from ._information import evaluate
-from ._table import fit_tables
+from ..core import (
+    FitError,
+    GroupEffect,
+    Readings,
+    Sums,
+    leave_one_out,
+    one_blas_thread,
+    sums_of,
+)
+from ..core._readings import padded
+from ._table import fold_of, with_runs
 from ._types import Samples, TableFit, TableLayout
-from .lanes import TableRequest
 
 
 def predict(
@@ -21,11 +28,20 @@ def predict(
     """Return error and its standard deviation at positions, the edge held, in mm or °.
 
     The deviation is that of the table; a reading there scatters by `TableFit.noise` on top.
+
+    Args:
+        fit: The table.
+        positions: In mm or °, columns in the order of `TableLayout.nodes`.
+        branch: 0 (positive direction) or 1 per row; needed for a table with two directions.
+
+    Raises:
+        FitError: If a table with two directions is asked without any.
     """
-    grid = Grid(fit.layout)
-    place = grid.locate(Samples(positions, np.zeros(len(positions)), branch))
-    mean = evaluate(grid, place, grid.from_table(fit.values))
-    return mean, np.sqrt(np.maximum(_variance(grid, place, fit.covariance), 0.0))
+    table = fit.layout.effect
+    nodes, shares = table.design(_readings(fit.layout, positions, branch))
+    values = table.to_values(fit.values)
+    mean = np.einsum("tk,tk->t", shares, values[nodes])
+    return mean, np.sqrt(fit.covariance.variance(nodes, shares))
 
 
 def deviations(
@@ -42,94 +58,73 @@ def deviations(
         positions: As for `predict`.
         branch: As for `predict`.
     """
-    grid = Grid(fits[0].layout)
-    place = grid.locate(Samples(positions, np.zeros(len(positions)), branch))
-    together = {
-        step: np.stack([fit.covariance[step] for fit in fits])
-        for step in fits[0].covariance
-    }
-    variance = _variance(grid, place, together, (which,))
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+    layout = fits[0].layout
+    nodes, shares = layout.effect.design(_readings(layout, positions, branch))
+    result = np.zeros(len(which))
+    for number, fit in enumerate(fits):
+        own = which == number
+        result[own] = fit.covariance.variance(nodes[own], shares[own])
+    return np.sqrt(result)
 
 
-def _variance(
-    grid: Grid,
-    place: Located,
-    cov: Mapping[tuple[int, int], np.ndarray],
-    at: tuple[Int[np.ndarray, " t"], ...] = (),
-) -> Float[np.ndarray, " t"]:
-    """Return the variance at places in cells.
-
-    Args:
-        grid: The nodes.
-        place: Cells and where in them.
-        cov: Covariance between neighbouring nodes, of one table or of a stack of them.
-        at: Of a stack: the table that is asked at each place.
-    """
-    l, s, u, v = place.l, place.s, place.u, place.v
-    above = grid.neighbour(l) if grid.slow > 1 else l
-    right = np.minimum(s + 1, grid.fast - 1)
-    low, high = (1 - u), u
-    if not grid.planar:
-        own = cov[0, 0]
-        variance = low**2 * own[(*at, l, s)] + high**2 * own[(*at, above, s)]
-        if (1, 0) in cov:
-            variance = variance + 2 * low * high * cov[1, 0][(*at, l, s)]
-        return np.asarray(variance)
-    weights = {
-        (0, 0): low * (1 - v),
-        (0, 1): low * v,
-        (1, 0): high * (1 - v),
-        (1, 1): high * v,
-    }
-    nodes = {
-        (0, 0): (l, s),
-        (0, 1): (l, right),
-        (1, 0): (above, s),
-        (1, 1): (above, right),
-    }
-    variance = np.zeros(len(l))
-    corners = list(weights)
-    for i, first in enumerate(corners):
-        for second in corners[i:]:
-            step = (second[0] - first[0], second[1] - first[1])
-            # Coupling (dl, ds) is stored at the node that it starts from.
-            if step not in cov:
-                continue
-            share = weights[first] * weights[second] * (1.0 if first == second else 2.0)
-            variance += share * cov[step][(*at, *nodes[first])]
-    return variance
+def _readings(
+    layout: TableLayout,
+    positions: Float[np.ndarray, "t d"],
+    branch: Int[np.ndarray, " t"] | None,
+) -> Readings:
+    if layout.branches == 2 and branch is None:
+        msg = (
+            "a table with two directions says something else in each: "
+            "give the direction of every position (branch)."
+        )
+        raise FitError(msg)
+    return layout.readings(Samples(positions, np.zeros(len(positions)), branch))
 
 
 def leave_out(
-    layout: TableLayout,
-    samples: Samples,
-    groups: Int[np.ndarray, " t"],
-    fit: TableFit,
-    *,
-    run_effects: str = "none",
+    fit: TableFit, samples: Samples, groups: Int[np.ndarray, " t"]
 ) -> Iterator[tuple[int, TableFit]]:
-    """Yield for each group the table fitted to all the others.
+    """Yield for each group the table fitted to all readings but those of the group.
 
-    Smoothness weights and loss are those of ``fit``; noise and run effects are estimated anew.
+    Smoothness and the weight that the loss leaves each reading are those of the fit; values,
+    noise and effects of runs are estimated anew, by subtraction of the group's sums. Arrays
+    over readings are empty.
+
+    Args:
+        fit: Of all readings, by `fit_table`.
+        samples: Its readings.
+        groups: What is left out together.
 
     Raises:
         FitError: If there are fewer than two groups.
     """
-    labels = np.unique(groups)
-    if len(labels) < 2:
-        msg = "leaving out needs at least two groups of readings, found one."
-        raise FitError(msg)
-    rests = [np.flatnonzero(groups != label) for label in labels]
-    weights = dict(fit.smoothness)
-    fits = fit_tables(
-        [
-            TableRequest(layout, samples, weights, fit.loss, run_effects, True, rest)
-            for rest in rests
-        ]
-    )
-    for label, fold in zip(labels, fits, strict=True):
-        yield int(label), fold
+    found = fit.estimate
+    assert found is not None  # every fit of `fit_table` has one
+    stack = found.posterior.problem.stack
+    effect = stack.effects[-1]
+    kind = "none"
+    if isinstance(effect, GroupEffect):
+        kind = "offset" if effect.trend is None else "drift"
+    _, readings = with_runs(fit.layout, samples, kind)
+    sums: dict[int, Sums] = {}
+    present = {}
+    with one_blas_thread():
+        nodes, shares = stack.design(readings)
+        for label in np.unique(groups).tolist():
+            own = groups == label
+            sums[label], _ = sums_of(
+                stack,
+                readings.take(own),
+                found.about,
+                found.loss,
+                design=(nodes[own], shares[own]),
+            )
+            if kind != "none":
+                rest = readings.inputs["run"][~own]
+                present[label] = np.bincount(rest, minlength=len(fit.runs)) > 0
+        left = leave_one_out(found, sums, present)
+        folds = [(label, fold_of(fit, post)) for label, post in left.items()]
+    yield from folds
 
 
 def spatial_blocks(
@@ -140,18 +135,14 @@ def spatial_blocks(
     For data without runs. Each axis is cut into about four blocks per group so that what is
     left out is bridged from around it and not extrapolated.
     """
-    grid = Grid(layout)
-    place = grid.locate(samples)
-    rng = np.random.default_rng(seed)
-    slow_blocks = min(max(grid.slow - 1, 1), 4 * count)
-    slow = place.l * slow_blocks // max(grid.slow - 1, 1)
-    if grid.planar:
-        fast_blocks = min(max(grid.fast - 1, 1), 4 * count)
-        fast = place.s * fast_blocks // max(grid.fast - 1, 1)
-    else:
-        fast_blocks, fast = 1, np.zeros(len(slow), np.int64)
-    block = slow * fast_blocks + fast
-    total = slow_blocks * fast_blocks
+    blocks, size = np.zeros(len(samples.error), np.int64), 1
+    for column, nodes in enumerate(layout.effect.axes):
+        cells = max(nodes.count - 1, 1)
+        place = padded({"place": np.asarray(samples.positions[:, column], float)})
+        cell = np.asarray(nodes.locate(jnp.asarray(place["place"]))[0])[: len(blocks)]
+        parts = min(cells, 4 * count)
+        blocks = blocks * parts + cell.astype(np.int64) * parts // cells
+        size *= parts
     # Every group gets the same number of blocks, in random places.
-    group = rng.permutation(np.arange(total) % max(min(count, total), 1))
-    return np.asarray(group[np.minimum(block, total - 1)], np.int64)
+    group = np.random.default_rng(seed).permutation(np.arange(size) % min(count, size))
+    return np.asarray(group[np.minimum(blocks, size - 1)], np.int64)

@@ -2,9 +2,12 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from ..core import CellCovariance, Estimate, Readings, TableEffect
 
 Array = np.ndarray
 
@@ -34,6 +37,26 @@ class TableLayout:
         """
         own = tuple(len(nodes) for nodes in reversed(self.nodes))
         return own if self.branches == 1 else (self.branches, *own)
+
+    @cached_property
+    def effect(self) -> TableEffect:
+        """The table as an effect over ``position 1``, ``position 2`` and ``direction``."""
+        names = tuple(f"position {k + 1}" for k in range(len(self.nodes)))
+        nodes = tuple(np.asarray(each, float) for each in self.nodes)
+        way = "direction" if self.branches == 2 else None
+        return TableEffect(nodes, names, way, self.periodic)
+
+    def readings(self, samples: "Samples") -> Readings:
+        """Return samples as readings of the effect."""
+        inputs = {
+            f"position {k + 1}": np.ascontiguousarray(samples.positions[:, k], float)
+            for k in range(len(self.nodes))
+        }
+        if self.branches == 2:
+            assert samples.branch is not None  # checked beforehand
+            inputs["direction"] = 1.0 - 2.0 * samples.branch
+        weight = None if samples.weight is None else np.asarray(samples.weight, float)
+        return Readings(np.asarray(samples.error, float), inputs, weight)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,10 +123,11 @@ class TableFit:
         suspect_nodes: Indices (into the flattened table) of nodes whose readings contradict their
             surroundings.
         suspect_runs: Runs that contradict the others.
-        covariance: Between each node and its neighbour ``(slow step, fast step)`` in the order of
-            the fit, in mm²; `predict` uses it.
+        covariance: Between nodes of one cell, in the order of the effect, in mm²; `predict` uses
+            it.
         converged: Whether the iterations reached their tolerance.
         message: One sentence on how the fit went, for the report.
+        estimate: The fit of the stack behind it, from which groups are left out.
         line_offset: Standard deviation in mm or ° of an offset of every line of readings that a
             single probing cannot show, and that is allowed for; else 0.
     """
@@ -121,7 +145,10 @@ class TableFit:
     runs: tuple[RunEffect, ...]
     suspect_nodes: tuple[int, ...]
     suspect_runs: tuple[int, ...]
-    covariance: Mapping[tuple[int, int], Float[Array, "l s"]]
+    covariance: CellCovariance
     converged: bool
     message: str
     line_offset: float = 0.0
+    estimate: Estimate | None = dataclasses.field(
+        default=None, repr=False, compare=False
+    )

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         FrictionResult as FrictionResult,
         FrictionView as FrictionView,
         LawCurve as LawCurve,
+        choice_sentence as choice_sentence,
     )
     from .joint import (
         AxisSum as AxisSum,
@@ -81,6 +82,7 @@ _HOMES = {
     "LawCurve": "friction",
     "LeftOutResult": "joint",
     "LostPair": "joint",
+    "choice_sentence": "friction",
     "TemperatureResult": "temperature",
     "ThermalLaw": "temperature",
     "ThermalView": "temperature",

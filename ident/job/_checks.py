@@ -174,6 +174,14 @@ def _friction(fit: FrictionSpec, where: KeyPath) -> Iterator[Fault]:
     if fit.rated_current is not None and fit.rated_torque is not None:
         reason = "found beside rated_current, expected the one that suits the recording"
         yield (*where, "rated_torque"), reason
+    if fit.method != "output_error":
+        for key in ("solver", "constraints"):
+            if key in fit.model_fields_set:
+                reason = f"found with method {fit.method!r}, expected 'output_error'"
+                yield (*where, key), reason
+    if fit.constraints and fit.solver != "ipopt":
+        reason = f"found with solver {fit.solver!r}, expected 'ipopt', which keeps them"
+        yield (*where, "constraints"), reason
 
 
 def _backlash(job: JobFile, fit: BacklashSpec, where: KeyPath) -> Iterator[Fault]:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fit import FitError
-from ..fit.thermal import clock_offset
+from ..kinds.temperature import clock_offset
 
 _MOST = 2**17
 """Instants at which two signals are compared before the offset is refined."""

@@ -118,6 +118,8 @@ class FrictionSpec(FitSpec, frozen=True):
     table_entries: Count | None = None
     inertia: Literal["fit"] | Positive | None = None
     method: Literal["inverse", "output_error"] = "inverse"
+    solver: Literal["optimistix", "ipopt"] = "optimistix"
+    constraints: tuple[Literal["non-negative"], ...] = ()
     reversal: bool = False
     level: Annotated[float, Field(ge=0)] = 1.0
     rated_current: Positive | None = None

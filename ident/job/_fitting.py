@@ -188,9 +188,7 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
         active=active,
         integers=entries,
         rounding=rounded.rounding(fit, entries),
-        held_out=held_out(
-            table, samples, fit, rounded.integers_of, before, active, effects
-        ),
+        held_out=held_out(table, samples, fit, rounded.integers_of, before, active),
         run_effects=effects,
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.lists import ListFile
-from ..exchange import Model, by_branch
+from ..exchange import LIST_UNITS, Model, by_branch
 from ..fit import TableFit
 from ..proof import ErrorFigures, error_figures
 from ._fitting import AbstractFitted, Fitted
@@ -99,6 +99,11 @@ def prove(folder: OutFolder, one: Fitted, written: tuple[Path, ...]) -> Proof:
     )
 
 
+def written_deviation(fit: TableFit) -> Float[np.ndarray, "..."]:
+    """Return the standard deviation of entries in mm or °: rounding is part of it."""
+    return np.sqrt(np.square(fit.standard_deviation) + 1.0 / (12.0 * LIST_UNITS**2))
+
+
 def result_of(
     job: Job,
     one: AbstractFitted,
@@ -128,7 +133,7 @@ def result_of(
         nodes=tuple(nodes.positions for nodes in table.nodes),
         table=by_branch(table, table.sign * one.offset),
         old_table=None if old is None else by_branch(table, table.sign * old),
-        standard_deviation=by_branch(table, one.fit.standard_deviation),
+        standard_deviation=by_branch(table, written_deviation(one.fit)),
         support=by_branch(table, one.fit.support),
         fit=proof.fit,
         samples=proof.samples,

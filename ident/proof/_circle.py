@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-from collections.abc import Hashable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -16,11 +15,8 @@ from ...models import (
     FrictionCompensation,
     FrictionTable,
 )
-from ..fit import in_group
 from ._course import Course, ServoLoop, course_of
 
-_FEW, _MANY = 16, 64
-"""Circles that are followed side by side: each further one adds little to a step."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
 
@@ -82,7 +78,7 @@ def circular_test(
     """
     course = course_of(radius, feed, ServoLoop() if loop is None else loop, cycle)
     one = _Circle(law, inertia, compensation, out_unit, course)
-    without, with_list = in_group(_follow_all, [one])[0]
+    without, with_list = _followed(one)
     return CircularTest(
         angle=course.angle,
         without=without,
@@ -123,47 +119,21 @@ class _Circle:
                     found[k] = np.append(found[k], np.full(lack, found[k][-1]))
         return found, tree
 
-    @property
-    def kind(self) -> tuple[Hashable, ...]:
-        """Circles of one kind go together: laws and lists alike, and the same course."""
-        leaves, tree = self.flat
-        return tree, tuple(leaf.shape for leaf in leaves), self.course
 
-
-def _follow_all(circles: Sequence[_Circle]) -> list[Float[np.ndarray, "2 s"]]:
-    """Return the radial deviations in mm, without and with their lists.
-
-    Always so many side by side, the last one over and over where there are less: two
-    programs, and the same numbers in any company.
-    """
-    places: dict[Hashable, list[int]] = {}
-    for place, each in enumerate(circles):
-        places.setdefault(each.kind, []).append(place)
-    found: dict[int, np.ndarray] = {}
-    for own in places.values():
-        start = 0
-        while start < len(own):
-            # As many as the work of three times a few would be less for.
-            beside = _MANY if len(own) - start > 2 * _FEW else _FEW
-            some = own[start : start + beside]
-            start += beside
-            full = [circles[k] for k in some + some[-1:] * (beside - len(some))]
-            leaves, tree = zip(*(each.flat for each in full), strict=True)
-            laws, lists = jax.tree.unflatten(
-                tree[0], [np.stack(same) for same in zip(*leaves, strict=True)]
-            )
-            course = full[0].course
-            runs = _follow(
-                laws,
-                jnp.array([each.inertia for each in full]),
-                lists,
-                jnp.array([each.out_unit for each in full]),
-                jnp.asarray(course.motion),
-                jnp.array(course.gains),
-            )
-            off = course.deviation(np.asarray(runs)[:, :, : len(some)])
-            found |= zip(some, off, strict=True)
-    return [found[place] for place in range(len(circles))]
+def _followed(circle: _Circle) -> Float[np.ndarray, "2 t"]:
+    """Return the radial deviations in mm, without and with the list."""
+    leaves, tree = circle.flat
+    law, compensation = jax.tree.unflatten(tree, [leaf[None] for leaf in leaves])
+    course = circle.course
+    run = _follow(
+        law,
+        jnp.array([circle.inertia]),
+        compensation,
+        jnp.array([circle.out_unit]),
+        jnp.asarray(course.motion),
+        jnp.array(course.gains),
+    )
+    return np.asarray(course.deviation(np.asarray(run))[0])
 
 
 @eqx.filter_jit

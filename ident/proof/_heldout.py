@@ -49,7 +49,6 @@ def held_out(
     to_integers: Callable[[Sequence[TableFit]], Int[np.ndarray, "k ..."]],
     before: Float[np.ndarray, " t"],
     active: Float[np.ndarray, " t"],
-    run_effects: str = "none",
 ) -> HeldOut:
     """Return what lists fitted without a run (or block) leave of its readings.
 
@@ -63,14 +62,13 @@ def held_out(
         to_integers: From fits to the entries of their lists.
         before: Error as measured, per reading.
         active: Offset that was active while measuring, per reading.
-        run_effects: As in the fit.
     """
     groups = None if samples.run is None else _by_run(samples.run)
     by_run = groups is not None
     if groups is None:
         groups = blocks_of(fit.layout, samples)
     weight = np.ones(len(before)) if samples.weight is None else samples.weight
-    left = dict(leave_out(fit.layout, samples, groups, fit, run_effects=run_effects))
+    left = dict(leave_out(fit, samples, groups))
     folds = list(left.values())
     which = np.array(list(left)).searchsorted(groups)
     offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)

@@ -102,7 +102,7 @@ def _facts(fit: BacklashResult, scale: Scale) -> list[tuple[str, str]]:
                 " encoder; that was taken off.",
             )
         )
-    facts.append(("The fit itself", found.message))
+    facts.append(("The fit itself", fit.message))
     return facts
 
 

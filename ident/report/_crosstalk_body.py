@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..fit.crosstalk import BRANCHES
 from ..job import CrosstalkResult
+from ..kinds.crosstalk import BRANCHES
 from ._body import Body
 from ._crosstalk_plots import course_plot, events_plot, tests_plot
 from ._scale import Scale, count, number, percent, place
@@ -57,7 +57,7 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> list[tuple[str, str]]:
                 " P-COMP-00064).",
             )
         )
-    facts.append(("The fit itself", " ".join(own.messages)))
+    facts.append(("The fit itself", fit.message))
     return facts
 
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..fit.crosstalk import BRANCHES
 from ..job import CrosstalkResult
+from ..kinds.crosstalk import BRANCHES
 from . import _style as style
 from ._plot import Plot
 from ._scale import Scale, number, percent

@@ -48,24 +48,26 @@ def _facts(fit: FrictionResult, scale: Scale) -> list[tuple[str, str]]:
         facts.append(("Told only together", " ".join(found.gauges)))
     if fit.knots is not None:
         rounded = fit.knots.rms / fit.knots.unit
+        slowest = "1 µm/s" if fit.length_unit == "mm" else "0.001°/s"
         facts.append(
             (
                 "List",
-                f"{count(len(fit.knots.velocity), 'entry', 'entries')} from 1 µm/s to"
-                f" {fit.knots.velocity[-1] / 1000:g} mm/s; one unit of out is"
+                f"{count(len(fit.knots.velocity), 'entry', 'entries')} from {slowest} to"
+                f" {fit.knots.velocity[-1] / 1000:g} {fit.length_unit}/s; one unit of out is"
                 f" {fit.knots.unit:.4g} {scale.error}; the list follows the curve to"
                 f" {rounded:.2f} units rms.",
             )
         )
     if fit.reversal is not None:
         around = fit.reversal
+        small = "µm" if fit.length_unit == "mm" else "· 0.001°"
         facts.append(
             (
                 "Reversal",
                 f"{count(around.reversals, 'reversal')}: look-ahead {around.lookahead}"
                 f" cycles (probability {around.lookahead_probability:.0%}), build-up over"
                 f" {1e3 * around.position_delay:.2f} ±"
-                f" {1e3 * around.position_delay_sd:.2f} µm, delay"
+                f" {1e3 * around.position_delay_sd:.2f} {small}, delay"
                 f" {around.delay_cycles} cycles (probability"
                 f" {around.delay_probability:.0%}).",
             )
@@ -75,7 +77,7 @@ def _facts(fit: FrictionResult, scale: Scale) -> list[tuple[str, str]]:
             (
                 "Free run",
                 "Driven by the recorded current alone, the simulated axis stays within"
-                f" {fit.output.free_run:.3g} mm rms of the measured one.",
+                f" {fit.output.free_run:.3g} {fit.length_unit} rms of the measured one.",
             )
         )
     facts.append(("The fit itself", _sentence(found.message)))
@@ -84,12 +86,13 @@ def _facts(fit: FrictionResult, scale: Scale) -> list[tuple[str, str]]:
 
 def _law(fit: FrictionResult, scale: Scale) -> str:
     found = fit.law
-    units = {"inertia": f"{scale.error}/(mm/s²)", "stribeck_velocity": "mm/s"}
+    per = fit.length_unit
+    units = {"inertia": f"{scale.error}/({per}/s²)", "stribeck_velocity": f"{per}/s"}
     parts = []
     for name, value in found.parameters.items():
         unit = units.get(name, scale.error)
         if name.startswith("viscous"):
-            unit = f"{scale.error}/(mm/s)"
+            unit = f"{scale.error}/({per}/s)"
         if name == "stribeck_shape":
             unit = ""
         sd = found.standard_deviations.get(name)

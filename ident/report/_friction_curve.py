@@ -65,7 +65,7 @@ def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     for panel, limit in zip(panels, limits, strict=True):
         _draw(panel, fit, curve, every, limit)
         panel.set_xlim(-0.02 * limit, 1.02 * limit)
-        panel.set_xlabel("speed in mm/s")
+        panel.set_xlabel(f"speed in {fit.length_unit}/s")
     panels[0].set_ylabel(f"friction in {scale.error}")
     panels[0].set_title("all speeds")
     panels[1].set_title("slow speeds, enlarged")
@@ -127,13 +127,12 @@ def _caption(fit: FrictionResult, curve: LawCurve) -> str:
     slow, fast = place(float(curve.speed[0])), place(float(curve.speed[-1]))
     text = (
         f"Median friction in bins of speed with their scatter, and the law with ± 2"
-        f" standard deviations, from {slow} to {fast} mm/s: only these speeds were driven."
+        f" standard deviations, from {slow} to {fast} {fit.length_unit}/s: only these speeds"
+        " were driven."
     )
     if curve.listed is None:
         return f"{text} No list is written."
-    mean = 0.5 * (curve.positive + curve.negative)
-    apart = float(curve.weight @ np.abs(curve.positive - curve.negative))
-    share = apart / max(float(curve.weight @ np.abs(mean)), 1e-300)
+    share = curve.difference
     text += " The list is the same for both directions"
     if share > 0.02:
         return (

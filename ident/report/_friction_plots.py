@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..job import FrictionResult
+from ..job import FrictionResult, choice_sentence
 from . import _style as style
 from ._plot import Plot
 from ._scale import Scale, number, percent
@@ -23,7 +23,11 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     limit = _ROOM * float(np.median(np.abs(left))) or 1.0
     outside = int(np.sum(np.abs(left) > limit))
     figure, panels = style.new_figure(2.8, columns=2, sharey=True)
-    views = {"velocity in mm/s": view.velocity, "position in mm": view.position}
+    unit = fit.length_unit
+    views = {
+        f"velocity in {unit}/s": view.velocity,
+        f"position in {unit}": view.position,
+    }
     medians = []
     for panel, (name, where) in zip(panels, views.items(), strict=True):
         panel.plot(
@@ -40,7 +44,7 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     level = float(np.median(np.abs(view.before[rows])))
     over = percent(medians[1] / level) if level else "–"
     caption = (
-        "Current that laws fitted to the other windows leave, sample by sample; the line"
+        "Current that lists made of the other windows leave, sample by sample; the line"
         f" is the running median. Over the position it moves by up to {over} of the"
         " friction: what depends on the place, a friction list cannot say."
     )
@@ -66,9 +70,9 @@ def _running(
 
 
 def choice_plot(fit: FrictionResult) -> Plot:
-    """Draw how well each law predicts windows held out, and the curve over knots."""
+    """Draw how well each law predicts windows held out."""
     choice = fit.choice
-    figure, (panel, curve) = style.new_figure(3.0, columns=2)
+    figure, (panel,) = style.new_figure(2.4, columns=1)
     names = [each.structure.words for each in choice.candidates]
     errors = 100 * np.array([each.error for each in choice.candidates])
     spreads = 100 * np.array([each.standard_error for each in choice.candidates])
@@ -82,14 +86,7 @@ def choice_plot(fit: FrictionResult) -> Plot:
         )
     panel.set_yticks(rows, names, fontsize=6.5)
     panel.set_xlabel("force error held out in %")
-    tables = np.array(choice.knot_curve).reshape(-1, 3)
-    curve.errorbar(
-        tables[:, 0], 100 * tables[:, 1], 100 * tables[:, 2],
-        marker="o", markersize=4, color=style.BLUE, linewidth=1,
-    )  # fmt: skip
-    curve.set_xlabel("number of knots of a free table")
-    curve.set_ylabel("force error held out in %")
-    return Plot("choice", "Which law predicts best", figure, choice.sentence)
+    return Plot("choice", "Which law predicts best", figure, choice_sentence(choice))
 
 
 def circle_plot(fit: FrictionResult) -> Plot | None:

@@ -14,8 +14,6 @@ from axcomp.ident.fit import (
     fit_table,
     predict,
 )
-from axcomp.ident.fit._grid import Grid
-from axcomp.ident.fit._prior import Smoothness
 
 NOISE = 0.002  # mm
 NODES = np.linspace(0.0, 300.0, 31)
@@ -130,13 +128,6 @@ def test_weights_of_a_fit_make_the_same_fit(layout: TableLayout, loss: str) -> N
     "layout", [PLANE, TableLayout(PLANE.nodes[::-1])], ids=["longer 1", "longer 2"]
 )
 def test_names_of_weights_say_which_axis_is_meant(layout: TableLayout) -> None:
-    slow_axis = Grid(layout).slow_column + 1
-    assert len(layout.nodes[slow_axis - 1]) == 9
-    weights = Smoothness((1.0, 2.0), (3.0, 4.0))
-    names = weights.names(slow_axis)
-    assert names[f"order 2, axis {slow_axis}"] == 1.0
-    assert names[f"order 4, axis {3 - slow_axis}"] == 4.0
-    assert Smoothness.named(names, slow_axis) == weights
     # Stiff along the first axis only: hardly any bend is left along it.
     samples = readings(layout, 2000)
     stiff = fit_table(
@@ -263,3 +254,23 @@ def test_several_tables_asked_at_once_say_what_each_says_alone(planar: bool) -> 
     alone = np.array([predict(fit, positions)[1] for fit in fits])
     found = deviations(fits, which, positions)
     assert np.array_equal(found, alone[which, np.arange(120)])
+
+
+def test_huber_leaves_wild_readings_out_of_the_noise() -> None:
+    rng = np.random.default_rng(9)
+    samples = readings(LINE, 3000)
+    error = samples.error.copy()
+    error[rng.choice(3000, 30, replace=False)] += rng.choice([-1.0, 1.0], 30)
+    fit = fit_table(LINE, dataclasses.replace(samples, error=error), loss="huber")
+    # 3000 readings tell their scatter to 1.3 %; the wild ones pull the table a little.
+    assert fit.noise == pytest.approx(NOISE, rel=0.1)
+
+
+def test_a_table_with_two_directions_is_not_asked_without_any() -> None:
+    rng = np.random.default_rng(10)
+    layout = TableLayout((NODES,), branches=2)
+    position, branch = rng.uniform(0.0, 300.0, (400, 1)), rng.integers(0, 2, 400)
+    error = 0.01 * branch + rng.normal(0.0, NOISE, 400)
+    fit = fit_table(layout, Samples(position, error, branch))
+    with pytest.raises(FitError, match="says something else in each"):
+        predict(fit, position)

@@ -1,12 +1,9 @@
 """The circular test: what friction and its list do to a circle."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
-from axcomp.ident.fit import Gathering
-from axcomp.ident.proof._circle import CircularTest, circular_test
+from axcomp.ident.proof._circle import circular_test
 from axcomp.ident.proof._course import ServoLoop
 from axcomp.models import FrictionCompensation, StribeckFriction
 
@@ -54,19 +51,3 @@ def test_one_whole_turn_is_shown(radius: float) -> None:
     # One cycle short of a turn at most.
     step = np.rad2deg(test.feed / radius * 0.001)
     assert test.angle[-1] == pytest.approx(360.0, abs=2 * step)
-
-
-@pytest.mark.parametrize("company", [3, 40])
-def test_a_circle_is_the_same_to_the_bit_in_any_company(company: int) -> None:
-    alone = circular_test(LAW, INERTIA, FrictionCompensation(LAW))
-    levels = np.linspace(1.0, 2.4, company)
-    others = [StribeckFriction(k, 1.5 * k, 5.0, 1.5, 0.004) for k in levels]
-
-    def run(law: StribeckFriction) -> CircularTest:
-        return circular_test(law, INERTIA, FrictionCompensation(law))
-
-    found = Gathering().run([partial(run, law) for law in (*others, LAW)])
-    last = found[-1]
-    assert isinstance(last, CircularTest)
-    assert np.array_equal(last.without, alone.without)
-    assert np.array_equal(last.with_list, alone.with_list)

@@ -10,8 +10,7 @@ from ._design import Component
 from ._families import Family, families, information
 from ._gauges import _whitener
 from ._rules import Rules
-from ._sums import Sums
-from ._weights import Weights
+from ._sums import Information
 
 HOPELESS = 1e-4
 """Share of a shape left beside another effect below which it is lost, however many readings."""
@@ -66,13 +65,12 @@ class Told:
     nearly: tuple[LostPair, ...] = ()
 
 
-def told_by(sums: Sums, rules: Rules, weights: Weights) -> Told:
+def told_by(sums: Information, rules: Rules) -> Told:
     """Return what readings tell of the effects under the rule, whatever they measured.
 
     Args:
         sums: Information of the readings.
         rules: Freedoms of the sum and what fixes them.
-        weights: Smoothness weights, for data with very few readings.
     """
     design = sums.design
     reached = sums.reached
@@ -82,7 +80,7 @@ def told_by(sums: Sums, rules: Rules, weights: Weights) -> Told:
     ]
     matrix, slices = information(sums, shapes)
     few = sums.count < _FEW * len(matrix)
-    matrix = matrix + _light(weights, shapes, slices, few)
+    matrix = matrix + _light(sums, shapes, slices, few)
     plain = [
         _whitener(
             matrix[own, own],
@@ -190,21 +188,21 @@ def _share(
 
 
 def _light(
-    weights: Weights, shapes: list[Family], slices: list[slice], few: bool
+    sums: Information, shapes: list[Family], slices: list[slice], few: bool
 ) -> Float[np.ndarray, "m m"]:
     """Return what is taken as known: a drift is slow, and neighbours help where data are few."""
-    size = slices[-1].stop
-    result = np.zeros((size, size))
-    for part in weights.parts:
-        table = weights.tables[part.table]
-        amount = _SLOW if table.kind == "runs" else _LIGHT * few
-        if part.kind % 2 or not amount:
+    result = np.zeros((slices[-1].stop, slices[-1].stop))
+    for family, own in zip(shapes, slices, strict=True):
+        prior = family.component.prior
+        amount = _SLOW if family.component.kind == "runs" else _LIGHT * few
+        if prior is None or not amount:
             continue
-        for family, own in zip(shapes, slices, strict=True):
-            if family.component is table and table.order is not None:
-                over = family.shapes[table.order]
-                light = amount * weights.density[part.table]
-                result[own, own] += light * (over.T @ (part.gram @ over))
+        diagonal = sums.diagonal[family.component.places]
+        reached = diagonal[diagonal > 0]
+        density = float(reached.mean()) if len(reached) else 1.0
+        for rows in (prior.rows[k] for k in np.flatnonzero(~prior.optional)):
+            over = rows @ family.shapes
+            result[own, own] += amount * density * (over.T @ over)
     return result
 
 

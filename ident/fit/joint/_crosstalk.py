@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ....models import Conventions, Crosstalk, surface_through
 from ...core._errors import FitError
-from ..crosstalk._types import BRANCHES, MOST_TESTS
+from ...kinds.crosstalk import BRANCHES, MOST_TESTS
 from ._data import JointData
 from ._effect import AbstractEffect, Block, sparse_rows
 

@@ -37,6 +37,8 @@ class JointData:
         temperature: In °C, by sensor.
         time: In s; None where there is no clock.
         run: Number of the repeated run or separate set-up; None where there is one.
+        runs: The same by axis, for axes on which other runs than these (or none) may have
+            an offset of their own.
     """
 
     position: Columns = dataclasses.field(default_factory=dict)
@@ -47,6 +49,13 @@ class JointData:
     temperature: Columns = dataclasses.field(default_factory=dict)
     time: Float[np.ndarray, " t"] | None = None
     run: Int[np.ndarray, " t"] | None = None
+    runs: Mapping[str, Int[np.ndarray, " t"] | None] = dataclasses.field(
+        default_factory=dict
+    )
+
+    def run_of(self, axis: str) -> Int[np.ndarray, " t"] | None:
+        """Return the runs that may have an offset of their own on an axis."""
+        return self.runs.get(axis, self.run)
 
     def __post_init__(self) -> None:
         count = len(self)
@@ -93,6 +102,10 @@ class JointData:
             **tables,
             time=None if self.time is None else self.time[keep],
             run=None if self.run is None else self.run[keep],
+            runs={
+                axis: None if run is None else run[keep]
+                for axis, run in self.runs.items()
+            },
         )
 
     def column(self, table: str, name: str, wanted: str) -> Float[np.ndarray, " t"]:

@@ -2,19 +2,27 @@
 
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
-from ...core._errors import FitError
-from .._chain import chain_prior
-from .._prior import TablePrior
-from ..thermal._laws import hats
+from ...core import (
+    ColumnsEffect,
+    FitError,
+    Independent,
+    NoPrior,
+    Smooth,
+    Stack,
+    TableEffect,
+    chain,
+    node_shares,
+)
 from ._data import JointData
 from ._effect import AbstractEffect, Block
 from ._temperature import TemperatureEffect
-from ._wander import Bridges, WalkPrior, steps_of
+from ._wander import Bridges, steps_of
 
 BANDED = 400
 """Nodes of a plane from which on its part of the matrix is kept as a band."""
@@ -30,22 +38,28 @@ class Component:
             falls into ``"temperature offset"`` and ``"temperature coefficient"``.
         effect: Number of the effect, −1 for datum, runs and wander.
         places: Column of each of its values.
-        prior: Smoothness prior, None without.
-        order: Index of the value at each place of the prior's grid.
+        prior: Prior of its values, None without.
+        table: The table as an effect, where its columns form a band.
     """
 
     name: str
     kind: str
     effect: int
     places: Int[np.ndarray, " p"]
-    prior: TablePrior | WalkPrior | None = None
-    order: Int[np.ndarray, " p"] | None = None
+    prior: Smooth | Independent | None = None
+    table: TableEffect | None = None
 
     @property
-    def grid_places(self) -> Int[np.ndarray, " p"]:
-        """Column of each place of the prior's (slow, fast) grid."""
-        assert self.order is not None
-        return np.asarray(self.places[self.order])
+    def prior_names(self) -> tuple[str, ...]:
+        """Names of its weights."""
+        return () if self.prior is None else self.prior.names
+
+    @property
+    def straight(self) -> Float[np.ndarray, "p z"]:
+        """What its smoothness leaves alone, columns over its values."""
+        if self.prior is None:
+            return np.eye(len(self.places))
+        return self.prior.straight
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,6 +107,36 @@ class Design:
         """Column of the datum."""
         return next(int(c.places[0]) for c in self.components if c.kind == "datum")
 
+    @cached_property
+    def stack(self) -> Stack:
+        """The components as a stack, in the order of their columns."""
+        ordered = sorted(self.components, key=lambda part: int(part.places.min()))
+        effects = [
+            ColumnsEffect(part.prior or NoPrior(len(part.places)), len(part.places))
+            if part.table is None
+            else part.table
+            for part in ordered
+        ]
+        return Stack(tuple(effects), bool(self.banded))
+
+    @cached_property
+    def named(self) -> tuple[Component, ...]:
+        """Components with weights, in the order of the weights."""
+        ordered = sorted(self.components, key=lambda part: int(part.places.min()))
+        return tuple(part for part in ordered if part.prior is not None)
+
+    @cached_property
+    def dense(self) -> tuple[Int[np.ndarray, "r k"], Float[np.ndarray, "r k"]]:
+        """The columns as unknowns and shares per row, those of the band first."""
+        counts = np.diff(self.columns.indptr)
+        width = int(counts.max(initial=1))
+        nodes = np.zeros((len(counts), width), np.int64)
+        shares = np.zeros((len(counts), width))
+        row = np.repeat(np.arange(len(counts)), counts)
+        place = np.arange(len(row)) - np.repeat(self.columns.indptr[:-1], counts)
+        nodes[row, place], shares[row, place] = self.columns.indices, self.columns.data
+        return nodes, shares
+
     def places_of(self, effect: int) -> Int[np.ndarray, " p"]:
         """Return the columns of an effect's values, in their order."""
         own = [c.places for c in self.components if c.effect == effect]
@@ -125,7 +169,7 @@ def design_of(
     keep = np.ones(len(data), bool) if use is None else np.asarray(use, bool)
     if measured:
         keep = keep & np.isfinite(data.column("error", axis, "the fit"))
-    if data.run is not None or drift:
+    if data.run_of(axis) is not None or drift:
         keep = keep & _clocked(data, drift)
     blocks = [effect.block(data) for effect in effects]
     for block in blocks:
@@ -149,20 +193,21 @@ def design_of(
     for k in sequence:
         part = blocks[k].columns[rows]
         places = np.arange(count, count + effects[k].size)
-        order = blocks[k].order
-        if k == first and order is not None:
-            # In the order of the grid, so that the matrix is a band.
-            part = sp.csr_array(part[:, order])
-            places = np.empty_like(order)
-            places[order] = np.arange(len(order))
+        table = blocks[k].table if k == first else None
+        if table is not None:
+            # In the order of the table's unknowns, so that the matrix is a band.
+            places = table.unknowns
+            part = sp.csr_array(part[:, np.argsort(places)])
         parts.append(part)
-        components[k] = _components(k, effects[k], blocks[k], places)
+        components[k] = _components(k, effects[k], blocks[k], places, table)
         count += effects[k].size
     ordered = [each for k in range(len(blocks)) for each in components[k]]
     parts.append(sp.csr_array(np.ones((len(rows), 1))))
     ordered.append(Component(f"datum of {axis}", "datum", -1, np.array([count])))
     count += 1
-    run_columns, knots, spans, bridges = _run_columns(taken, drift, len(data))
+    run_columns, knots, spans, bridges = _run_columns(
+        taken, taken.run_of(axis), drift, len(data)
+    )
     if knots:
         parts.append(run_columns)
         places = np.arange(count, count + len(knots))
@@ -171,9 +216,8 @@ def design_of(
     if wander and bridges is not None and bridges.size:
         parts.append(bridges.columns())
         places = np.arange(count, count + bridges.size)
-        own = np.arange(bridges.size)
         name = f"wander of {axis}"
-        ordered.append(Component(name, "wander", -1, places, bridges.prior, own))
+        ordered.append(Component(name, "wander", -1, places, bridges.prior))
     return Design(
         axis=axis,
         effects=tuple(effects),
@@ -193,13 +237,18 @@ def _run_component(name: str, places: Int[np.ndarray, " p"], per: int) -> Compon
     if per < 3:
         return Component(name, "runs", -1, places)
     runs = len(places) // per
-    prior = TablePrior(chain_prior(np.linspace(0.0, 1.0, per)), None, runs)
-    order = np.ascontiguousarray(np.arange(len(places)).reshape(runs, per).T)
-    return Component(name, "runs", -1, places, prior, order.reshape(-1))
+    prior = Smooth(
+        chain(np.linspace(0.0, 1.0, per)), None, runs, np.arange(len(places))
+    )
+    return Component(name, "runs", -1, places, prior)
 
 
 def _components(
-    number: int, effect: AbstractEffect, block: Block, places: Int[np.ndarray, " p"]
+    number: int,
+    effect: AbstractEffect,
+    block: Block,
+    places: Int[np.ndarray, " p"],
+    table: TableEffect | None,
 ) -> list[Component]:
     if isinstance(effect, TemperatureEffect):
         result, first = [], 0
@@ -210,9 +259,7 @@ def _components(
             first += len(nodes)
         return result
     return [
-        Component(
-            effect.name, effect.compensation, number, places, block.prior, block.order
-        )
+        Component(effect.name, effect.compensation, number, places, block.prior, table)
     ]
 
 
@@ -226,7 +273,7 @@ def _clocked(data: JointData, drift: int) -> Bool[np.ndarray, " t"]:
 
 
 def _run_columns(
-    data: JointData, drift: int, recorded: int
+    data: JointData, run: Int[np.ndarray, " t"] | None, drift: int, recorded: int
 ) -> tuple[
     sp.csr_array,
     tuple[tuple[int, float], ...],
@@ -239,7 +286,7 @@ def _run_columns(
     the recording can tell.
     """
     count = len(data)
-    run = np.zeros(count, np.int64) if data.run is None else data.run
+    run = np.zeros(count, np.int64) if run is None else run
     labels, index = np.unique(run, return_inverse=True)
     if len(labels) < 2 and not drift:
         return sp.csr_array((count, 0)), (), (), None
@@ -254,7 +301,7 @@ def _run_columns(
         np.maximum.at(high, index, data.time)
         span = np.maximum(high - low, 1e-12)
         place = (data.time - low[index]) / span[index]
-        share = hats(place, np.linspace(0.0, 1.0, per))
+        share = node_shares(place, np.linspace(0.0, 1.0, per))
         spans = tuple(zip(low.tolist(), (low + span).tolist(), strict=True))
         steps = steps_of(recorded, len(labels), drift)
         bridges = Bridges(index, place, span, drift, steps)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
-from .._prior import TablePrior
+from ...core import Smooth, TableEffect
 from ._data import JointData
 
 
@@ -21,16 +21,16 @@ class Block:
         known: Rows that have all inputs.
         labels: What each value is, in words.
         unit: Of each value.
-        prior: Smoothness prior over the (slow, fast) grid; None = no value knows another.
-        order: Index of the value at each place of that grid, flattened.
+        prior: Smoothness prior of the values; None = no value knows another.
+        table: The table as an effect, where it is one.
     """
 
     columns: sp.csr_array
     known: Bool[np.ndarray, " t"]
     labels: tuple[str, ...]
     unit: tuple[str, ...]
-    prior: TablePrior | None = None
-    order: Int[np.ndarray, " p"] | None = None
+    prior: Smooth | None = None
+    table: TableEffect | None = None
 
 
 @dataclasses.dataclass(frozen=True)

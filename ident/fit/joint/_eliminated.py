@@ -7,11 +7,10 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from ..thermal._clocked import Clocked
-from ._arrow import Arrow
+from ...core import ArrowFactor, Estimate
+from ...kinds.temperature import Clocked
 from ._data import JointData
 from ._design import Design
-from ._passes import Stand
 from ._temperature import TemperatureEffect
 
 _RIDGE = 1e-9
@@ -49,20 +48,20 @@ class Rest:
     where they are held, the others solve as with them, less what the temperatures did.
     """
 
-    arrow: Arrow
+    factor: ArrowFactor
     response: Float[np.ndarray, "n k"]
     inner: Float[np.ndarray, "k k"]
     across: sp.csr_array
     target: Float[np.ndarray, " r"]
     base: Float[np.ndarray, " n"]
     square: float
-    free: int
+    free: float
     own: Int[np.ndarray, " k"]
     heated: tuple[Heated, ...]
 
     def solve(self, right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
         """Return the solution with the temperatures held at zero."""
-        found = self.arrow.solve(right)
+        found = self.factor.solve(right)
         found = found - self.response @ np.linalg.solve(self.inner, found[self.own])
         found[self.own] = 0.0
         return np.asarray(found)
@@ -88,17 +87,20 @@ class Rest:
         return self.free * float(np.log(square)) + float(logdet), theta
 
 
-def eliminated(design: Design, data: JointData, stand: Stand) -> Rest:
+def eliminated(
+    design: Design,
+    data: JointData,
+    found: Estimate,
+    pseudo: Float[np.ndarray, " r"],
+) -> Rest:
     """Return an axis about a fit with any lags.
 
     Args:
         design: Columns; the present lags do not matter.
         data: All rows: a lag remembers those that are not fitted.
-        stand: The fit.
+        found: The fit.
+        pseudo: Its pseudo-readings about `Estimate.about`, 0 where a reading is not believed.
     """
-    solution = stand.solution
-    problem = solution.problem
-    sums = problem.sums
     own = np.concatenate(
         [
             design.places_of(number)
@@ -106,23 +108,23 @@ def eliminated(design: Design, data: JointData, stand: Stand) -> Rest:
             if isinstance(effect, TemperatureEffect)
         ]
     )
-    arrow = solution.arrow
+    factor = found.posterior.factor
     unit = np.zeros((design.size, len(own)))
     unit[own, np.arange(len(own))] = 1.0
-    response = arrow.solve(unit)
-    target = np.where(sums.active, stand.pseudo + design.columns @ problem.theta, 0.0)
+    response = factor.solve(unit)
+    target = np.where(pseudo != 0.0, pseudo + design.columns @ found.about, 0.0)
     across = sp.csr_array(design.columns.T)
     vector = np.asarray(across @ target)
     vector[own] = 0.0
     rest = Rest(
-        arrow=arrow,
+        factor=factor,
         response=response,
         inner=response[own],
         across=across,
         target=target,
         base=vector,
         square=float(target @ target),
-        free=problem.free,
+        free=found.posterior.problem.degrees,
         own=own,
         heated=(),
     )

@@ -3,17 +3,24 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
 
-from ...core._errors import FitError
-from ...core._threads import one_blas_thread
+from ...core import (
+    FitError,
+    Loss,
+    Posterior,
+    Problem,
+    Readings,
+    one_blas_thread,
+    sums_of,
+)
 from ._confusion_words import undetermined
 from ._data import JointData
+from ._design import Design
 from ._effect import AbstractEffect
 from ._prepare import Prepared, by_axis, prepare
-from ._problem import JointProblem, solve_joint
 from ._result import Confusion, Determination, Gauge, Identifiability
-from ._spread import variances
+from ._rules import Rules
 
 _LIGHT = 1e-2
 """Weight of second differences, relative to the density, where no errors choose one."""
@@ -63,17 +70,19 @@ def examine_design(
 
 def _determinations(ready: Prepared) -> list[Determination]:
     design, sums = ready.design, ready.sums
-    logs = ready.weights.start(_LIGHT)
-    zero = np.zeros(design.size)
-    problem = JointProblem(sums, ready.weights, ready.pinned.pins, zero, zero, 0.0, 1)
-    solution = solve_joint(problem, logs)
-    if solution is None:
+    problem = _light_problem(ready)
+    weights = np.where(problem.optional, 0.0, _LIGHT * problem.density)
+    # A walk begins as wide as what the readings of one step tell of it.
+    walks = [part.kind == "wander" for part in design.named for _ in part.prior_names]
+    weights = np.where(walks, problem.density, weights)
+    found = problem.at(weights)
+    if found is None:
         msg = f"axis {design.axis}: the rows tell nothing, the matrix is singular."
         raise FitError(msg)
-    deviation = np.sqrt(variances(solution, ready.rules))
+    deviation = np.sqrt(variances(found, ready.rules))
     unknown, confused = undetermined(design, ready.told, sums.reached)
     deviation = np.where(confused, np.inf, deviation)
-    support = touched(ready)
+    support = touched(design, np.ones(len(design.rows), bool))
     result = []
     for number, effect in enumerate(design.effects):
         places = design.places_of(number)
@@ -89,13 +98,38 @@ def _determinations(ready: Prepared) -> list[Determination]:
     return result
 
 
-def touched(ready: Prepared) -> np.ndarray:
+def _light_problem(ready: Prepared) -> Problem:
+    """Return the problem of rows in which nothing was measured yet."""
+    design = ready.design
+    zero, rows = np.zeros(design.size), len(design.rows)
+    readings = Readings(np.zeros(rows), {})
+    sums, _ = sums_of(design.stack, readings, zero, Loss(), True, design.dense)
+    return Problem.of(sums, zero, 1.0, ready.pinned.pins)
+
+
+def variances(found: Posterior, rules: Rules) -> Float[np.ndarray, " n"]:
+    """Return the variance of each unknown under the rules, per variance of one reading.
+
+    Moving to the rule changes what is unknown: from the spread of the values as solved it
+    takes what may be moved between effects, which says nothing about either.
+    """
+    plain = found.inverse_diagonal
+    if not rules.null.shape[1]:
+        return plain
+    gain = rules.gain
+    spread = found.factor.solve(np.ascontiguousarray(gain.T))
+    inner = gain @ spread
+    result = plain - 2.0 * (spread * rules.null).sum(axis=1)
+    result += ((rules.null @ inner) * rules.null).sum(axis=1)
+    return np.asarray(np.maximum(result, 0.0))
+
+
+def touched(design: Design, active: Bool[np.ndarray, " r"]) -> Int[np.ndarray, " n"]:
     """Return the number of active readings that touch each unknown."""
-    sums = ready.sums
-    columns = sums.design.columns
-    count = np.repeat(sums.active, np.diff(columns.indptr))
+    columns = design.columns
+    count = np.repeat(active, np.diff(columns.indptr))
     used = (columns.data != 0) & count
-    return np.bincount(columns.indices[used], minlength=sums.design.size)
+    return np.bincount(columns.indices[used], minlength=design.size)
 
 
 def share_of(ready: Prepared, number: int) -> float:

@@ -11,9 +11,10 @@ import scipy.linalg
 from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
+from ...core import Smooth
 from ._design import Component, Design
 from ._null import pivoted
-from ._sums import Sums
+from ._sums import Information
 
 _DEGREE = 4
 """Of the smooth surfaces along each master."""
@@ -71,41 +72,27 @@ def families(
 
 
 def information(
-    sums: Sums, shapes: list[Family]
+    sums: Information, shapes: list[Family]
 ) -> tuple[Float[np.ndarray, "m m"], list[slice]]:
     """Return the information on all shapes, and where those of each component stand."""
     slices, first = [], 0
     for family in shapes:
         slices.append(slice(first, first + family.count))
         first += family.count
-    banded = sums.design.banded
-    dense = np.zeros((len(sums.dense), first))
-    lead: Float[np.ndarray, "b m"] = np.zeros((banded, first))
+    whole = np.zeros((sums.design.size, first))
     for family, own in zip(shapes, slices, strict=True):
-        places = family.component.places
-        if banded and int(places.min()) < banded:
-            lead[places, own] = family.shapes
-        else:
-            dense[places - banded, own] = family.shapes
-    result = dense.T @ (sums.dense @ dense)
-    if banded:
-        used = np.abs(lead).any(axis=0)
-        part = lead[:, used]
-        result[np.ix_(used, used)] += part.T @ (sums.band @ part)
-        across = (part.T @ sums.beside) @ dense
-        result[used] += across
-        result[:, used] += across.T
-    return result, slices
+        whole[family.component.places, own] = family.shapes
+    return sums.over(whole), slices
 
 
 def _lines_reached(
     component: Component, reached: Bool[np.ndarray, " p"]
 ) -> Bool[np.ndarray, " p"]:
     """Return the nodes of a plane both of whose lines are reached somewhere."""
-    prior, order = component.prior, component.order
-    assert prior is not None
+    prior = component.prior
+    assert isinstance(prior, Smooth)
     assert prior.fast is not None
-    assert order is not None
+    order = prior.order
     grid = reached[order].reshape(prior.slow.size, prior.fast.size)
     result = np.zeros(len(reached), bool)
     result[order] = np.outer(grid.any(axis=1), grid.any(axis=0)).reshape(-1)
@@ -116,9 +103,8 @@ def _plane_shapes(
     component: Component, reached: Bool[np.ndarray, " p"], smooth: bool
 ) -> Float[np.ndarray, "p m"]:
     prior = component.prior
-    assert prior is not None
+    assert isinstance(prior, Smooth)
     assert prior.fast is not None
-    assert component.order is not None
     slow, fast = prior.slow.size, prior.fast.size
     parts = [
         np.kron(np.eye(slow), np.ones((fast, 1))),
@@ -131,7 +117,7 @@ def _plane_shapes(
         )
         parts.append(np.kron(first, second))
     shapes = np.zeros((slow * fast, sum(part.shape[1] for part in parts)))
-    shapes[component.order] = np.hstack(parts)
+    shapes[prior.order] = np.hstack(parts)
     shapes[~reached] = 0.0
     basis, size, _ = pivoted(shapes)
     return np.asarray(basis[:, size > 1e-9 * max(size.max(initial=0.0), 1e-300)])

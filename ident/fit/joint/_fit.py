@@ -8,13 +8,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...core._threads import cores, one_blas_thread
-from ._axis import AxisFit, fit_axis
+from ._axis import AxisFit, Smoothness, fit_axis, weights_by_name
 from ._data import JointData
 from ._effect import AbstractEffect
 from ._prepare import Prepared, by_axis
-from ._report import chosen, curves_of, part_of, report_of
+from ._report import curves_of, part_of, report_of
 from ._result import AbstractAlignment, JointFit, Part
-from ._settle import Smoothness
 
 _TOO_MANY = 0.1
 """Share of wild readings from which on not the readings are at fault but the effects."""
@@ -113,7 +112,7 @@ def _fit(
             )
 
         found = with_loss(options.loss)
-        wild = float((~found.stand.active).mean())
+        wild = float((~found.active).mean())
         if options.loss == "student" and wild > _TOO_MANY:
             # So many that agree with each other: not they are at fault.
             return with_loss("huber")
@@ -200,6 +199,10 @@ def _result(
             groups,
             {axis: fit.ready for axis, fit in fits.items()},
             options,
-            {name: each for fit in fits.values() for name, each in chosen(fit).items()},
+            {
+                name: each
+                for fit in fits.values()
+                for name, each in weights_by_name(fit).items()
+            },
         ),
     )

@@ -12,18 +12,16 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import minimize
 
-from ...core._errors import FitError
+from ...core import Estimate, FitError
 from ._data import JointData
 from ._design import Design
 from ._effect import AbstractEffect
 from ._eliminated import Rest, eliminated
-from ._passes import Stand
 from ._temperature import TemperatureEffect
 
 _GRID = 14
-_NEWTON, _LARGEST, _SETTLED = 12, 0.7, 1e-4
-"""Steps at most, the largest one in a logarithm, and the one that ends them."""
 _WORTH = 4.0
 """Gain in evidence below which there is no lag."""
 _STEP, _LEAST = 0.05, 1e-3
@@ -61,7 +59,8 @@ def sensors_to_fit(effects: Sequence[AbstractEffect]) -> tuple[str, ...]:
 def find_lags(
     design: Design,
     data: JointData,
-    stand: Stand,
+    fit: Estimate,
+    pseudo: Float[np.ndarray, " r"],
     sensors: tuple[str, ...],
     near: Mapping[str, float] | None = None,
 ) -> dict[str, FoundLag]:
@@ -70,7 +69,8 @@ def find_lags(
     Args:
         design: Columns; the present lags do not matter.
         data: All rows: a lag remembers those that are not fitted.
-        stand: A fit with any lags.
+        fit: A fit with any lags.
+        pseudo: Its pseudo-readings.
         sensors: Whose lag to find.
         near: Lags that are about right, so that no others are tried; 0 = none showed.
 
@@ -80,7 +80,7 @@ def find_lags(
     if data.time is None:
         msg = f"axis {design.axis}: a lag needs the time of every reading, found none."
         raise FitError(msg)
-    rest = eliminated(design, data, stand)
+    rest = eliminated(design, data, fit, pseudo)
     low, high = _bounds(data.time)
     lags = {sensor: (near or {}).get(sensor, 0.0) for sensor in sensors}
     grid = np.linspace(low, high, _GRID)
@@ -102,7 +102,7 @@ def _together(
     lags: Mapping[str, float],
     ends: tuple[float, float],
 ) -> dict[str, FoundLag]:
-    """Return all lags above 0 at their best, by Newton steps in their logarithms."""
+    """Return all lags above 0 at their best, their logarithms searched."""
     names = [sensor for sensor, lag in lags.items() if lag > 0.0]
     result = {sensor: FoundLag(0.0, 0.0, np.zeros(size)) for sensor in lags}
     if not names:
@@ -112,32 +112,19 @@ def _together(
         trial = dict(zip(names, np.exp(logs).tolist(), strict=True))
         return rest.profile({**lags, **trial})
 
-    logs = np.log([lags[sensor] for sensor in names])
-    value = at(logs)[0]
+    start = np.log([lags[sensor] for sensor in names])
+    best = minimize(
+        lambda logs: at(logs)[0], start, method="L-BFGS-B", jac="3-point",
+        bounds=[ends] * len(names), options={"ftol": 1e-12, "gtol": 1e-4},
+    )  # fmt: skip
+    logs, value = np.asarray(best.x), float(best.fun)
     width = np.full(len(logs), _STEP)
-    for _ in range(_NEWTON):
-        slope, curvature, slopes = _derivatives(at, logs, value, width)
-        eigenvalues, vectors = np.linalg.eigh(curvature)
-        # Away from the minimum the curvature may be of the wrong sign.
-        steep = np.abs(eigenvalues)
-        steep = np.maximum(steep, 1e-6 * steep.max() + 1e-12)
+    for _ in range(2):
         # Two deviations: wider ones would see how lopsided the evidence is.
+        _, curvature, _ = _derivatives(at, logs, value, width)
         width = np.sqrt(8.0 / np.maximum(np.abs(np.diag(curvature)), 1e-12))
         width = np.clip(width, _LEAST, _STEP)
-        step = -(vectors / steep) @ (vectors.T @ slope)
-        step *= min(1.0, _LARGEST / max(float(np.abs(step).max()), 1e-12))
-        while True:
-            trial = np.clip(logs + step, *ends)
-            fresh = at(trial)[0]
-            if fresh <= value or np.abs(step).max() < _SETTLED:
-                break
-            step = 0.5 * step
-        done = bool((np.abs(trial - logs) < np.maximum(_SETTLED, 0.01 * width)).all())
-        if fresh <= value:
-            logs, value = trial, fresh
-        if done:
-            break
-    slope, curvature, slopes = _derivatives(at, logs, value, width)
+    _, curvature, slopes = _derivatives(at, logs, value, width)
     # Minus twice the log-likelihood: the covariance is two over its curvature.
     curvature = curvature + 1e-12 * np.eye(len(logs))
     spread = np.sqrt(np.abs(np.diag(2.0 * np.linalg.inv(curvature))))

@@ -12,8 +12,8 @@ values which few stretches touch are judged together.
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...core import ArrowFactor
 from ._design import Design
-from ._problem import Solution
 from ._rules import Rules
 
 _STRETCHES = 24
@@ -51,7 +51,7 @@ def memory_along(
 
 def memory_of_noise(
     design: Design,
-    solution: Solution,
+    factor: ArrowFactor,
     rules: Rules,
     pseudo: Float[np.ndarray, " r"],
     order: Int[np.ndarray, " r"],
@@ -60,15 +60,15 @@ def memory_of_noise(
 
     Args:
         design: Columns.
-        solution: Of the fit.
+        factor: Of the fit.
         rules: Under which deviations are stated.
         pseudo: Residual as the loss takes it, 0 where a reading is not believed.
         order: Rows in the order of time.
     """
-    factor = np.ones(design.size)
-    active = order[solution.problem.sums.active[order]]
+    swell = np.ones(design.size)
+    active = order[pseudo[order] != 0.0]
     if len(active) < _FEWEST * _STRETCHES:
-        return factor
+        return swell
     rng = np.random.default_rng(0)
     orders = [pseudo[active], *(rng.permutation(pseudo[active]) for _ in range(_DRAWS))]
     places = np.array_split(np.arange(len(active)), _STRETCHES)
@@ -77,7 +77,7 @@ def memory_of_noise(
         own = design.columns[active[where]].T
         for number, residual in enumerate(orders):
             scores[:, number * _STRETCHES + stretch] = own @ residual[where]
-    moved = rules.project(solution.arrow.solve(scores))
+    moved = rules.project(factor.solve(scores))
     moved = moved.reshape(design.size, len(orders), _STRETCHES)
     # The prior holds the sum of the scores away from zero: that is no scatter.
     spread = moved.var(axis=2)
@@ -86,5 +86,5 @@ def memory_of_noise(
         typical = float(white.mean())
         ratio = float(seen.mean()) / typical if typical > 0.0 else 1.0
         if ratio > _CHANCE:
-            factor[component.places] = ratio
-    return factor
+            swell[component.places] = ratio
+    return swell

@@ -6,10 +6,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float, Int
 
-from .._chain import ChainPrior
-from ._design import Component
-from ._sums import Sums
-from ._wander import WalkPrior
+from ._sums import Information
 
 SINGULAR = 1e-9
 """Eigenvalue of scaled information below which nothing is known."""
@@ -30,41 +27,17 @@ class Pinned:
     free: int
 
 
-def straight(component: Component) -> Float[np.ndarray, "p z"]:
-    """Return what the smoothness of a component leaves alone, columns over its values."""
-    prior = component.prior
-    if isinstance(prior, WalkPrior):
-        return np.zeros((len(component.places), 0))
-    if prior is None or component.order is None:
-        return np.eye(len(component.places))
-    slow = _straight(prior.slow)
-    fast = np.eye(prior.branches) if prior.fast is None else _straight(prior.fast)
-    result = np.zeros((len(component.places), slow.shape[1] * fast.shape[1]))
-    result[component.order] = np.kron(slow, fast)
-    return result
-
-
-def _straight(chain: ChainPrior) -> Float[np.ndarray, "n z"]:
-    if chain.size < 3:
-        return np.eye(chain.size)
-    if chain.ring:
-        return np.ones((chain.size, 1))
-    nodes = chain.nodes
-    middle, half = 0.5 * (nodes[0] + nodes[-1]), 0.5 * (nodes[-1] - nodes[0])
-    return np.column_stack([np.ones(chain.size), (nodes - middle) / half])
-
-
-def pinned(sums: Sums) -> Pinned:
+def pinned(sums: Information) -> Pinned:
     """Return the directions that nothing holds, and pins on single unknowns that do."""
     design = sums.design
-    parts = [straight(component) for component in design.components]
+    parts = [component.straight for component in design.components]
     widths = [part.shape[1] for part in parts]
     basis = np.zeros((design.size, sum(widths)))
     first = 0
     for component, part in zip(design.components, parts, strict=True):
         basis[component.places, first : first + part.shape[1]] = part
         first += part.shape[1]
-    found = null_space(basis.T @ sums.apply(basis))
+    found = null_space(sums.over(basis))
     null = basis @ found
     pins = np.zeros(design.size)
     scale = np.sqrt(sums.diagonal)

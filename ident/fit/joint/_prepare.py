@@ -16,8 +16,7 @@ from ._gauges import almost, gauges_of
 from ._null import Pinned, pinned
 from ._result import Confusion, Gauge
 from ._rules import Rules, rules_of, with_lost
-from ._sums import Sums, sums_of
-from ._weights import Weights, weights_of
+from ._sums import Information
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,12 +25,10 @@ class Ground:
 
     Attributes:
         sums: Information of all usable readings.
-        weights: Smoothness weights.
         pinned: What nothing holds.
     """
 
-    sums: Sums
-    weights: Weights
+    sums: Information
     pinned: Pinned
 
     @property
@@ -46,7 +43,6 @@ class Prepared:
 
     Attributes:
         sums: Information of all usable readings.
-        weights: Smoothness weights.
         pinned: What nothing holds.
         structure: Freedoms of the sum with their rules.
         rules: Those, and what the data leave open besides.
@@ -55,8 +51,7 @@ class Prepared:
         confusions: What the data do not tell, in words.
     """
 
-    sums: Sums
-    weights: Weights
+    sums: Information
     pinned: Pinned
     structure: Rules
     rules: Rules
@@ -84,8 +79,8 @@ def ground_of(
         FitError: If no row is complete.
     """
     design = design_of(axis, effects, data, drift, use, measured)
-    sums = sums_of(design)
-    return Ground(sums, weights_of(design, sums.diagonal), pinned(sums))
+    sums = Information.of(design)
+    return Ground(sums, pinned(sums))
 
 
 def prepare(
@@ -145,10 +140,9 @@ def judged(
     """
     design, sums = ground.design, ground.sums
     structure = freedoms(ground, data, drift) if like is None else like.structure
-    told = told_by(sums, structure, ground.weights)
+    told = told_by(sums, structure)
     return Prepared(
         sums=sums,
-        weights=ground.weights,
         pinned=ground.pinned,
         structure=structure,
         rules=all_rules(ground, structure),
@@ -163,9 +157,7 @@ def alike(like: Prepared, ground: Ground) -> Prepared | None:
     same = like.design.knots == ground.design.knots
     if not same or like.design.size != ground.design.size:
         return None
-    return dataclasses.replace(
-        like, sums=ground.sums, weights=ground.weights, pinned=ground.pinned
-    )
+    return dataclasses.replace(like, sums=ground.sums, pinned=ground.pinned)
 
 
 def _almost(design: Design, told: Told) -> list[Gauge]:

@@ -7,15 +7,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._types import RunEffect
-from .._verdict import fit_message
-from ._axis import AxisFit
+from ._axis import AxisFit, weights_by_name
 from ._confusion_words import undetermined
 from ._data import JointData
-from ._examine import share_of, touched
+from ._examine import share_of, touched, variances
 from ._lag import FoundLag
 from ._memory import memory_along, memory_of_noise
 from ._result import Part, RunCurve
-from ._spread import variances
 from ._temperature import TemperatureEffect
 
 _STEP = 0.02
@@ -39,18 +37,16 @@ class Report:
 
 
 def report_of(data: JointData, fit: AxisFit) -> Report:
-    ready, stand, solution = fit.ready, fit.stand, fit.stand.solution
-    design, sums = ready.design, solution.problem.sums
+    ready, post = fit.ready, fit.estimate.posterior
+    design = ready.design
     error = np.asarray(data.error[design.axis], float)[design.rows]
     left = error - design.columns @ fit.theta
-    active = sums.active
-    free = max(sums.count - solution.used, 1e-9)
-    noise = float(np.sqrt(np.square(left[active]).sum() / free))
-    variance = variances(solution, ready.rules) * solution.variance
+    active, used = fit.active, post.used
+    variance = variances(post, ready.rules) * post.variance
     order = np.arange(len(left))
     if data.time is not None:
         order = np.argsort(np.asarray(data.time)[design.rows], kind="stable")
-    variance *= memory_of_noise(design, solution, ready.rules, stand.pseudo, order)
+    variance *= memory_of_noise(design, post.factor, ready.rules, fit.pseudo, order)
     lags = _with_memory(data, fit, order)
     for found in lags.values():
         moved = ready.rules.project(found.slope)
@@ -64,19 +60,24 @@ def report_of(data: JointData, fit: AxisFit) -> Report:
         whole[design.rows] = values
         return whole
 
-    ratio = left / stand.loss.scale
+    loss = fit.estimate.loss
+    ratio = left / loss.scale
     rejected = int((~active).sum())
-    message = fit_message(len(left), solution.used, rejected, fit.settled)
+    message = f"{len(left)} readings, {used:.1f} effective parameters."
+    if rejected:
+        message += f" {rejected} wild readings were left out."
+    if not fit.settled:
+        message += " The iterations did not settle; treat the result with care."
     at = design.datum
     return Report(
         datum=(float(fit.theta[at]), float(deviation[at])),
-        noise=noise,
+        noise=fit.estimate.noise,
         deviation=deviation,
         unknown=unknown,
         residual=spread(left, np.nan),
-        share=spread(np.where(active, stand.loss.share(ratio), 0.0), 0.0),
+        share=spread(np.where(active, loss.share(ratio), 0.0), 0.0),
         wild=spread(~active, False),
-        runs=_runs(fit, solution.variance),
+        runs=_runs(fit, post.variance),
         message=message,
         lags=lags,
     )
@@ -94,14 +95,14 @@ def _with_memory(
             if not isinstance(effect, TemperatureEffect) or not step:
                 continue
             if sensor in effect.sensor_names:
-                values = fit.stand.solution.theta[design.places_of(place)]
+                values = fit.estimate.values[design.places_of(place)]
                 later, sooner = (
                     effect.lagging({sensor: lag}).block(data).columns
                     for lag in (found.value + step, found.value - step)
                 )
                 change = (later - sooner)[design.rows] @ values
                 direction = direction + change / (2.0 * step)
-        factor = memory_along(direction, fit.stand.pseudo, order)
+        factor = memory_along(direction, fit.pseudo, order)
         deviation = found.deviation * np.sqrt(factor)
         result[sensor] = dataclasses.replace(found, deviation=float(deviation))
     return result
@@ -124,7 +125,7 @@ def _runs(fit: AxisFit, variance: float) -> tuple[RunEffect, ...]:
     found = picks.T @ fit.theta
     # Functionals of the values under the rule, as functionals of the values as solved.
     before = picks - rules.gain.T @ (rules.null.T @ picks)
-    spread = (before * fit.stand.solution.arrow.solve(before)).sum(axis=0)
+    spread = (before * fit.estimate.posterior.factor.solve(before)).sum(axis=0)
     deviation = np.sqrt(np.maximum(variance * spread, 0.0))
     return tuple(
         RunEffect(
@@ -146,31 +147,23 @@ def part_of(data: JointData, fit: AxisFit, report: Report, place: int) -> Part:
     block = effect.block(data)
     contribution = np.where(block.known, block.columns @ values, np.nan)
     used = contribution[design.rows]
-    final = dataclasses.replace(fit.ready, sums=fit.stand.solution.problem.sums)
     return Part(
         effect=effect,
         values=values,
         standard_deviation=report.deviation[places],
-        support=touched(final)[places],
+        support=touched(design, fit.active)[places],
         determined=~report.unknown[places],
         labels=design.labels[place],
         share=share_of(fit.ready, place),
         contribution=contribution,
         rms=float(np.sqrt(np.mean(np.square(used)))),
-        smoothness=chosen(fit).get(effect.name, {}),
+        smoothness=weights_by_name(fit).get(effect.name, {}),
         lags={
             sensor: (found.value, found.deviation)
             for sensor, found in report.lags.items()
             if sensor in effect.sensor_names
         },
     )
-
-
-def chosen(fit: AxisFit) -> dict[str, dict[str, float]]:
-    """Return the smoothness of each table, and of the drift, by name."""
-    weights = fit.ready.weights
-    named = weights.named(fit.stand.solution.logs)
-    return {table.name: each for table, each in zip(weights.tables, named, strict=True)}
 
 
 def curves_of(fit: AxisFit) -> tuple[RunCurve, ...]:

@@ -250,8 +250,9 @@ class JointFit:
         for axis, curves in self.run_curves.items():
             for curve in curves:
                 own = np.ones(len(data), bool)
-                if data.run is not None:
-                    own = data.run == curve.run
+                run = data.run_of(axis)
+                if run is not None:
+                    own = run == curve.run
                 if len(curve.time) and data.time is not None:
                     result[axis][own] += np.interp(
                         data.time[own], curve.time, curve.value

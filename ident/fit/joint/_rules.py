@@ -13,13 +13,13 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from ..thermal._laws import hats
+from ...core import node_shares
 from ._data import JointData
 from ._design import Component, Design, design_of
 from ._everything import everything_varies
 from ._families import Family, families, information
 from ._null import null_space, pivoted
-from ._sums import sums_of
+from ._sums import Information
 from ._tables import LeadscrewEffect
 from ._temperature import TemperatureEffect
 
@@ -103,7 +103,7 @@ def rules_of(
         else effect
         for effect in design.effects
     )
-    ideal = sums_of(
+    ideal = Information.of(
         design_of(
             design.axis, effects, varied, drift, None, measured=False, wander=False
         )
@@ -184,4 +184,4 @@ def _reference(component: Component, design: Design) -> Float[np.ndarray, "1 p"]
     effect = design.effects[component.effect]
     assert isinstance(effect, TemperatureEffect)
     nodes = effect.nodes[component.kind.removeprefix("temperature ")]
-    return hats(np.array([effect.reference_temperature]), nodes)
+    return node_shares(np.array([effect.reference_temperature]), nodes)

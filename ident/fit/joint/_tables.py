@@ -4,12 +4,9 @@ import dataclasses
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
 from ...core._errors import FitError
-from .._estimate import table_prior
-from .._grid import Grid
 from .._types import Samples, TableLayout
 from ._data import JointData
 from ._effect import AbstractEffect, AbstractOwnEffect, Block, sparse_rows
@@ -27,7 +24,7 @@ def _table_block(
     branch: Float[np.ndarray, " t"] | None,
     labels: tuple[str, ...],
 ) -> Block:
-    """Return the block of a table; values in the order of `TableLayout.shape`, ends once.
+    """Return the block of a table; values in the order of the list, the end of a ring once.
 
     Args:
         layout: Where the nodes lie.
@@ -41,50 +38,15 @@ def _table_block(
     if branch is not None:
         known &= np.isfinite(branch)
         side = (branch < 0).astype(np.int64)
-    grid = Grid(layout)
-    # What is not known goes to the first node, with weight zero.
+    table = layout.effect
+    # What is not known goes to the first node, with share zero.
     filled = np.where(known[:, None], positions, [nodes[0] for nodes in layout.nodes])
-    place = grid.locate(Samples(filled, np.zeros(len(known)), side))
-    order = _order(grid)
-    columns = _columns(grid, order, known, place.l, place.s, place.u, place.v)
-    unit = ("mm",) * grid.size
-    return Block(columns, known, labels, unit, table_prior(grid), order)
-
-
-def _order(grid: Grid) -> Int[np.ndarray, " p"]:
-    """Return the index of the value at each place of the (slow, fast) grid."""
-    index = np.arange(grid.size)
-    if grid.planar:
-        if grid.slow_column == 1:
-            return index
-        return np.ascontiguousarray(index.reshape(grid.fast, grid.slow).T).reshape(-1)
-    return np.ascontiguousarray(index.reshape(grid.fast, grid.slow).T).reshape(-1)
-
-
-def _columns(
-    grid: Grid,
-    order: Int[np.ndarray, " p"],
-    known: Bool[np.ndarray, " t"],
-    l: Int[np.ndarray, " t"],
-    s: Int[np.ndarray, " t"],
-    u: Float[np.ndarray, " t"],
-    v: Float[np.ndarray, " t"],
-) -> sp.csr_array:
-    above = grid.neighbour(l) if grid.slow > 1 else l
-    above = np.minimum(above, grid.slow - 1)
-    corners = [(l, s, 1.0 - u), (above, s, u)]
-    if grid.planar:
-        right = np.minimum(s + 1, grid.fast - 1)
-        corners = [
-            (row, column, weight * share)
-            for row, _, weight in corners
-            for column, share in ((s, 1.0 - v), (right, v))
-        ]
-    index = np.stack(
-        [order[row * grid.fast + column] for row, column, _ in corners], axis=1
-    )
-    weight = np.stack([weight for _, _, weight in corners], axis=1)
-    return sparse_rows(index, weight, known, grid.size)
+    readings = layout.readings(Samples(filled, np.zeros(len(known)), side))
+    nodes, shares = table.design(readings)
+    own = np.argsort(table.unknowns)
+    columns = sparse_rows(own[nodes], shares, known, table.size)
+    prior = dataclasses.replace(table.prior, order=own[table.prior.order])
+    return Block(columns, known, labels, ("mm",) * table.size, prior, table)
 
 
 @final
@@ -125,7 +87,7 @@ class LeadscrewEffect(AbstractOwnEffect):
     @property
     def size(self) -> int:
         """See `AbstractEffect`."""
-        return Grid(self.layout).size
+        return self.layout.effect.size
 
     def placed(self, data: JointData) -> "LeadscrewEffect":
         """See `AbstractEffect`."""

@@ -8,9 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
-from ...core._errors import FitError
-from ..thermal._clocked import Clocked, clocked
-from ..thermal._laws import hats
+from ...core import FitError, node_shares
+from ...kinds.temperature import Clocked, clocked
 from ._data import JointData
 from ._effect import AbstractEffect, Block
 
@@ -165,7 +164,7 @@ class TemperatureEffect(AbstractEffect):
         for law, nodes in self.nodes.items():
             own = warm[self.sensors[law]]
             known &= np.isfinite(own)
-            part = hats(np.where(np.isfinite(own), own, nodes[0]), nodes)
+            part = node_shares(np.where(np.isfinite(own), own, nodes[0]), nodes)
             if law == "coefficient":
                 place = data.column("position", self.axis, self.name)
                 known &= np.isfinite(place)

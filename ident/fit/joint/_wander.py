@@ -15,48 +15,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from .._prior import Smoothness
+from ...core import Independent
 
 MOST = 300
 """Steps of all bridges together, at most."""
 FEWEST = 50
 """Readings per step, at least: fewer tell nothing of a walk beside their noise."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class WalkChain:
-    """Differences along bridges, in the shape of those along a table's axis.
-
-    Attributes:
-        second: First differences, those to the ends at zero included.
-        fourth: None.
-        size: Number of values.
-    """
-
-    second: sp.csr_array
-    fourth: sp.csr_array
-    size: int
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class WalkPrior:
-    """Prior of all bridges of an axis: a walk of one variance per second.
-
-    Attributes:
-        slow: Differences.
-        fast: None: there is no other axis.
-        branches: As many as a table of one direction has.
-        constant: Log-determinant at weight 1.
-    """
-
-    slow: WalkChain
-    constant: float
-    fast: None = None
-    branches: int = 1
-
-    def logdet(self, smoothness: Smoothness) -> float:
-        """Return the log-determinant of the precision; it leaves nothing alone."""
-        return self.slow.size * float(np.log(smoothness.slow[0])) + self.constant
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +68,7 @@ class Bridges:
         return sp.csr_array(parts[0] + parts[1])
 
     @cached_property
-    def prior(self) -> WalkPrior:
+    def prior(self) -> Independent:
         """The walk; a step of mean length has weight 1."""
         inner = self.steps - 1
         one = np.diff(np.eye(inner + 2), axis=0)[:, 1:-1]
@@ -112,10 +76,9 @@ class Bridges:
         length = np.maximum(self.length, max(least, 1e-300))
         share = np.repeat(length.mean() / length, self.pieces)
         rows = sp.csr_array(sp.kron(sp.diags_array(np.sqrt(share)), one))
-        none = sp.csr_array((0, self.size))
         # The determinant of tridiag(-1, 2, -1) is its size and one.
         constant = len(share) * np.log(self.steps) + inner * np.log(share).sum()
-        return WalkPrior(WalkChain(rows, none, self.size), float(constant))
+        return Independent(rows, float(constant))
 
     def between(
         self, run: int, values: Float[np.ndarray, " p"]

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...fit.backlash import BacklashFit, fit_backlash, fit_backlash_trace
+from ...kinds.backlash import BacklashFit, fit_backlash, fit_backlash_trace
 from .._fit_schema import BacklashSpec
 from .._readings import joined, joined_runs
 from .._result import Remark
@@ -62,18 +62,6 @@ class Recording:
         Raises:
             FitError: If they do not determine it.
         """
-        found = self._fit(loss, keep)
-        return dataclasses.replace(
-            found,
-            message=self.in_unit(found.message),
-            warnings=tuple(self.in_unit(words) for words in found.warnings),
-        )
-
-    def in_unit(self, words: str) -> str:
-        """Return words in thousandths of a degree where the axis turns."""
-        return words.replace(" µm", " × 0.001°") if self.rotary else words
-
-    def _fit(self, loss: str, keep: np.ndarray | None) -> BacklashFit:
         rows = np.ones(len(self.error), dtype=bool) if keep is None else keep
         if self.direction is None:
             assert self.time is not None  # a trace has it
@@ -89,6 +77,10 @@ class Recording:
             time=None if self.time is None else self.time[rows],
             loss=loss,
         )
+
+    def in_unit(self, words: str) -> str:
+        """Return words in thousandths of a degree where the axis turns."""
+        return words.replace(" µm", " × 0.001°") if self.rotary else words
 
     def groups(self) -> tuple[Int[np.ndarray, " t"], bool]:
         """Return what is held out together, and whether these are runs."""

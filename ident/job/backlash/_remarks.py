@@ -1,6 +1,6 @@
 """What the user must know of a backlash."""
 
-from ...fit.backlash import BacklashFit
+from ...kinds.backlash import BacklashFit
 from .._result import Remark
 from ._recording import Recording
 
@@ -30,7 +30,9 @@ def remarks_of(
         )
     else:
         remarks.append(Remark("info", f"{found.kind.capitalize()}."))
-    remarks += [Remark("warning", words) for words in found.warnings]
+    remarks += [
+        Remark("warning", recording.in_unit(words)) for words in _warnings(found)
+    ]
     if not known and found.significant:
         remarks.append(
             Remark(
@@ -50,3 +52,28 @@ def remarks_of(
             )
         )
     return remarks
+
+
+def _warnings(found: BacklashFit) -> list[str]:
+    """Return what must be known before the width is used, lengths in µm."""
+    words = []
+    if found.drift is not None:
+        drift, width = found.drift
+        words.append(
+            f"The readings drift by {1e3 * drift:.1f} µm within a run, which counts as"
+            f" backlash: with the drift taken off it is {1e3 * width:.1f} µm."
+        )
+    if found.delay_gain is not None:
+        words.append(
+            "All reversals run at one speed: a delay of 0.1 ms between the instruments"
+            f" would count as {0.1 * found.delay_gain:.2g} µm of backlash, and nothing"
+            " here tells them apart."
+        )
+    along = found.dependence
+    if along is not None and along.significant:
+        words.append(
+            f"The backlash changes along the axis by {1e3 * along.variation:.1f} µm rms"
+            f" ({1e3 * along.slope:+.1f} µm from one end to the other): one number"
+            " cannot take it away, a bilateral leadscrew table is the better answer."
+        )
+    return words

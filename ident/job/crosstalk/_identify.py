@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 from ....models import Conventions
 from ...fit import FitError
-from ...fit.crosstalk import (
+from ...kinds.crosstalk import (
     CrosstalkFit,
     CrosstalkReadings,
     fit_crosstalk,

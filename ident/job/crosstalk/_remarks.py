@@ -8,6 +8,7 @@ from ....models import Crosstalk
 from .._fit_schema import CrosstalkSpec
 from .._result import Remark
 from ._identify import Identified
+from ._words import remarks_of_fit
 
 _THREE = 3
 """Tests of mode 2 that the manual speaks of (S-37)."""
@@ -37,7 +38,7 @@ def remarks_of(
         cycle_time: In s.
         verified: Names of conventions that the user has verified.
     """
-    remarks = [Remark(_level(words), words) for words in found.fit.messages]
+    remarks = remarks_of_fit(found.fit)
     remarks += _of_the_log(fit, found)
     if not written:
         remarks.append(_nothing(fit, found))
@@ -87,12 +88,6 @@ def _of_the_log(fit: CrosstalkSpec, found: Identified) -> list[Remark]:
             )
         )
     return remarks
-
-
-def _level(words: str) -> str:
-    if "Nothing is known" in words or "is left out: no event" in words:
-        return "error"
-    return "warning" if "contradict" in words or "No event shows" in words else "info"
 
 
 def _nothing(fit: CrosstalkSpec, found: Identified) -> Remark:

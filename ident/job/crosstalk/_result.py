@@ -6,8 +6,9 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...fit.crosstalk import BRANCHES, CrosstalkFit
+from ...kinds.crosstalk import BRANCHES, CrosstalkFit
 from .._result import AbstractResult
+from ._words import remarks_of_fit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,6 +96,11 @@ class CrosstalkResult(AbstractResult):
         """Axes over whose motion it acts."""
         return (self.master, *self.adaptation)
 
+    @property
+    def message(self) -> str:
+        """What is to be known of events and tests, in sentences."""
+        return " ".join(remark.message for remark in remarks_of_fit(self.fit))
+
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         fit, view = self.fit, self.view
@@ -137,5 +143,5 @@ class CrosstalkResult(AbstractResult):
                 for k in range(len(view.time))
             ],
             "choice": [dataclasses.asdict(score) for score in fit.scores],
-            "message": " ".join(fit.messages),
+            "message": self.message,
         }

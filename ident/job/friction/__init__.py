@@ -5,4 +5,5 @@ from ._result import (
     FrictionResult as FrictionResult,
     FrictionView as FrictionView,
     LawCurve as LawCurve,
+    choice_sentence as choice_sentence,
 )

@@ -5,26 +5,18 @@ from pathlib import Path
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from ....data.lists import ListFile, Value
-from ....data.signals import median
 from ....models import FrictionCompensation
+from ...core import FitError
 from ...exchange import (
     ExchangeError,
     entries_of_friction,
     has_friction,
     read_friction,
 )
-from ...fit import FitError
-from ...fit.friction import Knots
-from ...proof import (
-    CircularTest,
-    GateCheck,
-    circular_test,
-    error_figures,
-    gate_check,
-)
+from ...friction import Knots
+from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import FrictionSpec
 from .._gating import limits_of
@@ -33,13 +25,18 @@ from .._load import Job
 from .._output import OutFolder
 from .._result import Remark
 from .._source import Tables
-from ._identify import Identified, friction_of, identify, steady
-from ._listing import OutUnit, knots_of, law_curve, numbers_of, out_unit
+from ._identify import Identified, identify
+from ._listing import (
+    OutUnit,
+    driven_speeds,
+    knots_of,
+    law_curve,
+    numbers_of,
+    out_unit,
+)
+from ._proof import Remaining, remaining
 from ._recording import DriveRecording, read_drive
-from ._result import FrictionResult, FrictionView, LawCurve
-
-_WILD = 7.0
-"""Standard deviations beyond which a sample of the current is a fault."""
+from ._result import FrictionResult, FrictionView, LawCurve, choice_sentence
 
 
 def plan_friction(
@@ -52,16 +49,21 @@ def plan_friction(
         where = f"friction of {fit.axis} from {fit.sources[0]}"
         try:
             found = identify(recording, fit, job.spec.controller.cycle_time)
-            curve = law_curve(found.fit, recording.samples)
+            samples, curve, knots = recording.samples, None, None
+            speeds = driven_speeds(samples)
+            if speeds is not None and found.fit.has_law:
+                curve = law_curve(found.fit, speeds)
             unit = out_unit(fit, recording.unit)
-            knots = None
-            told = not recording.unsure
-            if told and curve is not None and unit.current is not None:
-                fastest = float(np.max(np.abs(recording.samples.velocity)))
+            sure = not recording.unsure
+            if sure and curve is not None and unit.current is not None:
+                fastest = float(np.max(np.abs(samples.velocity)))
                 knots = knots_of(curve, fit, unit.current, fastest)
+            rest = remaining(samples, found, speeds, curve, knots, fit.level)
         except FitError as error:
             raise job.untold(("fits", index), f"{where}: {error}") from None
-        return FrictionDraft(index, fit, lists, recording, found, curve, unit, knots)
+        return FrictionDraft(
+            index, fit, lists, recording, found, curve, unit, knots, rest
+        )
 
     return draft
 
@@ -77,6 +79,7 @@ class FrictionDraft(AbstractDraft):
         curve: The law over the driven speeds, or None where it is not determined.
         unit: What one unit of the list is.
         knots: The entries; None where none are written.
+        rest: What the list leaves of the recording.
     """
 
     recording: DriveRecording
@@ -84,6 +87,7 @@ class FrictionDraft(AbstractDraft):
     curve: LawCurve | None
     unit: OutUnit
     knots: Knots | None
+    rest: Remaining
 
     @property
     def compensation(self) -> str:
@@ -134,8 +138,11 @@ class FrictionDraft(AbstractDraft):
         largest = int(np.argmax(np.abs(self.knots.out)))
         value = float(abs(self.knots.out[largest]) * self.unit.share)
         speed = self.knots.velocity[largest] / 1000.0
-        where = f"at {speed:g} mm/s"
-        return (gate_check("max_current", value, limit, "of rated", where),)
+        where = f"at {speed:g} {self.recording.samples.unit}/s"
+        return (
+            gate_check("max_current", value, limit, "of rated", where),
+            self.rest.gate(self.knots.unit, self.recording.unit),
+        )
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
         if self.knots is None:
@@ -169,17 +176,12 @@ class FrictionDraft(AbstractDraft):
         written: tuple[Path, ...],
         cycles: int | None,
     ) -> FrictionResult:
-        samples, found = self.recording.samples, self.found
-        before = friction_of(samples, found.fit)
+        samples, found, rest = self.recording.samples, self.found, self.rest
         back = self._read_back(job, folder, files, written)
-        from_file = before.copy()
+        listed = rest.listed
         if back is not None and self.unit.current is not None:
-            from_file = before - steady(back.law, samples.velocity, self.unit.current)
-        elif found.fit.plain_law is not None:
-            from_file = before - steady(found.fit.plain_law, samples.velocity)
-        moving = self.recording.moving
-        predicted = before - found.held_out
-        wild = _wild(predicted[moving])
+            listed = self.unit.current * back.law.evaluate(samples.velocity)
+        from_file = rest.before - listed
         curve = self.curve
         if curve is not None and self.knots is not None:
             curve = dataclasses.replace(curve, listed=self.knots.current(curve.speed))
@@ -188,9 +190,9 @@ class FrictionDraft(AbstractDraft):
         return FrictionResult(
             **frame,
             error={
-                "before": error_figures(before[moving], wild=wild),
-                "predicted": error_figures(predicted[moving], wild=wild),
-                "from_file": error_figures(from_file[moving], wild=wild),
+                "before": rest.figures(rest.before),
+                "predicted": rest.figures(rest.predicted),
+                "from_file": rest.figures(from_file),
             },
             remarks=(*self._remarks(), *files.remarks),
             files=files.of_lists(written) if self.knots is not None else (),
@@ -209,13 +211,15 @@ class FrictionDraft(AbstractDraft):
                 time=samples.time,
                 position=self.recording.commanded,
                 velocity=samples.velocity,
-                before=before,
-                predicted=predicted,
+                before=rest.before,
+                predicted=rest.predicted,
                 from_file=from_file,
-                moving=moving,
+                moving=rest.moving,
                 window=found.window,
             ),
             circle=self._circle(job, back),
+            drive_offset=rest.offset,
+            length_unit=samples.unit,
         )
 
     def _read_back(
@@ -232,9 +236,11 @@ class FrictionDraft(AbstractDraft):
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
         inertia = fit.known.inertia or fit.parameters.get("inertia")
-        law, unit = fit.plain_law, self.unit.current
+        law, unit = fit.law, self.unit.current
         if back is None or law is None or not inertia or unit is None:
             return None
+        if self.recording.samples.unit != "mm":
+            return None  # a circle is drawn by linear axes
         return circular_test(
             law,
             float(inertia),
@@ -246,16 +252,15 @@ class FrictionDraft(AbstractDraft):
     def _remarks(self) -> list[Remark]:
         remarks = [*self.recording.remarks, *self.found.remarks]
         fit = self.found.fit
-        remarks.append(Remark("info", self.found.choice.sentence))
-        # Of the law that result.json gives: a table per direction splits it otherwise.
-        offset = self.found.law.parameters.get("offset")
-        if offset is not None:
+        remarks.append(Remark("info", choice_sentence(self.found.choice)))
+        if self.rest.offset is not None:
             remarks.append(
                 Remark(
                     "info",
-                    f"A constant load of {offset:.4g} {self.recording.unit} (gravity,"
-                    " counterweight) is no friction: it belongs into the torque offset"
-                    " of the drive, not into the list.",
+                    f"A constant load of {self.rest.offset:.4g} {self.recording.unit}"
+                    " (gravity, counterweight) is no friction: it belongs into the torque"
+                    " offset of the drive, not into the list. With the list written here"
+                    " this offset leaves the least of the current.",
                 )
             )
         if self.recording.unsure:
@@ -286,10 +291,7 @@ class FrictionDraft(AbstractDraft):
         """Return what the list cannot say of the law."""
         remarks = []
         assert self.curve is not None
-        curve = self.curve
-        mean = 0.5 * (curve.positive + curve.negative)
-        apart = np.abs(curve.positive - curve.negative)
-        share = float(curve.weight @ apart) / float(curve.weight @ np.abs(mean))
+        share = self.curve.difference
         if share > 0.02:
             remarks.append(
                 Remark(
@@ -308,18 +310,13 @@ class FrictionDraft(AbstractDraft):
             )
         found = self.found.reversal
         if found is not None and found.position_delay > 0.001:
+            small = "µm" if self.recording.samples.unit == "mm" else "· 0.001°"
             remarks.append(
                 Remark(
                     "warning",
                     f"After a reversal friction takes {1e3 * found.position_delay:.1f}"
-                    " µm to build up; the list goes no further than 1 µm"
+                    f" {small} to build up; the list goes no further than 1 {small}"
                     " (position_delay, P-COMP-00043).",
                 )
             )
         return remarks
-
-
-def _wild(left: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:
-    """Return which samples lie farther out than noise does."""
-    size = np.abs(left)
-    return np.asarray(size > _WILD * (1.4826 * median(size)))

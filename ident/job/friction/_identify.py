@@ -3,20 +3,20 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
-from ....models import AbstractFriction, FrictionTable
-from ...fit import FitError
-from ...fit.friction import (
+from ...core import FitError
+from ...friction import (
     Choice,
-    DriveSamples,
     FrictionFit,
     Known,
     OutputErrorFit,
     ReversalFit,
+    WindowLaw,
     choose_law,
     fit_output_error,
     fit_reversal,
+    laws_held_out,
 )
 from .._fit_schema import FrictionSpec
 from .._result import Remark
@@ -37,7 +37,7 @@ class Identified:
         law: That of them which predicts best; `fit` itself where it is one.
         output: The output-error fit, where it was asked for.
         reversal: What reversals show, or None.
-        held_out: Friction that laws fitted to the other windows predict, per sample.
+        without: Laws fitted without each window in turn.
         window: Window of each sample.
         remarks: What the user must know.
     """
@@ -48,7 +48,7 @@ class Identified:
     law: FrictionFit
     output: OutputErrorFit | None
     reversal: ReversalFit | None
-    held_out: Float[np.ndarray, " t"]
+    without: tuple[WindowLaw, ...]
     window: Int[np.ndarray, " t"]
     remarks: tuple[Remark, ...]
 
@@ -65,92 +65,55 @@ def identify(
     inertia = spec.inertia if isinstance(spec.inertia, float) else None
     known = Known(inertia=inertia)
     loss = spec.loss if "loss" in spec.model_fields_set else "trim"
+    reversal, remarks = None, list[Remark]()
+    if spec.reversal:
+        reversal, remarks = _reversal(recording, known, cycle_time)
+    if reversal is not None:
+        # What is missing around reversals is none of the law's.
+        current = samples.current + reversal.missing / known.gain
+        samples = dataclasses.replace(samples, current=current)
     choice = choose_law(samples, known=known, loss=loss, windows=_WINDOWS)
-    fit, output = choice.fit, None
+    fit, output, without = choice.fit, None, choice.without
     laws = choice.laws
     law = laws[_best_law(choice)]
-    remarks: list[Remark] = []
     if spec.method == "output_error":
         # A table cannot be simulated sample by sample; the law in words can.
-        output = fit_output_error(law, samples)
+        output = fit_output_error(
+            law, samples, solver=spec.solver, constraints=spec.constraints
+        )
         fit = law = output.friction
-    remarks += [Remark("info", words) for words in (*law.gauges, *law.remarks)]
-    remarks += [
+        without = laws_held_out(output, samples, choice.window, loss)
+    about = [Remark("info", words) for words in (*law.gauges, *law.remarks)]
+    about += [
         Remark("warning", f"{name.replace('_', ' ')} is not known: {reason}")
         for name, reason in law.undetermined.items()
     ]
-    window = choice.left_out.window_of_samples
-    held_out = choice.left_out.predicted(fit)
-    reversal = None
-    if spec.reversal:
-        reversal, more = _reversal(recording, fit, cycle_time)
-        remarks += more
     return Identified(
-        choice, fit, laws, law, output, reversal, held_out, window, tuple(remarks)
+        choice,
+        fit,
+        laws,
+        law,
+        output,
+        reversal,
+        without,
+        choice.window,
+        (*about, *remarks),
     )
 
 
 def _best_law(choice: Choice) -> int:
     """Return the simplest law in words that predicts as well as the best of them."""
-    laws = [each for each in choice.candidates if each.structure.in_words]
+    laws = [each for each in choice.candidates if each.structure.parametric]
     best = min(laws, key=lambda each: each.error)
     good = [each for each in laws if each.error <= best.error + best.standard_error]
     return laws.index(min(good, key=lambda each: each.parameters))
 
 
-def steady(
-    law: AbstractFriction, velocity: Float[np.ndarray, " t"], unit: float = 1.0
-) -> np.ndarray:
-    """Return the current of a law at velocities, as NumPy has it.
-
-    Args:
-        law: The law.
-        velocity: In mm/s or °/s.
-        unit: What one unit of a table is in that of the current.
-    """
-    if isinstance(law, FrictionTable) and law.held_below and law.held_above:
-        # A compiled table would have to be compiled anew for every number of entries.
-        entries = np.asarray(law.scaling) * (np.asarray(law.values) * unit)
-        level = np.interp(np.abs(velocity), np.asarray(law.nodes.points), entries)
-        return np.asarray(np.sign(velocity) * level)
-    if unit != 1.0:
-        assert isinstance(law, FrictionTable)
-        law = dataclasses.replace(law, values=law.values * unit)
-    found: np.ndarray = np.array(law(velocity), dtype=float)
-    return found
-
-
-def friction_of(samples: DriveSamples, fit: FrictionFit) -> Float[np.ndarray, " t"]:
-    """Return the current that friction takes: inertia and constant load taken off."""
-    values = dict(zip(fit.names, fit.values, strict=True))
-    known = fit.known
-
-    def one(name: str, stated: float | None) -> float:
-        value = stated if stated is not None else values.get(name, 0.0)
-        return 0.0 if not np.isfinite(value) else float(value)
-
-    left = samples.current - one("offset", known.offset)
-    if samples.acceleration is not None:
-        left = left - one("inertia", known.inertia) * samples.acceleration
-    return np.asarray(left)
-
-
-def _beside(recording: DriveRecording) -> Float[np.ndarray, "t 5"]:
-    """Return what a smoothed acceleration leaves in the current: pulses of the command."""
-    step = np.diff(recording.commanded_velocity, prepend=0.0) / recording.samples.cycle
-    columns = [np.roll(step, away) for away in (-1, 0, 1, 2)]
-    return np.stack([*columns, np.ones_like(step)], axis=1)
-
-
 def _reversal(
-    recording: DriveRecording, fit: FrictionFit, cycle_time: float
+    recording: DriveRecording, known: Known, cycle_time: float
 ) -> tuple[ReversalFit | None, list[Remark]]:
     """Return what reversals show, or a remark that says why nothing does."""
     samples = recording.samples
-    if fit.law is None:
-        return None, [
-            Remark("error", "reversal: without a law there is nothing to see.")
-        ]
     if abs(samples.cycle - cycle_time) > _SAME_CLOCK * cycle_time:
         return None, [
             Remark(
@@ -160,13 +123,16 @@ def _reversal(
                 " cycles cannot be counted.",
             )
         ]
+    # The file does not say whether a velocity belongs to the step before a position or to
+    # the steps around it, which moves reversals by half a cycle.
+    central = np.gradient(recording.commanded, samples.cycle)
     try:
-        found = fit_reversal(
-            fit.law,
-            recording.commanded,
-            recording.commanded_velocity,
-            friction_of(samples, fit),
-            nuisance=_beside(recording),
+        found = min(
+            (
+                fit_reversal(samples, recording.commanded, velocity, known=known)
+                for velocity in (recording.commanded_velocity, central)
+            ),
+            key=lambda each: each.noise,
         )
     except FitError as error:
         return None, [Remark("error", f"reversal: {error}")]

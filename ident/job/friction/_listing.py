@@ -8,13 +8,22 @@ from jaxtyping import Float
 from ....data.signals import quantile
 from ....models import FrictionCompensation
 from ...exchange import FrictionNumbers
-from ...fit.friction import DriveSamples, FrictionFit, Knots, ReversalFit, place_knots
+from ...friction import (
+    DriveSamples,
+    FrictionFit,
+    Knots,
+    ReversalFit,
+    WindowLaw,
+    place_knots,
+)
 from .._fit_schema import FrictionSpec
 from ._result import LawCurve
 
 _ENTRIES = 20
 _POINTS = 400
 _BINS = 60
+_ENOUGH = 0.05
+"""Samples at a speed, as a share of the mean, at which a direction counts half."""
 _OF_RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
 _MOST_DELAY = 0.001
 """mm: P-COMP-00043 goes no further."""
@@ -50,45 +59,88 @@ def out_unit(spec: FrictionSpec, unit: str) -> OutUnit:
     return OutUnit(float(rated) * spec.torque_unit, spec.torque_unit)
 
 
-def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
-    """Return the law over the speeds that were driven, or None where there is none."""
-    if not fit.has_law:
+@dataclasses.dataclass(frozen=True)
+class DrivenSpeeds:
+    """Speeds for which a list is wanted, and which direction saw them.
+
+    Attributes:
+        speed: In mm/s or °/s, ascending, positive.
+        weight: Share of the recording at each speed.
+        positive_share: How much the positive direction counts at each speed, 0 to 1.
+        positive: Slowest and fastest speed driven in positive direction.
+        negative: Likewise in negative direction.
+    """
+
+    speed: Float[np.ndarray, " v"]
+    weight: Float[np.ndarray, " v"]
+    positive_share: Float[np.ndarray, " v"]
+    positive: tuple[float, float]
+    negative: tuple[float, float]
+
+    def held(self, way: int) -> Float[np.ndarray, " v"]:
+        """Return the speeds at which the law of one direction speaks for each of them."""
+        return np.asarray(
+            np.clip(self.speed, *(self.positive if way > 0 else self.negative))
+        )
+
+    def mean(self, law: WindowLaw) -> Float[np.ndarray, " v"]:
+        """Return what a list can say of a law: the mean of both directions."""
+        ahead, back = (way * law.friction(way * self.held(way)) for way in (1, -1))
+        share = self.positive_share
+        return np.asarray(share * ahead + (1.0 - share) * back)
+
+
+def driven_speeds(samples: DriveSamples) -> DrivenSpeeds | None:
+    """Return the speeds that were driven; None where one direction never was."""
+    velocity = samples.velocity[samples.in_motion]
+    driven = [np.sort(way * velocity[way * velocity > 0]) for way in (1, -1)]
+    if any(len(each) == 0 for each in driven):
         return None
-    driven = np.sort(np.abs(samples.velocity[samples.in_motion]))
-    low, high = max(quantile(driven, 0.001), 1e-3), driven[-1]
+    low = max(quantile(np.abs(velocity), 0.001), 1e-3)
+    high = max(each[-1] for each in driven)
     half = _POINTS // 2
     ways = np.geomspace(low, high, half), np.linspace(low, high, half)
-    speed = np.sort(np.concatenate(ways))
-    speed = np.append(speed[:1], speed[1:][speed[1:] > speed[:-1]])
-    positive, positive_sd = fit.band(speed)
-    negative, negative_sd = positive, positive_sd
-    if fit.structure.directional:
-        opposed, negative_sd = fit.band(-speed)
-        negative = -opposed
-    return LawCurve(
+    speed = np.unique(np.concatenate(ways))
+    # What is slower or faster than all speeds counts with the first and the last.
+    edges = np.geomspace(low, high * (1 + 1e-9), _BINS + 1)
+    inner = edges[1:-1]
+    counts = np.stack(
+        [
+            np.diff(each.searchsorted(inner), prepend=0, append=len(each))
+            for each in driven
+        ]
+    )
+    points = np.diff(speed.searchsorted(inner), prepend=0, append=len(speed))
+    weight = np.repeat(counts.sum(axis=0) / np.maximum(points, 1), points)
+    # Two directions that both saw a speed well count alike, however often they did.
+    enough = _ENOUGH * counts.sum() / _BINS
+    seen = counts / (counts + enough)
+    some = seen.sum(axis=0) > 0
+    share = seen[0, some] / seen[:, some].sum(axis=0)
+    middle = np.log(np.sqrt(edges[1:] * edges[:-1]))[some]
+    return DrivenSpeeds(
         speed=speed,
-        positive=positive,
-        negative=negative,
-        positive_sd=positive_sd,
-        negative_sd=negative_sd,
-        listed=None,
-        weight=_density(driven, speed),
+        weight=weight / weight.sum(),
+        positive_share=np.interp(np.log(speed), middle, share),
+        positive=(float(driven[0][0]), float(driven[0][-1])),
+        negative=(float(driven[1][0]), float(driven[1][-1])),
     )
 
 
-def _density(
-    driven: Float[np.ndarray, " t"], speed: Float[np.ndarray, " v"]
-) -> Float[np.ndarray, " v"]:
-    """Return the share of the samples that each speed stands for; both ascend."""
-    # What is slower or faster than all speeds counts with the first and the last.
-    edges = np.geomspace(speed[0], speed[-1] * (1 + 1e-9), _BINS + 1)[1:-1]
-    ends = np.zeros((2, _BINS + 1), np.int64)
-    for end, each in zip(ends, (driven, speed), strict=True):
-        end[1:-1], end[-1] = each.searchsorted(edges), len(each)
-    counts, points = ends[:, 1:] - ends[:, :-1]
-    bin_of = np.repeat(np.arange(_BINS), points)
-    weight = counts[bin_of] / points[bin_of]
-    return np.asarray(weight / weight.sum())
+def law_curve(fit: FrictionFit, speeds: DrivenSpeeds) -> LawCurve:
+    """Return the law over the speeds that were driven."""
+    positive, positive_sd = fit.band(speeds.held(1))
+    negative, negative_sd = fit.band(-speeds.held(-1))
+    return LawCurve(
+        speed=speeds.speed,
+        positive=positive,
+        negative=-negative,
+        positive_sd=positive_sd,
+        negative_sd=negative_sd,
+        positive_share=speeds.positive_share,
+        listed=None,
+        weight=speeds.weight,
+    )
 
 
 def knots_of(curve: LawCurve, spec: FrictionSpec, unit: float, fastest: float) -> Knots:
@@ -97,15 +149,21 @@ def knots_of(curve: LawCurve, spec: FrictionSpec, unit: float, fastest: float) -
     Raises:
         FitError: If the law makes no table.
     """
-    mean = 0.5 * (curve.positive + curve.negative) * spec.level
     return place_knots(
         curve.speed,
-        mean,
+        curve.mean * spec.level,
         curve.weight,
         entries=spec.table_entries or _ENTRIES,
         unit=unit,
         reach=fastest,
     )
+
+
+def without_inertia(samples: DriveSamples, inertia: float) -> Float[np.ndarray, " t"]:
+    """Return the current without what acceleration takes."""
+    if samples.acceleration is None:
+        return samples.current
+    return np.asarray(samples.current - inertia * samples.acceleration)
 
 
 def numbers_of(

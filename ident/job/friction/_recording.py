@@ -12,7 +12,7 @@ from ....data.measurements import (
     derive_motion,
 )
 from ....data.signals import Examination, Motion, SignalError, examine, filtered_motion
-from ...fit.friction import DriveSamples
+from ...friction import DriveSamples
 from .._fit_schema import FrictionSpec
 from .._result import Remark
 from .._source import Tables, measured_for
@@ -103,6 +103,7 @@ def read_drive(tables: Tables, fit: FrictionSpec) -> DriveRecording:
             None if instruments is None else instruments.acceleration
         ),
         moving=seen.usable,
+        unit=unit,
     )
     remarks = [Remark("info", words) for words in measured.remarks]
     remarks += [

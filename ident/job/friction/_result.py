@@ -6,7 +6,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...fit.friction import (
+from ...friction import (
     Choice,
     FrictionFit,
     Knots,
@@ -26,10 +26,10 @@ class FrictionView:
         time: In s.
         position: In mm or °.
         velocity: In mm/s or °/s.
-        before: Current that friction takes: inertia and offset taken off.
-        predicted: What the law fitted to the other windows leaves of it.
-        from_file: What the written list, read back, leaves of it; the law where no list
-            is written.
+        before: Current that friction takes: inertia and constant load taken off.
+        predicted: What a list made of the other windows leaves of it, at its level.
+        from_file: What the written list, read back, leaves of it; a list without rounding
+            where none is written.
         moving: Samples that tell of kinetic friction; the figures are those of them.
         window: Which window of the hold-out each sample belongs to.
     """
@@ -50,10 +50,12 @@ class LawCurve:
 
     Attributes:
         speed: In mm/s or °/s, ascending, positive.
-        positive: Current moving positive, with its standard deviation.
-        negative: Current moving negative, as a positive number.
+        positive: Current moving positive; held beyond the speeds that were driven so.
+        negative: Current moving negative, as a positive number; likewise.
         positive_sd: Standard deviation of `positive`.
         negative_sd: Of `negative`.
+        positive_share: How much the positive direction counts in the list, 0 to 1: half
+            where both were driven, all where it alone was.
         listed: Current of the list; None where none is written.
         weight: Share of the recording at each speed.
     """
@@ -63,8 +65,22 @@ class LawCurve:
     negative: Float[np.ndarray, " v"]
     positive_sd: Float[np.ndarray, " v"]
     negative_sd: Float[np.ndarray, " v"]
+    positive_share: Float[np.ndarray, " v"]
     listed: Float[np.ndarray, " v"] | None
     weight: Float[np.ndarray, " v"]
+
+    @property
+    def mean(self) -> Float[np.ndarray, " v"]:
+        """What a list can say, which knows no direction."""
+        share = self.positive_share
+        return np.asarray(share * self.positive + (1.0 - share) * self.negative)
+
+    @property
+    def difference(self) -> float:
+        """Mean difference of the directions, as a share of the friction, where both count."""
+        both = self.weight * 4.0 * self.positive_share * (1.0 - self.positive_share)
+        apart = float(both @ np.abs(self.positive - self.negative))
+        return apart / max(float(both @ np.abs(self.mean)), 1e-300)
 
 
 @final
@@ -87,6 +103,9 @@ class FrictionResult(AbstractResult):
         curve: Law and list over speed; None where the law is not determined.
         view: The recording before and after.
         circle: A simulated circle without and with the list, or None.
+        drive_offset: Constant load beside the list: the torque offset of the drive that
+            goes with it, in the unit of the current; None where it is not determined.
+        length_unit: ``"mm"``, or ``"°"`` for a rotary axis.
     """
 
     fit: FrictionFit
@@ -101,16 +120,18 @@ class FrictionResult(AbstractResult):
     curve: LawCurve | None
     view: FrictionView
     circle: CircularTest | None
+    drive_offset: float | None
+    length_unit: str
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         parameters: dict[str, Any] = dict(self.law.parameters)
         structure = self.law.structure
-        if isinstance(structure, Stribeck) and structure.shape is not None:
-            parameters["stribeck_shape"] = structure.shape  # taken as known, not fitted
+        if isinstance(structure, Stribeck) and structure.exponent is not None:
+            parameters["stribeck_shape"] = structure.exponent  # assumed, not fitted
         if self.curve is not None:
-            mean = 0.5 * (self.curve.positive + self.curve.negative)
-            parameters["curve"] = {"velocity": self.curve.speed, "current": mean}
+            curve = {"velocity": self.curve.speed, "current": self.curve.mean}
+            parameters["curve"] = curve
         if self.knots is not None:
             parameters["table"] = {
                 "velocity": self.knots.velocity / 1000.0,
@@ -147,6 +168,7 @@ class FrictionResult(AbstractResult):
             "noise": self.fit.noise,
             "relative_error": self.fit.relative_error,
             "level": self.level,
+            "drive_offset": self.drive_offset,
             "gauges": list(self.law.gauges),
             "choice": [
                 {
@@ -171,3 +193,19 @@ class FrictionResult(AbstractResult):
             },
             "message": self.fit.message,
         }
+
+
+def choice_sentence(choice: Choice) -> str:
+    """Return which law was chosen and why."""
+    one, other = (choice.candidates[place] for place in (choice.chosen, choice.best))
+    low, high = one.spread
+    text = (
+        f"{one.structure.words}: force error {100 * one.error:.2f} % on {choice.windows} "
+        f"windows held out in turn ({100 * low:.2f} to {100 * high:.2f} %)"
+    )
+    if choice.chosen == choice.best:
+        return f"{text}, the smallest of all."
+    return (
+        f"{text}; {other.structure.words} has {100 * other.error:.2f} %, which is not "
+        "better by more than one standard error."
+    )

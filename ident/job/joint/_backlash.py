@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
-from ...fit.backlash import BacklashFit
 from ...fit.joint import BacklashEffect
+from ...kinds.backlash import BacklashFit
 from .._fit_schema import BacklashSpec
 from .._load import Job
 from ..backlash import BacklashDraft, KnownBacklash, Recording
@@ -75,19 +75,12 @@ class BacklashMember(AbstractMember):
         found = BacklashFit(
             width=width,
             standard_deviation=deviation,
-            names=("backlash",),
-            covariance=np.array([[deviation**2]]),
             noise=DriftNoise(share.noise),
             independent=float(np.sum(~share.wild)),
             support=(int(np.sum(way > 0)), int(np.sum(way < 0))),
             dependence=None if alone is None else alone.dependence,
-            delay=None,
-            reversals=(),
-            take_up=None,
             residual=share.left,
             wild=share.wild,
-            warnings=(),
-            message=share.message,
         )
         return BacklashDraft(
             index=self.index,

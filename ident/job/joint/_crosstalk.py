@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import FitError
-from ...fit.crosstalk import (
+from ...fit.joint import CrosstalkEffect
+from ...kinds.crosstalk import (
     BRANCHES,
     CrosstalkFit,
     CrosstalkReadings,
     Event,
     cut_events,
 )
-from ...fit.joint import CrosstalkEffect
 from .._fit_schema import CrosstalkSpec
 from .._load import Job
 from ..crosstalk import (
@@ -194,16 +194,6 @@ class CrosstalkMember(AbstractMember):
         told = effect.table(part.determined.astype(float)) > 0.5
         support = effect.table(part.support.astype(float)).astype(np.int64)
         names = effect.adaptation
-        messages = []
-        for k, point in enumerate(effect.points):
-            if told[:, k].all():
-                continue
-            at = ", ".join(f"{n} = {v:g}" for n, v in zip(names, point, strict=True))
-            missing = ", ".join(BRANCHES[row] for row in np.flatnonzero(~told[:, k]))
-            messages.append(
-                f"The test{f' at {at}' if at else ''} is left out: no event tells its"
-                f" entry for {missing}."
-            )
         spread = [
             [event.standard_deviation for event in events if event.branch == row]
             for row in range(len(BRANCHES))
@@ -219,9 +209,9 @@ class CrosstalkMember(AbstractMember):
             acceleration=float(effect.acceleration),
             deceleration=float(effect.deceleration),
             velocity_dependent=effect.velocity_dependent,
+            directions="given",
             noise=tuple(float(np.median(own)) if own else np.nan for own in spread),
             events=events,
             scores=(),
             conventions=job.conventions,
-            messages=(*messages, share.message),
         )

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fit.joint import JointData
-from .._fit_schema import FitSpec, PlaneSpec
+from .._fit_schema import FitSpec, PlaneSpec, TemperatureSpec
 from .._result import Remark
 from .._source import Tables
 from ._reader import GroupNeeds, GroupReader, ReadPart
@@ -75,21 +75,24 @@ def read_group(
     time = None
     if all(part.time is not None for part in parts):
         time = np.concatenate([part.time for part in parts if part.time is not None])
-    run = _runs(parts, tables, lead.sources, needs)
+    label = _labels(parts)
+    several = label is not None and len(np.unique(label)) > 1
+    heated = _heated(fits)
+    beside = _set_ups(parts, tables, lead.sources)
     data = JointData(
         **{table: _stacked(parts, table, counts) for table in _TABLES},
         time=time,
-        run=run,
+        run=label if several else None,
+        runs=dict.fromkeys(heated, beside),
     )
-    label = _labels(parts)
     order = np.arange(len(data), dtype=float) if time is None else time
     fold, by_run = _folds(label, order)
-    if label is not None and run is None and len(np.unique(label)) > 1:
+    if several and heated and beside is None:
         remarks.append(
             Remark(
                 "info",
-                "Runs have no offset of their own here: it could not be told from what"
-                " the temperature does from run to run.",
+                f"Runs have no offset of their own on {' and '.join(heated)}: it could"
+                " not be told from what the temperature does from run to run.",
             )
         )
     return GroupRecording(
@@ -145,20 +148,19 @@ def _labels(parts: Sequence[ReadPart]) -> Int[np.ndarray, " t"] | None:
     return np.concatenate(numbered).astype(np.int64)
 
 
-def _runs(
-    parts: Sequence[ReadPart],
-    tables: Tables,
-    sources: Sequence[str],
-    needs: GroupNeeds,
-) -> Int[np.ndarray, " t"] | None:
-    """Return what may have an offset of its own: runs, or set-ups of the instrument.
+def _heated(fits: Sequence[FitSpec]) -> tuple[str, ...]:
+    """Return the axes on which runs have no offset: it is what tells the temperature."""
+    own = [fit.axis for fit in fits if isinstance(fit, TemperatureSpec)]
+    return tuple(dict.fromkeys(own))
 
-    Beside a temperature a run has none: it is what tells the temperature. Only where the
-    zero of each measurement is arbitrary (``remove``), each has one.
+
+def _set_ups(
+    parts: Sequence[ReadPart], tables: Tables, sources: Sequence[str]
+) -> Int[np.ndarray, " t"] | None:
+    """Return what has an offset of its own beside a temperature.
+
+    Only where the zero of each measurement is arbitrary (``remove``), each has one.
     """
-    label = _labels(parts)
-    if label is None or not needs.temperature:
-        return label if label is None or len(np.unique(label)) > 1 else None
     removed = [tables.job.spec.measurements[name].remove != "none" for name in sources]
     if len(parts) == 1 or not any(removed):
         return None

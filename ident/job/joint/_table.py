@@ -6,6 +6,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
+from ...core import CellCovariance
 from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit
 from ...fit.joint import (
@@ -154,7 +155,7 @@ class TableMember(AbstractMember):
             runs=tuple(share.fit.runs.get(self.axis, ())),
             suspect_nodes=(),
             suspect_runs=(),
-            covariance={},
+            covariance=CellCovariance((0,), np.zeros((0, 1))),
             converged=share.fit.converged,
             message=share.message,
         )

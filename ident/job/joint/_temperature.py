@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...fit import DriftNoise
 from ...fit.joint import TemperatureEffect
-from ...fit.thermal import LEAST_RANGE, Lag, Law, TemperatureFit, ThermalReadings
+from ...kinds.temperature import LEAST_RANGE, Lag, Law, TemperatureFit, ThermalReadings
 from .._fit_schema import Effect, TemperatureSpec
 from .._load import Job
 from ..temperature import (
@@ -192,7 +192,7 @@ class TemperatureMember(AbstractMember):
             coefficient=laws.get("coefficient"),
             reference=reference if "coefficient" in laws else 0.0,
             reference_deviation=sure,
-            intersects=meeting is not None,
+            meeting="given" if meeting is None else "met",
             lags=self._lags(share),
             names=tuple(names),
             covariance=covariance,
@@ -206,7 +206,6 @@ class TemperatureMember(AbstractMember):
             confounded=(),
             support=tuple(counts),
             converged=share.fit.converged,
-            messages=() if share.fit.converged else (share.message,),
         )
 
     def _lags(self, share: Share) -> tuple[Lag, ...]:

@@ -10,7 +10,6 @@ from jaxtyping import Int
 from ...exchange import ExchangeError
 from ...fit import (
     FitError,
-    Grid,
     Grouping,
     Stream,
     StreamedFit,
@@ -58,7 +57,7 @@ def fit_log_plan(job: Job, plan: Plan, readings: LogReadings) -> StreamedFitted:
     """
     table, spec = plan.table, plan.fit
     try:
-        stream = Stream(Grid(table.layout), readings.parts, in_turn)
+        stream = Stream(readings.parts, in_turn)
         grouping = grouping_of(readings, stream)
         found = fit_with_folds(
             table.layout,

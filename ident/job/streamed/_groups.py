@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Int
 
 from ...exchange import AbstractTable
-from ...fit import AbstractPass, Grid, Grouping, Place, Samples, Stream, added
+from ...fit import AbstractPass, Grouping, Place, Samples, Stream, added
 from ...proof import blocks_of, run_groups
 from .._runs import places_of, visits_overlap
 from ._readings import LogReadings
@@ -83,9 +83,7 @@ class _Visit(AbstractPass):
 
     table: AbstractTable
 
-    def onto(
-        self, done: _Visits | None, grid: Grid, samples: Samples, place: Place
-    ) -> _Visits:
+    def onto(self, done: _Visits | None, samples: Samples, place: Place) -> _Visits:
         """See `AbstractPass`."""
         nodes = tuple(each.positions for each in self.table.nodes)
         direction = None

@@ -11,7 +11,6 @@ from ....data.lists import ListFile
 from ...exchange import Model
 from ...fit import (
     AbstractPass,
-    Grid,
     Place,
     Samples,
     Stream,
@@ -42,7 +41,7 @@ def prove_streamed(
     table = one.plan.table
     back = table.read(ListFile.read(folder.root / written[0]))
     every = max(1, one.estimate.count // _SHOWN)
-    stream = Stream(Grid(table.layout), one.readings.parts, in_turn)
+    stream = Stream(one.readings.parts, in_turn)
     tally: _Tally = stream.ask(_Take(one, back, every))
     view = tally.columns()
     count, wild = one.estimate.count, one.estimate.wild
@@ -209,9 +208,7 @@ class _Take(AbstractPass):
     back: Model
     every: int
 
-    def onto(
-        self, done: _Tally | None, grid: Grid, samples: Samples, place: Place
-    ) -> _Tally:
+    def onto(self, done: _Tally | None, samples: Samples, place: Place) -> _Tally:
         """See `AbstractPass`."""
         one, table = self.one, self.one.plan.table
         wild, share = one.estimate.judged(samples)

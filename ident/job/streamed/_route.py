@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Iterator
 
 from ...exchange import AbstractTable
-from ...fit.lanes import is_small
 from .._fit_schema import TableSpec
 from .._load import Job
 from .._result import Remark
@@ -13,6 +12,8 @@ from ._readings import LogReadings, LogSource
 
 LARGE = 20_000_000
 """Cells (rows × columns used) above which a log is read in pieces."""
+_SHORT = 5_000
+"""Rows up to which a log is not worth being read in pieces."""
 _HUGE = 10 * LARGE
 """Cells above which it is even where runs then keep no effects of their own."""
 
@@ -65,7 +66,7 @@ def in_pieces(
     cells = sum(one.file.rows * len(one.headers) for one in sources)
     if not asked and cells <= LARGE:
         return None, ()
-    if is_small(table.layout, sum(one.file.rows for one in sources)):
+    if sum(one.file.rows for one in sources) <= _SHORT:
         words = (
             f"{', '.join(map(repr, fit.sources))} is so short that it was read at once."
         )

@@ -12,7 +12,7 @@ from ....data.lists import ListFile, Value
 from ....models import ConstantParameter, TemperatureLine
 from ...exchange import ExchangeError, entries_of_temperature
 from ...fit import FitError
-from ...fit.thermal import TemperatureFit
+from ...kinds.temperature import TemperatureFit
 from ...proof import GateCheck, choose_cycles, error_figures, reversal_dynamics
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import TemperatureSpec

@@ -6,7 +6,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fit import FitError
-from ...fit.thermal import Confusion, TemperatureFit, ThermalReadings, fit_temperature
+from ...kinds.temperature import (
+    Confusion,
+    TemperatureFit,
+    ThermalReadings,
+    fit_temperature,
+)
 from .._fit_schema import TemperatureSpec
 from ._recording import ThermalRecording
 
@@ -62,8 +67,10 @@ def _identified(recording: ThermalRecording, fit: TemperatureSpec) -> Identified
         )
     found = _line(recording, fit, recording.readings, law)
     open_pairs = found.confounded
-    offset = any("offset" in pair.first + pair.second for pair in open_pairs)
-    dropped = bool(open_pairs) and not offset and "offset" in recording.effects
+    named = {effect for pair in open_pairs for effect in (pair.first, pair.second)}
+    dropped = bool(
+        open_pairs and "offset" in recording.effects and "offset" not in named
+    )
     if dropped:
         # The slope and its change are one column: the offset stands apart from both.
         found = _line(

@@ -1,12 +1,11 @@
 """What a person must know of a thermal line, and what the readings do not tell."""
 
-import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.stats import rankdata
 
-from ...fit.thermal import TemperatureFit
+from ...kinds.temperature import Effect, Lag, Meeting, TemperatureFit
 from .._result import Remark
 from ._identify import Identified
 from ._recording import ThermalRecording
@@ -18,6 +17,38 @@ _SAME_COURSE = 0.999
 _FEW = 8.0
 _HOT = 200.0
 """°C that no structure of a machine tool reaches."""
+_EFFECTS: Mapping[Effect, str] = {
+    "level": "level of the error",
+    "offset": "temperature at the offset",
+    "slope": "slope over the position",
+    "slope change": "change of that slope",
+}
+_MEETINGS: Mapping[Meeting, tuple[str, str]] = {
+    "met": ("info", "The lines meet at {at:.5g} mm ± {sure:.2g} mm."),
+    "parallel": (
+        "info",
+        "The lines do not change their slope, so they meet nowhere: {place}.",
+    ),
+    "unsure slope": (
+        "info",
+        "The lines hardly change their slope, so they meet nowhere: {place}.",
+    ),
+    "two sensors": (
+        "info",
+        "Two sensors move offset and slope, so the lines do not meet: {place}.",
+    ),
+    "too far": ("info", "The lines are nearly parallel: {place}."),
+    "too few": ("info", "Too few readings to find where the lines meet: {place}."),
+    "not one point": (
+        "warning",
+        "The lines of the temperatures do not meet in one point: {place}.",
+    ),
+    "uncertain": (
+        "warning",
+        "Where the lines meet is uncertain by {sure:.2g} mm: {place}.",
+    ),
+}
+"""Level and words of a meeting that was looked for."""
 _SIGN = Remark(
     "warning",
     "Whether the controller adds the line or takes it off is the least certain sign of"
@@ -46,14 +77,7 @@ def remarks_of(
                 " predict readings left out no better. Nothing is written.",
             )
         )
-    remarks += [
-        Remark(_level(words), words)
-        for words in (
-            with_names(each, recording.sensors) for each in found.fit.messages
-        )
-        # Said above, with what follows from it.
-        if "cannot tell the" not in words
-    ]
+    remarks += _of_fit(recording, found.fit)
     remarks += _not_told(axis, recording, found.fit)
     hottest = float(np.max(recording.readings.temperature[found.fit.used]))
     if hottest > _HOT:
@@ -74,8 +98,9 @@ def remarks_of(
 def _undetermined(axis: str, found: Identified) -> list[Remark]:
     remarks = []
     for pair in found.open:
+        first, second = _EFFECTS[pair.first], _EFFECTS[pair.second]
         words = (
-            f"These readings cannot tell the {pair.first} from the {pair.second}:"
+            f"These readings cannot tell the {first} from the {second}:"
             f" their correlation is {pair.correlation:.4f}."
         )
         if found.dropped:
@@ -91,16 +116,45 @@ def _undetermined(axis: str, found: Identified) -> list[Remark]:
     return remarks
 
 
-def _level(words: str) -> str:
-    loud = ("ahead of", "did not settle", "wild readings", "do not meet", "uncertain")
-    return "warning" if any(each in words for each in loud) else "info"
+def _of_fit(recording: ThermalRecording, fit: TemperatureFit) -> list[Remark]:
+    """Return what the estimate itself has to say."""
+    remarks = []
+    if fit.meeting != "given":
+        level, words = _MEETINGS[fit.meeting]
+        sure = fit.reference_deviation or fit.meeting_deviation or 0.0
+        place = f"the reference is {fit.reference:.4g} mm"
+        words = words.format(at=fit.reference, sure=sure, place=place)
+        remarks.append(Remark(level, words))
+    if not fit.converged:
+        words = "The iterations did not settle; treat the result with care."
+        remarks.append(Remark("warning", words))
+    remarks += [_of_lag(lag, recording.sensors[lag.sensor]) for lag in fit.lags]
+    wild, missed = int(fit.wild.sum()), int((~fit.used).sum())
+    if wild:
+        remarks.append(Remark("warning", f"{wild} wild readings were left out."))
+    if missed:
+        remarks.append(Remark("info", f"{missed} readings were missed or incomplete."))
+    return remarks
 
 
-def with_names(words: str, sensors: Sequence[str]) -> str:
-    """Return a sentence with the names of the sensors instead of their numbers."""
-    return re.sub(
-        r"\bsensor (\d+)", lambda hit: f"sensor {sensors[int(hit[1]) - 1]!r}", words
+def _of_lag(lag: Lag, name: str) -> Remark:
+    """Return what a lag means for the machine."""
+    if lag.sensor_late:
+        words = (
+            f"The structure is ahead of sensor {name!r}: the sensor sits where it warms"
+            " late. No filter undoes that; a sensor closer to the source would."
+        )
+        return Remark("warning", words)
+    if not lag.applied:
+        return Remark(
+            "info", f"No lag between sensor {name!r} and the structure shows."
+        )
+    low, high = lag.interval
+    words = (
+        f"The structure follows sensor {name!r} with a time constant of"
+        f" {lag.time_constant:.3g} s (95 %: {low:.3g} to {high:.3g} s)."
     )
+    return Remark("info", words)
 
 
 def _not_told(

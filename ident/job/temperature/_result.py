@@ -6,7 +6,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...fit.thermal import Law, TemperatureFit
+from ...kinds.temperature import Law, TemperatureFit
 from .._result import AbstractResult
 from ._table import ThermalLaw
 
@@ -89,6 +89,7 @@ class TemperatureResult(AbstractResult):
                 "temperature_0": self.zero,
                 "table": table,
                 "intersects": found.intersects,
+                "meeting": found.meeting,
                 "n_cycles": self.cycles,
                 "rate": self.rate,
                 "offset": _law(found.offset, self.sensors, 1.0),
@@ -117,7 +118,9 @@ class TemperatureResult(AbstractResult):
             "independent": found.independent,
             "laws": [vars(score) for score in found.scores],
             "confounded": [vars(pair) for pair in found.confounded],
-            "messages": list(found.messages),
+            "converged": found.converged,
+            "wild": int(found.wild.sum()),
+            "missed": int((~found.used).sum()),
         }
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ....data.lists import ListFile
 from ....models import Conventions, TemperatureLine
 from ...exchange import read_temperature_table
-from ...fit.thermal import TemperatureFit
+from ...kinds.temperature import TemperatureFit
 
 _SAME = 1e-3
 """K within which two rows are one."""
@@ -57,7 +57,7 @@ def thermal_law(relative: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
     offset = -sign * relative.offset.at(rows)
     if relative.coefficient is not None:
         coefficient = -sign * 1e6 * relative.coefficient.at(rows)
-    first, second = deviations(relative, rows)
+    first, second = relative.deviation_at(rows)
     return ThermalLaw(
         temperature=rows,
         # 1 nm and 0.1 nm over a metre: far below the unit of the controller.
@@ -66,27 +66,6 @@ def thermal_law(relative: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
         offset_deviation=first,
         coefficient_deviation=1e6 * second,
     )
-
-
-def deviations(
-    fit: TemperatureFit, temperature: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the standard deviations of offset in mm and coefficient in mm/mm."""
-    found, first = [], 0
-    for law in (fit.offset, fit.coefficient):
-        if law is None:
-            found.append(np.zeros(len(temperature)))
-            continue
-        size = len(law.value)
-        share = np.stack(
-            [np.interp(temperature, law.temperature, row) for row in np.eye(size)],
-            axis=1,
-        )
-        own = fit.covariance[first : first + size, first : first + size]
-        variance = np.einsum("ni,ij,nj->n", share, own, share)
-        found.append(np.sqrt(np.maximum(variance, 0.0)))
-        first += size
-    return found[0], found[1]
 
 
 def csv_text(law: ThermalLaw) -> str:

@@ -1,8 +1,6 @@
 """A batch without its processes: what is collected, grouped, kept and asked for."""
 
 import json
-import threading
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -33,7 +31,6 @@ from axcomp.ident.batch._work import (
     run_chunk,
 )
 from axcomp.ident.cli import main
-from axcomp.ident.fit import Gathering, in_group
 from axcomp.ident.job import load_job, run_job
 
 Fleet = Callable[[Path, int], list[str]]
@@ -211,43 +208,6 @@ def test_a_folder_is_locked_for_one_batch_and_free_after_it(tmp_path: Path) -> N
             pass
     with locked(tmp_path):
         pass
-
-
-def test_fits_of_calls_side_by_side_go_to_their_group_together() -> None:
-    groups: list[int] = []
-
-    def double(requests: Sequence[int]) -> list[int]:
-        groups.append(len(requests))
-        if 13 in requests:
-            msg = "thirteen"
-            raise ValueError(msg)
-        return [2 * one for one in requests]
-
-    def call(k: int) -> int:
-        (first,) = in_group(double, [k])
-        return sum(in_group(double, [first, first])) if k % 2 else first
-
-    calls = [lambda k=k: call(k) for k in range(6)]
-    assert Gathering().run(calls) == [0, 8, 4, 24, 8, 40]
-    assert groups == [6, 6]
-    groups.clear()
-    found = Gathering().run([lambda k=k: call(k) for k in (2, 13)])
-    assert found[0] == 4
-    assert isinstance(found[1], ValueError)
-    assert in_group(double, [4]) == [8]
-
-
-def test_a_gathering_names_the_calls_that_the_others_wait_for() -> None:
-    gathering, go = Gathering(), threading.Event()
-    calls = [go.wait, lambda: in_group(list, [1])]
-    thread = threading.Thread(target=gathering.run, args=(calls,))
-    thread.start()
-    deadline = time.monotonic() + 20.0  # ample: two threads have to start
-    while gathering.busy != [0] and time.monotonic() < deadline:
-        time.sleep(0.001)
-    assert gathering.busy == [0]
-    go.set()
-    thread.join()
 
 
 def test_a_disk_without_room_is_no_fault_of_the_job(

@@ -16,7 +16,7 @@ from axcomp.ident.fit.joint import (
     PlaneEffect,
     TemperatureEffect,
 )
-from axcomp.ident.fit.thermal._lag import lagged
+from axcomp.ident.kinds.temperature import lagged
 
 NOISE = 5e-4
 """Standard deviation of one reading in mm."""

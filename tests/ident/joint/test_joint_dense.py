@@ -24,26 +24,14 @@ NOISE = 5e-4  # mm
 
 def _rows(effect: Any, data: JointData, weights: Any) -> np.ndarray:
     """Return the rows √weight · differences of one effect's prior over its values."""
-    block: Any = effect.block(data)
-    if block.prior is None:
+    prior: Any = effect.block(data).prior
+    if prior is None:
         return np.zeros((0, effect.size))
-    slow, fast = block.prior.slow, block.prior.fast
-    other = block.prior.branches if fast is None else fast.size
-    names = {"slow": "axis 1", "fast": "axis 2"}
-    if fast is not None and block.order[1] == 1:
-        names = {"slow": "axis 2", "fast": "axis 1"}
-    parts = []
-    for order, chain in ((2, slow.second), (4, slow.fourth)):
-        weight = weights.get(f"order {order}, {names['slow']}", 0.0)
-        parts.append(np.sqrt(weight) * np.kron(chain.toarray(), np.eye(other)))
-    if fast is not None:
-        for order, chain in ((2, fast.second), (4, fast.fourth)):
-            weight = weights.get(f"order {order}, {names['fast']}", 0.0)
-            parts.append(np.sqrt(weight) * np.kron(np.eye(slow.size), chain.toarray()))
-    grid = np.vstack(parts)
-    result = np.zeros_like(grid)
-    result[:, block.order] = grid
-    return result
+    parts = [
+        np.sqrt(weights.get(name, 0.0)) * rows.toarray()
+        for name, rows in zip(prior.names, prior.rows, strict=True)
+    ]
+    return np.vstack(parts)
 
 
 def _dense(data: JointData, effects: Any, smoothness: Any) -> np.ndarray:

@@ -17,7 +17,7 @@ from axcomp.ident.fit.joint import (
     fit_joint,
     refit_joint,
 )
-from axcomp.ident.fit.thermal._lag import lagged
+from axcomp.ident.kinds.temperature import lagged
 
 NOISE = 5e-4  # of the mix, in mm
 LAG = 120.0  # of the mix, in s

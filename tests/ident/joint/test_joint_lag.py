@@ -11,11 +11,9 @@ from axcomp.ident.fit.joint import (
     LeadscrewEffect,
     PlaneEffect,
     TemperatureEffect,
-    _scout as scout,
     fit_joint,
 )
-from axcomp.ident.fit.thermal._clocked import clocked
-from axcomp.ident.fit.thermal._lag import lagged
+from axcomp.ident.kinds.temperature import clocked, lagged
 
 LAG = 90.0
 
@@ -76,32 +74,6 @@ def _warm(seed: int, count: int) -> tuple[JointData, list[Any]]:
         LeadscrewEffect("Z", np.linspace(0.0, 200.0, 21)),
         TemperatureEffect("Z", {"offset": "T"}, lag="fit"),
     ]
-
-
-@pytest.mark.slow
-def test_where_a_small_fit_begins_does_not_matter_in_the_end(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    data, stack = _warm(3, 12_000)
-    fit = fit_joint(data, stack, drift=2)
-    # Nothing is coarser and nothing thinner: the small fit is the whole one.
-    monkeypatch.setattr(scout, "_NODES", 1000)
-    monkeypatch.setattr(scout, "_ROWS", 10**6)
-    whole = fit_joint(data, stack, drift=2)
-    assert fit.converged
-    assert whole.converged
-    for one, other in zip(fit.parts, whole.parts, strict=True):
-        # Both end where the evidence expects to gain less than 2.
-        # What the reference temperature holds at zero has no deviation.
-        free = one.standard_deviation > 1e-9
-        moved = ((one.values - other.values) / one.standard_deviation)[free]
-        assert np.sqrt(np.mean(np.square(moved))) < 0.3, one.name
-        ratio = one.standard_deviation / other.standard_deviation
-        deviation = np.median(ratio[free])
-        assert deviation == pytest.approx(1.0, abs=0.15)
-    (lag, spread), (other_lag, _) = (f.parts[2].lags["T"] for f in (fit, whole))
-    assert abs(lag - other_lag) < 0.3 * spread
-    assert abs(lag - LAG) < 4.0 * spread
 
 
 def test_lag_that_is_not_there_is_none() -> None:

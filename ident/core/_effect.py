@@ -1,0 +1,297 @@
+"""Effects: what a stack is made of, as rows of a design over their unknowns."""
+
+import abc
+import dataclasses
+from functools import cached_property
+from typing import Any, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Float, Int
+
+from ...models import AbstractNodes, EquidistantNodes, Leadscrew, Plane, Setpoints
+from ._prior import AbstractPrior, NoPrior, Smooth, chain
+from ._readings import Readings, padded
+
+Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
+"""Unknowns that each reading touches, and their shares: a sparse matrix, k per row."""
+
+_EVEN = 1e-9
+"""Nodes count as equidistant when they lie on a straight line to this share of a cell."""
+
+
+class AbstractEffect(abc.ABC):
+    """One effect that is linear in its unknowns: ``value = Σ shares · unknowns``."""
+
+    @property
+    @abc.abstractmethod
+    def size(self) -> int:
+        """Number of unknowns."""
+
+    @property
+    @abc.abstractmethod
+    def prior(self) -> AbstractPrior:
+        """Prior of the unknowns."""
+
+    @abc.abstractmethod
+    def design(self, readings: Readings) -> Design:
+        """Return the rows of the design for some readings."""
+
+    @property
+    def ridge(self) -> float:
+        """Precision that holds unknowns at zero, relative to their mean information."""
+        return 0.0
+
+
+@jax.jit
+def _stencil(model: Any, inputs: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    if isinstance(model, Plane):
+        found = model.stencil(jnp.stack([inputs["1"], inputs["2"]], axis=1))
+    else:
+        found = model.stencil(inputs["1"], inputs["way"] if model.bilateral else 1)
+    return found.nodes, found.weights
+
+
+def axis_nodes(nodes: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:
+    """Return the controller model's nodes for node positions along one axis in mm or °."""
+    interval = (nodes[-1] - nodes[0]) / max(len(nodes) - 1, 1)
+    even = nodes[0] + interval * np.arange(len(nodes))
+    if len(nodes) > 1 and np.abs(nodes - even).max() <= _EVEN * interval:
+        start, step = jnp.asarray(nodes[0]), jnp.asarray(interval)
+        return EquidistantNodes(start, step, len(nodes))
+    return Setpoints(jnp.asarray(nodes))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class TableEffect(AbstractEffect):
+    """A table over one or two inputs, by the stencil of the controller's own model.
+
+    Unknowns are the node values in an order in which neighbours stand near each other: the
+    longer axis of a plane is the slow one, a ring is folded, branches follow each other.
+
+    Attributes:
+        nodes: Node positions per axis, master 1 first; the end of a ring repeated.
+        inputs: Name of the input along each axis.
+        way: Name of the direction of motion for a table with two branches, else None.
+        ring: The last node is the first one again.
+    """
+
+    nodes: tuple[Float[np.ndarray, " _n"], ...]
+    inputs: tuple[str, ...]
+    way: str | None = None
+    ring: bool = False
+
+    @cached_property
+    def model(self) -> Plane | Leadscrew:
+        """The controller's model of such a table, all values 0."""
+        if len(self.nodes) == 2:
+            first, second = (axis_nodes(nodes) for nodes in self.nodes)
+            return Plane(first, second, jnp.zeros((second.count, first.count)))
+        nodes = axis_nodes(self.nodes[0])
+        empty = jnp.zeros(nodes.count)
+        return Leadscrew(
+            nodes, empty, None if self.way is None else empty, self.ring or None
+        )
+
+    @property
+    def axes(self) -> tuple[AbstractNodes, ...]:
+        """The model's nodes along each axis."""
+        model = self.model
+        if isinstance(model, Plane):
+            return (model.nodes1, model.nodes2)
+        return (model.input_nodes,)
+
+    @property
+    def branches(self) -> int:
+        """Tables side by side, one per direction of motion."""
+        return 1 if self.way is None else 2
+
+    @cached_property
+    def offsets(self) -> tuple[int, ...]:
+        """Distances between unknowns of one cell, ascending."""
+        if len(self.nodes) == 2:
+            fast = min(len(nodes) for nodes in self.nodes)
+            return tuple(sorted({0, 1, fast - 1, fast, fast + 1}))
+        return (0, 1, 2) if self.ring else (0, 1)
+
+    @cached_property
+    def away(self) -> tuple[int, ...] | None:
+        """Unknown of each corner of a cell, counted from its first; None on a ring."""
+        if self.ring:
+            return None
+        if len(self.nodes) == 1:
+            return (0, min(1, len(self.nodes[0]) - 1))
+        first, second = (len(nodes) for nodes in self.nodes)
+        along, across = int(first > 1), first * int(second > 1)
+        corners = (0, along, across, across + along)
+        return tuple(int(self.place[corner]) for corner in corners)
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return len(self.prior.order)
+
+    @cached_property
+    def place(self) -> Int[np.ndarray, " m"]:
+        """Unknown of each node of the model, flattened; the end of a ring is its start."""
+        if len(self.nodes) == 2:
+            first, second = (len(nodes) for nodes in self.nodes)
+            grid = np.arange(first * second)
+            if first <= second:
+                return grid
+            return np.ascontiguousarray(grid.reshape(first, second).T).reshape(-1)
+        count = len(self.nodes[0]) - int(self.ring)
+        index = np.arange(count)
+        if self.ring:
+            # Both neighbours of a node stand at most two places from it.
+            folded = np.where(2 * index < count, 2 * index, 2 * (count - index) - 1)
+            index = np.append(folded, folded[0])
+        return np.concatenate([index + count * k for k in range(self.branches)])
+
+    @cached_property
+    def unknowns(self) -> Int[np.ndarray, " n"]:
+        """Unknown of each value in the order of the list, the end of a ring left out."""
+        places = self.place.reshape(self.branches, -1)
+        return places[:, :-1].reshape(-1) if self.ring else places.reshape(-1)
+
+    @cached_property
+    def prior(self) -> Smooth:  # type: ignore[override]
+        """See `AbstractEffect`: differences along the axes of the table."""
+        if len(self.nodes) == 2:
+            first, second = (chain(nodes) for nodes in self.nodes)
+            order = np.arange(first.size * second.size)
+            if first.size <= second.size:
+                return Smooth(second, first, 1, order, (2, 1))
+            return Smooth(first, second, 1, order, (1, 2))
+        axis = chain(self.nodes[0], self.ring)
+        order = self.place.reshape(self.branches, -1)[:, : axis.size].reshape(-1)
+        return Smooth(axis, None, self.branches, order)
+
+    def design(self, readings: Readings) -> Design:
+        """See `AbstractEffect`."""
+        given = {
+            str(k + 1): readings.inputs[name] for k, name in enumerate(self.inputs)
+        }
+        if self.way is not None:
+            given["way"] = readings.inputs[self.way]
+        nodes, shares = _stencil(self.model, padded(given))
+        count = len(readings)
+        return self.place[np.asarray(nodes)[:count]], np.asarray(shares)[:count]
+
+    def to_values(self, table: np.ndarray) -> np.ndarray:
+        """Return the unknowns of an array of the model's shape; the last of a ring ignored."""
+        result = np.empty(self.size, dtype=table.dtype)
+        result[self.place[::-1]] = table.reshape(-1)[::-1]
+        return result
+
+    def to_table(self, values: np.ndarray) -> np.ndarray:
+        """Return unknowns as ``(n,)``, ``(2, n)`` or ``(n2, n1)``; the end of a ring repeated."""
+        shape = tuple(len(nodes) for nodes in reversed(self.nodes))
+        if self.branches == 2:
+            shape = (2, *shape)
+        return np.ascontiguousarray(values[self.place].reshape(shape))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class ColumnsEffect(AbstractEffect):
+    """Unknowns of which the design is known beforehand; asked for none.
+
+    Attributes:
+        given: Prior of the unknowns.
+        count: Their number.
+    """
+
+    given: AbstractPrior
+    count: int
+
+    @property
+    def prior(self) -> AbstractPrior:
+        """See `AbstractEffect`."""
+        return self.given
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return self.count
+
+    def design(self, readings: Readings) -> Design:
+        """See `AbstractEffect`; never called where the design is given."""
+        raise AssertionError
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class GroupEffect(AbstractEffect):
+    """Offsets of groups of readings (runs), as contrasts; with a trend within each, too.
+
+    Effects of all groups that count sum to zero, so that what stands beside them keeps the
+    mean; a ridge holds what no reading determines.
+
+    Attributes:
+        counted: Groups whose effects sum to zero.
+        present: Groups that have any readings; the others have no effect.
+        group: Name of the input with the number of the group, from 0.
+        trend: Name of the input with the centred place within it; None: offsets only.
+    """
+
+    counted: Bool[np.ndarray, " g"]
+    present: Bool[np.ndarray, " g"]
+    group: str = "run"
+    trend: str | None = None
+
+    @cached_property
+    def contrast(self) -> Float[np.ndarray, "g c"]:
+        """Orthonormal columns over the groups."""
+        own = self.counted[self.present]
+        if not own.any():
+            own = np.ones(len(own), bool)
+        columns = scipy.linalg.null_space(own[None].astype(float))
+        result = np.zeros((len(self.counted), columns.shape[1]))
+        result[self.present] = columns
+        return result
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return self.contrast.shape[1] * (1 if self.trend is None else 2)
+
+    @property
+    def prior(self) -> AbstractPrior:
+        """See `AbstractEffect`."""
+        return NoPrior(self.size)
+
+    @property
+    def ridge(self) -> float:
+        """See `AbstractEffect`."""
+        return 1e-9
+
+    def design(self, readings: Readings) -> Design:
+        """See `AbstractEffect`."""
+        shares = self.contrast[readings.inputs[self.group]]
+        if self.trend is not None:
+            late = readings.inputs[self.trend][:, None]
+            shares = np.hstack([shares, shares * late])
+        return np.broadcast_to(np.arange(self.size), shares.shape), shares
+
+    def by_group(self, values: Float[np.ndarray, " c"]) -> Float[np.ndarray, "p g"]:
+        """Return unknowns as offsets, then trends, of each group."""
+        parts = 1 if self.trend is None else 2
+        return np.asarray(values.reshape(parts, -1) @ self.contrast.T)
+
+    def variances(self, inverse: Float[np.ndarray, "c c"]) -> Float[np.ndarray, "p g"]:
+        """Return the variances of offsets, then trends, for a covariance of the unknowns."""
+        width = self.contrast.shape[1]
+        starts = (0,) if self.trend is None else (0, width)
+        parts = [slice(start, start + width) for start in starts]
+        return np.array(
+            [
+                np.einsum(
+                    "gc,cd,gd->g", self.contrast, inverse[own, own], self.contrast
+                )
+                for own in parts
+            ]
+        )

@@ -1,0 +1,227 @@
+"""Weights of the prior by restricted maximum likelihood (the evidence): one search.
+
+The logarithms of all weights are searched by L-BFGS-B with exact slopes. With and without
+fourth differences are two valleys: both are descended into from the best of a scan, and
+fourth differences must be worth their place. A large plane is searched on a third of its
+nodes first.
+
+Source: H. D. Patterson, R. Thompson, Biometrika 58(3), 1971.
+"""
+
+import dataclasses
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+from scipy.optimize import minimize
+
+from ._effect import TableEffect
+from ._posterior import Posterior, Problem
+from ._sums import Stack
+
+_SCALES = (1e-1, 1e1, 1e3, 1e5)
+"""Weights of second differences, relative to the density, that are tried first."""
+_WORTH = 2.0
+"""Gain in evidence below which the simpler of two priors is taken."""
+_FINE, _COARSE = 1e-6, 0.3
+"""Gain of a step at which the search ends: on small stacks, on large ones."""
+_LARGE = 2e7
+"""Operations of one factor from which on a stack is large."""
+_THINNED = 3
+"""Of so many nodes along each axis of a plane one is kept for the first search."""
+
+Vector = Float[np.ndarray, " _n"]
+
+
+def choose_weights(problem: Problem, start: Vector | None = None) -> Posterior | None:
+    """Return the posterior with the best evidence; None where no weights give one.
+
+    Args:
+        problem: Sums about a current estimate.
+        start: Weights near the best ones; what is 0 there stays 0.
+    """
+    if not len(problem.density):
+        return problem.at(np.zeros(0))
+    gain = _COARSE if _is_large(problem) else _FINE
+    if start is not None:
+        return _descend(problem, start, gain)
+    if _is_large(problem) and _is_plane(problem):
+        rough = _Coarse.of(problem)
+        found = choose_weights(rough.problem)
+        if found is not None:
+            return _descend(problem, rough.finer(found.weights), gain)
+    plain, mixed = _scan(problem)
+    best = None if plain is None else _descend(problem, plain, gain)
+    if mixed is None:
+        return best
+    other = _descend(problem, mixed, gain)
+    if best is None or (other is not None and other.evidence < best.evidence - _WORTH):
+        best = other
+        return None if best is None else _simplified(problem, best, gain)
+    return best
+
+
+def _is_large(problem: Problem) -> bool:
+    stack = problem.stack
+    width = max(stack.offsets) if stack.band else 0
+    dense = stack.size - stack.band
+    return bool(
+        stack.band * (2.0 * width) ** 2 + stack.band * width * dense + dense**3 > _LARGE
+    )
+
+
+def _is_plane(problem: Problem) -> bool:
+    table = problem.stack.table
+    return table is not None and len(table.nodes) == 2
+
+
+def _scan(problem: Problem) -> tuple[Vector | None, Vector | None]:
+    """Return the best of a few weights without fourth differences, and with them."""
+    fourth, density = problem.optional, problem.density
+    low, high = np.exp(problem.bounds.T)
+    scanned = np.concatenate(
+        [[prior.scanned] * len(prior.rows) for prior, _, _ in problem.stack.priors]
+    ).astype(bool)
+    plain: list[tuple[float, int, Vector]] = []
+    mixed: list[tuple[float, int, Vector]] = []
+    # Their weight may keep its ratio to that of the second ones, or grow as its square.
+    for lift, power in ((0.0, 0.0), (10.0, 1.0), (1.0, 2.0)):
+        for scale in _SCALES:
+            relative = np.where(fourth, lift * scale**power, scale)
+            relative[~scanned] = 1.0
+            weights = np.clip(relative * density, low, high)
+            if lift == 0.0:
+                weights[fourth] = 0.0
+            post = problem.at(weights)
+            if post is not None and np.isfinite(post.evidence):
+                found = plain if lift == 0.0 else mixed
+                found.append((post.evidence, len(found), weights))
+        if not fourth.any():
+            break
+    return (min(plain)[2] if plain else None), (min(mixed)[2] if mixed else None)
+
+
+def _descend(problem: Problem, start: Vector, gain: float) -> Posterior | None:
+    """Return the best posterior near a start; weights that are 0 stay 0."""
+    alive = start > 0.0
+    low, high = problem.bounds[alive].T
+    log = np.clip(np.log(start[alive]), low, high)
+    best: Posterior | None = None
+
+    def at(logs: Vector) -> Posterior | None:
+        nonlocal best
+        weights = np.zeros(len(start))
+        weights[alive] = np.exp(np.clip(logs, low, high))
+        found = problem.at(weights)
+        if found is None or not np.isfinite(found.evidence):
+            return None
+        if best is None or found.evidence < best.evidence:
+            best = found
+        return found
+
+    first = at(log)
+    while first is None:
+        # Too stiff for a factor: as stiff as it bears.
+        if (log <= low + 1.0).all():
+            return None
+        log = np.maximum(log - 2.0, low)
+        first = at(log)
+    # The curvature is about the number of unknowns that a weight leaves to the readings.
+    scale = np.sqrt(np.maximum(0.5 * first.carried[alive], 0.25))
+    origin, known = first.evidence, {log.tobytes(): first}
+
+    def cost(scaled: Vector) -> tuple[float, Vector]:
+        logs = scaled / scale
+        found = known.get(logs.tobytes()) or at(logs)
+        if found is None:
+            return 1e6, np.zeros(len(logs))
+        return found.evidence - origin, found.slopes[alive] / scale
+
+    minimize(
+        cost, log * scale, jac=True, method="L-BFGS-B",
+        bounds=np.column_stack([low * scale, high * scale]),
+        options={"ftol": gain, "gtol": np.sqrt(gain), "maxiter": 60},
+    )  # fmt: skip
+    return best
+
+
+def _simplified(problem: Problem, best: Posterior, gain: float) -> Posterior:
+    """Return the posterior without fourth differences that are not worth their place."""
+    for prior, _, own in problem.stack.priors:
+        drop = np.zeros(len(best.weights), bool)
+        drop[own] = prior.optional
+        if drop.all() or not best.weights[drop].any():
+            continue
+        if int((best.weights[problem.optional] > 0).sum()) == int(drop.sum()):
+            continue
+        other = _descend(problem, np.where(drop, 0.0, best.weights), gain)
+        if other is not None and other.evidence < best.evidence + _WORTH:
+            best = other
+    return best
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Coarse:
+    """A plane on some of its nodes, and what its weights are worth on all of them.
+
+    Attributes:
+        problem: Of the coarse plane and everything beside it.
+        order: Place of each weight of the fine plane among those of the coarse one.
+        factor: Of each weight of the fine plane.
+    """
+
+    problem: Problem
+    order: Int[np.ndarray, " k"]
+    factor: Vector
+
+    def finer(self, weights: Vector) -> Vector:
+        """Return the weights with which the fine plane is as smooth."""
+        return np.asarray(weights[self.order] * self.factor)
+
+    @classmethod
+    def of(cls, problem: Problem) -> "_Coarse":
+        """Keep every third node along each axis; a fine cell lies in one coarse cell."""
+        stack, sums = problem.stack, problem.sums
+        table = stack.table
+        assert isinstance(table, TableEffect)
+        kept, wide = [], []
+        for nodes in table.nodes:
+            some = np.unique([*range(0, len(nodes), _THINNED), len(nodes) - 1])
+            kept.append(nodes[some])
+            unit = np.eye(len(some))
+            wide.append(
+                np.stack([np.interp(nodes, nodes[some], e) for e in unit], axis=1)
+            )
+        coarse = dataclasses.replace(table, nodes=(kept[0], kept[1]))
+        # Both orders of unknowns: slow axis first, the longer one.
+        transposed = len(table.nodes[0]) > len(table.nodes[1])
+        parts = wide if transposed else wide[::-1]
+        spread = sp.csr_array(sp.kron(sp.csr_array(parts[0]), sp.csr_array(parts[1])))
+        if (len(kept[0]) > len(kept[1])) != transposed:
+            shape = tuple(part.shape[1] for part in parts)
+            order = np.arange(spread.shape[1]).reshape(shape).T.reshape(-1)
+            spread = sp.csr_array(spread[:, order])
+        slim = Stack((coarse, *stack.effects[1:]))
+        n, m = stack.band, slim.band
+        # The fine estimate is no coarse table: the sums are taken about zero in its place.
+        step = np.concatenate([-problem.theta[:n], np.zeros(stack.size - n)])
+        beside = np.eye(stack.size - n)
+        found = sums.moved(step, problem.gain).reduced(slim, beside, spread)
+        theta = np.concatenate([np.zeros(m), problem.theta[n:]])
+        names = list(coarse.prior.names)
+        order, factor = np.arange(len(problem.density)), np.ones(len(problem.density))
+        ratio = [
+            float(np.diff(one).mean() / np.diff(other).mean())
+            for one, other in zip(kept, table.nodes, strict=True)
+        ]
+        for k, name in enumerate(table.prior.names):
+            order[k] = names.index(name)
+            axis, power = int(name[-1]) - 1, 3 if name.startswith("order 2") else 7
+            # Sums over nodes of squared differences: ∫f''² dx times distance³ along the
+            # axis, ∫f''''² dx times distance⁷, per distance across.
+            factor[k] = ratio[axis] ** power / ratio[1 - axis]
+        pins = np.concatenate([np.zeros(m), problem.held[n:]])
+        own = Problem.of(found, theta, problem.gain, pins)
+        return cls(dataclasses.replace(own, pinned=problem.pinned), order, factor)

@@ -1,0 +1,236 @@
+"""Factors of positive definite matrices: a band with a dense border, or all dense.
+
+The unknowns of one large table come first and couple to their neighbours only (the band);
+everything else stands beside them (the border). With an empty band the matrix is dense,
+with an empty border it is a band. Elements of the inverse come from the same factor.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Float
+from numpy.lib.stride_tricks import as_strided
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dpotrf, dpotri, dpotrs, dtrtri
+
+_DENSE = 500
+"""Unknowns up to which the whole inverse of a band is faster than its elements."""
+_BLOCK = 64
+"""Columns of the inverse that are found at once."""
+_MANY = 8
+"""Right-hand sides from which on a band is solved in blocks, by matrix products."""
+
+Columns = Float[np.ndarray, "n w"]
+"""Lower band of a matrix: ``[j, d]`` is element ``(j + d, j)``."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class ArrowFactor:
+    """Cholesky factor of a positive definite matrix: a band with a dense border.
+
+    Attributes:
+        band: Factor of the band, by columns; shape ``(0, 1)`` where there is none.
+        cross: Border rows of the matrix over the band.
+        beside: Inverse of the band × transposed cross.
+        schur: Lower factor of what the border has left beside the band.
+    """
+
+    band: Columns
+    cross: Float[np.ndarray, "m n"]
+    beside: Float[np.ndarray, "n m"]
+    schur: Float[np.ndarray, "m m"]
+
+    @classmethod
+    def of(
+        cls,
+        columns: Columns,
+        cross: Float[np.ndarray, "m n"],
+        border: Float[np.ndarray, "m m"],
+    ) -> "ArrowFactor | None":
+        """Factorise; None where the matrix is not numerically positive definite.
+
+        Args:
+            columns: Lower band; overwritten.
+            cross: Border rows over the band.
+            border: Border over itself; the lower triangle is used.
+        """
+        band = columns
+        if len(columns):
+            factor, info = dpbtrf(columns.T, lower=1, overwrite_ab=1)
+            if info != 0:
+                return None
+            band = factor.T
+        beside = np.zeros((len(columns), len(border)))
+        if len(columns) and len(border):
+            beside = _band_solve(band, np.ascontiguousarray(cross.T))
+            border = border - cross @ beside
+        schur, info = dpotrf(border, lower=1, clean=1) if len(border) else (border, 0)
+        found = cls(band, cross, beside, schur)
+        return found if info == 0 and np.isfinite(found.logdet) else None
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.band) + len(self.schur)
+
+    @cached_property
+    def logdet(self) -> float:
+        """Natural logarithm of the determinant of the matrix."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logs = np.log(self.band[:, 0]).sum() + np.log(np.diag(self.schur)).sum()
+        return 2.0 * float(logs)
+
+    def solve(self, right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
+        """Return the solution for one or several right-hand sides."""
+        n = len(self.band)
+        if not n:
+            return np.asarray(dpotrs(self.schur, right, lower=1)[0])
+        top = _band_solve(self.band, right[:n])
+        if not len(self.schur):
+            return top
+        left = right[n:] - self.cross @ top
+        rest = np.asarray(dpotrs(self.schur, left, lower=1)[0]).reshape(left.shape)
+        return np.concatenate([top - self.beside @ rest, rest])
+
+    @cached_property
+    def border_inverse(self) -> Float[np.ndarray, "m m"]:
+        """Inverse over the border."""
+        if not len(self.schur):
+            return self.schur
+        lower, info = dpotri(self.schur, lower=1)
+        assert info == 0
+        return np.asarray(np.tril(lower) + np.tril(lower, -1).T)
+
+    def selected(self, offsets: Sequence[int]) -> Float[np.ndarray, "n s"]:
+        """Return diagonals of the inverse over the band.
+
+        Args:
+            offsets: Distances from the diagonal, each within the width of the band.
+
+        Returns:
+            ``[j, s]`` is element ``(j + offsets[s], j)``; 0 beyond the end.
+        """
+        n = len(self.band)
+        found = band_inverse(self.band, offsets)
+        if len(self.schur) and n:
+            shaped = dtrsm(1.0, self.schur, self.beside.T, lower=1)
+            for slot, k in enumerate(offsets):
+                found[: n - k, slot] += np.einsum(
+                    "mj,mj->j", shaped[:, k:], shaped[:, : n - k]
+                )
+        return found
+
+    @cached_property
+    def variances(self) -> Float[np.ndarray, " n"]:
+        """Diagonal of the inverse."""
+        border = np.diag(self.border_inverse)
+        if not len(self.band):
+            return border
+        return np.concatenate([self.selected([0])[:, 0], border])
+
+
+def _band_solve(
+    band: Columns, right: Float[np.ndarray, "n *k"]
+) -> Float[np.ndarray, "n *k"]:
+    if right.ndim > 1 and right.shape[1] > _MANY and band.shape[1] > _BLOCK:
+        return _solve_in_blocks(band, right)
+    found, info = dpbtrs(band.T, right, lower=1)
+    assert info == 0
+    return np.asarray(found).reshape(right.shape)
+
+
+def _blocks(band: Columns) -> list[tuple[slice, np.ndarray, np.ndarray]]:
+    """Return rows, lower triangle, and what stands below, of blocks as wide as the band."""
+    n, width = band.shape
+    step = width - 1
+    flat = np.zeros((n + step, width))
+    flat[:n] = band
+    size = flat.itemsize
+    found = []
+    for start in range(0, n, step):
+        stop, last = min(start + step, n), min(start + 2 * step, n)
+        # Next to it in a column of the matrix is next to it in memory.
+        both = as_strided(
+            flat[start], (2 * step, stop - start), (size, size * (width - 1))
+        )
+        inside = stop - start
+        below = both[inside : last - start].copy()
+        # What a column reaches ends with the band.
+        rows = np.arange(inside, last - start)[:, None]
+        below[rows - np.arange(inside) >= width] = 0.0
+        found.append((slice(start, stop), np.tril(both[:inside]), below))
+    return found
+
+
+def _solve_in_blocks(
+    band: Columns, right: Float[np.ndarray, "n k"]
+) -> Float[np.ndarray, "n k"]:
+    """Solve a band for many right-hand sides; LAPACK takes one after the other."""
+    blocks = _blocks(band)
+    result = np.array(right)
+    for rows, own, below in blocks:
+        result[rows] = dtrsm(1.0, own, result[rows], lower=1)
+        following = slice(rows.stop, rows.stop + len(below))
+        result[following] -= below @ result[rows]
+    for rows, own, below in reversed(blocks):
+        following = slice(rows.stop, rows.stop + len(below))
+        result[rows] -= below.T @ result[following]
+        result[rows] = dtrsm(1.0, own, result[rows], lower=1, trans_a=1)
+    return result
+
+
+def band_inverse(band: Columns, offsets: Sequence[int]) -> Float[np.ndarray, "n s"]:
+    """Return diagonals of the inverse from a band Cholesky factor.
+
+    Block form of the Takahashi recurrence: a window of the inverse moves up along the
+    diagonal, a block of columns at a time.
+
+    Source: K. Takahashi, J. Fagan, M. Chin, PICA Conf., 1973; H. Rue, L. Held, Gaussian
+    Markov Random Fields, 2005, section 2.4.
+    """
+    n, width = band.shape
+    result = np.zeros((n, len(offsets)))
+    if n <= _DENSE:
+        inverse = _band_solve(band, np.eye(n))
+        for slot, k in enumerate(offsets):
+            result[: n - k, slot] = np.diagonal(inverse, -k)
+        return result
+    reach = max(width - 1, _BLOCK)
+    flat = np.zeros((n + reach, reach + 1))  # rows beyond the end are those of a unit
+    flat[:n, :width] = band
+    flat[n:, 0] = 1.0
+    window = np.eye(reach)
+    step = flat.itemsize
+    for start in range((n - 1) // _BLOCK * _BLOCK, -1, -_BLOCK):
+        size = min(_BLOCK, n - start)
+        # Next to it in a column of the matrix is next to it in memory.
+        block = as_strided(flat[start], (reach + size, size), (step, step * reach))
+        root, info = dtrtri(np.tril(block[:size]), lower=1)
+        assert info == 0
+        below = block[size : reach + size].copy()
+        below[reach - size :] = np.triu(below[reach - size :])
+        below = below @ root
+        beside = window @ below
+        corner = root.T @ root + below.T @ beside
+        whole = np.empty((reach + size, reach + size))
+        whole[size:, size:] = window
+        whole[size:, :size] = -beside
+        whole[:size, size:] = -beside.T
+        # Rounding must stay symmetric, or it grows from block to block.
+        whole[:size, :size] = 0.5 * (corner + corner.T)
+        rows = np.arange(size)
+        for slot, k in enumerate(offsets):
+            result[start : start + size, slot] = whole[rows + k, rows]
+        window = whole[:reach, :reach]
+    for slot, k in enumerate(offsets):
+        result[n - k :, slot] = 0.0
+    return result
+
+
+def lower_gram(half: Float[np.ndarray, "n m"]) -> Any:
+    """Return halfᵀ × half, the lower triangle only."""
+    return dsyrk(1.0, half.T, trans=0, lower=1)

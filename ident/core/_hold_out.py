@@ -1,0 +1,79 @@
+"""The posterior without some group of readings, from the sums of all others.
+
+Weights of the prior and the influence of every other reading are kept from the fit of all;
+the values are solved for anew. Effects of groups (runs) sum to zero over those that are
+left, so that a table keeps their mean.
+"""
+
+import dataclasses
+import functools
+import operator
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Float
+
+from ._effect import GroupEffect
+from ._errors import FitError
+from ._posterior import Posterior, Problem
+from ._robust import Estimate
+from ._sums import Stack, Sums
+
+
+def leave_one_out(
+    estimate: Estimate,
+    groups: Mapping[int, Sums],
+    present: Mapping[int, Bool[np.ndarray, " r"]],
+) -> dict[int, Posterior]:
+    """Return the posterior without each group of readings.
+
+    Args:
+        estimate: Of all readings.
+        groups: Sums of each group about `Estimate.about`, by `Estimate.loss`.
+        present: Runs that have readings beside each group, where the last effect is one of
+            runs.
+
+    Raises:
+        FitError: If there are fewer than two groups, or the others do not determine it.
+    """
+    if len(groups) < 2:
+        msg = "leaving out needs at least two groups of readings, found one."
+        raise FitError(msg)
+    found = {}
+    for label in groups:
+        # What is left out has no say: the others are added up, nothing is taken off.
+        others = [own for other, own in groups.items() if other != label]
+        rest, theta = functools.reduce(operator.add, others), estimate.about
+        gain = max(float(rest.tally[1] / max(rest.tally[0], 1.0)), 0.1)
+        if label in present:
+            rest, theta = _without_runs(rest, theta, present[label], gain)
+        post = Problem.of(rest, theta, gain).at(estimate.posterior.weights)
+        if post is None:
+            msg = "the readings do not determine the table: the normal matrix is singular."
+            raise FitError(msg)
+        found[label] = post
+    return found
+
+
+def _without_runs(
+    sums: Sums,
+    theta: Float[np.ndarray, " u"],
+    present: Bool[np.ndarray, " r"],
+    gain: float,
+) -> tuple[Sums, Float[np.ndarray, " f"]]:
+    """Return sums and estimate with effects of the runs that are present only."""
+    stack = sums.stack
+    effect = stack.effects[-1]
+    assert isinstance(effect, GroupEffect)
+    n, before = stack.band, stack.starts[-2]
+    own = dataclasses.replace(effect, present=present)
+    slim = Stack((*stack.effects[:-1], own), stack.banded)
+    # Effects of all runs per effect of the fewer ones: the same columns in another basis.
+    turn = effect.contrast.T @ own.contrast
+    parts = [np.eye(before - n)] + [turn] * (1 if effect.trend is None else 2)
+    border = scipy.linalg.block_diag(*parts)
+    inside = np.linalg.lstsq(border, theta[n:], rcond=None)[0]
+    start = np.concatenate([theta[:n], inside])
+    step = np.concatenate([np.zeros(n), border @ inside - theta[n:]])
+    return sums.moved(step, gain).reduced(slim, border), start

@@ -1,0 +1,303 @@
+"""The Gaussian of all unknowns for given weights of the prior, and how well they explain."""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ._factor import ArrowFactor
+from ._sums import Stack, Sums
+
+Vector = Float[np.ndarray, " _n"]
+
+FILL = 1e-9
+"""Weight relative to the density that fills gaps where no smoothness was asked for."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Problem:
+    """Sums about a current estimate, and all that does not depend on the weights.
+
+    Attributes:
+        sums: Over the readings that count.
+        theta: Estimate that the sums are taken about.
+        gain: Mean ψ' of the loss: pseudo-readings are θ's prediction + ψ/gain.
+        density: Information per unknown of the effect that each weight belongs to.
+        held: Precision that holds unknowns at zero.
+        pinned: Number of unknowns that are held since nothing else determines them.
+    """
+
+    sums: Sums
+    theta: Vector
+    gain: float
+    density: Vector
+    held: Vector
+    pinned: int = 0
+
+    @classmethod
+    def of(
+        cls, sums: Sums, theta: Vector, gain: float = 1.0, pins: Vector | None = None
+    ) -> "Problem":
+        """Return the problem of some sums.
+
+        Args:
+            sums: About θ.
+            theta: The estimate.
+            gain: Mean ψ' of the loss.
+            pins: Precision by which unknowns are held that nothing else determines.
+        """
+        stack, diagonal = sums.stack, sums.diagonal
+        density, held = [], np.zeros(stack.size)
+        for number, (prior, here, _) in enumerate(stack.priors):
+            own = diagonal[here]
+            reached = own[own > 0.0]
+            mean = float(reached.mean()) if len(reached) else 1.0
+            density += [mean] * len(prior.rows)
+            held[here] = stack.effects[number].ridge * mean
+        pinned = 0
+        if pins is not None:
+            held, pinned = held + pins, int((pins > 0.0).sum())
+        return cls(sums, theta, gain, np.array(density), held, pinned)
+
+    @property
+    def stack(self) -> Stack:
+        """The effects."""
+        return self.sums.stack
+
+    @property
+    def count(self) -> float:
+        """Readings that count."""
+        return float(self.sums.tally[0])
+
+    @property
+    def degrees(self) -> float:
+        """Readings that count, less the unknowns that no prior holds."""
+        return max(self.count - self.stack.free + self.pinned, 1e-9)
+
+    @cached_property
+    def bounds(self) -> Float[np.ndarray, "k 2"]:
+        """Least and largest log of each weight."""
+        ends = [prior.bounds for prior, _, _ in self.stack.priors]
+        return np.concatenate(ends) + np.log(self.density)[:, None]
+
+    @cached_property
+    def optional(self) -> Bool[np.ndarray, " k"]:
+        """Weights that may be 0: those of fourth differences."""
+        return np.concatenate([prior.optional for prior, _, _ in self.stack.priors])
+
+    @cached_property
+    def right(self) -> Vector:
+        """Right-hand side of the pseudo-readings."""
+        return self.sums.right / self.gain
+
+    def at(
+        self, weights: Vector, factor: ArrowFactor | None = None
+    ) -> "Posterior | None":
+        """Return the posterior for these weights; None where the matrix is singular.
+
+        Args:
+            weights: Of each term of the prior, relative to 1/noise².
+            factor: Of the same matrix, where one is known.
+        """
+        stack, sums = self.stack, self.sums
+        if factor is None:
+            factor = self._factor(weights)
+        if factor is None:
+            return None
+        pull = self.held * self.theta
+        for weight, term in zip(weights, stack.terms, strict=True):
+            if weight > 0.0:
+                here = term.here
+                pull[here] += weight * (term.penalty.gram @ self.theta[here])
+        move = factor.solve(self.right - pull)
+        square = sums.tally[2] / self.gain**2 - 2.0 * float(move @ self.right)
+        square += float(move @ sums.apply(move))
+        return Posterior(self, weights, factor, self.theta + move, max(square, 0.0))
+
+    def _factor(self, weights: Vector) -> ArrowFactor | None:
+        stack, sums = self.stack, self.sums
+        terms = [(w, t) for w, t in zip(weights, stack.terms, strict=True) if w > 0.0]
+        n = stack.band
+        reach = [max(stack.offsets)]
+        reach += [term.penalty.reach for _, term in terms if not term.border]
+        width = min(max(reach), max(n - 1, 0))
+        columns = np.zeros((n, width + 1))
+        for slot, k in enumerate(stack.offsets if n else ()):
+            if k <= width:
+                columns[:, k] = sums.diagonals[:, slot]
+        columns[:, 0] += self.held[:n]
+        border = sums.whole_border + np.diag(self.held[n:])
+        for weight, term in terms:
+            own, shift = term.penalty, term.shift
+            if term.border:
+                border[own.row + shift, own.column + shift] += weight * own.data
+            else:
+                places = own.column * width + own.row
+                columns.reshape(-1)[places] += weight * own.data
+        return ArrowFactor.of(columns, sums.cross, border)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Posterior:
+    """The Gaussian of all unknowns for one set of weights; what is dear is lazy.
+
+    Attributes:
+        problem: What was solved.
+        weights: Of each term of the prior, relative to 1/noise².
+        factor: Of information + prior precision.
+        values: Mean of the unknowns.
+        residual_square: Sum of squared residuals of the pseudo-readings.
+    """
+
+    problem: Problem
+    weights: Vector
+    factor: ArrowFactor
+    values: Vector
+    residual_square: float
+
+    @cached_property
+    def penalties(self) -> Vector:
+        """Penalty of each term for weight 1, free of cancellation."""
+        terms = self.problem.stack.terms
+        bends = (t.penalty.rows @ self.values[t.here] for t in terms)
+        return np.array([float(bend @ bend) for bend in bends])
+
+    @cached_property
+    def total(self) -> float:
+        """Residual square plus penalty."""
+        penalty = float(self.weights @ self.penalties) if len(self.weights) else 0.0
+        # Readings without any scatter are fitted exactly: the log must not blow up.
+        return max(self.residual_square + penalty, 1e-300)
+
+    @property
+    def variance(self) -> float:
+        """Of the noise of a pseudo-reading of weight 1, by restricted likelihood."""
+        return self.total / self.problem.degrees
+
+    @cached_property
+    def _prior(self) -> tuple[float, Vector]:
+        found = [
+            prior.logdet(self.weights[own])
+            for prior, _, own in self.problem.stack.priors
+        ]
+        slopes = np.concatenate([slope for _, slope in found])
+        return float(sum(value for value, _ in found)), slopes
+
+    @property
+    def evidence(self) -> float:
+        """Minus twice the restricted log-likelihood, up to a constant; smaller is better."""
+        noise = self.problem.degrees * float(np.log(self.total))
+        return noise + self.factor.logdet - self._prior[0]
+
+    @cached_property
+    def _offsets(self) -> list[int]:
+        """Diagonals of the inverse over the band that anything asks for."""
+        stack, used = self.problem.stack, {0}
+        width = self.factor.band.shape[1]
+        used |= {k for k in stack.offsets if k < width}
+        for weight, term in zip(self.weights, stack.terms, strict=True):
+            if weight > 0.0 and not term.border:
+                used |= term.penalty.distances
+        return sorted(used)
+
+    @cached_property
+    def _selected(self) -> tuple[Float[np.ndarray, "n s"], Int[np.ndarray, " w"]]:
+        """Elements of the inverse over the band, and where each diagonal stands."""
+        slots = np.zeros(self._offsets[-1] + 1, np.int64)
+        slots[self._offsets] = np.arange(len(self._offsets))
+        return self.factor.selected(self._offsets), slots
+
+    @cached_property
+    def traces(self) -> Vector:
+        """Weight × trace of inverse × penalty matrix: unknowns that each term takes away."""
+        result = np.zeros(len(self.weights))
+        for k, term in enumerate(self.problem.stack.terms):
+            if self.weights[k] == 0.0:
+                continue
+            own, shift = term.penalty, term.shift
+            if term.border:
+                places = own.row + shift, own.column + shift
+                inverse = self.factor.border_inverse[places]
+            else:
+                selected, slots = self._selected
+                inverse = selected[own.column, slots[own.row - own.column]]
+            result[k] = self.weights[k] * float(own.doubled @ inverse)
+        return result
+
+    @property
+    def carried(self) -> Vector:
+        """Effective number of unknowns that each weight leaves to the readings."""
+        return np.maximum(self._prior[1] - self.traces, 0.0)
+
+    @property
+    def slopes(self) -> Vector:
+        """Slope of the evidence over the logarithm of each weight."""
+        pull = self.problem.degrees * self.weights * self.penalties / self.total
+        return np.asarray(pull + self.traces - self._prior[1])
+
+    @cached_property
+    def used(self) -> float:
+        """Effective number of parameters."""
+        return float(len(self.values) - self.problem.pinned - self.traces.sum())
+
+    @cached_property
+    def inverse_diagonal(self) -> Vector:
+        """Variance of every unknown per variance of one reading."""
+        border = np.diag(self.factor.border_inverse)
+        if not self.problem.stack.band:
+            return border
+        return np.concatenate([self._selected[0][:, 0], border])
+
+    def covariance(self, offsets: Sequence[int]) -> "CellCovariance":
+        """Return the covariance of unknowns within a cell of the band, noise 1."""
+        selected, slots = self._selected
+        inside = [k for k in offsets if k in self._offsets]
+        return CellCovariance(tuple(inside), selected[:, slots[inside]])
+
+    def about(self) -> Problem:
+        """Return the problem of the same sums about these values, so that digits are kept."""
+        problem = self.problem
+        moved = problem.sums.moved(self.values - problem.theta, problem.gain)
+        return dataclasses.replace(problem, sums=moved, theta=self.values)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class CellCovariance:
+    """Covariance between the values of a table that one cell touches.
+
+    Attributes:
+        offsets: Distances of unknowns.
+        columns: ``[j, s]`` is the covariance of unknowns ``j`` and ``j + offsets[s]``.
+    """
+
+    offsets: tuple[int, ...]
+    columns: Float[np.ndarray, "n s"]
+
+    def scaled(self, variance: float) -> "CellCovariance":
+        """Return it for a noise of this variance."""
+        return CellCovariance(self.offsets, variance * self.columns)
+
+    def variance(
+        self, nodes: Int[np.ndarray, "t k"], shares: Float[np.ndarray, "t k"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return the variance of Σ shares · values per row."""
+        slots = np.full(max(self.offsets) + 1, -1)
+        slots[list(self.offsets)] = np.arange(len(self.offsets))
+        result = np.zeros(len(nodes))
+        for a in range(nodes.shape[1]):
+            for b in range(a + 1):
+                away = np.abs(nodes[:, a] - nodes[:, b])
+                slot = np.where(
+                    away < len(slots), slots[np.minimum(away, len(slots) - 1)], -1
+                )
+                own = self.columns[np.minimum(nodes[:, a], nodes[:, b]), slot]
+                twice = 1.0 if a == b else 2.0
+                product = shares[:, a] * shares[:, b]
+                result += np.where(slot < 0, 0.0, twice * product * own)
+        return np.maximum(result, 0.0)

@@ -1,0 +1,491 @@
+r"""Priors of the unknowns of an effect: smooth tables, independent values, none at all.
+
+A prior has one weight per term; its precision is $\sum_k w_k D_k^T D_k$, relative to
+1/noise². The rows $D_k$ are second and fourth differences of node values along the axes of
+a table; a straight line along an axis is left free (on a ring: a constant).
+"""
+
+import abc
+import dataclasses
+import functools
+from functools import cached_property
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Bool, Float, Int
+from scipy.linalg.lapack import dpbtrf
+
+OFF = float(np.log(1e-4))
+"""Log weight, relative to the density, at which fourth differences are left out."""
+_LOW = float(np.log(1e-7))
+"""Least log weight: values may bend a thousand times further than readings scatter."""
+_CAPS = 1e9, 1e11
+"""Weights relative to the density that leave the readings their digits."""
+_STRAIGHT = 1e4, 1e2
+"""Weight × least bend, relative to the density, at which a table is as good as straight."""
+_LONG = 400
+"""Nodes up to which singular values are worth their time."""
+_STEP = 1e-3
+"""Step in a log weight for slopes of what costs nothing."""
+
+Vector = Float[np.ndarray, " _n"]
+
+
+class AbstractPrior(abc.ABC):
+    """A Gaussian prior of the unknowns of one effect, with one weight per term."""
+
+    @property
+    @abc.abstractmethod
+    def rows(self) -> tuple[sp.csr_array, ...]:
+        """Rows $D_k$ of each term over the unknowns of the effect."""
+
+    @property
+    @abc.abstractmethod
+    def free(self) -> int:
+        """Dimension of what no term holds."""
+
+    @abc.abstractmethod
+    def logdet(self, weights: Vector) -> tuple[float, Vector]:
+        """Return the log of the product of the non-zero eigenvalues of the precision.
+
+        Beside it stands its slope over the logarithm of each weight; 0 for a weight of 0.
+        """
+
+    @property
+    @abc.abstractmethod
+    def bounds(self) -> Float[np.ndarray, "k 2"]:
+        """Least and largest log weight of each term, relative to the density."""
+
+    @property
+    @abc.abstractmethod
+    def optional(self) -> Bool[np.ndarray, " k"]:
+        """Terms that may be left out: fourth differences."""
+
+    @property
+    def scanned(self) -> bool:
+        """Whether the scale of the weights is looked for over many orders of magnitude."""
+        return True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the weights as results carry them."""
+        return tuple(f"term {k + 1}" for k in range(len(self.rows)))
+
+    @property
+    @abc.abstractmethod
+    def straight(self) -> Float[np.ndarray, "n z"]:
+        """What no term holds, one column per dimension."""
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class NoPrior(AbstractPrior):
+    """No prior at all: each value rests on its own readings."""
+
+    size: int
+
+    @property
+    def rows(self) -> tuple[sp.csr_array, ...]:
+        """See `AbstractPrior`."""
+        return ()
+
+    @property
+    def free(self) -> int:
+        """See `AbstractPrior`."""
+        return self.size
+
+    def logdet(self, weights: Vector) -> tuple[float, Vector]:
+        """See `AbstractPrior`."""
+        return 0.0, np.zeros(len(weights))
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "k 2"]:
+        """See `AbstractPrior`."""
+        return np.zeros((0, 2))
+
+    @property
+    def optional(self) -> Bool[np.ndarray, " k"]:
+        """See `AbstractPrior`."""
+        return np.zeros(0, bool)
+
+    @property
+    def straight(self) -> Float[np.ndarray, "n z"]:
+        """See `AbstractPrior`."""
+        return np.eye(self.size)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Independent(AbstractPrior):
+    """Values of one variance about zero, as precision rows of full rank.
+
+    Attributes:
+        matrix: Rows whose square is the precision at weight 1; the unit matrix for
+            independent values, first differences for a random walk that starts at zero.
+        constant: Log-determinant of the precision at weight 1.
+    """
+
+    matrix: sp.csr_array
+    constant: float = 0.0
+
+    @property
+    def rows(self) -> tuple[sp.csr_array, ...]:
+        """See `AbstractPrior`."""
+        return (self.matrix,)
+
+    @property
+    def scanned(self) -> bool:
+        """See `AbstractPrior`: a variance begins as wide as what readings tell of it."""
+        return False
+
+    @property
+    def free(self) -> int:
+        """See `AbstractPrior`."""
+        return 0
+
+    def logdet(self, weights: Vector) -> tuple[float, Vector]:
+        """See `AbstractPrior`."""
+        count = float(np.asarray(self.matrix.shape)[1])
+        return count * float(np.log(weights[0])) + self.constant, np.array([count])
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "k 2"]:
+        """See `AbstractPrior`."""
+        return np.array([[_LOW, np.log(_CAPS[0])]])
+
+    @property
+    def optional(self) -> Bool[np.ndarray, " k"]:
+        """See `AbstractPrior`."""
+        return np.zeros(1, bool)
+
+    @property
+    def straight(self) -> Float[np.ndarray, "n z"]:
+        """See `AbstractPrior`."""
+        return np.zeros((int(np.asarray(self.matrix.shape)[1]), 0))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Chain:
+    r"""Second and fourth differences along one axis; made by `chain`, which keeps them.
+
+    Second differences are per node distance squared (a discretised $\int f''^2$), fourth
+    ones are second differences of those.
+
+    Attributes:
+        nodes: Node positions, the repeated end of a ring included.
+        ring: Whether the last node is the first one again.
+    """
+
+    nodes: Vector
+    ring: bool = False
+
+    @property
+    def size(self) -> int:
+        """Number of different nodes."""
+        return len(self.nodes) - int(self.ring)
+
+    @property
+    def free(self) -> int:
+        """Dimension of what the differences leave free."""
+        if self.size < 3:
+            return self.size
+        return 1 if self.ring else 2
+
+    @cached_property
+    def _differences(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """Second differences, and second differences of those, both weighted."""
+        gaps = np.diff(self.nodes)
+        mean = float(gaps.mean()) if len(gaps) else 1.0
+        first, length = _bends(gaps, mean, self.ring)
+        second = sp.csr_array(sp.diags_array(np.sqrt(length)) @ first)
+        if len(length) < 3:
+            return second, sp.csr_array((0, len(length)))
+        # Row i of the differences stands at node i + 1.
+        inner = np.roll(gaps, -1) if self.ring else gaps[1:-1]
+        again, own = _bends(inner, mean, self.ring)
+        weighted = sp.diags_array(np.sqrt(own)) @ again
+        return second, sp.csr_array(weighted @ sp.diags_array(1.0 / np.sqrt(length)))
+
+    @cached_property
+    def rows(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """Second and fourth differences, weighted by the length that each stands for."""
+        second, again = self._differences
+        return second, sp.csr_array(again @ second)
+
+    @cached_property
+    def grams(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """The penalty matrices $D_k^T D_k$."""
+        second, fourth = self.rows
+        return sp.csr_array(second.T @ second), sp.csr_array(fourth.T @ fourth)
+
+    @cached_property
+    def least(self) -> tuple[float, float]:
+        """Least non-zero eigenvalue of both penalties; 0 on a long chain."""
+        if self.size > _LONG:
+            return 0.0, 0.0
+        found = []
+        for part in self.rows:
+            sizes = np.square(np.linalg.svd(part.toarray(), compute_uv=False))
+            # All rows are independent but for one on a ring, where they sum to zero.
+            sizes = sizes[: len(sizes) - int(self.ring)]
+            found.append(float(sizes[-1]) if len(sizes) else 0.0)
+        return found[0], found[1]
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 2"]:
+        """Ends of the log weights: no stiffer than a straight table, or a factor, bears."""
+        high = [
+            min(cap, most / bend) if bend > 0.0 else cap
+            for cap, most, bend in zip(_CAPS, _STRAIGHT, self.least, strict=True)
+        ]
+        return np.array([[_LOW, np.log(high[0])], [OFF, max(np.log(high[1]), OFF)]])
+
+    def eigenvalues(self, weights: Vector) -> Vector:
+        """Return all eigenvalues of the penalty, ascending, those left free exactly 0."""
+        rows = [
+            np.sqrt(w) * part.toarray()
+            for w, part in zip(weights, self.rows, strict=True)
+            if w > 0.0
+        ]
+        result = np.zeros(self.size)
+        if rows and self.size > self.free:
+            # Squares of singular values: small ones keep their digits beside large ones.
+            sizes = np.linalg.svd(np.vstack(rows), compute_uv=False)
+            count = self.size - self.free
+            result[self.free :] = np.square(sizes[:count][::-1])
+        return result
+
+    @cached_property
+    def _factored(self) -> tuple[Vector, Vector, float]:
+        """Precisions of fourth differences where second ones have weight 1.
+
+        With them the shares of the left null vector of a ring (empty elsewhere), and the
+        log-determinant at weight 1 of the second differences alone.
+        """
+        second, again = (part.toarray() for part in self._differences)
+        left, sizes, _ = np.linalg.svd(second, full_matrices=True)
+        constant = 2.0 * float(np.log(sizes[: self.size - self.free]).sum())
+        _, size, modes = np.linalg.svd(again, full_matrices=True)
+        bends = np.zeros(len(second))
+        bends[: len(size)] = np.square(size)
+        if not self.ring:
+            return bends, np.zeros(0), constant
+        bends[bends < 1e-12 * bends.max(initial=0.0)] = 0.0
+        return bends, np.square(modes @ left[:, -1]), constant
+
+    def logdet(self, weights: Vector) -> tuple[float, Vector]:
+        """Return the log of the product of the non-zero eigenvalues, and its slopes."""
+        count = self.size - self.free
+        if not count:
+            return 0.0, np.zeros(2)
+        second, fourth = float(weights[0]), float(weights[1])
+        if self.size > _LONG and not self.ring:
+            return self._logdet_long(second, fourth)
+        bends, share, constant = self._factored
+        stiff = second + fourth * bends
+        value = constant + float(np.log(stiff).sum())
+        slope = float((fourth * bends / stiff).sum())
+        if len(share):
+            ease = share / stiff
+            value += float(np.log(ease.sum()))
+            slope -= float((ease * fourth * bends / stiff).sum() / ease.sum())
+        return value, np.array([count - slope, slope])
+
+    def _logdet_long(self, second: float, fourth: float) -> tuple[float, Vector]:
+        count, constant, inner = self._reduced
+
+        def value(weight: float) -> float:
+            columns = weight * inner
+            columns[:, 0] += second
+            return constant + band_logdet(columns)
+
+        slope = 0.0
+        if fourth > 0.0:
+            ends = value(fourth * np.exp(_STEP)), value(fourth * np.exp(-_STEP))
+            slope = (ends[0] - ends[1]) / (2.0 * _STEP)
+        return value(fourth), np.array([count - slope, slope])
+
+    @cached_property
+    def _reduced(self) -> tuple[int, float, Float[np.ndarray, "r w"]]:
+        """Number of second differences, their log-determinant, fourth ones over them."""
+        second, again = self._differences
+        constant = band_logdet(lower_band(sp.csr_array(second @ second.T)))
+        inner = lower_band(sp.csr_array(again.T @ again))
+        return len(second.indptr) - 1, constant, inner
+
+    def logdet_shifted(self, weights: Vector, shift: float) -> float:
+        """Return the log-determinant of penalty + shift · unit matrix."""
+        if shift == 0.0:
+            return self.logdet(weights)[0]
+        columns = lower_band(
+            sp.csr_array(weights[0] * self.grams[0] + weights[1] * self.grams[1])
+        )
+        columns[:, 0] += shift
+        return band_logdet(columns)
+
+    @property
+    def straight(self) -> Float[np.ndarray, "n z"]:
+        """What the differences leave free: a constant and a line."""
+        if self.size < 3:
+            return np.eye(self.size)
+        if self.ring:
+            return np.ones((self.size, 1))
+        middle = 0.5 * (self.nodes[0] + self.nodes[-1])
+        half = 0.5 * (self.nodes[-1] - self.nodes[0])
+        return np.column_stack([np.ones(self.size), (self.nodes - middle) / half])
+
+
+def _bends(
+    gaps: Float[np.ndarray, " g"], mean: float, ring: bool
+) -> tuple[sp.csr_array, Float[np.ndarray, " r"]]:
+    """Return mean²·f'' at inner nodes, and the share of the length each row stands for."""
+    points = len(gaps) if ring else len(gaps) + 1
+    before = gaps if ring else gaps[:-1]
+    after = np.roll(gaps, -1) if ring else gaps[1:]
+    rows = len(before)
+    if points < 3:
+        return sp.csr_array((0, points)), np.zeros(0)
+    scale = 2.0 * mean**2 / (before + after)
+    index = np.arange(rows)
+    columns = np.concatenate([index, (index + 1) % points, (index + 2) % points])
+    data = np.concatenate(
+        [scale / before, -scale * (1.0 / before + 1.0 / after), scale / after]
+    )
+    matrix = sp.coo_array((data, (np.tile(index, 3), columns)), shape=(rows, points))
+    return sp.csr_array(matrix), (before + after) / (2.0 * mean)
+
+
+def chain(nodes: Vector, ring: bool = False) -> Chain:
+    """Return the differences along one axis, the same object for the same nodes."""
+    return _chain(np.asarray(nodes, np.float64).tobytes(), ring)
+
+
+@functools.lru_cache(maxsize=256)
+def _chain(nodes: bytes, ring: bool) -> Chain:
+    return Chain(np.frombuffer(nodes, np.float64), ring)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Smooth(AbstractPrior):
+    """Prior of a table: differences along its axes, whose precisions add up.
+
+    Values are ordered with the last axis fastest; ``order`` says which value stands at each
+    place of that grid.
+
+    Attributes:
+        slow: Along the first axis.
+        fast: Along the second one; None for a table of one axis.
+        branches: Tables side by side (directions of motion), each smooth by itself.
+        order: Unknown at each place of the (branch, slow, fast) grid, flattened.
+        axes: Numbers of both axes in the names of the weights, from 1.
+    """
+
+    slow: Chain
+    fast: Chain | None
+    branches: int
+    order: Int[np.ndarray, " n"]
+    axes: tuple[int, int] = (1, 2)
+
+    @cached_property
+    def rows(self) -> tuple[sp.csr_array, ...]:
+        """See `AbstractPrior`."""
+        one = 1 if self.fast is None else self.fast.size
+        left, right = sp.eye_array(self.branches), sp.eye_array(one)
+        found = [sp.kron(left, sp.kron(rows, right)) for rows in self.slow.rows]
+        if self.fast is not None:
+            along = sp.eye_array(self.slow.size)
+            found += [sp.kron(along, rows) for rows in self.fast.rows]
+        return tuple(_placed(sp.coo_array(each), self.order) for each in found)
+
+    @property
+    def free(self) -> int:
+        """See `AbstractPrior`."""
+        other = self.branches if self.fast is None else self.fast.free
+        return self.slow.free * other
+
+    def logdet(self, weights: Vector) -> tuple[float, Vector]:
+        """See `AbstractPrior`."""
+        if self.fast is None:
+            value, slopes = self.slow.logdet(weights)
+            return self.branches * value, self.branches * slopes
+        # Slopes are central differences: a determinant costs little beside a factor.
+        slopes = np.zeros(4)
+        for k in np.flatnonzero(weights):
+            ends = []
+            for step in (_STEP, -_STEP):
+                moved = weights.copy()
+                moved[k] *= np.exp(step)
+                ends.append(self._logdet(moved))
+            slopes[k] = (ends[0] - ends[1]) / (2.0 * _STEP)
+        return self._logdet(weights), slopes
+
+    def _logdet(self, weights: Vector) -> float:
+        assert self.fast is not None
+        across = _eigenvalues(self.fast, *weights[2:].tolist())
+        if self.slow.size <= _LONG:
+            both = _eigenvalues(self.slow, *weights[:2].tolist())[:, None] + across
+            return float(np.log(both[both > 0.0]).sum())
+        return sum(self.slow.logdet_shifted(weights[:2], each) for each in across)
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "k 2"]:
+        """See `AbstractPrior`."""
+        parts = [self.slow] if self.fast is None else [self.slow, self.fast]
+        return np.concatenate([part.bounds for part in parts])
+
+    @property
+    def optional(self) -> Bool[np.ndarray, " k"]:
+        """See `AbstractPrior`."""
+        return np.resize([False, True], 2 if self.fast is None else 4)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """See `AbstractPrior`."""
+        axes = self.axes[:1] if self.fast is None else self.axes
+        return tuple(f"order {n}, axis {axis}" for axis in axes for n in (2, 4))
+
+    @property
+    def straight(self) -> Float[np.ndarray, "n z"]:
+        """See `AbstractPrior`."""
+        if self.fast is None:
+            grid = np.kron(np.eye(self.branches), self.slow.straight)
+        else:
+            grid = np.kron(self.slow.straight, self.fast.straight)
+        result = np.zeros(grid.shape)
+        result[self.order] = grid
+        return result
+
+
+@functools.lru_cache(maxsize=64)
+def _eigenvalues(axis: Chain, second: float, fourth: float) -> Vector:
+    return axis.eigenvalues(np.array([second, fourth]))
+
+
+def _placed(rows: sp.coo_array, order: Int[np.ndarray, " n"]) -> sp.csr_array:
+    """Return rows over a grid as rows over the unknowns that stand there."""
+    row, column = rows.coords
+    shape = (int(np.asarray(rows.shape)[0]), len(order))
+    return sp.csr_array(sp.coo_array((rows.data, (row, order[column])), shape=shape))
+
+
+def lower_band(matrix: sp.csr_array) -> Float[np.ndarray, "n w"]:
+    """Return the lower band of a symmetric matrix: ``[j, d]`` is element ``(j + d, j)``."""
+    entries = matrix.tocoo()
+    row, column = entries.coords
+    keep = (row >= column) & (entries.data != 0.0)
+    offset = (row - column)[keep]
+    size = int(np.asarray(matrix.shape)[0])
+    columns = np.zeros((size, int(offset.max(initial=0)) + 1))
+    columns[column[keep], offset] = entries.data[keep]
+    return columns
+
+
+def band_logdet(columns: Float[np.ndarray, "n w"]) -> float:
+    """Return the log-determinant of a positive definite band; −∞ where it is singular."""
+    if not len(columns):
+        return 0.0
+    factor, info = dpbtrf(columns.T, lower=1)
+    return 2.0 * float(np.log(factor[0]).sum()) if info == 0 else float("-inf")

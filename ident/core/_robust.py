@@ -1,0 +1,268 @@
+"""The fit of a stack: robust passes at given weights of the prior, and their evidence.
+
+The loop sees readings through sums only, so that readings in memory and a stream of pieces
+take the same way: a pass returns sums about an estimate, they give the next estimate.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ._effect import Design
+from ._errors import FitError
+from ._evidence import choose_weights
+from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
+from ._posterior import FILL, Posterior, Problem
+from ._readings import Pieces, Readings
+from ._sums import MANY, Stack, Sums, sums_of
+
+_PASSES, _SEARCHES = 60, 6
+"""Robust passes and searches for the evidence, at most."""
+_ENDED, _NEAR = 0.002, 0.03
+"""Last move of the predictions, in their typical deviation, at which passes end: at the last
+weights, at others."""
+_SAME = 0.05
+"""Change of the values, in typical deviations, that asks for no new weights."""
+_FROZEN = 4
+"""Passes after which the tails of the loss stay: chosen for ever, they go in circles."""
+_CHANGED = 1e-4
+"""Share of readings that change sides and ask for a new matrix."""
+_PLENTY = 10.0
+"""Readings per unknown from which on they judge each other, without their neighbours."""
+
+Vector = Float[np.ndarray, " _n"]
+Pass = Callable[[Vector, Loss, bool], Sums]
+"""Returns the sums of all readings about an estimate; the matrix only where it is asked for."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Estimate:
+    """Where the fit of a stack ended.
+
+    Attributes:
+        posterior: Of all unknowns.
+        loss: By which readings counted in the last pass.
+        about: Estimate about which that pass was.
+        converged: Whether nothing moved any more.
+    """
+
+    posterior: Posterior
+    loss: Loss
+    about: Vector
+    converged: bool
+
+    @property
+    def values(self) -> Vector:
+        """Of all unknowns."""
+        return self.posterior.values
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a reading of weight 1, wild readings left out."""
+        count, _, _, square, good = self.posterior.problem.sums.tally
+        free = count - self.posterior.used
+        if self.loss == Loss():
+            return float(np.sqrt(self.posterior.residual_square / max(free, 1e-9)))
+        return float(np.sqrt(square / max(free * good / max(count, 1.0), 1e-9)))
+
+
+def memory(stack: Stack, readings: Readings, design: Design | None = None) -> Pass:
+    """Return the pass over readings in memory; their design is made once.
+
+    Args:
+        stack: Effects.
+        readings: Any number.
+        design: Their design, where it is known.
+    """
+    # The loop over a large plane locates its cells faster than it would read them.
+    if design is None and not (len(stack.effects) == 1 and len(readings) >= MANY):
+        design = stack.design(readings)
+
+    def over(theta: Vector, loss: Loss, full: bool) -> Sums:
+        return sums_of(stack, readings, theta, loss, full, design)[0]
+
+    return over
+
+
+def stream(stack: Stack, pieces: Pieces) -> Pass:
+    """Return the pass over readings in pieces."""
+
+    def over(theta: Vector, loss: Loss, full: bool) -> Sums:
+        total: Sums | None = None
+        for piece in pieces():
+            if len(piece):
+                own, _ = sums_of(stack, piece, theta, loss, full)
+                total = own if total is None else total + own
+        if total is None:
+            msg = "found 0 readings, expected at least one per node."
+            raise FitError(msg)
+        return total
+
+    return over
+
+
+def estimate(
+    stack: Stack,
+    over: Pass,
+    *,
+    loss: str,
+    weights: Callable[[Problem], Vector] | None = None,
+    floor: float = 1e-12,
+    start: Vector | None = None,
+    pins: Vector | None = None,
+    near: Estimate | None = None,
+) -> Estimate:
+    """Fit a stack: passes over the readings in turn with the search for the weights.
+
+    Args:
+        stack: Effects.
+        over: Pass over the readings.
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        weights: Weights of the prior for a problem; None: by evidence.
+        floor: Smallest scale of residuals to believe in, in mm or °.
+        start: Unknowns to begin with, as a constant; None: zero.
+        pins: Precision by which unknowns are held that nothing else determines.
+        near: A fit of nearly the same readings, where this one begins.
+
+    Raises:
+        FitError: If the readings do not determine the unknowns or the loss is unknown.
+    """
+    if loss not in LOSSES:
+        choose_loss(loss, np.ones(1), 1.0, 1.0)
+    return _Passes(stack, over, loss, weights, floor, pins).run(start, near)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Passes:
+    stack: Stack
+    over: Pass
+    loss: str
+    fixed: Callable[[Problem], Vector] | None
+    floor: float
+    pins: Vector | None
+
+    def run(self, start: Vector | None, near: Estimate | None) -> Estimate:
+        """Alternate passes and searches until neither moves the values."""
+        if near is not None and self.loss != "gauss":
+            matrix = self.over(near.values, near.loss, True)
+            problem = self._problem(matrix, near.values)
+            weights = (
+                near.posterior.weights if self.fixed is None else self._light(problem)
+            )
+            return self._robust(self._solved(problem, weights), searches=1)
+        theta = np.zeros(self.stack.size) if start is None else start
+        matrix = self.over(theta, Loss(), True)
+        if self.loss == "gauss":
+            problem = self._problem(matrix, theta)
+            # About the values themselves the sums keep all their digits.
+            problem = self._solved(problem, self._light(problem)).about()
+            post = (
+                self._chosen(problem, None)
+                if self.fixed is None
+                else self._solved(problem, self.fixed(problem))
+            )
+            return Estimate(post, Loss(), theta, True)
+        # Far from the table every residual is large: believe all, the hopeless ones less.
+        size, count = matrix.sizes
+        scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
+        far = self.over(theta, Loss(scale, corner=WILD), False).with_matrix(matrix)
+        problem = self._problem(far, theta)
+        return self._robust(self._solved(problem, self._light(problem)))
+
+    def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
+        return Problem.of(sums, theta, gain, self.pins)
+
+    def _robust(self, post: Posterior, searches: int = 0) -> Estimate:
+        inflation = self._inflation(post)
+        freedoms: tuple[float, ...] = FREEDOMS
+        active = -1.0
+        matrix, loss, about = post.problem.sums, Loss(), post.values
+        sums = self.over(about, Loss(), False)
+        converged = False
+        for number in range(_PASSES):
+            about = post.values
+            size, count = sums.sizes
+            loss = choose_loss(self.loss, size, inflation, self.floor, count, freedoms)
+            if number >= _FROZEN:
+                freedoms = (loss.freedom,)
+            # With the same readings at work the matrix and its factor stay as they are.
+            full = number < 2
+            sums = self.over(about, loss, full)
+            if not full and abs(sums.tally[0] - active) > _CHANGED * sums.tally[0]:
+                full, sums = True, self.over(about, loss, True)
+            if full:
+                matrix, active = sums, float(sums.tally[0])
+            factor = None if full else post.factor
+            sums = sums.with_matrix(matrix)
+            gain = max(float(sums.tally[1] / max(sums.tally[0], 1.0)), 0.1)
+            problem = self._problem(sums, about, gain)
+            weights = post.weights if self.fixed is None else self.fixed(problem)
+            post = self._solved(problem, weights, factor)
+            step = self._step(post)
+            moved = self._moved(sums, post.values - about)
+            final = self.fixed is not None or searches > 0
+            converged = moved <= (_ENDED if final else _NEAR) * step
+            if converged and self.fixed is None and searches < _SEARCHES:
+                before = post.values
+                post = self._chosen(problem, post.weights if searches else None)
+                searches += 1
+                converged = self._moved(sums, post.values - before) <= _SAME * step
+            if converged:
+                break
+            inflation = self._inflation(post)
+        return Estimate(post, loss, about, converged)
+
+    def _moved(self, sums: Sums, change: Vector) -> float:
+        """Return by how much predictions of the readings change, root mean square."""
+        square = float(change @ sums.apply(change)) / max(float(sums.tally[0]), 1.0)
+        return float(np.sqrt(max(square, 0.0)))
+
+    def _step(self, post: Posterior) -> float:
+        """Return the typical standard deviation of a prediction, without any prior."""
+        share = min(self.stack.size / max(post.problem.count, 1.0), 1.0)
+        return float(np.sqrt(max(post.variance, self.floor**2) * share))
+
+    def _inflation(self, post: Posterior) -> float:
+        """Return the factor that undoes the shrinkage of residuals by the unknowns."""
+        count = post.problem.count
+        # The exact number is dear on a large table, where it hardly matters.
+        used = float(self.stack.size) if count >= 20 * self.stack.size else post.used
+        return float(np.sqrt(count / max(count - used, 0.05 * count)))
+
+    def _light(self, problem: Problem) -> Vector:
+        if self.fixed is not None:
+            return self.fixed(problem)
+        plenty = problem.count >= _PLENTY * self.stack.size
+        second = problem.density * (1e-2 if plenty else 1.0)
+        return np.where(problem.optional, 0.0, second)
+
+    def _solved(
+        self, problem: Problem, weights: Vector, factor: object = None
+    ) -> Posterior:
+        found = problem.at(weights, factor)  # type: ignore[arg-type]
+        if found is None:
+            msg = "the readings do not determine the table: the normal matrix is singular."
+            raise FitError(msg)
+        return found
+
+    def _chosen(self, problem: Problem, start: Vector | None) -> Posterior:
+        found = choose_weights(problem, start)
+        if found is None:
+            msg = "no smoothness gives a table: the readings are degenerate."
+            raise FitError(msg)
+        return found
+
+
+def fixed_weights(stack: Stack, smoothness: float) -> Callable[[Problem], Vector]:
+    """Return what gives every second difference this weight, at least what fills gaps."""
+
+    def weights(problem: Problem) -> Vector:
+        least = np.maximum(smoothness, FILL * problem.density)
+        return np.where(problem.optional, 0.0, least)
+
+    return weights

@@ -1,0 +1,535 @@
+"""Information of readings about the unknowns of a stack; it adds up.
+
+All that a fit needs of its readings are these sums about a current estimate: over pieces
+of a file, over files, over workers. A group is left out by subtraction.
+"""
+
+import dataclasses
+import weakref
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+
+from ...models import EquidistantNodes, Plane
+from ._effect import AbstractEffect, Design, TableEffect
+from ._errors import FitError
+from ._loss import Loss
+from ._prior import AbstractPrior, lower_band
+from ._readings import Readings
+
+MANY = 100_000
+"""From this many readings on, compiled loops pay for loading the compiler."""
+_CHUNK = 1 << 17
+"""Readings whose design is in memory at a time."""
+_SHIFT = 45
+_FIRST, _BINS = (1023 - 60) << 7, 80 << 7
+"""Residuals are counted by the leading bits of a float: 128 bins per octave, 80 octaves."""
+_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+"""Slack of a node, as in `axcomp.models.EquidistantNodes`."""
+
+Vector = Float[np.ndarray, " _n"]
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stack:
+    """Effects side by side; the unknowns of the first one may form a band.
+
+    Attributes:
+        effects: In the order of their unknowns.
+        banded: Whether the first effect is a table that is kept as a band.
+    """
+
+    effects: tuple[AbstractEffect, ...]
+    banded: bool = True
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """First unknown of each effect, then the number of all."""
+        sizes = [effect.size for effect in self.effects]
+        return (0, *np.cumsum(sizes).tolist())
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.starts[-1]
+
+    @property
+    def band(self) -> int:
+        """Number of unknowns of the band."""
+        return self.starts[1] if self.banded else 0
+
+    @property
+    def table(self) -> TableEffect | None:
+        """The effect whose unknowns form the band."""
+        first = self.effects[0]
+        return first if self.banded and isinstance(first, TableEffect) else None
+
+    @property
+    def offsets(self) -> tuple[int, ...]:
+        """Diagonals of the band that readings reach."""
+        return (0,) if self.table is None else self.table.offsets
+
+    def here(self, number: int) -> slice:
+        """Return the unknowns of an effect."""
+        return slice(self.starts[number], self.starts[number + 1])
+
+    @cached_property
+    def priors(self) -> tuple[tuple[AbstractPrior, slice, slice], ...]:
+        """Prior of each effect, its unknowns, its weights."""
+        result, first = [], 0
+        for number, effect in enumerate(self.effects):
+            count = len(effect.prior.rows)
+            own = slice(first, first + count)
+            result.append((effect.prior, self.here(number), own))
+            first += count
+        return tuple(result)
+
+    @cached_property
+    def terms(self) -> "tuple[Term, ...]":
+        """Terms of the prior, in the order of the weights."""
+        return tuple(
+            Term(penalty, self.here(number), self.here(number).start - self.band)
+            for number, effect in enumerate(self.effects)
+            for penalty in penalties(effect)
+        )
+
+    @cached_property
+    def free(self) -> int:
+        """Number of unknowns that no prior holds."""
+        return sum(prior.free for prior, _, _ in self.priors)
+
+    def design(self, readings: Readings) -> Design:
+        """Return the rows of all effects side by side."""
+        parts = [effect.design(readings) for effect in self.effects]
+        nodes = [
+            each + start for (each, _), start in zip(parts, self.starts, strict=False)
+        ]
+        return np.hstack(nodes), np.hstack([shares for _, shares in parts])
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Penalty:
+    """One term of a prior, $K = D^T D$, over the unknowns of its effect.
+
+    Attributes:
+        rows: D.
+        gram: K.
+        row: Of the lower elements of K.
+        column: Likewise.
+        data: The elements.
+        doubled: Elements counted for both triangles.
+        distances: Of the elements from the diagonal.
+    """
+
+    rows: sp.csr_array
+    gram: sp.csr_array
+    row: Int[np.ndarray, " e"]
+    column: Int[np.ndarray, " e"]
+    data: Float[np.ndarray, " e"]
+    doubled: Float[np.ndarray, " e"]
+    distances: frozenset[int]
+
+    @classmethod
+    def of(cls, rows: sp.csr_array) -> "Penalty":
+        """Return the penalty of rows."""
+        gram = sp.csr_array(rows.T @ rows)
+        lower = sp.coo_array(sp.tril(gram))
+        keep = lower.data != 0.0
+        row, column = (each[keep].astype(np.int64) for each in lower.coords)
+        data = lower.data[keep]
+        doubled = np.where(row == column, data, 2.0 * data)
+        distances = frozenset(np.unique(row - column).tolist())
+        return cls(rows, gram, row, column, data, doubled, distances)
+
+    @property
+    def reach(self) -> int:
+        """Largest distance of an element from the diagonal."""
+        return max(self.distances, default=0)
+
+
+_PENALTIES: "weakref.WeakKeyDictionary[AbstractEffect, tuple[Penalty, ...]]" = (
+    weakref.WeakKeyDictionary()
+)
+
+
+def penalties(effect: AbstractEffect) -> tuple[Penalty, ...]:
+    """Return the terms of an effect's prior; they are kept as long as the effect."""
+    found = _PENALTIES.get(effect)
+    if found is None:
+        found = tuple(Penalty.of(rows) for rows in effect.prior.rows)
+        _PENALTIES[effect] = found
+    return found
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Term:
+    """A penalty at its place among all unknowns.
+
+    Attributes:
+        penalty: Over the unknowns of its effect.
+        here: These unknowns.
+        shift: First of them counted from the border; negative in the band.
+    """
+
+    penalty: Penalty
+    here: slice
+    shift: int
+
+    @property
+    def border(self) -> bool:
+        """Whether its effect stands in the border."""
+        return self.shift >= 0
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sums:
+    """Sums over readings about a current estimate θ.
+
+    Attributes:
+        stack: Effects.
+        diagonals: $A^T W A$ of the band: ``[j, s]`` is element ``(j + offsets[s], j)``.
+        cross: $A^T W A$ of the border with the band.
+        border: $A^T W A$ of the border, lower triangle.
+        right: $A^T W ψ$ of the residuals.
+        tally: Readings that count, Σψ', ΣWψ²; ΣWr² and number of those that are not wild.
+        histogram: Number of residuals × √weight by size.
+        support: Readings that touch each unknown with a share above 0.
+    """
+
+    stack: Stack
+    diagonals: Float[np.ndarray, "n s"]
+    cross: Float[np.ndarray, "m n"]
+    border: Float[np.ndarray, "m m"]
+    right: Float[np.ndarray, " u"]
+    tally: Float[np.ndarray, " 5"]
+    histogram: Int[np.ndarray, " b"]
+    support: Int[np.ndarray, " u"]
+
+    @classmethod
+    def empty(cls, stack: Stack) -> "Sums":
+        """Return sums over nothing."""
+        n, m = stack.band, stack.size - stack.band
+        return cls(
+            stack,
+            np.zeros((n, len(stack.offsets))),
+            np.zeros((m, n)),
+            np.zeros((m, m)),
+            np.zeros(stack.size),
+            np.zeros(5),
+            np.zeros(_BINS, np.int64),
+            np.zeros(stack.size, np.int64),
+        )
+
+    def __add__(self, other: "Sums") -> "Sums":
+        return self._with(other, 1)
+
+    def __sub__(self, other: "Sums") -> "Sums":
+        return self._with(other, -1)
+
+    def _with(self, other: "Sums", sign: int) -> "Sums":
+        parts = {
+            field.name: getattr(self, field.name) + sign * getattr(other, field.name)
+            for field in dataclasses.fields(self)[1:]
+        }
+        return Sums(self.stack, **parts)
+
+    def with_matrix(self, other: "Sums") -> "Sums":
+        """Return these sums with the matrix and the support of others."""
+        return dataclasses.replace(
+            self,
+            diagonals=other.diagonals,
+            cross=other.cross,
+            border=other.border,
+            support=other.support,
+        )
+
+    @cached_property
+    def diagonal(self) -> Vector:
+        """Information on each unknown alone."""
+        return np.concatenate([self.diagonals[:, 0], np.diag(self.border)])
+
+    @cached_property
+    def whole_border(self) -> Float[np.ndarray, "m m"]:
+        """Both triangles of the border."""
+        return np.tril(self.border) + np.tril(self.border, -1).T
+
+    def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
+        """Return $A^T W A$ × values."""
+        n = self.stack.band
+        result, band = np.zeros_like(values), values[:n]
+        for slot, k in enumerate(self.stack.offsets if n else ()):
+            diagonal = self.diagonals[: n - k, slot]
+            result[k:n] += diagonal * band[: n - k]
+            if k:
+                result[: n - k] += diagonal * band[k:]
+        if len(self.border):
+            result[:n] += self.cross.T @ values[n:]
+            result[n:] = self.cross @ band + self.whole_border @ values[n:]
+        return result
+
+    def moved(self, step: Vector, gain: float = 1.0) -> "Sums":
+        """Return the sums about θ + step, the weights of the loss kept.
+
+        Args:
+            step: Change of the unknowns.
+            gain: Mean ψ' of the loss.
+        """
+        push = gain * self.apply(step)
+        tally = self.tally.copy()
+        tally[2] += gain * float(step @ (push - 2.0 * self.right))
+        return dataclasses.replace(self, right=self.right - push, tally=tally)
+
+    def reduced(
+        self,
+        stack: Stack,
+        border: Float[np.ndarray, "m k"],
+        band: sp.csr_array | None = None,
+    ) -> "Sums":
+        """Return the sums over fewer unknowns, of which these are linear functions.
+
+        Args:
+            stack: Of the fewer unknowns.
+            border: These unknowns of the border per unknown of the smaller one.
+            band: Likewise for the band; None: it stays.
+        """
+        n = self.stack.band
+        diagonals, cross, right = self.diagonals, border.T @ self.cross, self.right[:n]
+        if band is not None:
+            gram = sp.diags_array(
+                [self.diagonals[: n - k, s] for s, k in enumerate(self.stack.offsets)],
+                offsets=[-k for k in self.stack.offsets], shape=(n, n),
+            )  # fmt: skip
+            gram = sp.csr_array(gram + sp.tril(gram, -1).T)
+            lower = lower_band(sp.csr_array(band.T @ gram @ band))
+            diagonals = np.zeros((stack.band, len(stack.offsets)))
+            for slot, k in enumerate(stack.offsets):
+                if k < lower.shape[1]:
+                    diagonals[:, slot] = lower[:, k]
+            cross, right = np.asarray(cross @ band), np.asarray(band.T @ right)
+        return Sums(
+            stack,
+            diagonals,
+            cross,
+            np.tril(border.T @ self.whole_border @ border),
+            np.concatenate([right, border.T @ self.right[n:]]),
+            self.tally,
+            self.histogram,
+            np.zeros(stack.size, np.int64),
+        )
+
+    @property
+    def sizes(self) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+        """Sizes of residuals × √weight, ascending, and how many there are of each."""
+        found = np.flatnonzero(self.histogram)
+        bits = ((found + _FIRST).astype(np.int64) << _SHIFT) + (1 << (_SHIFT - 1))
+        return bits.view(np.float64), self.histogram[found]
+
+
+def _binned(residual: Float[np.ndarray, " t"]) -> Int[np.ndarray, " b"]:
+    """Count residuals by size: the leading bits of a float are its logarithm, piecewise."""
+    place = (np.abs(residual).view(np.int64) >> _SHIFT) - _FIRST
+    return np.bincount(np.clip(place, 0, _BINS - 1), minlength=_BINS)
+
+
+def sums_of(
+    stack: Stack,
+    readings: Readings,
+    theta: Vector,
+    loss: Loss,
+    full: bool = True,
+    design: Design | None = None,
+) -> tuple[Sums, Float[np.ndarray, " t"]]:
+    """Return the sums of readings about θ, and residuals × √weight.
+
+    Args:
+        stack: Effects.
+        readings: Any number of them.
+        theta: Current estimate.
+        loss: How much each reading counts.
+        full: Also the matrix and the support, which do not depend on θ but on which
+            readings count.
+        design: Rows of the design, where they are known.
+
+    Raises:
+        FitError: If readings are not finite.
+    """
+    if len(readings) < MANY:
+        known = stack.design(readings) if design is None else design
+        return _by_scipy(stack, readings, theta, loss, full, known)
+    axes = _plane_axes(stack)
+    sums, residual = _Loop(stack), np.empty(len(readings))
+    first = 0
+    for part in readings.chunks(len(readings) if axes is not None else _CHUNK):
+        here = slice(first, first + len(part))
+        first = here.stop
+        if axes is not None:
+            sums.add_plane(part, axes, theta, loss, full, residual[here])
+        else:
+            rows = (
+                stack.design(part) if design is None else tuple(d[here] for d in design)
+            )
+            sums.add_rows(part, rows, theta, loss, full, residual[here])
+    if not np.isfinite(residual).all():
+        msg = "readings are not finite, expected numbers."
+        raise FitError(msg)
+    return sums.finished(residual), residual
+
+
+def _by_scipy(
+    stack: Stack,
+    readings: Readings,
+    theta: Vector,
+    loss: Loss,
+    full: bool,
+    design: Design,
+) -> tuple[Sums, Float[np.ndarray, " t"]]:
+    nodes, shares = design
+    count, width = shares.shape
+    rest = readings.value - np.einsum("tk,tk->t", shares, theta[nodes])
+    weight = np.ones(count) if readings.weight is None else readings.weight
+    residual = rest * np.sqrt(weight)
+    ratio = residual / loss.scale
+    active = ~loss.wild(ratio)
+    good = np.abs(ratio) <= loss.wild_from
+    psi = loss.share(ratio) * rest
+    weighted = weight * psi
+    right = np.bincount(
+        nodes.reshape(-1), (weighted[:, None] * shares).reshape(-1), stack.size
+    )
+    kept = np.where(active, weight, 0.0)
+    tally = np.array(
+        [
+            active.sum(),
+            loss.slope(ratio).sum(where=active),
+            weighted @ psi,
+            (weight * np.square(rest)).sum(where=good),
+            good.sum(),
+        ]
+    )
+    empty = Sums.empty(stack)
+    found = dataclasses.replace(
+        empty, right=right, tally=tally, histogram=_binned(residual)
+    )
+    if not full:
+        return found, residual
+    shape, pointers = (count, stack.size), np.arange(count + 1) * width
+    flat = nodes.reshape(-1)
+    rows = sp.csr_array((shares.reshape(-1), flat, pointers), shape=shape)
+    scaled = sp.csr_array(
+        ((kept[:, None] * shares).reshape(-1), flat, pointers), shape=shape
+    )
+    matrix = sp.csr_array(scaled.T @ rows)
+    n = stack.band
+    entries = sp.coo_array(matrix[:n, :n])
+    row, column = entries.coords
+    lower = row >= column
+    slots = np.zeros(max(stack.offsets) + 1, np.int64)
+    slots[list(stack.offsets)] = np.arange(len(stack.offsets))
+    places = slots[(row - column)[lower]]
+    diagonals = empty.diagonals
+    np.add.at(diagonals, (column[lower], places), entries.data[lower])
+    touching = (shares != 0.0) & active[:, None]
+    return dataclasses.replace(
+        found,
+        diagonals=diagonals,
+        cross=np.ascontiguousarray(matrix[n:, :n].toarray()),
+        border=np.tril(matrix[n:, n:].toarray()),
+        support=np.bincount(nodes[touching], minlength=stack.size),
+    ), residual
+
+
+class _Loop:
+    """Sums that the compiled loops add to."""
+
+    def __init__(self, stack: Stack) -> None:
+        table = stack.table
+        self.stack, self.sums = stack, Sums.empty(stack)
+        self.away: Sequence[int] = () if table is None else (table.away or ())
+        if table is not None and table.away is None:
+            msg = "a ring as the band of very many readings is not supported."
+            raise FitError(msg)
+        pairs = len(self.away) * (len(self.away) + 1) // 2
+        self.record = np.zeros((stack.band, pairs))
+
+    def add_plane(
+        self,
+        readings: Readings,
+        axes: Float[np.ndarray, "2 4"],
+        theta: Vector,
+        loss: Loss,
+        full: bool,
+        residual: Float[np.ndarray, " t"],
+    ) -> None:
+        """Add readings of a plane alone."""
+        from ._kernel import add_plane
+
+        table, sums = self.stack.table, self.sums
+        assert table is not None
+        transposed = len(table.nodes[0]) > len(table.nodes[1])
+        names = table.inputs if transposed else table.inputs[::-1]
+        self.away = sorted(self.away)  # the loop goes slow axis first
+        along, across = (np.ascontiguousarray(readings.inputs[n], float) for n in names)
+        add_plane(
+            along, across, readings.value, _weights(readings), axes, theta,
+            loss.numbers, full, self.record, sums.right, sums.tally, sums.support, residual,
+        )  # fmt: skip
+
+    def add_rows(
+        self,
+        readings: Readings,
+        design: Iterable[np.ndarray],
+        theta: Vector,
+        loss: Loss,
+        full: bool,
+        residual: Float[np.ndarray, " t"],
+    ) -> None:
+        """Add readings of any stack."""
+        from ._kernel import add_rows
+
+        nodes, shares = (np.ascontiguousarray(each) for each in design)
+        sums = self.sums
+        add_rows(
+            nodes.astype(np.int64), shares, len(self.away), readings.value, _weights(readings),
+            theta, loss.numbers, full, self.record, sums.cross, sums.border, sums.right,
+            sums.tally, sums.support, residual,
+        )  # fmt: skip
+
+    def finished(self, residual: Float[np.ndarray, " t"]) -> Sums:
+        """Return the sums: products per cell as diagonals of the band."""
+        n, offsets = self.stack.band, self.stack.offsets
+        pairs = [(a, b) for a in range(len(self.away)) for b in range(a + 1)]
+        for place, (a, b) in enumerate(pairs):
+            low, high = sorted((self.away[a], self.away[b]))
+            slot = offsets.index(high - low)
+            twice = 2.0 if a != b and low == high else 1.0
+            self.sums.diagonals[low:, slot] += twice * self.record[: n - low, place]
+        return dataclasses.replace(self.sums, histogram=_binned(residual))
+
+
+def _weights(readings: Readings) -> Float[np.ndarray, " t"]:
+    return np.zeros(0) if readings.weight is None else readings.weight
+
+
+def _plane_axes(stack: Stack) -> Float[np.ndarray, "2 4"] | None:
+    """Return the axes of a stack that is one equidistant plane, as the loop takes them."""
+    table = stack.table
+    if table is None or len(stack.effects) > 1 or not isinstance(table.model, Plane):
+        return None
+    found = []
+    for axis in (table.model.nodes1, table.model.nodes2):
+        if not isinstance(axis, EquidistantNodes) or axis.count < 2:
+            return None
+        start, interval = float(axis.start), float(axis.interval)
+        slack = _ROUNDING * (abs(start / interval) + axis.count)
+        found.append((start, 1.0 / interval, slack, axis.count - 1.0))
+    if len(table.nodes[0]) <= len(table.nodes[1]):
+        found.reverse()
+    return np.array(found)

@@ -1,0 +1,44 @@
+"""Friction of a drive: from a recording of any motion to a law, and to the knots of a list.
+
+Read in this order:
+
+- `_samples`: `DriveSamples`, what a drive recorded.
+- `_structures`: the kinds of law, Coulomb + viscous, Stribeck, table, and their columns.
+- `_equation`: a recording as rows of a linear equation, filtered alike on both sides.
+- `_separable`: its robust fit by variable projection; `_smoothing`: how smooth a table is;
+  `_covariance`: standard deviations where neighbouring residuals resemble each other.
+- `_determined`, `_result`: what the data do not tell; `FrictionFit` with parameters and σ.
+- `_inverse`: `fit_inverse`, all of that in one call.
+- `_choice`: `choose_law`, which kind of law predicts windows held out.
+- `_simulate`: a drive under a measured force, with its sensitivities; `_shooting`: the problem
+  of simulated positions and its solvers; `_output_error`: `fit_output_error`.
+- `_reversal`: `fit_reversal`, how friction changes over where an axis reverses.
+- `_knots`, `_polyline`: `place_knots`, the entries of a friction list, and their search.
+"""
+
+from ._choice import (
+    Candidate as Candidate,
+    Choice as Choice,
+    WindowLaw as WindowLaw,
+    choose_law as choose_law,
+)
+from ._equation import Known as Known
+from ._inverse import fit_inverse as fit_inverse, force_error as force_error
+from ._knots import Knots as Knots, place_knots as place_knots
+from ._output_error import (
+    OutputErrorFit as OutputErrorFit,
+    fit_output_error as fit_output_error,
+    free_run as free_run,
+    laws_held_out as laws_held_out,
+)
+from ._result import FrictionFit as FrictionFit
+from ._reversal import ReversalFit as ReversalFit, fit_reversal as fit_reversal
+from ._samples import DriveSamples as DriveSamples
+from ._structures import (
+    AbstractStructure as AbstractStructure,
+    CoulombViscous as CoulombViscous,
+    DirectionalTable as DirectionalTable,
+    KnotTable as KnotTable,
+    Stribeck as Stribeck,
+    default_knots as default_knots,
+)

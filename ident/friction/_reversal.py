@@ -1,0 +1,492 @@
+r"""How friction changes over at a reversal: cycles before, distance after, delay.
+
+The load of a drive is $J a + o + \sum_j c_j\, s\, x_j(v)$: the columns $x_j$ of its friction law,
+weighted around reversals by $s$ (`FrictionCompensation.shares`: look-ahead, distance) and both of
+them `delay_cycles` late. The level of friction at low speeds is seen beside reversals only, where
+the weights act, so law and weights are found together: each trial of the three, and of the shape
+of a Stribeck curve, leaves a linear problem in the $c_j$ (variable projection).
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import least_squares
+
+from ...models import FrictionCompensation, StribeckFriction
+from ..core import FitError, one_blas_thread
+from ._equation import Known
+from ._samples import DriveSamples, check_samples
+from ._simulate import padded
+from ._structures import AbstractStructure, KnotTable, Stribeck, default_knots
+
+LOOKAHEADS = 5
+"""How many look-aheads the controller has: 0 to 4 cycles."""
+_FARTHEST, _NOTHING = 0.02, 1e-6
+"""mm: no friction takes longer to build up, however soft the drive, and below is none."""
+_DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 6)])
+"""Where the search for the distance starts, in mm."""
+_MARGIN = 10
+"""Cycles that are looked at beyond those that look-ahead and delay touch."""
+_KNOTS = 20
+_REVERSALS = 64
+"""Reversals that are looked at closely, at most; samples around others are left out."""
+_CLOSE, _TRIALS = 3, 15
+"""Pairs of look-ahead and delay whose distance and shape are searched, and steps at most."""
+_WILD = 6.0
+_SMALL = 0.05
+"""Share of the friction below which nothing is wild, however quiet the rest."""
+_FEW = 4
+"""Reversals below which nothing is known of them."""
+_SINGULAR = 1e-12
+"""Added to the diagonal of scaled normal matrices."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ReversalFit:
+    """What reversals show of the friction around them.
+
+    Attributes:
+        lookahead: Cycles before the reversal over which the current falls
+            (P-COMP-00044).
+        position_delay: Distance in mm after it over which the current rises
+            (P-COMP-00043).
+        delay_cycles: Cycles that all of it comes later (P-COMP-00058).
+        position_delay_sd: Standard deviation of the distance in mm.
+        lookahead_probability: That `lookahead` is the right one of 0 to 4.
+        delay_probability: That `delay_cycles` is the right one of those tried.
+        noise: Standard deviation of what is left around reversals, in load units.
+        before: The same with neither look-ahead, nor distance, nor delay.
+        reversals: How many there are.
+        undetermined: What the recording cannot tell: name → reason.
+        missing: What look-ahead, distance and delay take from that friction per sample, in
+            load units. Added to the load, it leaves what steady friction gives.
+    """
+
+    lookahead: int
+    position_delay: float
+    delay_cycles: int
+    position_delay_sd: float
+    lookahead_probability: float
+    delay_probability: float
+    noise: float
+    before: float
+    reversals: int
+    undetermined: dict[str, str]
+    missing: Float[np.ndarray, " t"]
+
+
+def fit_reversal(
+    samples: DriveSamples,
+    position: Float[np.ndarray, " t"],
+    velocity: Float[np.ndarray, " t"],
+    *,
+    structures: Sequence[AbstractStructure] | None = None,
+    known: Known | None = None,
+    template: FrictionCompensation | None = None,
+    most_delay: int = 30,
+) -> ReversalFit:
+    """Find how the friction current changes over where the axis reverses, and the law with it.
+
+    Every look-ahead and delay is tried at some distances; distance and shape are then
+    searched for those that come near the best. Samples beyond 6 standard deviations are left
+    out, and what successive residuals have in common counts in the uncertainty.
+
+    Args:
+        samples: The recording, one sample per cycle of the controller.
+        position: Commanded, in mm.
+        velocity: Commanded, in mm/s.
+        structures: Kinds of law, of which the one that leaves least is taken (Bayesian
+            information criterion); a Stribeck curve and a table, per direction, if left out.
+        known: Gain, and what of inertia and offset need not be fitted.
+        template: Compensation with the controller's rules for open points; those that
+            are assumed if left out. Its law and numbers do not matter.
+        most_delay: Largest delay that is tried, in cycles.
+
+    Raises:
+        FitError: If there is no reversal, or arrays differ in length or have gaps.
+    """
+    check_samples(samples)
+    if not len(position) == len(velocity) == len(samples.time):
+        msg = (
+            f"found {len(position)} positions, {len(velocity)} velocities and"
+            f" {len(samples.time)} samples, expected as many of each"
+        )
+        raise FitError(msg)
+    if not all(np.isfinite(each).all() for each in (position, velocity)):
+        msg = "found gaps in the recording, expected numbers"
+        raise FitError(msg)
+    starts = _reversals(velocity)
+    if not len(starts):
+        msg = "found no reversal in the recording, expected motion in both directions"
+        raise FitError(msg)
+    if template is None:
+        template = FrictionCompensation(StribeckFriction(*np.ones(5)))
+    near, far = _rows(samples, position, starts, most_delay)
+    if structures is None:
+        moving = np.abs(samples.velocity[samples.in_motion])
+        structures = Stribeck(True), KnotTable(True, default_knots(moving, _KNOTS))
+    given = known or Known(), template, position, velocity, near, far, most_delay
+    with one_blas_thread():
+        found = [
+            _found(_Search(samples, structure, *given), len(starts))
+            for structure in structures
+        ]
+    return min(found, key=lambda each: each[1])[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Setting:
+    """Look-ahead and delay in cycles, distance in mm, logarithms of the shape."""
+
+    lookahead: int
+    delay: int
+    distance: float
+    shape: Float[np.ndarray, " h"]
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Search:
+    """The load for every setting, and what it leaves.
+
+    Attributes:
+        near: Samples that look-ahead, distance or delay can touch.
+        far: Others in motion, where only the delay acts.
+    """
+
+    samples: DriveSamples
+    structure: AbstractStructure
+    known: Known
+    template: FrictionCompensation
+    position: Float[np.ndarray, " t"]
+    velocity: Float[np.ndarray, " t"]
+    near: Int[np.ndarray, " n"]
+    far: Int[np.ndarray, " f"]
+    most: int
+
+    @cached_property
+    def load(self) -> Float[np.ndarray, " t"]:
+        """The load, known parts taken off."""
+        load = self.known.gain * self.samples.current
+        if self.known.inertia is not None and self.samples.acceleration is not None:
+            load = load - self.known.inertia * self.samples.acceleration
+        return np.asarray(load - (self.known.offset or 0.0))
+
+    @cached_property
+    def beside(self) -> Float[np.ndarray, "t c"]:
+        """Columns beside friction: constant load, accelerations, further loads.
+
+        Where an axis reverses hard, a smoothed acceleration leaves more than the friction
+        is: around reversals those of the command, cycle by cycle, stand beside it. Elsewhere
+        they would stand in for viscous friction, as jerk and velocity of a sine are alike.
+        """
+        samples = self.samples
+        push = np.diff(self.velocity, prepend=self.velocity[:1]) / samples.cycle
+        push[self.far] = 0.0
+        columns = [np.roll(push, away) for away in (-1, 0, 1, 2)]
+        if self.known.inertia is None and samples.acceleration is not None:
+            columns.append(samples.acceleration)
+        if self.known.offset is None:
+            columns.append(np.ones(len(push)))
+        return np.stack([*columns, *samples.loads.values()], axis=1)
+
+    @cached_property
+    def shares(self) -> dict[float, Float[np.ndarray, "l t"]]:
+        """How much of the friction acts, by distance: look-ahead by look-ahead."""
+        return {}
+
+    def share(self, distance: float) -> Float[np.ndarray, "l t"]:
+        """Return how much of the friction acts, look-ahead by look-ahead."""
+        if distance not in self.shares:
+            if len(self.shares) > 4 * len(_DISTANCES):
+                self.shares.clear()
+            found = np.asarray(
+                _shares(self.template, *self.motion, jnp.asarray(distance))
+            )
+            self.shares[distance] = np.abs(found[:, : len(self.position)])
+        return self.shares[distance]
+
+    @cached_property
+    def motion(self) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """Position and velocity, standing still behind the end."""
+        place = padded(self.position)
+        place[len(self.position) :] = self.position[-1]
+        return jnp.asarray(place), jnp.asarray(padded(self.velocity))
+
+    def columns(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "t k"]:
+        """Return the columns of steady friction."""
+        kept = self.shaped.get(shape.tobytes())
+        if kept is None:
+            self.shaped.clear()
+            kept = self.structure.columns(self.velocity, shape)
+            self.shaped[shape.tobytes()] = kept
+        return kept
+
+    @cached_property
+    def shaped(self) -> dict[bytes, Float[np.ndarray, "t k"]]:
+        """The columns that were asked for last, by their shape."""
+        return {}
+
+    def solve(
+        self, setting: _Setting, use: Int[np.ndarray, " r"]
+    ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " r"]]:
+        """Return the factors of all columns, and what they leave of some samples."""
+        before = use - setting.delay
+        own = self.columns(setting.shape)[before]
+        own = self.share(setting.distance)[setting.lookahead, before, None] * own
+        design, load = np.concatenate([own, self.beside[use]], axis=1), self.load[use]
+        gram = design.T @ design
+        factors, _ = _least(gram, design.T @ load)
+        left = load - design @ factors
+        # Once more for what rounding leaves of normal equations.
+        more, _ = _least(gram, design.T @ left)
+        return factors + more, left - design @ more
+
+    def grid(
+        self, shape: Float[np.ndarray, " h"], keep: Bool[np.ndarray, " t"]
+    ) -> Float[np.ndarray, "l d s"]:
+        """Return the sums of squares by look-ahead, delay and distance."""
+        near, far = self.near[keep[self.near]], self.far[keep[self.far]]
+        columns, beside = self.columns(shape), self.beside
+        split = columns.shape[1]
+        load = self.load
+        total = float(load[near] @ load[near] + load[far] @ load[far])
+        found = np.empty((LOOKAHEADS, self.most + 1, len(_DISTANCES)))
+        for delay in range(self.most + 1):
+            away = np.concatenate([columns[far - delay], beside[far]], axis=1)
+            gram, moment = away.T @ away, away.T @ load[far]
+            own = np.concatenate([columns[near - delay], beside[near]], axis=1)
+            for place, distance in enumerate(_DISTANCES):
+                for lookahead, share in enumerate(self.share(float(distance))):
+                    design = own.copy()
+                    design[:, :split] *= share[near - delay, None]
+                    parts = gram + design.T @ design, moment + design.T @ load[near]
+                    found[lookahead, delay, place] = total - _least(*parts)[1]
+        return np.maximum(found, 0.0)
+
+    def refined(
+        self, setting: _Setting, use: Int[np.ndarray, " r"]
+    ) -> tuple[_Setting, float]:
+        """Return the best distance and shape beside a setting, and the squares left."""
+        place = int(np.searchsorted(_DISTANCES, setting.distance))
+        last = len(_DISTANCES) - 1
+        ends = _DISTANCES[max(place - 1, 0)], _DISTANCES[min(place + 1, last)]
+        shapes = self.structure.bounds(np.abs(self.velocity[use]))
+        low, high = (
+            np.append(end, shape) for end, shape in zip(ends, shapes, strict=True)
+        )
+        first = np.append(setting.distance, setting.shape)
+        inside = 1e-3 * (high - low)
+        unit = np.linalg.norm(self.solve(setting, use)[1]) or 1.0
+
+        def at(point: Float[np.ndarray, " q"]) -> _Setting:
+            return dataclasses.replace(
+                setting, distance=float(point[0]), shape=point[1:].copy()
+            )
+
+        found = least_squares(
+            lambda point: self.solve(at(point), use)[1] / unit,
+            np.clip(first, low + inside, high - inside),
+            bounds=(low, high),
+            x_scale=high - low,
+            max_nfev=_TRIALS,
+        )
+        if 2.0 * found.cost < 1.0:
+            return at(found.x), 2.0 * float(found.cost * unit**2)
+        return setting, float(unit**2)
+
+
+def _least(
+    gram: Float[np.ndarray, "p p"], moment: Float[np.ndarray, " p"]
+) -> tuple[Float[np.ndarray, " p"], float]:
+    """Return the solution of normal equations, and how much of the squares it explains."""
+    size = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    scaled, right = gram / size / size[:, None], moment / size
+    # Where columns cannot be told apart, all of them take a share.
+    scaled[np.diag_indices_from(scaled)] += _SINGULAR
+    found = cho_solve(cho_factor(scaled, check_finite=False), right, check_finite=False)
+    return found / size, float(right @ found)
+
+
+@eqx.filter_jit
+def _shares(
+    template: FrictionCompensation,
+    position: Float[Array, " t"],
+    velocity: Float[Array, " t"],
+    distance: Float[Array, ""],
+) -> Float[Array, "l t"]:
+    found = []
+    for lookahead in range(LOOKAHEADS):
+        model = dataclasses.replace(
+            template, reversal_lookahead=lookahead, position_delay=distance
+        )
+        found.append(model.shares(model.start(), position, velocity)[0])
+    return jnp.stack(found)
+
+
+def _reversals(velocity: Float[np.ndarray, " t"]) -> Int[np.ndarray, " r"]:
+    """Return the first sample of each new direction."""
+    moving = np.flatnonzero(velocity != 0)
+    ways = np.sign(velocity[moving])
+    return np.asarray(moving[1:][ways[1:] != ways[:-1]])
+
+
+def _rows(
+    samples: DriveSamples,
+    position: Float[np.ndarray, " t"],
+    starts: Int[np.ndarray, " r"],
+    most_delay: int,
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " f"]]:
+    """Return the samples around reversals, and the others in motion."""
+    around = np.zeros(len(position), bool)
+    near = np.zeros(len(position), bool)
+    every = -(-len(starts) // _REVERSALS)
+    ends = np.append(starts[1:], len(position))
+    for number, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        away = np.abs(position[start:end] - position[max(start - 1, 0)])
+        reach = int(np.searchsorted(np.maximum.accumulate(away), 1.5 * _FARTHEST))
+        first = max(start - 2 * LOOKAHEADS - _MARGIN, 0)
+        own = slice(first, start + reach + most_delay + _MARGIN)
+        around[own] = True
+        near[own] |= number % every == 0
+    good = ~samples.saturated
+    good[:most_delay] = False
+    return np.flatnonzero(near & good), np.flatnonzero(
+        good & ~around & samples.in_motion
+    )
+
+
+def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
+    """Return the best setting and what it says, wild samples left out, and its criterion."""
+    use = np.union1d(search.near, search.far)
+    keep = np.zeros(len(search.position), bool)
+    keep[use] = True
+    shape = search.structure.bounds(np.abs(search.velocity[use])).mean(axis=0)
+    # A first pass finds the wild samples and the shape, the second does without them.
+    table = search.grid(shape, keep)
+    first, _ = _pass(search, shape, keep, table, 1)
+    left = search.solve(first, use)[1]
+    level = float(np.median(np.abs(search.load[use])))
+    typical = 1.4826 * float(np.median(np.abs(left)))
+    good = np.abs(left) <= max(_WILD * typical, _SMALL * level)
+    if good.mean() >= 0.5:
+        keep[use[~good]] = False
+        use = use[good]
+    if len(shape) or not good.all():
+        table = search.grid(first.shape, keep)
+    best, squares = _pass(search, first.shape, keep, table, _CLOSE)
+    if best.distance < _NOTHING:
+        best = dataclasses.replace(best, distance=0.0)
+    factors, left = search.solve(best, use)
+    plain = dataclasses.replace(best, lookahead=0, delay=0, distance=0.0)
+    near = keep[search.near]
+    close = np.isin(use, search.near[near])
+    share = _independent(left)
+    # A perfect recording leaves rounding: below it no two settings differ.
+    floor = 1e-9 * float(np.abs(search.load).max())
+    noise = max(float(np.sqrt(np.mean(left**2))), floor)
+    odds = np.exp(-0.5 * share * (squares - squares.min()) / noise**2)
+    odds /= odds.sum()
+    columns = search.columns(best.shape)
+    own = factors[: columns.shape[1]]
+    steady, place = columns @ own, np.arange(len(keep)) - best.delay
+    acts = search.share(best.distance)[best.lookahead, np.maximum(place, 0)]
+    late = np.where(place >= 0, acts * steady[np.maximum(place, 0)], 0.0)
+    found = ReversalFit(
+        lookahead=best.lookahead,
+        position_delay=best.distance,
+        delay_cycles=best.delay,
+        position_delay_sd=_distance_sd(search, best, use, noise) / np.sqrt(share),
+        lookahead_probability=float(odds.sum(axis=1)[best.lookahead]),
+        delay_probability=float(odds.sum(axis=0)[best.delay]),
+        noise=float(np.sqrt(np.mean(left[close] ** 2))),
+        before=float(np.sqrt(np.mean(search.solve(plain, use)[1][close] ** 2))),
+        reversals=reversals,
+        undetermined={},
+        missing=steady - late,
+    )
+    criterion = len(use) * np.log(max(left @ left / len(use), floor**2))
+    criterion += np.log(len(use)) * (len(own) + len(best.shape))
+    return (
+        dataclasses.replace(found, undetermined=_unknown(found, search.most)),
+        float(criterion),
+    )
+
+
+def _pass(
+    search: _Search,
+    shape: Float[np.ndarray, " h"],
+    keep: Bool[np.ndarray, " t"],
+    table: Float[np.ndarray, "l d s"],
+    close: int,
+) -> tuple[_Setting, Float[np.ndarray, "l d"]]:
+    """Return the best setting, and the least squares by look-ahead and delay."""
+    places, squares = np.argmin(table, axis=2), np.min(table, axis=2)
+    use = np.flatnonzero(keep)
+    best, least = None, np.inf
+    # Only what comes near the best deserves the last digits.
+    for flat in np.argsort(squares, axis=None)[:close]:
+        lookahead, delay = (int(k) for k in np.unravel_index(flat, squares.shape))
+        distance = float(_DISTANCES[places[lookahead, delay]])
+        trial = _Setting(lookahead, delay, distance, shape)
+        setting, own = search.refined(trial, use)
+        squares[lookahead, delay] = own
+        if best is None or own < least:
+            best, least = setting, own
+    assert best is not None
+    return best, squares
+
+
+def _distance_sd(
+    search: _Search, best: _Setting, use: Int[np.ndarray, " r"], sd: float
+) -> float:
+    """Return the standard deviation of the distance in mm from its slope, law fitted."""
+    step = max(1e-3 * best.distance, 1e-6)
+    low, high = max(best.distance - step, 0.0), best.distance + step
+    ends = [
+        search.solve(dataclasses.replace(best, distance=each), use)[1]
+        for each in (low, high)
+    ]
+    slope = (ends[1] - ends[0]) / (high - low)
+    information = float(slope @ slope)
+    return sd / np.sqrt(information) if information > 0 else float("inf")
+
+
+def _independent(residual: Float[np.ndarray, " r"]) -> float:
+    """Return the share of samples that count as independent, from their lag of one."""
+    size = float(residual @ residual)
+    if size == 0 or len(residual) < _FEW:
+        return 1.0
+    common = float(np.clip(residual[1:] @ residual[:-1] / size, 0.0, 0.98))
+    return (1 - common) / (1 + common)
+
+
+def _unknown(found: ReversalFit, most_delay: int) -> dict[str, str]:
+    reasons: dict[str, str] = {}
+    if found.reversals < _FEW:
+        words = f"only {found.reversals} reversals were recorded"
+        reasons = dict.fromkeys(
+            ("reversal_lookahead", "position_delay", "delay_cycles"), words
+        )
+    if found.lookahead_probability < 0.5:
+        reasons["reversal_lookahead"] = (
+            f"{found.lookahead} cycles fit best, others nearly as well (probability"
+            f" {found.lookahead_probability:.0%})"
+        )
+    if found.delay_probability < 0.5:
+        reasons["delay_cycles"] = (
+            f"{found.delay_cycles} cycles fit best, others nearly as well (probability"
+            f" {found.delay_probability:.0%})"
+        )
+    if found.delay_cycles == most_delay:
+        reasons["delay_cycles"] = f"it is {most_delay} cycles, the most tried, or more"
+    if found.position_delay >= 0.98 * _FARTHEST:
+        reasons["position_delay"] = f"it is {1e3 * _FARTHEST:g} µm or more"
+    return reasons

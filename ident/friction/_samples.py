@@ -1,0 +1,218 @@
+"""What a drive recorded: motion and current, sample by sample."""
+
+import dataclasses
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...data.signals import median, quantile
+from ..core import FitError
+
+_JUMP = 0.5
+"""Deviation of a time step from the cycle, in cycles, that starts a new piece."""
+_REST = 1e-3
+"""Share of the highest speed below which an axis counts as standing, where none is stated."""
+_DIRECTION = 0.01
+"""Share of the samples in motion that a direction needs to count as recorded."""
+_TOUCHES = 0.05
+"""Smallest current, as a share of the median one, that counts as coming down to 0."""
+_SATURATED = 5
+"""Successive samples at the very same extreme current that count as saturation."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DriveSamples:
+    """One recording of one axis; all arrays have one entry per sample and no NaN.
+
+    Rotary axes have ° where mm is written.
+
+    Attributes:
+        time: In s, ascending; where it jumps, a new piece begins.
+        velocity: In mm/s, as smoothed as its noise asks for.
+        acceleration: In mm/s², from the same filter; None for motion without it.
+        current: In drive units, positive where the drive pushes in positive direction.
+        instrument_velocity: A velocity free of measurement noise that moves alike, such as the
+            commanded one, in mm/s: it makes the fit consistent where the measured one is noisy.
+        instrument_acceleration: Likewise in mm/s².
+        loads: Further loads that enter linearly, by name, such as the sine of an arm's angle
+            for its weight; any unit.
+        moving: Whether the axis moves; samples at rest say nothing of kinetic friction. Left
+            out: faster than a thousandth of the highest speed.
+        position: Measured, in mm; only the output-error fit needs it.
+        unit: ``"mm"``, or ``"°"`` for a rotary axis: all lengths are in it.
+    """
+
+    time: Float[np.ndarray, " t"]
+    velocity: Float[np.ndarray, " t"]
+    current: Float[np.ndarray, " t"]
+    acceleration: Float[np.ndarray, " t"] | None = None
+    instrument_velocity: Float[np.ndarray, " t"] | None = None
+    instrument_acceleration: Float[np.ndarray, " t"] | None = None
+    loads: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    moving: Bool[np.ndarray, " t"] | None = None
+    position: Float[np.ndarray, " t"] | None = None
+    unit: str = "mm"
+
+    @cached_property
+    def cycle(self) -> float:
+        """Time from sample to sample in s."""
+        return median(np.diff(self.time))
+
+    @cached_property
+    def piece(self) -> Int[np.ndarray, " t"]:
+        """Index of the stretch of even time steps that each sample belongs to."""
+        steps = np.diff(self.time)
+        jumps = np.abs(steps - self.cycle) > _JUMP * self.cycle
+        return np.concatenate([[0], np.cumsum(jumps)])
+
+    @cached_property
+    def in_motion(self) -> Bool[np.ndarray, " t"]:
+        """Which samples count as moving."""
+        if self.moving is not None:
+            return self.moving
+        speed = np.abs(self.velocity)
+        return np.asarray(speed > _REST * speed.max())
+
+    @cached_property
+    def saturated(self) -> Bool[np.ndarray, " t"]:
+        """Which samples stand at the limit of the drive."""
+        return _saturated(self.current)
+
+    @cached_property
+    def directions(self) -> tuple[bool, bool]:
+        """Whether motion in positive and in negative direction was recorded."""
+        share = float(np.mean(self.velocity[self.in_motion] > 0))
+        return share >= _DIRECTION, share <= 1 - _DIRECTION
+
+    @cached_property
+    def oddities(self) -> tuple[str, ...]:
+        """What is odd about the recording, in words."""
+        found, moving = [], self.in_motion
+        current = self.current[moving]
+        if not all(self.directions):
+            way = "positive" if self.directions[0] else "negative"
+            found.append(
+                f"Only motion in {way} direction was recorded: friction and constant load "
+                "cannot be told apart, and nothing is known of the other direction."
+            )
+        elif quantile(current, 0.01) > 0 or quantile(current, 0.99) < 0:
+            size = np.abs(current)
+            if size.min() < _TOUCHES * median(size):
+                found.append(
+                    "The current comes down to 0 in both directions but never changes "
+                    "sign: the recording seems to hold its magnitude only, which tells "
+                    "nothing of friction."
+                )
+            else:
+                found.append(
+                    "The current keeps its sign in both directions: a constant load larger "
+                    "than friction (weight, tension) acts on the axis and is reported as "
+                    "offset."
+                )
+        standing = len(moving) - int(moving.sum())
+        if standing:
+            found.append(f"{standing} samples at rest were left out.")
+        full = int(self.saturated.sum())
+        if full:
+            found.append(
+                f"The current is saturated at {np.abs(self.current).max():.4g} in {full} "
+                "samples; they were left out."
+            )
+        pieces = int(self.piece[-1]) + 1
+        if pieces > 1:
+            found.append(
+                f"The clock jumps {pieces - 1} time{'s' * (pieces > 2)}; the {pieces} "
+                "pieces were filtered apart."
+            )
+        return tuple(found)
+
+    def take(self, keep: Bool[np.ndarray, " t"]) -> "DriveSamples":
+        """Return the samples for which ``keep`` is true; gaps in time part the pieces."""
+
+        def cut(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else values[keep]
+
+        return DriveSamples(
+            self.time[keep],
+            self.velocity[keep],
+            self.current[keep],
+            cut(self.acceleration),
+            cut(self.instrument_velocity),
+            cut(self.instrument_acceleration),
+            {name: values[keep] for name, values in self.loads.items()},
+            cut(self.moving),
+            cut(self.position),
+            self.unit,
+        )
+
+
+def _saturated(current: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+    """Return which samples stand at the limit of the drive.
+
+    A measured current hardly repeats itself to the last digit at its very extreme: five in a
+    row that do are a limit. A recording whose values all repeat (coarse steps) has runs of
+    equal values elsewhere too, and is left alone.
+    """
+    same = np.diff(current) == 0
+    result = np.zeros(current.shape, bool)
+    start = np.flatnonzero(np.concatenate([[True], ~same]))
+    length = np.diff(np.append(start, len(current)))
+    for extreme in (current.max(), current.min()):
+        at = (current[start] == extreme) & (length >= _SATURATED)
+        elsewhere = (current[start] != extreme) & (length >= _SATURATED)
+        if extreme == 0 or elsewhere.sum() > at.sum():
+            continue
+        for first, count in zip(start[at], length[at], strict=True):
+            result[first : first + count] = True
+    return result
+
+
+def check_samples(samples: DriveSamples) -> None:
+    """Refuse what no fit can use.
+
+    Raises:
+        FitError: If arrays are empty, differ in length, hold NaN, the clock runs backwards,
+            or the axis never moves.
+    """
+    count = len(samples.time)
+    arrays = {
+        field.name: getattr(samples, field.name)
+        for field in dataclasses.fields(samples)
+        if field.name not in ("loads", "moving", "unit")
+    } | dict(samples.loads)
+    if count < 2:
+        msg = f"found {count} samples of the drive, expected a recording."
+        raise FitError(msg)
+    for name, values in arrays.items():
+        if values is None:
+            continue
+        if len(values) != count:
+            msg = f"{name} has {len(values)} samples, expected {count} as time has."
+            raise FitError(msg)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            msg = f"sample {bad[0] + 1}: {name} is not finite, expected numbers."
+            raise FitError(msg)
+    back = np.flatnonzero(np.diff(samples.time) <= 0)
+    if len(back):
+        row = int(back[0]) + 1
+        msg = (
+            f"sample {row + 1}: the clock goes from {samples.time[row - 1]:.6g} s to "
+            f"{samples.time[row]:.6g} s, expected ascending times."
+        )
+        raise FitError(msg)
+    if (samples.instrument_velocity is None) != (
+        samples.instrument_acceleration is None
+    ) and samples.acceleration is not None:
+        msg = "instruments: expected both velocity and acceleration, found one of them."
+        raise FitError(msg)
+    if not samples.velocity.any() or not samples.in_motion.any():
+        msg = "the axis does not move in this recording: nothing is known of friction."
+        raise FitError(msg)
+    if not samples.current.any():
+        msg = "the current is 0 throughout, expected the drive's torque feedback."
+        raise FitError(msg)

@@ -1,0 +1,408 @@
+"""Kinds of friction law that a fit may follow: Coulomb + viscous, Stribeck, and a table.
+
+A structure turns velocities into columns of a linear equation. The columns carry the sign of
+the motion, so the factor of a column is a current that opposes it. The laws themselves, and
+the values of the columns, are those of `axcomp.models`.
+"""
+
+import abc
+import dataclasses
+from functools import cached_property
+from typing import final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...models import (
+    AbstractFriction,
+    FrictionTable,
+    Setpoints,
+    StribeckFriction,
+    linear_weights,
+    stribeck_decay,
+    stribeck_slopes,
+)
+
+WAYS = ("_positive", "_negative")
+KNOTS = 20
+"""Knots of a free table."""
+GAUSS = 2.0
+"""Exponent of the Stribeck curve that is assumed where the data do not tell it."""
+_EXPONENTS = (0.7, 1.0, 2.0)
+"""Exponents from which the search starts."""
+_EXPONENT_RANGE = (0.3, 6.0)
+_RATIO = 2.0
+"""Ratio of neighbouring Stribeck velocities from which the search starts."""
+_LEVELS = 400
+"""Speeds at which the distribution of a recording is taken."""
+
+
+@final
+class DirectionalTable(AbstractFriction):
+    """A friction table per direction: what an axis may show, and a list cannot say."""
+
+    positive: FrictionTable
+    negative: FrictionTable
+
+    def level(
+        self,
+        speed: Float[Array | np.ndarray, " t"],
+        direction: Float[Array | np.ndarray, " t"],
+    ) -> Float[Array, " t"]:
+        """Return how much current supports the motion, in drive units."""
+        ahead = self.positive.level(speed, direction)
+        back = self.negative.level(speed, direction)
+        return jnp.where(jnp.asarray(direction) < 0, back, ahead)
+
+    def numpy_level(
+        self, speed: Float[np.ndarray, " t"], direction: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return what `level` does, computed by NumPy."""
+        ahead = self.positive.numpy_level(speed, direction)
+        return np.where(
+            direction < 0, self.negative.numpy_level(speed, direction), ahead
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class AbstractStructure(abc.ABC):
+    """One kind of friction law.
+
+    Attributes:
+        directional: Whether each direction has linear factors of its own. Non-linear
+            parameters are shared.
+    """
+
+    directional: bool = False
+
+    @property
+    @abc.abstractmethod
+    def words(self) -> str:
+        """Name for reports."""
+
+    @property
+    @abc.abstractmethod
+    def factors(self) -> tuple[str, ...]:
+        """Names of the linear factors of one direction."""
+
+    @abc.abstractmethod
+    def profile(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """Return the columns of one direction over the speed in mm/s, without a sign."""
+
+    @abc.abstractmethod
+    def law(
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+    ) -> AbstractFriction:
+        """Return the law for factors per direction (one row where both are alike)."""
+
+    @property
+    def parametric(self) -> bool:
+        """Whether the parameters have a meaning of their own: Coulomb level, viscosity."""
+        return True
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Names of the non-linear parameters, all positive; fits use their logarithms."""
+        return ()
+
+    @property
+    def level_names(self) -> tuple[str, ...]:
+        """The factors that a constant in the level of friction adds to."""
+        return ("coulomb",)
+
+    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n s"]:
+        """Return logarithms of shapes to start from, given the range of speeds in mm/s."""
+        del speeds
+        return np.zeros((1, 0))
+
+    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 s"]:
+        """Return the least and the largest logarithms that the data can tell apart."""
+        del speeds
+        return np.zeros((2, 0))
+
+    def last(
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n s"]
+    ) -> Float[np.ndarray, "n t"]:
+        """Return the last column of `profile` for several shapes."""
+        return np.stack([self.profile(speed, shape)[:, -1] for shape in shapes])
+
+    def slopes(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "s t"]:
+        """Return the derivatives of the last column of `profile` by the logarithms.
+
+        The other columns do not depend on the shape.
+        """
+        del shape
+        return np.zeros((0, len(speed)))
+
+    def bends(self) -> Float[np.ndarray, "b k"] | None:
+        """Return what of the factors of one direction a smoothness prior keeps small."""
+        return None
+
+    def reported(
+        self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
+    ) -> tuple[tuple[str, ...], Float[np.ndarray, " r"], Float[np.ndarray, "r p"]]:
+        """Return the parameters of one direction as users read them.
+
+        Returns:
+            Names, values, and derivatives by factors, then by logarithms of the shape.
+        """
+        del shape
+        return self.factors, factors, np.eye(len(factors))
+
+    @property
+    def ways(self) -> int:
+        """How many sets of factors there are."""
+        return 2 if self.directional else 1
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all factors, direction by direction."""
+        if not self.directional:
+            return self.factors
+        return tuple(name + way for way in WAYS for name in self.factors)
+
+    def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
+        """Return the sign that the columns of each direction carry; 0 elsewhere."""
+        if not self.directional:
+            return np.asarray(np.sign(velocity)[None])
+        return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
+
+    def columns(
+        self, velocity: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """Return all columns at velocities in mm/s; at rest they are 0."""
+        signs = self.signs(velocity)
+        profile = self.profile(np.abs(velocity), shape)
+        return np.concatenate([sign[:, None] * profile for sign in signs], axis=1)
+
+    def tangents(
+        self,
+        velocity: Float[np.ndarray, " t"],
+        shape: Float[np.ndarray, " s"],
+        factors: Float[np.ndarray, " k"],
+    ) -> Float[np.ndarray, "t s"]:
+        """Return the derivative of the friction by the logarithms of the shape."""
+        last = factors.reshape(self.ways, -1)[:, -1]
+        slopes = self.slopes(np.abs(velocity), shape)
+        return np.asarray(slopes * (last @ self.signs(velocity))).T
+
+    def levels(self) -> Float[np.ndarray, " k"]:
+        """Return what a constant added to the level of one direction adds to its factors."""
+        return np.asarray([name in self.level_names for name in self.factors], float)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class CoulombViscous(AbstractStructure):
+    """A constant level and a slope: 2 factors per direction."""
+
+    @property
+    def words(self) -> str:
+        """See `AbstractStructure`."""
+        return "Coulomb + viscous" + (" per direction" if self.directional else "")
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return ("coulomb", "viscous")
+
+    def profile(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`."""
+        return np.stack([np.ones_like(speed), speed], axis=1)
+
+    def law(
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+    ) -> AbstractFriction:
+        """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
+        coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
+        return _stribeck(coulomb, coulomb, 1.0, GAUSS, viscous)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Stribeck(AbstractStructure):
+    r"""Coulomb + viscous and a drop $d\,e^{-(|v|/v_s)^\delta}$ from break-away.
+
+    Attributes:
+        exponent: The exponent δ, or None to fit it.
+    """
+
+    exponent: float | None = None
+
+    @property
+    def words(self) -> str:
+        """See `AbstractStructure`."""
+        return "Stribeck" + (" per direction" if self.directional else "")
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return ("coulomb", "viscous", "drop")
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        free = ("stribeck_velocity", "stribeck_shape")
+        return free if self.exponent is None else free[:1]
+
+    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n s"]:
+        """See `AbstractStructure`: velocities in steps of √2, for each usual exponent."""
+        low, high = self.bounds(speeds)[:, 0]
+        count = max(4, 1 + int((high - low) / np.log(_RATIO)))
+        grid = np.linspace(low, high, count)[1:-1]
+        if self.exponent is not None:
+            return grid[:, None]
+        exponents = np.log(_EXPONENTS)
+        return np.stack(np.meshgrid(grid, exponents), axis=-1).reshape(-1, 2)
+
+    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 s"]:
+        """See `AbstractStructure`."""
+        velocity = np.array([0.5 * speeds[0], 2.0 * speeds[1]])
+        every = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
+        return np.asarray(np.log(np.stack(every, axis=1)))
+
+    def _natural(self, shape: Float[np.ndarray, " s"]) -> tuple[float, float]:
+        if self.exponent is not None:
+            return float(np.exp(shape[0])), self.exponent
+        return float(np.exp(shape[0])), float(np.exp(shape[1]))
+
+    def profile(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`."""
+        drop = stribeck_decay(speed, *self._natural(shape))
+        return np.stack([np.ones_like(speed), speed, drop], axis=1)
+
+    def last(
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n s"]
+    ) -> Float[np.ndarray, "n t"]:
+        """See `AbstractStructure`."""
+        velocity, exponent = np.exp(shapes[:, :1]), self.exponent
+        if exponent is None:
+            return stribeck_decay(speed[None], velocity, np.exp(shapes[:, 1:]))
+        return stribeck_decay(speed[None], velocity, np.full_like(velocity, exponent))
+
+    def slopes(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "s t"]:
+        """See `AbstractStructure`."""
+        return stribeck_slopes(speed, *self._natural(shape))[: len(shape)]
+
+    def reported(
+        self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
+    ) -> tuple[tuple[str, ...], Float[np.ndarray, " r"], Float[np.ndarray, "r p"]]:
+        """See `AbstractStructure`: break-away is Coulomb level plus drop."""
+        coulomb, viscous, drop = factors
+        natural = np.exp(shape)
+        values = np.concatenate([[coulomb, viscous, coulomb + drop], natural])
+        jacobian = np.diag(np.concatenate([np.ones(3), natural]))
+        jacobian[2, 0] = 1.0
+        return ("coulomb", "viscous", "breakaway", *self.shapes), values, jacobian
+
+    def law(
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+    ) -> AbstractFriction:
+        """See `AbstractStructure`."""
+        coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
+        velocity, exponent = self._natural(shape)
+        return _stribeck(coulomb, coulomb + drop, velocity, exponent, viscous)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class KnotTable(AbstractStructure):
+    """A free table: values at knots, linear between, held outside, smooth by a prior.
+
+    Attributes:
+        knots: Speeds in mm/s, ascending, at least two.
+    """
+
+    knots: tuple[float, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """See `AbstractStructure`."""
+        per = " per direction" if self.directional else ""
+        return f"table of {len(self.knots)} knots{per}"
+
+    @property
+    def parametric(self) -> bool:
+        """See `AbstractStructure`."""
+        return False
+
+    @cached_property
+    def factors(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return tuple(f"knot_{index}" for index in range(len(self.knots)))
+
+    @property
+    def level_names(self) -> tuple[str, ...]:
+        """See `AbstractStructure`."""
+        return self.factors
+
+    def profile(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`: the weights of the model's table."""
+        count, rows = len(self.knots), np.arange(len(speed))
+        first, weights = linear_weights(np.asarray(self.knots), speed)
+        found = np.zeros((len(speed), count))
+        found[rows, first], found[rows, first + 1] = weights
+        return found
+
+    def bends(self) -> Float[np.ndarray, "b k"] | None:
+        """See `AbstractStructure`: how far each knot lies off the line of its neighbours.
+
+        Coulomb + viscous friction, a straight line over speed, costs nothing.
+        """
+        count = len(self.knots)
+        knots = np.asarray(self.knots)
+        share = (knots[1:-1] - knots[:-2]) / (knots[2:] - knots[:-2])
+        off, rows = np.zeros((count - 2, count)), np.arange(count - 2)
+        off[rows, rows], off[rows, rows + 2] = share - 1.0, -share
+        off[rows, rows + 1] = 1.0
+        return off
+
+    def law(
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+    ) -> AbstractFriction:
+        """See `AbstractStructure`."""
+        tables = [self._table(row) for row in factors]
+        return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
+
+    def _table(self, values: Float[np.ndarray, " k"]) -> FrictionTable:
+        return FrictionTable(Setpoints(jnp.asarray(self.knots)), jnp.asarray(values))
+
+
+def _stribeck(
+    coulomb: float | Float[np.ndarray, " 2"],
+    breakaway: float | Float[np.ndarray, " 2"],
+    velocity: float,
+    exponent: float,
+    viscous: float | Float[np.ndarray, " 2"],
+) -> StribeckFriction:
+    numbers = (coulomb, breakaway, velocity, exponent, viscous)
+    return StribeckFriction(*map(jnp.asarray, numbers))
+
+
+def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ...]:
+    """Return at most ``count`` knots in mm/s where the samples are.
+
+    Half of the weight goes to where the axis spends its time, half to even steps of the
+    logarithm, so that the bend near rest is not missed.
+    """
+    seen = np.sort(speed[speed > 0])
+    # The slowest few samples are mostly what a filter made of a standstill.
+    level = np.linspace(np.log(seen[len(seen) // 200]), np.log(seen[-1]), _LEVELS)
+    share = np.searchsorted(seen, np.exp(level)) / len(seen)
+    mixed = share + (level - level[0]) / max(level[-1] - level[0], 1e-300)
+    mixed = (mixed - mixed[0]) / (mixed[-1] - mixed[0])
+    places = np.exp(np.interp(np.linspace(0.0, 1.0, count), mixed, level))
+    return tuple(np.unique(places).tolist())

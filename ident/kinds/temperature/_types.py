@@ -1,0 +1,302 @@
+"""What goes into a temperature fit and what comes out: arrays and their meaning."""
+
+import dataclasses
+import math
+from typing import Literal
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ....models import (
+    AbstractParameter,
+    ConstantParameter,
+    TemperatureCurve,
+    TemperatureLine,
+)
+from ...core import DriftNoise, node_shares
+
+Effect = Literal["level", "offset", "slope", "slope change"]
+"""Level of the error, temperature at the offset, slope over the position, and how that
+changes with the temperature."""
+Meeting = Literal[
+    "met", "given", "parallel", "unsure slope", "two sensors", "too far", "too few",
+    "not one point", "uncertain",
+]  # fmt: skip
+"""Whether the lines of all temperatures meet at the reference, or why it was not taken."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ThermalReadings:
+    """Errors of one axis at different temperatures; NaN = missed reading.
+
+    Attributes:
+        error: Actual − commanded in mm.
+        temperature: Of each sensor in °C at the instant of each reading.
+        position: Commanded position of the axis in mm; None = always the same.
+        time: In s; None = the rows are in order of time, at equal distances.
+    """
+
+    error: Float[np.ndarray, " t"]
+    temperature: Float[np.ndarray, "t s"]
+    position: Float[np.ndarray, " t"] | None = None
+    time: Float[np.ndarray, " t"] | None = None
+
+    def take(self, keep: Bool[np.ndarray, " t"]) -> "ThermalReadings":
+        """Return the readings for which ``keep`` is true."""
+        position, time = self.position, self.time
+        return ThermalReadings(
+            self.error[keep],
+            self.temperature[keep],
+            None if position is None else position[keep],
+            None if time is None else time[keep],
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class SensorLog:
+    """Temperatures on a clock of their own, denser than the readings of the error.
+
+    Attributes:
+        time: Ascending, in s.
+        temperature: Of each sensor in °C, shape ``(l, s)``; NaN = missed.
+    """
+
+    time: Float[np.ndarray, " l"]
+    temperature: Float[np.ndarray, "l s"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Law:
+    """A parameter of the line over the temperature: linear between nodes, held outside.
+
+    Attributes:
+        sensor: Number of the sensor, from 0.
+        temperature: Nodes in °C, ascending; one = constant, two = linear.
+        value: At the nodes, in mm (offset) or mm/mm (coefficient); the sign of the *error*.
+        standard_deviation: Of the values, same unit.
+    """
+
+    sensor: int
+    temperature: Float[np.ndarray, " n"]
+    value: Float[np.ndarray, " n"]
+    standard_deviation: Float[np.ndarray, " n"]
+
+    @property
+    def kind(self) -> str:
+        """The law in a word."""
+        return {1: "constant", 2: "linear"}.get(len(self.value), "piecewise linear")
+
+    @property
+    def slope(self) -> float:
+        """Change of the value per K between the first and the last node."""
+        if len(self.value) == 1:
+            return 0.0
+        rise = self.value[-1] - self.value[0]
+        return float(rise / (self.temperature[-1] - self.temperature[0]))
+
+    def at(self, temperature: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        """Return the value at temperatures in °C."""
+        return np.asarray(node_shares(temperature, self.temperature) @ self.value)
+
+
+@dataclasses.dataclass(frozen=True)
+class Lag:
+    """How the structure follows a sensor.
+
+    Attributes:
+        sensor: Number of the sensor, from 0.
+        time_constant: Of the first-order lag in s; 0 = none that the readings show.
+        interval: From which to which value it may be (95 %), in s.
+        applied: Whether the law is one of the lagged temperature, T' = (sensor − T) / constant.
+        sensor_late: The sensor itself follows later than the structure; no filter undoes that.
+    """
+
+    sensor: int
+    time_constant: float
+    interval: tuple[float, float]
+    applied: bool
+    sensor_late: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class LawScore:
+    """How well a pair of laws predicts readings that it has not seen.
+
+    Attributes:
+        offset: Number of nodes of the offset.
+        coefficient: Number of nodes of the coefficient; 0 = not fitted.
+        held_out: Root mean square of the held-out residuals in mm, wild ones limited.
+        chosen: Whether this is the one.
+    """
+
+    offset: int
+    coefficient: int
+    held_out: float
+    chosen: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Confusion:
+    """Two effects that the readings hardly tell apart, whatever the errors are.
+
+    Attributes:
+        first: One effect.
+        second: The other.
+        correlation: Of what they do to the readings, −1 to 1, the other effects taken off.
+    """
+
+    first: Effect
+    second: Effect
+    correlation: float
+
+
+@dataclasses.dataclass(frozen=True)
+class TemperatureFit:
+    """The thermal line of an axis; signs are those of the *error*.
+
+    $e = o(T) + c(T) (s - s_0)$.
+
+    Attributes:
+        offset: $o(T)$ in mm.
+        coefficient: $c(T)$ in mm/mm; None where the error was measured at one position.
+        reference: $s_0$ in mm; 0 without a coefficient.
+        reference_deviation: Standard deviation of the intersection in mm; None where the
+            reference was given.
+        meeting: Whether the lines of all temperatures meet at the reference, where the offset
+            is a constant, or why that was not taken.
+        meeting_deviation: Standard deviation in mm of an intersection that was too uncertain.
+        lags: One per sensor that is used.
+        names: Of the parameters, in the order of the covariance.
+        covariance: Of the node values of offset and coefficient, then of the intersection
+            (mm) and of the logarithms of the time constants.
+        noise: How residuals scatter, in mm and s.
+        independent: Independent readings that would leave the same uncertainty of the least
+            sure value.
+        used: Rows that were complete.
+        wild: Rows that the loss rejected outright (missed steps, glitches).
+        residual: Error − line in mm per row; NaN where a reading was missed.
+        temperature: Of the structure as the laws see it, per row and sensor in °C.
+        scores: Laws compared by hold-out; empty where the law was given.
+        confounded: What these readings cannot tell apart.
+        support: Readings that touch each node of offset and coefficient.
+        converged: Whether the iterations converged.
+    """
+
+    offset: Law
+    coefficient: Law | None
+    reference: float
+    reference_deviation: float | None
+    meeting: Meeting
+    lags: tuple[Lag, ...]
+    names: tuple[str, ...]
+    covariance: Float[np.ndarray, "k k"]
+    noise: DriftNoise
+    independent: float
+    used: Bool[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+    residual: Float[np.ndarray, " t"]
+    temperature: Float[np.ndarray, "t s"]
+    scores: tuple[LawScore, ...]
+    confounded: tuple[Confusion, ...]
+    support: tuple[int, ...]
+    converged: bool
+    meeting_deviation: float | None = None
+
+    @property
+    def intersects(self) -> bool:
+        """Whether the lines of all temperatures meet at the reference."""
+        return self.meeting == "met"
+
+    @property
+    def determined(self) -> bool:
+        """Whether the readings tell all effects apart."""
+        return not self.confounded
+
+    @property
+    def slope(self) -> tuple[float, float]:
+        """Change of the offset in mm/K over the measured temperatures, and its deviation."""
+        count = len(self.offset.value)
+        if count == 1:
+            return 0.0, 0.0
+        span = float(self.offset.temperature[-1] - self.offset.temperature[0])
+        pick = np.zeros(len(self.covariance))
+        pick[0], pick[count - 1] = -1.0 / span, 1.0 / span
+        return self.offset.slope, math.sqrt(
+            max(float(pick @ self.covariance @ pick), 0)
+        )
+
+    def predict(
+        self,
+        temperature: Float[np.ndarray, "t s"],
+        position: Float[np.ndarray, " t"] | None = None,
+    ) -> Float[np.ndarray, " t"]:
+        """Return the error in mm at structure temperatures in °C and positions in mm."""
+        result = self.offset.at(temperature[:, self.offset.sensor])
+        if self.coefficient is None or position is None:
+            return result
+        slope = self.coefficient.at(temperature[:, self.coefficient.sensor])
+        return np.asarray(result + slope * (position - self.reference))
+
+    def relative_to(self, temperature: float) -> "TemperatureFit":
+        """Return the laws with nothing to correct at this temperature in °C.
+
+        What is taken off is the same at all temperatures: a constant and a slope over the
+        position, which belong to the tables of the axis. Outside the measured temperatures
+        the nearest is taken. The deviations become those of the difference.
+        """
+        count = len(self.offset.value)
+        covariance = self.covariance.copy()
+        laws, first = [], 0
+        for law in (self.offset, self.coefficient):
+            if law is None:
+                continue
+            size = len(law.value)
+            here = node_shares(np.array([temperature]), law.temperature)[0]
+            move = np.eye(len(covariance))
+            move[first : first + size, first : first + size] -= here[None, :]
+            covariance = move @ covariance @ move.T
+            laws.append(dataclasses.replace(law, value=law.value - here @ law.value))
+            first += size
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        offset = dataclasses.replace(laws[0], standard_deviation=deviation[:count])
+        coefficient = None
+        if self.coefficient is not None:
+            coefficient = dataclasses.replace(
+                laws[1], standard_deviation=deviation[count:first]
+            )
+        return dataclasses.replace(
+            self, offset=offset, coefficient=coefficient, covariance=covariance
+        )
+
+    def deviation_at(
+        self, temperature: Float[np.ndarray, " t"]
+    ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+        """Return the deviations of offset (mm) and coefficient (mm/mm) at temperatures."""
+        found, first = [np.zeros(len(temperature)), np.zeros(len(temperature))], 0
+        for number, law in enumerate((self.offset, self.coefficient)):
+            if law is None:
+                continue
+            part = slice(first, first + len(law.value))
+            share = node_shares(temperature, law.temperature)
+            variance = np.einsum(
+                "ni,ij,nj->n", share, self.covariance[part, part], share
+            )
+            found[number], first = np.sqrt(np.maximum(variance, 0.0)), part.stop
+        return found[0], found[1]
+
+    def compensation(self, sign: int = 1, cycles: int = 0) -> TemperatureLine:
+        """Return the line that takes this error away.
+
+        Args:
+            sign: Offset per Δs (`Conventions.temperature_sign`).
+            cycles: Of the sin² filter.
+        """
+        curves: list[AbstractParameter] = [
+            TemperatureCurve.of(law.temperature, -sign * law.value, law.sensor)
+            for law in (self.offset, self.coefficient)
+            if law is not None
+        ]
+        slope = curves[1] if len(curves) > 1 else ConstantParameter(jnp.zeros(()))
+        place = ConstantParameter(jnp.asarray(self.reference))
+        return TemperatureLine(place, curves[0], slope, cycles, float(sign))

@@ -1,0 +1,67 @@
+"""Robust regression: what readings determine, curves, and polylines as columns."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from axcomp.ident.core import FitError, node_shares, regress, regress_curve
+from axcomp.models import TemperatureCurve
+
+NOISE = 1e-3
+
+
+def test_shares_of_nodes_are_those_of_the_curve_of_the_models() -> None:
+    rng = np.random.default_rng(0)
+    nodes = np.array([18.0, 21.5, 22.0, 40.0])
+    values = rng.normal(size=4)
+    # Both ends are held; a place that is not known stays so.
+    places = np.concatenate([[10.0, 18.0, 22.0, 50.0], rng.uniform(18.0, 40.0, 50)])
+    curve = TemperatureCurve.of(nodes, values)
+    # The same two products per place.
+    np.testing.assert_allclose(
+        node_shares(places, nodes) @ values,
+        curve(jnp.asarray(places[:, None])),
+        atol=1e-14,
+    )
+    assert np.isnan(node_shares(np.array([np.nan, 20.0]), nodes)[0]).all()
+
+
+def test_what_only_wild_readings_show_is_undetermined_and_the_rest_is_not() -> None:
+    rng = np.random.default_rng(1)
+    columns = np.column_stack([np.ones(60), rng.normal(size=60), np.arange(60) >= 56])
+    target = columns @ [1.0, 2.0, 0.0] + NOISE * rng.normal(size=60)
+    target[56:] += [1.0, -1.0, 0.5, -0.3]
+    found = regress(columns, target)
+    np.testing.assert_array_equal(found.undetermined, [False, False, True])
+    assert np.isinf(found.standard_deviation[2])
+    # 56 readings: a deviation of 0.13 of the noise each; four of them.
+    np.testing.assert_allclose(found.coefficients[:2], [1.0, 2.0], atol=0.6 * NOISE)
+    assert (found.standard_deviation[:2] < 0.3 * NOISE).all()
+
+
+def test_columns_that_say_the_same_are_named() -> None:
+    columns = np.column_stack([np.ones(9), np.arange(9.0), 2.0 + np.arange(9.0)])
+    names = ("level", "slope", "other slope")
+    with pytest.raises(FitError, match="tell apart level, slope, other slope"):
+        regress(columns, np.zeros(9), names=names)
+
+
+@pytest.mark.parametrize("start", [0.3, 3.0])
+def test_a_curve_comes_back_from_a_wrong_start_with_its_deviation(start: float) -> None:
+    time = np.linspace(0.0, 5.0, 200)
+    distances = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        target = 0.2 + np.exp(-time / 1.2) + 0.02 * rng.normal(size=200)
+        target[[20, 90]] += 5.0
+        (found,), fit = regress_curve(
+            lambda tau: np.column_stack([np.ones(200), np.exp(-time / tau[0])]),
+            target,
+            np.array([start]),
+            width=np.array([1e-4]),
+            bounds=(np.array([0.05]), np.array([20.0])),
+        )
+        assert np.flatnonzero(fit.wild).tolist() == [20, 90]
+        distances.append((found - 1.2) / fit.standard_deviation[-1])
+    # Twelve draws of a unit deviation: their rms is 0.5 to 1.6 in 99 %.
+    assert 0.5 < np.sqrt(np.mean(np.square(distances))) < 1.6

@@ -1,0 +1,154 @@
+"""The knots of a friction list: few, whole, and as good as any placement."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from axcomp.ident.core import FitError
+from axcomp.ident.friction import place_knots
+
+SPEED = np.geomspace(0.05, 300.0, 240)
+EVEN = np.ones_like(SPEED)
+
+
+def stribeck(velocity: np.ndarray) -> np.ndarray:
+    """A curve as of a ball screw, in A: falling at first, then rising slowly."""
+    return 2.0 + 1.5 * np.exp(-velocity / 2.0) + 0.005 * velocity
+
+
+def brute_force(inner: int, places: np.ndarray) -> float:
+    """Best rms of any ``inner`` knots of these places, ends pinned, heights free."""
+    best = np.inf
+    target = stribeck(SPEED)
+    for between in itertools.combinations(places, inner - 2):
+        at = np.array([SPEED[0], *between, SPEED[-1]])
+        hats = np.stack([np.interp(SPEED, at, hat) for hat in np.eye(inner)], axis=1)
+        heights = np.linalg.lstsq(hats, target, rcond=None)[0]
+        best = min(best, float(np.sqrt(np.mean((hats @ heights - target) ** 2))))
+    return best
+
+
+@pytest.mark.parametrize("inner", [3, 4, 5])
+def test_knots_are_as_good_as_any_placement_found_by_brute_force(inner: int) -> None:
+    places = np.geomspace(0.1, 150.0, {3: 300, 4: 60, 5: 28}[inner])
+    best = brute_force(inner, places)
+    # Two more entries make the level ends, at 1 µm/s and beyond the fastest speed.
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=inner + 2, unit=1e-4)
+    # 5 %: what is asked; the lattice of the brute force is a coarse one as well.
+    assert knots.rms <= 1.05 * best
+
+
+@pytest.mark.parametrize("entries", [8, 12, 20])
+def test_knots_are_as_good_as_the_best_of_many_starts(entries: int) -> None:
+    curve, inner = stribeck(SPEED), entries - 2
+    # The peer knows where knots belong: as densely as the bend to the power of 2/5.
+    bend = np.abs(np.gradient(np.gradient(curve, SPEED), SPEED)) ** 0.4
+    dense = np.append(0.0, np.cumsum((bend[1:] + bend[:-1]) * np.diff(SPEED)))
+
+    def missed(between: np.ndarray) -> np.ndarray:
+        steps = np.append(0.0, np.cumsum(np.exp(between - between.max())))
+        at = np.interp(steps / steps[-1], dense / dense[-1], SPEED)
+        hats = np.stack([np.interp(SPEED, at, hat) for hat in np.eye(inner)], axis=1)
+        return np.asarray(hats @ np.linalg.lstsq(hats, curve, rcond=None)[0] - curve)
+
+    starts = np.random.default_rng(4).normal(0.0, 0.3, (8, inner - 1))
+    best = min(2.0 * least_squares(missed, s, max_nfev=40).cost for s in starts)
+    knots = place_knots(SPEED, curve, EVEN, entries=entries, unit=1e-6)
+    # 1 %: what is asked.
+    assert knots.rms <= 1.01 * np.sqrt(best / len(SPEED))
+
+
+def test_a_table_that_was_fitted_is_found_again() -> None:
+    at = np.geomspace(SPEED[0], SPEED[-1], 12)
+    heights = stribeck(at) + 0.05 * np.random.default_rng(1).normal(size=12)
+    curve = np.interp(SPEED, at, heights)
+    knots = place_knots(SPEED, curve, EVEN, entries=14, unit=1e-4)
+    # A list unit: the whole µm/s cost less than that too.
+    assert knots.rms <= 1e-4
+
+
+def test_velocities_ascend_from_one_step_to_beyond_the_fastest_speed() -> None:
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=20, unit=1e-3)
+    assert len(knots.velocity) <= 20
+    assert knots.velocity[0] == 1
+    assert np.all(np.diff(knots.velocity) > 0)
+    assert knots.velocity[-1] > 300_000
+
+
+def test_both_ends_are_level_since_nobody_measured_there() -> None:
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=12, unit=1e-3)
+    assert knots.out[0] == knots.out[1]
+    assert knots.out[-1] == knots.out[-2]
+
+
+def test_rounding_to_whole_currents_costs_no_more_than_rounding_does() -> None:
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=20, unit=0.01)
+    # A value off by up to half a unit, evenly, is off by unit/sqrt(12) rms.
+    assert knots.rms <= knots.unrounded_rms + 0.01 / np.sqrt(12)
+
+
+def test_knots_go_where_whole_currents_are_on_the_curve() -> None:
+    knots = place_knots(SPEED, stribeck(SPEED), EVEN, entries=20, unit=0.05)
+    # Rounding each height alone costs unit/sqrt(12) at the knots and 0.8 of it, sqrt(2/3),
+    # between them. What is left is less than a quarter of that.
+    assert knots.rms <= 0.25 * np.sqrt(2 / 3) * 0.05 / np.sqrt(12)
+
+
+def test_knots_of_a_narrow_range_have_velocities_of_their_own() -> None:
+    speed = np.linspace(0.010, 0.030, 60)  # 20 list units for 18 knots
+    curve = 2.0 + 0.5 * np.sin(speed * 900.0)
+    knots = place_knots(speed, curve, np.ones(60), entries=20, unit=1e-3)
+    assert len(knots.velocity) <= 20
+    assert np.all(np.diff(knots.velocity) > 0)
+    assert knots.rms <= 0.1 * np.std(curve)
+
+
+def test_speeds_that_nobody_drove_have_no_say() -> None:
+    odd = stribeck(SPEED)
+    fast = SPEED > 100.0
+    odd[fast] += 50.0
+    weight = np.where(fast, 0.0, 1.0)
+    knots = place_knots(SPEED, odd, weight, entries=8, unit=1e-3)
+    clean = place_knots(SPEED[~fast], odd[~fast], EVEN[~fast], entries=8, unit=1e-3)
+    slow = SPEED[~fast]
+    error = knots.current(slow) - stribeck(slow)
+    # The knots may also serve the way up to the last, unmeasured one: one knot fewer.
+    assert np.sqrt(np.mean(error**2)) <= 2.0 * clean.rms
+
+
+def test_more_entries_never_follow_the_curve_worse() -> None:
+    found = [
+        place_knots(SPEED, stribeck(SPEED), EVEN, entries=n, unit=1e-6).rms
+        for n in (4, 6, 9, 14, 20)
+    ]
+    assert found == sorted(found, reverse=True)
+
+
+def test_a_straight_line_is_written_by_its_ends() -> None:
+    speed = np.linspace(1.0, 100.0, 50)
+    knots = place_knots(speed, 0.01 * speed, np.ones(50), entries=4, unit=1e-2)
+    # 1 µm/s, the slowest, the fastest, and beyond: all on two lines.
+    assert list(knots.velocity) == [1, 1000, 100_000, 105_000]
+    assert list(knots.out) == [1, 1, 100, 100]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"entries": 2}, "found 2 entries, expected at least 3"),
+        ({"unit": 0.0}, "found 0 per list unit"),
+        ({"weight": 0 * EVEN}, "no speed that counts"),
+        ({"velocity": SPEED[::-1]}, "speeds that do not ascend"),
+        ({"current": np.full(240, np.nan)}, "found gaps in the friction curve"),
+    ],
+)
+def test_what_makes_no_table_is_refused(change: dict[str, Any], message: str) -> None:
+    given: dict[str, Any] = {
+        "velocity": SPEED, "current": stribeck(SPEED), "weight": EVEN,
+        "entries": 20, "unit": 1e-3,
+    }  # fmt: skip
+    with pytest.raises(FitError, match=message):
+        place_knots(**(given | change))

@@ -1,0 +1,419 @@
+"""Planted crosstalk comes back from acceleration events cut out of a log."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from axcomp.ident.fit import FitError
+from axcomp.ident.kinds.crosstalk import (
+    CrosstalkReadings,
+    cut_events,
+    fit_crosstalk,
+)
+from axcomp.ident.kinds.crosstalk._tests import grid_columns, points_of, surface_columns
+from axcomp.models import Conventions
+
+FULL = 2000.0  # mm/s²
+CYCLE = 0.004  # s
+NOISE = 5e-4  # mm
+BY_QUADRANT = np.array([0.010, 0.012, -0.011, -0.009])  # mm at full acceleration
+BOTH_WAYS = np.array([0.010, 0.010, -0.011, -0.011])
+
+Law = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def mode_1(branch: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Error in mm at full acceleration, per branch and place."""
+    return np.asarray(BY_QUADRANT[branch] + 0.0 * places[:, 0])
+
+
+def alike(branch: np.ndarray, places: np.ndarray) -> np.ndarray:
+    return np.asarray(BOTH_WAYS[branch] + 0.0 * places[:, 0])
+
+
+def mode_2(branch: np.ndarray, places: np.ndarray) -> np.ndarray:
+    bend = np.interp(places[:, 1], [0.0, 200.0, 400.0], [0.0, 0.8, 0.3])
+    return np.asarray(BY_QUADRANT[branch] * (1.0 + bend))
+
+
+def mode_3(branch: np.ndarray, places: np.ndarray) -> np.ndarray:
+    along = places[:, 0] / 400.0
+    bend = np.interp(places[:, 1], [0.0, 200.0, 400.0], [0.0, 1.0, 0.2])
+    return np.asarray(BY_QUADRANT[branch] * (1.0 + 0.6 * along * bend))
+
+
+def log(
+    seed: int,
+    law: Law,
+    *,
+    moves: int = 60,
+    at: np.ndarray | None = None,
+    ways: tuple[int, ...] = (1, -1),
+    noise: float = NOISE,
+) -> CrosstalkReadings:
+    """Moves of the master to and fro, at random places of two adaptation axes or given ones.
+
+    The slave drifts and bends besides: that is no crosstalk.
+    """
+    rng = np.random.default_rng(seed)
+    pieces, places = [], []
+    for move in range(moves):
+        place = rng.uniform(0.0, 400.0, 2) if at is None else at[move % len(at)]
+        for way in ways:
+            rows = int(rng.integers(20, 35))
+            push = way * FULL * rng.uniform(0.6, 1.0) * np.ones(rows)
+            still, cruise = np.zeros(30), np.zeros(20)
+            pieces.append(np.concatenate([still, push, cruise, -push, still]))
+            places.append(np.tile(place, (len(pieces[-1]), 1)))
+    acceleration, positions = np.concatenate(pieces), np.concatenate(places)
+    velocity = CYCLE * np.cumsum(acceleration)
+    velocity[np.abs(velocity) < 1e-6] = 0.0
+    time = CYCLE * np.arange(len(acceleration))
+    branch = 2 * (acceleration < 0) + (velocity < 0)
+    error = np.abs(acceleration) / FULL * law(branch, positions)
+    error += 0.01 * np.sin(time / 20.0) + 0.003 * np.sin(positions[:, 0] / 60.0)
+    error += noise * rng.normal(size=len(time))
+    return CrosstalkReadings(time, acceleration, velocity, error, positions)
+
+
+def without_places(readings: CrosstalkReadings) -> CrosstalkReadings:
+    return CrosstalkReadings(
+        readings.time, readings.acceleration, readings.velocity, readings.error,
+        np.zeros((len(readings.time), 0)),
+    )  # fmt: skip
+
+
+def truth_at(law: Law, points: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    places = np.zeros((len(points), 2))
+    places[:, list(axes)] = points
+    return np.array([law(np.full(len(points), row), places) for row in range(4)])
+
+
+@pytest.mark.parametrize(
+    ("law", "mode", "axes"),
+    [(mode_1, 1, ()), (mode_2, 2, (1,)), (mode_3, 3, (0, 1))],
+)
+def test_events_held_out_choose_the_mode_and_the_axes(
+    law: Law, mode: int, axes: tuple[int, ...]
+) -> None:
+    fit = fit_crosstalk(log(1, law), acceleration=FULL, deceleration=-FULL)
+    assert (fit.mode, fit.axes) == (mode, axes)
+    assert fit.determined
+    assert fit.velocity_dependent
+    assert 1 <= len(fit.points) <= 14
+    truth = truth_at(law, fit.points, axes)
+    # 60 events per row of 0.12 µm scatter: 0.1 µm at a test; and what a bilinear cell leaves
+    # of the planted surface where a test stands beside its bend.
+    np.testing.assert_allclose(fit.values, truth, atol=6e-4)
+    assert sum(score.chosen for score in fit.scores) == 1
+
+
+def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate() -> None:
+    distances = []
+    for seed in range(8):
+        readings = without_places(log(seed, mode_1, moves=12))
+        fit = fit_crosstalk(
+            readings,
+            acceleration=FULL,
+            deceleration=-FULL,
+            mode=1,
+            velocity_dependent=True,
+        )
+        values = fit.values[:, 0]
+        distances += list((values - BY_QUADRANT) / fit.standard_deviation[:, 0])
+    # 95 % of 32 within two deviations; 6 misses have a chance below 1 %.
+    assert (np.abs(distances) < 2.0).mean() > 0.82
+    assert (np.abs(distances) < 1.0).mean() < 0.9  # and not because they are too wide
+
+
+@pytest.mark.heavy
+def test_deviations_over_a_polygon_hold_too() -> None:
+    distances = []
+    for seed in range(7):
+        fit = fit_crosstalk(
+            log(seed, mode_2, moves=40),
+            acceleration=FULL,
+            deceleration=-FULL,
+            positions=np.array([[0.0, 0.0], [400.0, 0.0], [0.0, 200.0], [400.0, 200.0],
+                                [0.0, 400.0], [400.0, 400.0]]),
+            velocity_dependent=True,
+        )  # fmt: skip
+        truth = truth_at(mode_2, fit.points, (0, 1))
+        distances += list(((fit.values - truth) / fit.standard_deviation).ravel())
+    # 168 values; a rate of 95 % is seen as more than 90 %.
+    assert (np.abs(distances) < 2.0).mean() > 0.9
+    assert (np.abs(distances) < 1.0).mean() < 0.85
+
+
+@pytest.mark.parametrize(("law", "apart"), [(mode_1, True), (alike, False)])
+def test_directions_get_values_of_their_own_only_where_they_differ(
+    law: Law, apart: bool
+) -> None:
+    fit = fit_crosstalk(
+        without_places(log(2, law)), acceleration=FULL, deceleration=-FULL
+    )
+    assert fit.velocity_dependent is apart
+    if not apart:
+        np.testing.assert_array_equal(fit.values[0], fit.values[1])
+        np.testing.assert_array_equal(fit.values[2], fit.values[3])
+
+
+def test_every_event_is_shown_with_its_place_sign_and_direction() -> None:
+    readings = log(3, mode_2, moves=5)
+    events = cut_events(readings, FULL, -FULL)
+    assert [event.branch for event in events] == [0, 2, 3, 1] * 5
+    for event in events:
+        inside = slice(event.start, event.stop)
+        assert (np.abs(readings.acceleration[inside]) > 0).all()
+        np.testing.assert_allclose(event.positions, readings.positions[event.start])
+        truth = mode_2(np.array([event.branch]), readings.positions[event.start][None])
+        # 20 to 35 rows of 0.5 µm against as many beside them, at 60 % of the acceleration.
+        assert abs(event.value - truth[0]) < 1e-3
+        assert event.peak * (1 if event.branch < 2 else -1) > 0
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_a_filtered_acceleration_shows_as_many_events_as_took_place(
+    noise: float,
+) -> None:
+    readings = without_places(log(3, mode_1, moves=18))
+    # A filter of 9 rows smears every acceleration over the standstill beside it, where the
+    # velocity is 0 or, differentiated from a position, its own noise in mm/s.
+    window = np.hanning(11)[1:-1]
+    smeared = np.convolve(readings.acceleration, window / window.sum(), "same")
+    velocity = readings.velocity + noise * np.random.default_rng(0).normal(
+        size=len(smeared)
+    )
+    events = cut_events(
+        CrosstalkReadings(
+            readings.time, smeared, velocity, readings.error, readings.positions
+        ),
+        FULL,
+        -FULL,
+    )
+    assert [event.branch for event in events] == [0, 2, 3, 1] * 18
+    value = np.array([event.value for event in events])
+    truth = np.array([BY_QUADRANT[event.branch] for event in events])
+    # A line through the smeared edges is up to 4 % of 12 µm too steep, beside 0.15 µm of
+    # noise per event; an edge counted as an event was off by 13 µm.
+    assert np.abs(value - truth).max() < 1.2e-3
+
+
+def test_a_turn_under_one_acceleration_is_an_event_in_each_direction() -> None:
+    time = CYCLE * np.arange(300)
+    acceleration = np.where((time > 0.3) & (time < 0.9), FULL, 0.0)
+    velocity = np.clip(FULL * (time - 0.6), -600.0, 600.0)
+    branch = 2 * (acceleration < 0) + (velocity < 0)
+    error = acceleration / FULL * BY_QUADRANT[branch]
+    error += 1e-5 * np.random.default_rng(0).normal(size=300)
+    events = cut_events(
+        CrosstalkReadings(time, acceleration, velocity, error, np.zeros((300, 0))),
+        FULL,
+        -FULL,
+    )
+    assert [event.branch for event in events] == [1, 0]
+    # 70 rows of 0.01 µm each against a level: a few nm.
+    assert events[0].value == pytest.approx(BY_QUADRANT[1], abs=2e-5)
+    assert events[1].value == pytest.approx(BY_QUADRANT[0], abs=2e-5)
+
+
+def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
+    readings = log(4, mode_3)
+    fit = fit_crosstalk(readings, acceleration=FULL, deceleration=-FULL)
+    model = fit.compensation()
+    assert model is not None
+    offset = model.offset(
+        readings.acceleration, readings.velocity, readings.positions[:, list(fit.axes)]
+    )
+    left = CrosstalkReadings(
+        readings.time, readings.acceleration, readings.velocity,
+        readings.error + np.asarray(offset), readings.positions,
+    )  # fmt: skip
+    before, after = (
+        np.array([event.value for event in cut_events(each, FULL, -FULL)])
+        for each in (readings, left)
+    )
+    # What is left is the noise of the events, 0.15 µm, and a little of the surface.
+    assert np.sqrt(np.mean(after**2)) < 0.05 * np.sqrt(np.mean(before**2))
+
+
+def test_the_sign_of_the_entries_follows_the_convention() -> None:
+    readings = without_places(log(4, mode_1, moves=12))
+    options: dict[str, Any] = {"acceleration": FULL, "deceleration": -FULL}
+    plain = fit_crosstalk(readings, **options).compensation()
+    turned = fit_crosstalk(
+        readings, conventions=Conventions(crosstalk_sign=-1), **options
+    ).compensation()
+    assert plain is not None
+    assert turned is not None
+    np.testing.assert_array_equal(np.asarray(plain.values), -np.asarray(turned.values))
+    a, v = np.array([1500.0, -1500.0]), np.array([10.0, 10.0])
+    np.testing.assert_array_equal(
+        np.asarray(plain.offset(a, v)), np.asarray(turned.offset(a, v))
+    )
+
+
+def test_accelerating_by_speed_sorts_events_by_whether_the_master_gets_faster() -> None:
+    rules = Conventions(crosstalk_accelerate="speed")
+    events = cut_events(log(3, mode_2, moves=2), FULL, -FULL, conventions=rules)
+    # To: faster, slower; fro: faster, slower, both in negative direction.
+    assert [event.branch for event in events] == [0, 2, 1, 3] * 2
+
+
+def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
+    readings = without_places(log(5, mode_1, ways=(1,)))
+    fit = fit_crosstalk(readings, acceleration=FULL, deceleration=-FULL)
+    assert not fit.determined
+    assert fit.compensation() is None
+    assert np.isnan(fit.values[1]).all()
+    assert np.isinf(fit.standard_deviation[1]).all()
+    np.testing.assert_allclose(fit.values[0], BY_QUADRANT[0], atol=3e-4)
+    assert fit.directions == "unknown"
+
+
+def test_one_way_is_enough_where_directions_are_taken_as_alike() -> None:
+    readings = without_places(log(5, alike, ways=(1,)))
+    fit = fit_crosstalk(
+        readings, acceleration=FULL, deceleration=-FULL, velocity_dependent=False
+    )
+    assert fit.determined
+
+
+def test_a_test_without_events_is_left_out_whole() -> None:
+    readings = log(6, mode_2, at=np.array([[0.0, 0.0], [0.0, 100.0], [0.0, 200.0]]))
+    places = CrosstalkReadings(
+        readings.time, readings.acceleration, readings.velocity, readings.error,
+        readings.positions[:, 1:],
+    )  # fmt: skip
+    fit = fit_crosstalk(
+        places,
+        acceleration=FULL,
+        deceleration=-FULL,
+        positions=np.array([[0.0], [100.0], [200.0], [300.0]]),
+    )
+    assert fit.complete.tolist() == [True, True, True, False]
+    assert not fit.determined
+    model = fit.compensation()
+    assert model is not None
+    assert model.values.shape == (4, 3)
+    # Tests stand from 0 to 200 of 300 mm: 27 of 41 places.
+    np.testing.assert_allclose(
+        fit.coverage(np.array([[0.0, 300.0]])), 2.0 / 3.0, atol=0.02
+    )
+
+
+def test_single_acceleration_tests_become_entries_as_they_are() -> None:
+    at = np.array([[0.0, 0.0], [400.0, 50.0], [200.0, 400.0]])
+    fit = fit_crosstalk(
+        log(7, mode_3, moves=3, at=at),
+        acceleration=FULL,
+        deceleration=-FULL,
+        positions=at,
+        velocity_dependent=True,
+    )
+    assert fit.mode == 3
+    assert (fit.support == 1).all()
+    truth = truth_at(mode_3, at, (0, 1))
+    # One event each, of 0.2 to 0.3 µm; four of them.
+    np.testing.assert_allclose(fit.values, truth, atol=1.2e-3)
+    assert np.isfinite(fit.standard_deviation).all()
+    assert 5e-5 < np.median(fit.standard_deviation) < 5e-4
+
+
+def test_a_wild_event_is_named_and_moves_nothing() -> None:
+    readings = without_places(log(8, mode_1))
+    events = cut_events(readings, FULL, -FULL)
+    hit = events[20]
+    error = readings.error.copy()
+    error[hit.start : hit.stop] += 0.2
+    fit = fit_crosstalk(
+        CrosstalkReadings(
+            readings.time, readings.acceleration, readings.velocity, error,
+            readings.positions,
+        ),
+        acceleration=FULL,
+        deceleration=-FULL,
+    )  # fmt: skip
+    assert [event.wild for event in fit.events].index(True) == 20
+    np.testing.assert_allclose(fit.values[:, 0], BY_QUADRANT, atol=3e-4)
+
+
+def test_missed_readings_of_the_slave_are_left_out() -> None:
+    readings = without_places(log(9, mode_1))
+    error = readings.error.copy()
+    error[np.random.default_rng(0).random(len(error)) < 0.2] = np.nan
+    fit = fit_crosstalk(
+        CrosstalkReadings(
+            readings.time, readings.acceleration, readings.velocity, error,
+            readings.positions,
+        ),
+        acceleration=FULL,
+        deceleration=-FULL,
+    )  # fmt: skip
+    np.testing.assert_allclose(fit.values[:, 0], BY_QUADRANT, atol=3e-4)
+
+
+def test_accelerations_are_taken_as_measured_where_none_are_given() -> None:
+    readings = without_places(log(10, mode_1))
+    fit = fit_crosstalk(readings)
+    # Moves at 60 to 100 % of 2000 mm/s².
+    assert 1200.0 < fit.acceleration < 2000.0
+    assert -2000.0 < fit.deceleration < -1200.0
+    assert fit.acceleration == round(fit.acceleration)
+
+
+def test_columns_of_the_search_are_those_of_the_controller() -> None:
+    rng = np.random.default_rng(0)
+    nodes = (np.array([0.0, 150.0, 400.0]), np.array([-50.0, 80.0]))
+    places = rng.uniform(-100.0, 500.0, (40, 2))
+    # Two ways of writing the same few products.
+    np.testing.assert_allclose(
+        grid_columns(places, nodes),
+        surface_columns(points_of(nodes), places),
+        atol=1e-12,
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"acceleration": -5.0}, "acceleration: found -5 mm/s², expected a number abo"),
+        ({"deceleration": 5.0}, "deceleration: found 5 mm/s², expected a number below"),
+        ({"mode": 4}, "mode: found 4, expected 1, 2, 3 or 'auto'"),
+        ({"mode": "both"}, "mode: found 'both', expected"),
+        ({"mode": 3}, "mode 3 needs 2 adaptation axes, the readings have the positi"),
+        ({"most_tests": 16}, "found 16 tests at most, expected 1 to 15"),
+        ({"velocity_dependent": "no"}, "velocity_dependent: found 'no', expected"),
+        ({"positions": np.zeros((16, 1))}, "found 16 tests, expected 1 to 15"),
+        ({"positions": np.zeros((2, 1))}, "stand at the same place"),
+        ({"positions": np.zeros((1, 2))}, "the tests have positions of 2 axes"),
+        ({"acceleration": 1e5, "deceleration": -1e5}, "no acceleration of the master"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(options: dict[str, Any], message: str) -> None:
+    readings = log(11, mode_1, moves=4)
+    one = CrosstalkReadings(
+        readings.time, readings.acceleration, readings.velocity, readings.error,
+        readings.positions[:, :1],
+    )  # fmt: skip
+    with pytest.raises(FitError, match=message):
+        fit_crosstalk(one, **options)
+
+
+def test_a_master_that_never_brakes_is_refused() -> None:
+    count = 50
+    readings = CrosstalkReadings(
+        np.arange(50.0), np.full(count, 100.0), np.ones(count), np.zeros(count),
+        np.zeros((count, 0)),
+    )  # fmt: skip
+    with pytest.raises(FitError, match="shows no deceleration at all"):
+        fit_crosstalk(readings)
+
+
+def test_positions_that_are_not_numbers_are_refused() -> None:
+    readings = log(12, mode_1, moves=2)
+    readings.positions[7, 1] = np.nan
+    with pytest.raises(FitError, match="reading 8: positions is not finite"):
+        cut_events(readings, FULL, -FULL)

@@ -1,0 +1,396 @@
+"""Planted thermal lines come back, within the deviations that the fit states."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from axcomp.ident.core import FitError
+from axcomp.ident.kinds.temperature import (
+    SensorLog,
+    TemperatureFit,
+    ThermalReadings,
+    fit_temperature,
+    lagged,
+)
+
+TARGETS = np.linspace(0.0, 1000.0, 6)  # mm
+MINUTE = 60.0
+NOISE = 5e-4  # mm
+
+
+def warm_up(
+    seed: int,
+    *,
+    hours: float = 5.0,
+    lag: float = 0.0,
+    drift: float = 0.0,
+    crossing: float | None = -200.0,
+    growth: float = 1.1e-5,
+) -> ThermalReadings:
+    """A machine that warms up and cools down, measured at six targets over and over.
+
+    Args:
+        seed: Of noise and drift.
+        hours: Length of the log.
+        lag: Time constant of the structure behind the sensor in s.
+        drift: Standard deviation in mm of a drift that forgets in 20 minutes.
+        crossing: Where the lines meet in mm; None = nowhere.
+        growth: Coefficient per K.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, hours * 3600.0, MINUTE)
+    warm = 1.0 - np.exp(-time / 3000.0)
+    cool = np.where(time > 0.6 * time[-1], 1.0, 0.0)
+    since = np.maximum(time - 0.6 * time[-1], 0.0)
+    warm = warm * np.where(cool > 0, np.exp(-since / 3500.0), 1.0)
+    sensor = 20.0 + 18.0 * warm
+    theta = lagged(time, sensor, lag)
+    position = TARGETS[np.arange(len(time)) % len(TARGETS)]
+    slow, kept = np.zeros(len(time)), np.exp(-MINUTE / 1200.0)
+    state = rng.normal()
+    for row in range(len(time)):
+        slow[row] = state
+        state = kept * state + np.sqrt(1.0 - kept**2) * rng.normal()
+    error = 0.004 + growth * (theta - 20.0) * (
+        position - (0.0 if crossing is None else crossing)
+    )
+    if crossing is None:
+        error += 1e-4 * (theta - 20.0) ** 2
+    error += drift * slow + NOISE * rng.normal(size=len(time))
+    return ThermalReadings(
+        error, sensor[:, None] + 0.05 * rng.normal(size=(len(time), 1)), position, time
+    )
+
+
+@pytest.fixture(scope="module")
+def plain() -> TemperatureFit:
+    """A warm-up with all left open: law, lag and intersection."""
+    return fit_temperature(warm_up(1))
+
+
+@pytest.fixture(scope="module")
+def behind() -> TemperatureFit:
+    """A structure that follows its sensor with 900 s, all left open."""
+    return fit_temperature(warm_up(6, lag=900.0))
+
+
+def test_lines_that_meet_are_found_with_their_intersection(
+    plain: TemperatureFit,
+) -> None:
+    fit = plain
+    assert fit.meeting == "met"
+    assert fit.coefficient is not None
+    assert fit.reference_deviation is not None
+    # Three stated deviations: a fair fit misses that once in 370 seeds.
+    assert abs(fit.reference + 200.0) < 3.0 * fit.reference_deviation
+    assert fit.offset.kind == "constant"
+    assert fit.coefficient.kind == "linear"
+    # The noise of 0.05 K on the sensor is 0.6 µm at the far end, beside 0.5 µm.
+    np.testing.assert_allclose(fit.coefficient.slope, 1.1e-5, rtol=0.01)
+    assert fit.confounded == ()
+    assert fit.determined
+
+
+def test_lines_that_meet_nowhere_are_told_from_the_middle_of_the_positions() -> None:
+    fit = fit_temperature(warm_up(2, crossing=None), law=(3, "linear"), lag="none")
+    assert fit.meeting == "not one point"
+    assert fit.reference == 500.0
+    assert fit.reference_deviation is None
+    assert len(fit.offset.value) == 3
+
+
+def test_a_reference_in_mm_is_taken_as_it_is() -> None:
+    fit = fit_temperature(warm_up(3), reference=250.0, lag="none")
+    assert fit.reference == 250.0
+    # At 250 mm the planted line moves by 450 mm · 11 µm/m/K; 1 % as above.
+    np.testing.assert_allclose(fit.offset.slope, 450.0 * 1.1e-5, rtol=0.02)
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("drift", [0.0, 0.003])
+def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate(
+    drift: float,
+) -> None:
+    distances = []
+    for seed in range(40):
+        readings = warm_up(seed, drift=drift)
+        fit = fit_temperature(
+            readings, law=("linear", "linear"), reference=0.0, lag="none"
+        )
+        slope, deviation = fit.slope
+        assert fit.coefficient is not None
+        span = np.ptp(fit.coefficient.temperature)
+        variance = fit.covariance[2:, 2:]
+        rise = variance[0, 0] + variance[1, 1] - 2 * variance[0, 1]
+        distances.append((slope - 200.0 * 1.1e-5) / deviation)
+        distances.append(
+            (fit.coefficient.slope - 1.1e-5) / (np.sqrt(max(rise, 0.0)) / span)
+        )
+    within = np.abs(distances)
+    # 95 % of 80 within two deviations; 10 misses and more have a chance below 1 %. The
+    # sensor noise attenuates slopes by 0.01 %, which is nothing here.
+    assert (within < 2.0).mean() > 0.88
+    # Deviations that are twice too large would hide a bad estimate: then 95 % lie within 1.
+    assert (within < 1.0).mean() < 0.82
+
+
+def test_drift_makes_deviations_larger_than_independent_readings_would() -> None:
+    calm, drifting = (
+        fit_temperature(
+            warm_up(5, drift=drift), law=("linear", "linear"), reference=0.0, lag="none"
+        )
+        for drift in (0.0, 0.003)
+    )
+    assert calm.noise.drift < 0.5e-3
+    # A drift of 3 µm; how slow it is, five hours hardly tell.
+    assert 0.001 < drifting.noise.drift
+    assert drifting.independent < 0.2 * calm.independent
+
+
+def test_a_lag_is_estimated_with_its_uncertainty(behind: TemperatureFit) -> None:
+    (lag,) = behind.lags
+    assert lag.applied
+    low, high = lag.interval
+    assert low < 900.0 < high
+    # An interval that is wider than a factor of 1.5 would be of no use to anybody.
+    assert high / low < 1.5
+    assert behind.names[-1] == "time constant"
+    np.testing.assert_allclose(behind.reference, -200.0, atol=10.0)
+
+
+def test_no_lag_is_reported_where_there_is_none() -> None:
+    (lag,) = fit_temperature(warm_up(7)).lags
+    # The grid starts at a reading's distance: less cannot be seen and does no harm.
+    assert not lag.applied or lag.time_constant < 2 * MINUTE
+    assert not lag.sensor_late
+
+
+def test_a_sensor_that_follows_late_is_named() -> None:
+    readings = warm_up(8)
+    assert readings.time is not None
+    late = lagged(readings.time, readings.temperature[:, 0], 900.0)
+    fit = fit_temperature(
+        ThermalReadings(readings.error, late[:, None], readings.position, readings.time)
+    )
+    assert fit.lags[0].sensor_late
+
+
+def test_a_dense_log_of_the_sensor_replaces_the_readings_of_it() -> None:
+    readings = warm_up(6, lag=900.0)
+    assert readings.time is not None
+    log = SensorLog(readings.time, readings.temperature)
+    thin = readings.take(np.arange(len(readings.error)) % 7 == 0)
+    empty = ThermalReadings(
+        thin.error, np.full_like(thin.temperature, np.nan), thin.position, thin.time
+    )
+    fit = fit_temperature(empty, log=log)
+    low, high = fit.lags[0].interval
+    assert low < 900.0 < high
+
+
+def two_sensors(seed: int) -> ThermalReadings:
+    """Spindle for the offset (sensor 1), scale for the coefficient (sensor 2)."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 4 * 3600.0, MINUTE)
+    spindle = 20.0 + 15.0 * np.abs(np.sin(time / 3000.0))
+    scale = 20.0 + 6.0 * time / time[-1]
+    position = TARGETS[rng.integers(0, len(TARGETS), len(time))]
+    error = 2e-3 * (spindle - 20.0) + 1.0e-5 * (scale - 20.0) * (position - 500.0)
+    error += NOISE * rng.normal(size=len(time))
+    return ThermalReadings(error, np.column_stack([spindle, scale]), position, time)
+
+
+def test_one_sensor_moves_the_offset_and_another_the_coefficient() -> None:
+    fit = fit_temperature(
+        two_sensors(1), offset_sensor=0, coefficient_sensor=1, lag="none"
+    )
+    assert fit.coefficient is not None
+    assert (fit.offset.sensor, fit.coefficient.sensor) == (0, 1)
+    # 240 readings of 0.5 µm over 15 K and ±500 mm: 0.05 % and 0.5 %; three times that.
+    np.testing.assert_allclose(fit.offset.slope, 2e-3, rtol=0.002)
+    np.testing.assert_allclose(fit.coefficient.slope, 1e-5, rtol=0.015)
+    assert fit.meeting == "two sensors"
+
+
+def test_the_wrong_way_round_two_sensors_leave_a_larger_residual() -> None:
+    right, wrong = (
+        fit_temperature(
+            two_sensors(1),
+            offset_sensor=first,
+            coefficient_sensor=1 - first,
+            law=("linear", "linear"),
+            lag="none",
+        )
+        for first in (0, 1)
+    )
+    assert np.std(wrong.residual) > 5 * np.std(right.residual)
+
+
+def test_at_one_position_only_the_offset_is_fitted() -> None:
+    readings = two_sensors(2)
+    single = ThermalReadings(
+        readings.error, readings.temperature, None, readings.time
+    ).take(readings.position == 400.0)
+    fit = fit_temperature(single, coefficient_sensor=None)
+    assert fit.coefficient is None
+    assert fit.offset.kind == "linear"
+    # The scale's share at 400 mm moves against the spindle by 6 µm over the log.
+    np.testing.assert_allclose(fit.offset.slope, 2e-3, rtol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("bend", "kind"), [(0.0, "linear"), (4e-4, "piecewise linear")]
+)
+def test_readings_left_out_choose_the_law(bend: float, kind: str) -> None:
+    rng = np.random.default_rng(3)
+    temperature = 20.0 + 20.0 * np.abs(np.sin(np.arange(400) / 60.0))
+    error = 1e-3 * temperature + bend * np.maximum(temperature - 30.0, 0.0) * 5
+    error += NOISE * rng.normal(size=400)
+    fit = fit_temperature(
+        ThermalReadings(error, temperature[:, None]), coefficient_sensor=None
+    )
+    assert fit.offset.kind == kind
+    assert sum(score.chosen for score in fit.scores) == 1
+
+
+def test_a_temperature_without_effect_gives_a_constant() -> None:
+    rng = np.random.default_rng(4)
+    temperature = 20.0 + 10.0 * rng.random(300)
+    error = 0.01 + NOISE * rng.normal(size=300)
+    fit = fit_temperature(
+        ThermalReadings(error, temperature[:, None]), coefficient_sensor=None
+    )
+    assert fit.offset.kind == "constant"
+    assert fit.slope == (0.0, 0.0)
+
+
+def test_missed_readings_glitches_and_missed_steps_change_nothing() -> None:
+    clean = warm_up(9)
+    rng = np.random.default_rng(0)
+    error, temperature = clean.error.copy(), clean.temperature.copy()
+    error[rng.choice(len(error), 8, replace=False)] = np.nan
+    steps = rng.choice(len(error), 8, replace=False)
+    error[steps] += 4.3
+    temperature[rng.choice(len(error), 8, replace=False), 0] = -180.0
+    fit = fit_temperature(
+        ThermalReadings(error, temperature, clean.position, clean.time),
+        law=("linear", "linear"),
+        lag="none",
+    )
+    whole = fit_temperature(clean, law=("linear", "linear"), lag="none")
+    assert fit.coefficient is not None
+    assert whole.coefficient is not None
+    # 24 of 300 readings fewer: the value moves by a fraction of its deviation.
+    assert abs(fit.reference - whole.reference) < 3 * (whole.reference_deviation or 0)
+    known = np.isfinite(error[steps]) & fit.used[steps]
+    assert fit.wild[steps[known]].all()
+    assert fit.wild.sum() <= 8
+
+
+def rising_with_position() -> ThermalReadings:
+    rng = np.random.default_rng(5)
+    position = np.tile(TARGETS, 20)
+    temperature = 20.0 + 0.01 * position + 0.02 * rng.normal(size=len(position))
+    error = 1e-3 * (temperature - 20.0) + NOISE * rng.normal(size=len(position))
+    return ThermalReadings(error, temperature[:, None], position)
+
+
+def test_a_temperature_that_rises_with_the_position_is_named_as_confounded() -> None:
+    fit = fit_temperature(
+        rising_with_position(), reference=500.0, law=("linear", "linear"), lag="none"
+    )
+    assert not fit.determined
+    (pair, *_) = fit.confounded
+    assert "slope" in (pair.first, pair.second)
+    # 0.02 K of noise beside 10 K of rise: 1 − 2e-5.
+    assert pair.correlation > 0.999
+
+
+def test_a_temperature_that_has_one_value_per_place_is_named_as_confounded() -> None:
+    rng = np.random.default_rng(2)
+    far = np.arange(240) % 6 > 2
+    spindle = 20.0 + 10.0 * np.abs(np.sin(np.arange(240) / 30.0))
+    scale = 20.0 + 5.0 * far + 0.02 * rng.normal(size=240)
+    fit = fit_temperature(
+        ThermalReadings(
+            1e-3 * spindle + NOISE * rng.normal(size=240),
+            np.column_stack([spindle, scale]),
+            np.where(far, 900.0, 100.0),
+        ),
+        coefficient_sensor=1,
+        law=("linear", "linear"),
+        lag="none",
+    )
+    assert not fit.determined
+    assert "slope change" in {pair.second for pair in fit.confounded}
+
+
+def test_the_compensation_takes_the_error_away() -> None:
+    fit = fit_temperature(warm_up(1), law=("linear", "linear"), lag="none")
+    place, warm = np.array([0.0, 400.0, 1000.0]), np.array([[22.0], [30.0], [35.0]])
+    error = fit.predict(warm, place)
+    for sign in (1, -1):
+        line = fit.compensation(sign=sign)
+        offset = line.offset(jnp.asarray(place), jnp.asarray(warm))
+        # The same few sums in another order.
+        np.testing.assert_allclose(np.asarray(offset), -error, atol=1e-12)
+
+
+def test_relative_to_a_temperature_nothing_is_corrected_there() -> None:
+    fit = fit_temperature(warm_up(1), law=("linear", "linear"), reference=0.0)
+    zero = fit.relative_to(25.0)
+    place = np.array([0.0, 1000.0])
+    there = zero.predict(np.array([[25.0], [25.0]]), place)
+    np.testing.assert_allclose(there, 0.0, atol=1e-15)  # exact but for rounding
+    # Differences between temperatures stay what they are, slopes and their deviations too.
+    assert zero.slope == pytest.approx(fit.slope, rel=1e-9)
+    warm = np.array([[30.0], [30.0]])
+    at25 = fit.predict(np.array([[25.0], [25.0]]), place)
+    np.testing.assert_allclose(
+        zero.predict(warm, place), fit.predict(warm, place) - at25, atol=1e-15
+    )
+
+
+def test_shuffled_rows_give_the_same_fit() -> None:
+    readings = warm_up(4)
+    order = np.random.default_rng(0).permutation(len(readings.error))
+    assert readings.position is not None
+    assert readings.time is not None
+    shuffled = ThermalReadings(
+        readings.error[order], readings.temperature[order],
+        readings.position[order], readings.time[order],
+    )  # fmt: skip
+    one, other = (
+        fit_temperature(each, law=("linear", "linear"), lag="none")
+        for each in (readings, shuffled)
+    )
+    assert one.reference == pytest.approx(other.reference, rel=1e-9)
+    np.testing.assert_allclose(one.residual[order], other.residual, atol=1e-12)
+
+
+def test_a_single_given_lag_is_applied_and_not_fitted() -> None:
+    fit = fit_temperature(
+        warm_up(6, lag=900.0), lag=900.0, law=("linear", "linear"), reference=0.0
+    )
+    (lag,) = fit.lags
+    assert lag.time_constant == 900.0
+    assert lag.interval == (900.0, 900.0)
+    assert "time constant" not in fit.names
+
+
+def test_a_node_that_only_wild_readings_show_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    temperature = 20.0 + 5.0 * np.abs(np.sin(np.arange(200) / 20.0))
+    error = 1e-3 * temperature + NOISE * rng.normal(size=200)
+    # Four readings far above all others, which contradict each other.
+    temperature[100:104] = 30.0
+    error[100:104] = [3.0, -3.0, 2.0, -2.0]
+    with pytest.raises(
+        FitError, match=r"agree with each other do not determine offset at 30"
+    ):
+        fit_temperature(
+            ThermalReadings(error, temperature[:, None]),
+            coefficient_sensor=None,
+            law=(3, "constant"),
+            lag="none",
+        )
