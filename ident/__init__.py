@@ -3,4 +3,9 @@
 `fit` (estimators: arrays in, model and uncertainty out) → `exchange` (list ↔ model) →
 `proof` (read back, held-out prediction, gate) → `job` (job file, run) → `report` →
 `cli`; `machine` is the virtual machine beside `proof`. Import the floor that you need.
+
+What `axcomp` itself offers stands beside them, in this order: `_effects` (what is fitted, in
+the words of a job), `_library` (`read`, `fit`), `_fit_model` with `_parameters`, `_limits` and
+`_model_fit` (any model), `_fit_linear` (a linear stack as a differentiable function). Lists
+and models of an axis: `exchange`.
 """

@@ -1,40 +1,30 @@
 """Fit any equinox module to readings: least squares by optimistix, or by CasADi and IPOPT."""
 
-import dataclasses
-import math
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import jax.tree_util as jtu
 import numpy as np
 import optimistix as optx
 from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ..models import AbstractNodes, AbstractSurface
+from ._limits import PASSES, Change
 from ._model_fit import STATUSES, ModelFit, covariance_of, factor, held_out_rms
-from .core import FitError, least_squares_ipopt
+from ._parameters import Form, Pairs, as_float, fitted_arrays, weights_of
+from .core import FitError, least_squares_ipopt, one_blas_thread
 
 M = TypeVar("M", bound=eqx.Module)
-
-Pairs = Any
-"""A tree shaped like the model, or a mapping of names: a pair of numbers or None each."""
 
 _BLOCKS = 10
 """Blocks of consecutive readings that are held out in turn."""
 _PASSES = 30
 _SAME = 1e-10
 """Passes at most, and the relative change of the noise that ends them: it weighs priors."""
-_LIMIT_PASSES = 4
-"""Solves with limits: after each, what rests on one is held there, or let go."""
-_NEAR = 1e-2
-"""How near to a limit that is, in steps that change the residual by its size."""
-_INSIDE = 1e-3
-"""How far inside its limits a start begins, in parts of their distance or of itself."""
 
 
 def fit_model(
@@ -65,7 +55,8 @@ def fit_model(
 
     With optimistix it may be called inside `jax.jit` and differentiated by `jax.grad`
     with respect to inputs, readings, weights and priors (implicit function theorem at the
-    solution; give `noise` where priors are traced). IPOPT works on the host.
+    solution; give `noise` where priors are traced); standard deviations and the error held
+    out count as constants. IPOPT works on the host.
 
     Args:
         model: Start values; its type is that of the result.
@@ -75,8 +66,8 @@ def fit_model(
         measured: Readings, of any shape.
         bounds: Pair (least, largest) per array, a number or an array each; None = free.
             Either a tree shaped like the model, or a mapping of names to pairs. optimistix
-            sees them as a change of variables, $\tanh$ with unit slope at the start; a
-            solution on a limit is reached to about 1e-6.
+            sees them as a change of variables, $\tanh$ with unit slope at the start; what
+            rests on a limit is held there, so that both solvers end at the same optimum.
         priors: Pair (mean, standard deviation) per array, in its unit; None = none.
         weights: Of the readings, relative; 0 leaves a reading out, NaN or not.
         groups: Number of the group of each reading, for `ModelFit.held_out`; left out: ten
@@ -100,24 +91,24 @@ def fit_model(
     if constraints is not None and solver != "ipopt":
         msg = "constraints need solver='ipopt': optimistix knows no inequalities."
         raise ValueError(msg)
-    params, rest = eqx.partition(model, _which(model, fitted))
-    form = _Form.of(params)
+    params, rest = eqx.partition(model, fitted_arrays(model, fitted))
+    form = Form.of(params)
     if not form.names:
         msg = "found no array to fit in the model, expected one of floats"
         raise ValueError(msg)
-    readings = _float(measured)
+    readings = as_float(measured)
     problem = _Problem(
         predict,
         constraints,
         form,
         rest,
-        jax.tree.map(_float, inputs),
+        jax.tree.map(as_float, inputs),
         readings,
-        _weights(readings, weights),
+        weights_of(readings, weights),
         form.pairs(bounds, (-np.inf, np.inf), "bounds"),
         form.pairs(priors, (0.0, np.inf), "priors"),
     )
-    start, known = form.flat(params), None if noise is None else _float(noise)
+    start, known = form.flat(params), None if noise is None else as_float(noise)
     leaves = jax.tree.leaves((problem, start, known))
     traced = any(isinstance(leaf, Tracer) for leaf in leaves)
     if traced and solver == "ipopt":
@@ -131,16 +122,21 @@ def fit_model(
     blocks, count = _blocks(groups, readings.size)
     if known is None and priors is not None:
         sigma = _spread_of(problem, start)
+    found: dict[str, Any] = {}
+    code = jnp.asarray(STATUSES.index("failed"))
     for _ in range(_PASSES):
-        if isinstance(solver, str):
-            start, code, more = _by_ipopt(problem, start, sigma, max_steps)
-        else:
-            start, code, more = _by_optimistix(
-                problem, start, sigma, solver, max_steps, bounds is not None
-            )
-        steps = steps + more
-        before, found = sigma, _report(problem, start, sigma, known, blocks, count)
-        sigma = found["noise"]
+        with contextlib.nullcontext() if traced else one_blas_thread():
+            if isinstance(solver, str):
+                start, code, more = _by_ipopt(problem, start, sigma, max_steps)
+            else:
+                start, code, more = _by_optimistix(
+                    problem, start, sigma, solver, max_steps, bounds is not None
+                )
+            before = sigma
+            found = _report(problem, start, sigma, known, blocks, count)
+            steps, sigma = steps + more, found["noise"]
+            if not traced:
+                sigma.block_until_ready()
         # Only priors need the noise, and only where it is not known.
         if known is not None or priors is None or bool(abs(sigma / before - 1) < _SAME):
             break
@@ -166,82 +162,12 @@ LEVENBERG_MARQUARDT: optx.LevenbergMarquardt[Any, Any, Any] = optx.LevenbergMarq
 """The default; steps are counted in units that change the residual by its first size."""
 
 
-@dataclasses.dataclass(frozen=True)
-class _Form:
-    """How the fitted arrays of a model lie in one vector."""
-
-    structure: Any
-    shapes: tuple[tuple[int, ...], ...]
-    paths: tuple[str, ...]
-    """Name of each array."""
-
-    @classmethod
-    def of(cls, params: Any) -> "_Form":
-        leaves = jtu.tree_leaves_with_path(params)
-        shapes = tuple(jnp.shape(leaf) for _, leaf in leaves)
-        paths = tuple(_name(path) for path, _ in leaves)
-        return cls(jax.tree.structure(params), shapes, paths)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each number."""
-        return tuple(
-            path + (f"[{', '.join(map(str, place))}]" if place else "")
-            for path, shape in zip(self.paths, self.shapes, strict=True)
-            for place in np.ndindex(shape)
-        )
-
-    def flat(self, params: Any) -> Float[Array, " p"]:
-        return jnp.concatenate([jnp.ravel(_float(x)) for x in jax.tree.leaves(params)])
-
-    def tree(self, values: Float[Array, " p"]) -> Any:
-        ends = np.cumsum([math.prod(shape) for shape in self.shapes])[:-1]
-        parts = jnp.split(values, ends)
-        leaves = [jnp.reshape(p, s) for p, s in zip(parts, self.shapes, strict=True)]
-        return jax.tree.unflatten(self.structure, leaves)
-
-    def pairs(
-        self, given: Pairs, default: tuple[float, float], what: str
-    ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-        """Return the first and the second number of all pairs, as two vectors.
-
-        Raises:
-            ValueError: If a name is unknown or a pair is none.
-        """
-        if given is None or isinstance(given, Mapping):
-            named = dict(given or {})
-        else:
-            leaves = jtu.tree_leaves_with_path(given, is_leaf=_is_pair)
-            named = {_name(path): pair for path, pair in leaves}
-            # What is not fitted may have a place in the tree.
-            named = {path: named[path] for path in self.paths if path in named}
-        unknown = [name for name in named if name not in self.paths]
-        if unknown:
-            known = ", ".join(self.paths)
-            msg = f"{what}: found {', '.join(unknown)}, expected some of {known}"
-            raise ValueError(msg)
-        sides: tuple[list[Array], list[Array]] = ([], [])
-        for path, shape in zip(self.paths, self.shapes, strict=True):
-            pair = named.get(path)
-            if not _is_pair(pair):
-                msg = f"{what} of {path}: found {pair!r}, expected a pair or None"
-                raise ValueError(msg)
-            for side, one, other in zip(sides, pair or default, default, strict=True):
-                value = _float(other if one is None else one)
-                side.append(jnp.ravel(jnp.broadcast_to(value, shape)))
-        return jnp.concatenate(sides[0]), jnp.concatenate(sides[1])
-
-
-def _is_pair(node: Any) -> bool:
-    return node is None or (type(node) in (tuple, list) and len(node) == 2)
-
-
 class _Problem(eqx.Module):
     """A fit as arrays and functions: its residual over a vector of numbers."""
 
     predict: Callable[[Any, Any], Array] = eqx.field(static=True)
     constraints: Callable[[Any], Array] | None = eqx.field(static=True)
-    form: _Form = eqx.field(static=True)
+    form: Form = eqx.field(static=True)
     rest: Any
     """What is not fitted of the model."""
     inputs: Any
@@ -309,80 +235,8 @@ def _by_ipopt(
     return jnp.asarray(found.values), code, jnp.asarray(found.steps)
 
 
-class _Change(eqx.Module):
-    """Change of variables: a step of one from the start changes the residual by its size.
-
-    Inside limits with $\\tanh$. What rests on a limit is held there: the change of
-    variables would reach it after infinitely many steps.
-    """
-
-    start: Float[Array, " p"]
-    unit: Float[Array, " p"]
-    limits: tuple[Float[Array, " p"], Float[Array, " p"]]
-    held: tuple[Bool[Array, " p"], Bool[Array, " p"]]
-    """Whether a number rests on its lower, on its upper limit."""
-    length: Float[Array, ""]
-    """Of the residual at the start."""
-
-    @classmethod
-    def of(
-        cls,
-        problem: _Problem,
-        start: Float[Array, " p"],
-        noise: Array,
-        first: Bool[Array, ""],
-    ) -> "_Change":
-        (low, high), args = problem.limits, (problem, noise)
-        natural = jnp.where(start != 0, jnp.abs(start), 1.0)
-        width = jnp.minimum(high - low, jnp.finfo(natural).max)
-        gap = _INSIDE * jnp.minimum(width, natural)
-        inside = jnp.clip(start, low + gap, high - gap)
-        at = jnp.where(first, inside, start)
-        residual, design = _full(at, args), jax.jacfwd(_full)(at, args)
-        length = jnp.linalg.norm(residual)
-        length = jnp.where(length > 0, length, 1.0)
-        norms = jnp.linalg.norm(design, axis=0)
-        felt = jnp.isfinite(norms) & (norms > 0)
-        unit = jnp.where(felt, length / jnp.where(felt, norms, 1.0), natural)
-        unit, slope = jnp.minimum(unit, width), residual @ design
-        near = jnp.where(first, -1.0, _NEAR) * unit
-        held = (at - low <= near) & (slope > 0), (high - at <= near) & (slope < 0)
-        fixed = (inside, unit, (low, high), held, length)
-        return cls(*jax.lax.stop_gradient(fixed))
-
-    def values(self, x: Float[Array, " p"]) -> Float[Array, " p"]:
-        """Return the numbers of the model: inside their limits, with slope `unit` at 0."""
-        low, high = self.limits
-        step = self.unit * x
-        has_low, has_high = jnp.isfinite(low), jnp.isfinite(high)
-        # One limit: a hyperbola between it and a straight line. What is not meant must
-        # stay finite, for its derivative.
-        above = jnp.where(has_low, self.start - low, 1.0)
-        below = jnp.where(has_high, high - self.start, 1.0)
-        only_low = self.start + above * (_hyperbola(step / above) - 1.0)
-        only_high = self.start - below * (_hyperbola(-step / below) - 1.0)
-        half = 0.5 * (above + below)
-        place = (above - below) / (2.0 * half)
-        bent = jnp.tanh(jnp.arctanh(place) + step / (half * (1.0 - place**2)))
-        both = self.start + half * (bent - place)
-        one = jnp.where(has_high, only_high, self.start + step)
-        one = jnp.where(has_low, jnp.where(has_high, both, only_low), one)
-        return jnp.where(self.held[0], low, jnp.where(self.held[1], high, one))
-
-    def at_rest(self, slope: Float[Array, " p"]) -> Bool[Array, ""]:
-        """Return whether the cost pushes all that is held against its limit."""
-        low, high = self.held
-        return ~jnp.any((low & (slope < 0)) | (high & (slope > 0)))
-
-
-def _hyperbola(x: Float[Array, " p"]) -> Float[Array, " p"]:
-    """Return a positive function with value and slope 1 at 0."""
-    root = jnp.sqrt(x * x + 1.0)
-    return jnp.where(x < 0, 1.0 / (root - x), x + root)
-
-
 def _changed(
-    x: Float[Array, " p"], args: tuple[_Problem, Array, _Change]
+    x: Float[Array, " p"], args: tuple[_Problem, Array, Change]
 ) -> Float[Array, " r"]:
     problem, noise, change = args
     return _full(change.values(x), (problem, noise)) / change.length
@@ -397,17 +251,20 @@ def _by_optimistix(
     max_steps: int,
     limited: bool,
 ) -> tuple[Float[Array, " p"], Int[Array, ""], Int[Array, ""]]:
-    passes = _LIMIT_PASSES if limited else 1
+    passes = PASSES if limited else 1
     outcomes = {
         "converged": optx.RESULTS.successful,
         "max_steps": optx.RESULTS.nonlinear_max_steps_reached,
         "not_finite": optx.RESULTS.nonfinite,
     }
 
+    def residual(values: Float[Array, " p"]) -> Float[Array, " r"]:
+        return _full(values, (problem, noise))
+
     def once(
         start: Float[Array, " p"], first: Bool[Array, ""]
     ) -> tuple[Array, tuple[Array, Array]]:
-        change = _Change.of(problem, start, noise, first)
+        change = Change.of(residual, start, problem.limits, first, limited)
         found: optx.Solution[Any, Any] = optx.least_squares(
             _changed,
             solver,
@@ -420,11 +277,15 @@ def _by_optimistix(
         code = jnp.asarray(STATUSES.index("failed"))
         for status, outcome in outcomes.items():
             code = jnp.where(found.result == outcome, STATUSES.index(status), code)
-        slope = jax.grad(lambda x: 0.5 * jnp.sum(_full(x, (problem, noise)) ** 2))
-        resting = change.at_rest(jax.lax.stop_gradient(slope(values)))
-        code = jnp.where(resting, code, STATUSES.index("max_steps"))
+        if limited:
+            still = jax.lax.stop_gradient(values)
+            slope = jax.grad(lambda x: 0.5 * jnp.sum(residual(x) ** 2))(still)
+            code = jnp.where(change.at_rest(slope), code, STATUSES.index("max_steps"))
         return values, (code, jnp.asarray(found.stats["num_steps"]))
 
+    if not limited:
+        values, (code, steps) = once(start, jnp.asarray(True))
+        return values, code, steps
     values, (codes, steps) = jax.lax.scan(once, start, jnp.arange(passes) == 0)
     return values, codes[-1], jnp.sum(steps)
 
@@ -442,7 +303,7 @@ def _report(
     values: Float[Array, " p"],
     assumed: Float[Array, ""],
     known: Float[Array, ""] | None,
-    blocks: Int[np.ndarray, " t"],
+    blocks: Int[Array, " t"],
     count: int,
 ) -> dict[str, Any]:
     """Return noise, standard deviations and the rest of a `ModelFit` at a solution.
@@ -456,16 +317,18 @@ def _report(
         count: Of blocks.
     """
     residual = problem.residual(values)
-    design = jax.jacfwd(problem.residual)(values)
-    prior = assumed / problem.prior[1]
+    # Derivatives of a fit are those of its values and its noise: how sure it is counts as
+    # constant, since factors of a design are costly to differentiate.
+    fixed, at, weight = jax.lax.stop_gradient((problem, values, assumed))
+    design = jax.jacfwd(fixed.residual)(at)
+    prior = weight / fixed.prior[1]
     scale, singular, directions = factor(design, prior)
     per_noise, lost = covariance_of(singular, directions, scale)
-    used = jnp.ravel(jnp.where(problem.weights > 0, 1.0, 0.0))
+    used = jnp.ravel(jnp.where(fixed.weights > 0, 1.0, 0.0))
     parameters = jnp.sum((design @ per_noise) * design)
     free = jnp.maximum(jnp.sum(used) - parameters, 1.0)
     noise = jnp.sqrt(jnp.sum(residual**2) / free) if known is None else known
     deviation = noise * jnp.sqrt(jnp.where(lost, jnp.inf, jnp.diag(per_noise)))
-    shown = jnp.asarray(blocks)
     return {
         "model": problem.model(values),
         "standard_deviation": eqx.combine(
@@ -473,7 +336,9 @@ def _report(
             eqx.filter(problem.rest, eqx.is_inexact_array, inverse=True),
         ),
         "noise": noise,
-        "held_out": held_out_rms(design, -residual, prior, shown, count, used),
+        "held_out": held_out_rms(
+            design, -fixed.residual(at), prior, blocks, count, used
+        ),
         "residual": problem.error(values),
         "values": values,
         "limits": jnp.stack(problem.limits),
@@ -483,66 +348,12 @@ def _report(
     }
 
 
-def _float(value: Any) -> Any:
-    """Return numbers as an array of 64-bit floats, integers of arrays as they are."""
-    if isinstance(value, Array):
-        wide = jnp.issubdtype(value.dtype, jnp.floating)
-        return value.astype(jnp.float64) if wide else value
-    if isinstance(value, np.ndarray | np.generic | int | float | Sequence):
-        return jnp.asarray(value, jnp.float64)
-    return value
-
-
-def _weights(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
-    weights = jnp.broadcast_to(_float(1.0 if given is None else given), measured.shape)
-    if not isinstance(weights, Tracer):
-        if not np.all(np.asarray(weights) >= 0):
-            msg = "weights: found one below 0 or NaN, expected 0 or more"
-            raise ValueError(msg)
-        if not isinstance(measured, Tracer):
-            lost = np.flatnonzero((weights > 0) & ~np.isfinite(measured))
-            if lost.size:
-                msg = (
-                    f"measured: reading {lost[0]} is not finite; weight 0 leaves it out"
-                )
-                raise FitError(msg)
-    return weights
-
-
-def _blocks(groups: ArrayLike | None, size: int) -> tuple[Int[np.ndarray, " t"], int]:
+def _blocks(groups: ArrayLike | None, size: int) -> tuple[Int[Array, " t"], int]:
     if groups is None:
         count = min(_BLOCKS, max(size, 1))
-        return np.arange(size) * count // max(size, 1), count
+        return jnp.asarray(np.arange(size) * count // max(size, 1)), count
     names, blocks = np.unique(np.ravel(np.asarray(groups)), return_inverse=True)
     if blocks.shape != (size,):
         msg = f"groups: found {blocks.size} of them, expected one per reading, {size}"
         raise ValueError(msg)
-    return blocks, len(names)
-
-
-def _which(model: eqx.Module, fitted: Sequence[str] | None) -> Any:
-    """Return the filter of the arrays to fit."""
-    if fitted is None:
-        positions = (AbstractNodes, AbstractSurface)
-        return jax.tree.map(
-            lambda leaf: not isinstance(leaf, positions) and eqx.is_inexact_array(leaf),
-            model,
-            is_leaf=lambda leaf: isinstance(leaf, positions),
-        )
-    arrays = eqx.filter(model, eqx.is_inexact_array)
-    known = [_name(path) for path, _ in jtu.tree_leaves_with_path(arrays)]
-    for name in fitted:
-        if not any((own + ".").startswith(name + ".") for own in known):
-            msg = f"fitted: found {name}, expected some of {', '.join(known)}"
-            raise ValueError(msg)
-    return jtu.tree_map_with_path(
-        lambda path, leaf: (
-            eqx.is_inexact_array(leaf)
-            and any((_name(path) + ".").startswith(name + ".") for name in fitted)
-        ),
-        model,
-    )
-
-
-def _name(path: Any) -> str:
-    return jtu.keystr(path, simple=True, separator=".")
+    return jnp.asarray(blocks), len(names)

@@ -29,8 +29,8 @@ class Undetermined:
     """A direction in which parameters may move together without a change of predictions.
 
     Attributes:
-        direction: Movement of each parameter that takes part, in its unit; the largest
-            is 1 after division by the size of its effect.
+        direction: Movement of each parameter that takes part, in its unit; one of them, which
+            takes part in no other direction, moves by 1.
     """
 
     direction: Mapping[str, float]
@@ -105,22 +105,20 @@ class ModelFit(eqx.Module, Generic[M]):
     def undetermined(self) -> tuple[Undetermined, ...]:
         """Directions in which the readings and priors do not determine the model.
 
-        By the rank of the design at the solution. Each direction has one number of its own
-        that no other direction moves.
+        By the rank of the design at the solution.
         """
         kept = _determined(self.singular)
         empty = np.asarray(self.directions)[~np.asarray(kept)]
         if not len(empty):
             return ()
-        own = scipy.linalg.qr(empty, mode="r", pivoting=True)[1][: len(empty)]
-        found = []
-        for row in np.linalg.solve(empty[:, own], empty):
-            row = row / np.abs(row).max()
-            moves = row * np.asarray(self.scale)
-            takes_part = np.flatnonzero(np.abs(row) > _PART)
-            found.append(
-                Undetermined({self.names[k]: float(moves[k]) for k in takes_part})
-            )
+        order: Any = scipy.linalg.qr(empty, mode="r", pivoting=True)[-1]
+        own = np.asarray(order)[: len(empty)]
+        found, scale = [], np.asarray(self.scale)
+        for row, place in zip(np.linalg.solve(empty[:, own], empty), own, strict=True):
+            moves = row * scale / scale[place]
+            takes_part = np.flatnonzero(np.abs(row) > _PART * np.abs(row).max())
+            direction = {self.names[k]: float(moves[k]) for k in takes_part}
+            found.append(Undetermined(direction))
         return tuple(found)
 
     def covariance(self, names: Sequence[str]) -> Float[Array, "k k"]:
@@ -160,6 +158,7 @@ def _determined(singular: Float[Array, " p"]) -> Any:
     return singular > _RANK * jnp.max(singular)
 
 
+@eqx.filter_jit
 def covariance_of(
     singular: Float[Array, " p"],
     directions: Float[Array, "p p"],

@@ -1,5 +1,13 @@
 """Turn measurements of a machine tool into compensation lists that are proven to work.
 
+The library at a glance; each name is loaded when it is first used:
+
+* `read`: a measurement file in mm, °, s, °C. `fit`: a stack of effects from it
+  (`Leadscrew`, `Cross`, `Plane`, `Backlash`, `Temperature`, `Crosstalk`, `Friction`).
+* `fit_model`: any equinox module, by optimistix or IPOPT; `fit_linear`: a linear stack,
+  differentiable to any order.
+* `load_model`, `write_lists`: lists of the controller ↔ models (`AxisModels`, `ModelUnit`).
+
 Three parts, imported by their own names so that a command which only reads lists never
 pays for what only a fit needs:
 
@@ -8,4 +16,55 @@ pays for what only a fit needs:
 * `axcomp.ident`: from measurement to list: fits, proofs, reports, jobs, command line.
 """
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .ident._effects import (
+        Backlash as Backlash,
+        Cross as Cross,
+        Crosstalk as Crosstalk,
+        Friction as Friction,
+        Leadscrew as Leadscrew,
+        Plane as Plane,
+        Temperature as Temperature,
+    )
+    from .ident._fit_linear import fit_linear as fit_linear
+    from .ident._fit_model import fit_model as fit_model
+    from .ident._library import Fit as Fit, fit as fit, read as read
+    from .ident._model_fit import ModelFit as ModelFit
+    from .ident.exchange import (
+        AxisModels as AxisModels,
+        ModelUnit as ModelUnit,
+        load_model as load_model,
+        write_lists as write_lists,
+    )
+
 __version__ = "0.1.0"
+
+_HOME = {
+    "ident._effects": (
+        "Backlash", "Cross", "Crosstalk", "Friction", "Leadscrew", "Plane", "Temperature",
+    ),
+    "ident._fit_linear": ("fit_linear",),
+    "ident._fit_model": ("fit_model",),
+    "ident._library": ("Fit", "fit", "read"),
+    "ident._model_fit": ("ModelFit",),
+    "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write_lists"),
+}  # fmt: skip
+_MODULES = {name: module for module, names in _HOME.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name of the library when it is first used."""
+    if name not in _MODULES:
+        msg = f"module 'axcomp' has no attribute {name!r}"
+        raise AttributeError(msg)
+    value = getattr(importlib.import_module(f".{_MODULES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return all names of the library, those not loaded yet too."""
+    return sorted(_MODULES)

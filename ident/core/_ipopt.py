@@ -189,11 +189,11 @@ class _Callback(ca.Callback):
     def get_n_out(self) -> int:
         return len(self._gives)
 
-    def get_sparsity_in(self, index: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._takes[index])
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._takes[i])
 
-    def get_sparsity_out(self, index: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(*self._gives[index])
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(*self._gives[i])
 
     def eval(self, arguments: Any) -> Any:
         try:

@@ -3,7 +3,8 @@
 A room per compensation: `plane_from_list`/`entries_of_plane` and so on; what an axis
 list sets up by itself, and the start-up list, have theirs. A table fit works with an
 `AbstractTable`, which knows its nodes, its sign and how it is written.
-`controller_from_lists` makes a whole machine of its lists, `simulate` runs it.
+`controller_from_lists` makes a whole machine of its lists, `simulate` runs it;
+`load_model` makes models of the lists of one axis, `write_lists` writes them back.
 """
 
 from ._axis_list import (
@@ -15,6 +16,13 @@ from ._axis_list import (
     is_activated as is_activated,
     reversal_cycles as reversal_cycles,
     temperature_from_list as temperature_from_list,
+)
+from ._axis_models import (
+    AxisModels as AxisModels,
+    ModelUnit as ModelUnit,
+    load_model as load_model,
+    models_from_lists as models_from_lists,
+    write_lists as write_lists,
 )
 from ._capacity import build_number as build_number
 from ._controller import controller_from_lists as controller_from_lists

@@ -131,16 +131,26 @@ def _axis(
 
 
 def _law(one: InUse, masters: tuple[int, ...], reading: Reading) -> object:
+    model = model_of(one, reading)
+    if one.name in ("cross", "plane"):
+        return Coupled(model, masters, _switching(one.listing, PREFIXES[one.name]))
+    return Coupled(model, masters) if one.name == "crosstalk" else model
+
+
+def model_of(one: InUse, reading: Reading) -> Any:
+    """Return the model of a compensation that lists hold; its masters left out.
+
+    Raises:
+        ExchangeError: If its entries make none.
+    """
     rules, increment, ranges = reading.conventions, reading.increment, reading.modulo
     listing = one.listing
     if one.name == "cross":
-        cross = cross_from_list(listing, rules, increment, modulo=ranges)
-        return Coupled(cross, masters, _switching(listing, PREFIXES["cross"]))
+        return cross_from_list(listing, rules, increment, modulo=ranges)
     if one.name == "plane":
-        plane = plane_from_list(listing, rules, increment, modulo=ranges)
-        return Coupled(plane, masters, _switching(listing, PREFIXES["plane"]))
+        return plane_from_list(listing, rules, increment, modulo=ranges)
     if one.name == "crosstalk":
-        return Coupled(crosstalk_from_list(listing, rules), masters)
+        return crosstalk_from_list(listing, rules)
     if one.name == "leadscrew":
         return leadscrew_from_list(
             listing, rules, increment, modulo=ranges.get(one.axis)

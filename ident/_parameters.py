@@ -1,0 +1,155 @@
+"""The fitted arrays of a model as one vector, and what is said of them by name or shape."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import jax.tree_util as jtu
+import numpy as np
+from jax.core import Tracer
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from ..models import AbstractNodes, AbstractSurface
+from .core import FitError
+
+Pairs = Any
+"""A tree shaped like the model, or a mapping of names: a pair of numbers or None each."""
+
+
+def fitted_arrays(model: Any, fitted: Sequence[str] | None) -> Any:
+    """Return the filter of the arrays to fit."""
+    if fitted is None:
+        positions = (AbstractNodes, AbstractSurface)
+        return jax.tree.map(
+            lambda leaf: not isinstance(leaf, positions) and eqx.is_inexact_array(leaf),
+            model,
+            is_leaf=lambda leaf: isinstance(leaf, positions),
+        )
+    arrays = eqx.filter(model, eqx.is_inexact_array)
+    known = [path_name(path) for path, _ in jtu.tree_leaves_with_path(arrays)]
+    for name in fitted:
+        if not any((own + ".").startswith(name + ".") for own in known):
+            msg = f"fitted: found {name}, expected some of {', '.join(known)}"
+            raise ValueError(msg)
+    return jtu.tree_map_with_path(
+        lambda path, leaf: (
+            eqx.is_inexact_array(leaf)
+            and any((path_name(path) + ".").startswith(name + ".") for name in fitted)
+        ),
+        model,
+    )
+
+
+def path_name(path: Any) -> str:
+    return jtu.keystr(path, simple=True, separator=".")
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Form:
+    """How the fitted arrays of a model lie in one vector."""
+
+    structure: Any
+    shapes: tuple[tuple[int, ...], ...]
+    paths: tuple[str, ...]
+    """Name of each array."""
+
+    @classmethod
+    def of(cls, params: Any) -> "Form":
+        leaves = jtu.tree_leaves_with_path(params)
+        shapes = tuple(jnp.shape(leaf) for _, leaf in leaves)
+        paths = tuple(path_name(path) for path, _ in leaves)
+        return cls(jax.tree.structure(params), shapes, paths)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many numbers each array has."""
+        return tuple(math.prod(shape) for shape in self.shapes)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each number."""
+        return tuple(
+            path + (f"[{', '.join(map(str, place))}]" if place else "")
+            for path, shape in zip(self.paths, self.shapes, strict=True)
+            for place in np.ndindex(shape)
+        )
+
+    def flat(self, params: Any) -> Float[Array, " p"]:
+        return jnp.concatenate(
+            [jnp.ravel(as_float(x)) for x in jax.tree.leaves(params)]
+        )
+
+    def tree(self, values: Float[Array, " p"]) -> Any:
+        ends = np.cumsum(self.sizes)[:-1]
+        parts = jnp.split(values, ends)
+        leaves = [jnp.reshape(p, s) for p, s in zip(parts, self.shapes, strict=True)]
+        return jax.tree.unflatten(self.structure, leaves)
+
+    def pairs(
+        self, given: Pairs, default: tuple[float, float], what: str
+    ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        """Return the first and the second number of all pairs, as two vectors.
+
+        Raises:
+            ValueError: If a name is unknown or a pair is none.
+        """
+        if given is None or isinstance(given, Mapping):
+            named = dict(given or {})
+        else:
+            leaves = jtu.tree_leaves_with_path(given, is_leaf=_is_pair)
+            named = {path_name(path): pair for path, pair in leaves}
+            # What is not fitted may have a place in the tree.
+            named = {path: named[path] for path in self.paths if path in named}
+        unknown = [name for name in named if name not in self.paths]
+        if unknown:
+            known = ", ".join(self.paths)
+            msg = f"{what}: found {', '.join(unknown)}, expected some of {known}"
+            raise ValueError(msg)
+        sides: tuple[list[Array], list[Array]] = ([], [])
+        for path, shape in zip(self.paths, self.shapes, strict=True):
+            pair = named.get(path)
+            if not _is_pair(pair):
+                msg = f"{what} of {path}: found {pair!r}, expected a pair or None"
+                raise ValueError(msg)
+            for side, one, other in zip(sides, pair or default, default, strict=True):
+                value = as_float(other if one is None else one)
+                side.append(jnp.ravel(jnp.broadcast_to(value, shape)))
+        return jnp.concatenate(sides[0]), jnp.concatenate(sides[1])
+
+
+def _is_pair(node: Any) -> bool:
+    return node is None or (type(node) in (tuple, list) and len(node) == 2)
+
+
+def as_float(value: Any) -> Any:
+    """Return numbers as an array of 64-bit floats, integers of arrays as they are."""
+    if isinstance(value, Array):
+        wide = jnp.issubdtype(value.dtype, jnp.floating)
+        return value.astype(jnp.float64) if wide else value
+    if isinstance(value, np.ndarray | np.generic | int | float | Sequence):
+        return jnp.asarray(value, jnp.float64)
+    return value
+
+
+def weights_of(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
+    weights = jnp.broadcast_to(
+        as_float(1.0 if given is None else given), measured.shape
+    )
+    if not isinstance(weights, Tracer):
+        if not np.all(np.asarray(weights) >= 0):
+            msg = "weights: found one below 0 or NaN, expected 0 or more"
+            raise ValueError(msg)
+        if not isinstance(measured, Tracer):
+            lost = np.flatnonzero((weights > 0) & ~np.isfinite(measured))
+            if lost.size:
+                msg = (
+                    f"measured: reading {lost[0]} is not finite; weight 0 leaves it out"
+                )
+                raise FitError(msg)
+    return weights

@@ -1,0 +1,128 @@
+"""The library's face: the recipes of docs/library.md, and its effects."""
+
+import doctest
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import axcomp
+from axcomp.ident.core import FitError
+
+RECIPES = Path(__file__).parents[2] / "docs" / "library.md"
+
+
+def test_the_recipes_run_as_they_stand() -> None:
+    found = doctest.testfile(str(RECIPES), module_relative=False)
+    assert found.attempted > 50
+    assert found.failed == 0
+
+
+def test_importing_the_library_loads_no_numerical_package() -> None:
+    code = (
+        "import sys, axcomp; dir(axcomp);"
+        "print(*{'jax', 'numpy', 'casadi', 'scipy'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == ""
+
+
+def test_every_name_of_the_library_is_there() -> None:
+    names = dir(axcomp)
+    assert {"read", "fit", "fit_model", "Leadscrew", "load_model"} <= set(names)
+    assert all(getattr(axcomp, name).__doc__ for name in names)
+    with pytest.raises(AttributeError, match="no attribute 'Leadscew'"):
+        axcomp.Leadscew  # noqa: B018
+
+
+def test_a_measurement_is_fitted_as_it_is_read(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    target = np.tile(np.concatenate([np.arange(6), np.arange(5, -1, -1)]) * 50.0, 4)
+    way = np.tile(np.repeat([1.0, -1.0], 6), 4)
+    error = 2.0 - 8.0 * (way < 0) + rng.normal(scale=0.5, size=48)
+    rows = np.column_stack([target, error, np.repeat(np.arange(4), 12)])
+    file = tmp_path / "laser.csv"
+    np.savetxt(file, rows, delimiter=",", header="x,dx,run", comments="", fmt="%.4f")
+    columns = {"X.position": "x", "X.error": ("dx", "um"), "run": "run"}
+    log = axcomp.read(file, columns)
+    # The direction is that of the order of the targets.
+    fit = axcomp.fit([axcomp.Backlash("X")], log)
+    # Two means of 24 readings with 0.5 µm each: 0.15 µm; four of these.
+    assert float(fit["backlash"].model.width) == pytest.approx(-0.008, abs=0.0006)
+    assert fit["backlash"].standard_deviation.width == pytest.approx(0.00015, rel=0.4)
+    assert fit.held_out["X"] == pytest.approx(0.0005, rel=0.4)
+
+
+def test_models_of_a_fit_take_the_error_off() -> None:
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(0.0, 100.0, (2, 600))
+    acceleration = rng.choice([-900.0, 0.0, 900.0], 600)
+    velocity = np.where(rng.random(600) < 0.5, -50.0, 50.0)
+    law = 0.002 * np.sin(x / 30.0) * y / 100.0
+    error = law + 0.003 * (acceleration > 0) + 0.0002 * rng.normal(size=600)
+    effects = [
+        axcomp.Plane("Z", ("X", "Y"), start=(0, 0), interval=(10, 20), points=(11, 6)),
+        axcomp.Crosstalk("Z", "X", acceleration=900.0, deceleration=-900.0),
+        axcomp.Cross("W", master="X", setpoints=[0.0, 30.0, 55.0, 100.0]),
+    ]
+    data = {
+        "X.position": x, "Y.position": y, "Z.error": error, "W.error": 1e-4 * x,
+        "X.acceleration": acceleration, "X.velocity": velocity,
+    }  # fmt: skip
+    fit = axcomp.fit(effects, data)
+    plane, talk = fit["plane"].model, fit["crosstalk"].model
+    left = error + plane.offset(np.column_stack([x, y]))
+    left += talk.offset(acceleration, velocity)
+    # What stays is the noise and a constant, which no table is asked to hold.
+    assert np.std(left) == pytest.approx(0.0002, rel=0.1)
+    assert (
+        np.ptp(fit["cross"].model.offset(x) + 1e-4 * x) < 1e-5
+    )  # the constant is the datum
+    assert fit["plane"].standard_deviation.values.shape == plane.values.shape
+
+
+def test_friction_is_fitted_from_the_current() -> None:
+    time = np.arange(0.0, 60.0, 0.005)
+    velocity = 60.0 * np.sin(2 * np.pi * time / 7.0) + 20.0 * np.sin(time)
+    acceleration = np.gradient(velocity, time)
+    current = 1.2 * np.sign(velocity) + 0.01 * velocity + 0.002 * acceleration
+    current += np.random.default_rng(5).normal(scale=0.02, size=len(time))
+    fit = axcomp.fit(
+        [axcomp.Friction("X")],
+        {
+            "time": time, "X.velocity": velocity, "X.acceleration": acceleration,
+            "X.current": current,
+        },
+    )  # fmt: skip
+    law = fit["friction"].model
+    # One reading scatters by 0.02 A; thousands of them stand behind each speed.
+    assert float(law(np.array([40.0]))[0]) == pytest.approx(1.6, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("effects", "message"),
+    [
+        ([axcomp.Leadscrew("X", start=0, interval=10, points=3)], r"'X\.position'"),
+        ([axcomp.Backlash("X"), axcomp.Backlash("X")], "twice"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(
+    effects: list[axcomp.Backlash], message: str
+) -> None:
+    data = {"X.direction": np.tile([1.0, -1.0], 20), "X.error": np.arange(40.0)}
+    with pytest.raises(FitError, match=message):
+        axcomp.fit(effects, data)
+
+
+def test_nodes_are_given_one_way() -> None:
+    with pytest.raises(FitError, match="either setpoints or start"):
+        _ = axcomp.Leadscrew("X", start=0.0, interval=1.0).nodes
+    nodes = axcomp.Leadscrew("X", start=0.0, interval=0.1, points=5).nodes
+    # Readings written 0.3 lie on the node 3 · 0.1.
+    assert nodes[3] == 0.3
+    with pytest.raises(FitError, match="either sensor or sensors"):
+        axcomp.Temperature("X")
