@@ -158,7 +158,7 @@ class TableEffect(AbstractEffect):
         return places[:, :-1].reshape(-1) if self.ring else places.reshape(-1)
 
     @cached_property
-    def prior(self) -> Smooth:  # type: ignore[override]
+    def prior(self) -> Smooth:
         """See `AbstractEffect`: differences along the axes of the table."""
         if len(self.nodes) == 2:
             first, second = (chain(nodes) for nodes in self.nodes)
@@ -257,7 +257,7 @@ class GroupEffect(AbstractEffect):
     @property
     def size(self) -> int:
         """See `AbstractEffect`."""
-        return self.contrast.shape[1] * (1 if self.trend is None else 2)
+        return int(self.contrast.shape[1]) * (1 if self.trend is None else 2)
 
     @property
     def prior(self) -> AbstractPrior:

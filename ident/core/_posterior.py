@@ -82,7 +82,7 @@ class Problem:
     def bounds(self) -> Float[np.ndarray, "k 2"]:
         """Least and largest log of each weight."""
         ends = [prior.bounds for prior, _, _ in self.stack.priors]
-        return np.concatenate(ends) + np.log(self.density)[:, None]
+        return np.asarray(np.concatenate(ends) + np.log(self.density)[:, None])
 
     @cached_property
     def optional(self) -> Bool[np.ndarray, " k"]:
@@ -92,7 +92,7 @@ class Problem:
     @cached_property
     def right(self) -> Vector:
         """Right-hand side of the pseudo-readings."""
-        return self.sums.right / self.gain
+        return np.asarray(self.sums.right / self.gain)
 
     def at(
         self, weights: Vector, factor: ArrowFactor | None = None
@@ -232,7 +232,7 @@ class Posterior:
     @property
     def carried(self) -> Vector:
         """Effective number of unknowns that each weight leaves to the readings."""
-        return np.maximum(self._prior[1] - self.traces, 0.0)
+        return np.asarray(np.maximum(self._prior[1] - self.traces, 0.0))
 
     @property
     def slopes(self) -> Vector:

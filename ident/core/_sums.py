@@ -259,7 +259,7 @@ class Sums:
     @cached_property
     def whole_border(self) -> Float[np.ndarray, "m m"]:
         """Both triangles of the border."""
-        return np.tril(self.border) + np.tril(self.border, -1).T
+        return np.asarray(np.tril(self.border) + np.tril(self.border, -1).T)
 
     def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
         """Return $A^T W A$ × values."""

@@ -412,7 +412,8 @@ def linearised(
             shooting,
             shooting.excitation.velocity + change[-1],
         )
-        return moved.residual(values + change[:-1], starts)
+        found: Array = moved.residual(values + change[:-1], starts)
+        return found
 
     still = jnp.zeros(len(values) + 1)
     residual, along = jax.linearize(of, still)

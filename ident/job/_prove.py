@@ -101,7 +101,8 @@ def prove(folder: OutFolder, one: Fitted, written: tuple[Path, ...]) -> Proof:
 
 def written_deviation(fit: TableFit) -> Float[np.ndarray, "..."]:
     """Return the standard deviation of entries in mm or °: rounding is part of it."""
-    return np.sqrt(np.square(fit.standard_deviation) + 1.0 / (12.0 * LIST_UNITS**2))
+    rounding = 1.0 / (12.0 * LIST_UNITS**2)
+    return np.asarray(np.sqrt(np.square(fit.standard_deviation) + rounding))
 
 
 def result_of(
