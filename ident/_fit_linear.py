@@ -21,8 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..models import AbstractNodes, Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
 from ._parameters import Form, as_float, fitted_arrays, path_name, weights_of
-from .core import FitError, one_blas_thread
-from .fit._chain import chain_prior
+from .core import FitError, chain, one_blas_thread
 
 M = TypeVar("M")
 
@@ -181,12 +180,12 @@ def _structure(
             shape = tuple(map(len, places))
             index = start + np.arange(math.prod(shape)).reshape(shape)
             for axis, (place, (_, ring)) in enumerate(zip(places, axes, strict=True)):
-                along, chain = np.moveaxis(index, axis, 0), chain_prior(place, ring)
+                along, prior = np.moveaxis(index, axis, 0), chain(place, ring)
                 if ring:
                     same[along[-1]] = same[along[0]]
-                lines = along[: chain.size].reshape(chain.size, -1).T
-                for order, rows in enumerate((chain.second, chain.fourth)):
-                    found.append((name, order, lines, (rows.T @ rows).toarray()))
+                lines = along[: prior.size].reshape(prior.size, -1).T
+                for order, gram in enumerate(prior.grams):
+                    found.append((name, order, lines, gram.toarray()))
     kept, unknown = np.unique(same, return_inverse=True)
     size = len(kept)
     penalties = {name: np.zeros((2, size, size)) for name, *_ in found}

@@ -22,8 +22,8 @@ from ..data.measurements import (
 )
 from ._effects import AbstractEffect, Friction
 from .core import FitError
-from .fit.friction import Choice, DriveSamples, Known, choose_law
 from .fit.joint import Confusion, Gauge, JointData, JointFit, fit_joint, refit_joint
+from .friction import Choice, DriveSamples, Known, choose_law
 
 Roles = Mapping[str, ArrayLike]
 """Arrays by role (``"X.position"``, ``"temperature.scale"``, ``"run"``) in mm, °, s, °C."""
