@@ -180,12 +180,12 @@ def _structure(
             shape = tuple(map(len, places))
             index = start + np.arange(math.prod(shape)).reshape(shape)
             for axis, (place, (_, ring)) in enumerate(zip(places, axes, strict=True)):
-                along, differences = np.moveaxis(index, axis, 0), chain(place, ring)
+                along, prior = np.moveaxis(index, axis, 0), chain(place, ring)
                 if ring:
                     same[along[-1]] = same[along[0]]
-                lines = along[: differences.size].reshape(differences.size, -1).T
-                for order, rows in enumerate(differences.rows):
-                    found.append((name, order, lines, (rows.T @ rows).toarray()))
+                lines = along[: prior.size].reshape(prior.size, -1).T
+                for order, gram in enumerate(prior.grams):
+                    found.append((name, order, lines, gram.toarray()))
     kept, unknown = np.unique(same, return_inverse=True)
     size = len(kept)
     penalties = {name: np.zeros((2, size, size)) for name, *_ in found}
