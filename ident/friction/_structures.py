@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...data.signals import quantile
 from ...models import (
     AbstractFriction,
     FrictionTable,
@@ -390,6 +391,12 @@ def _stribeck(
 ) -> StribeckFriction:
     numbers = (coulomb, breakaway, velocity, exponent, viscous)
     return StribeckFriction(*map(jnp.asarray, numbers))
+
+
+def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:
+    """Return the slowest speed, but for a thousandth of the samples, and the fastest."""
+    seen = speed[speed > 0]
+    return quantile(seen, 0.001), float(seen.max())
 
 
 def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ...]:
