@@ -5,9 +5,8 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from ...models import AbstractFriction
 from ..core import FitError, one_blas_thread
 from ._equation import Equation, Known
 from ._inverse import METHOD, equation_of, fit_carried
@@ -22,10 +21,15 @@ from ._separable import (
     solve_normal,
 )
 from ._smoothing import choose_smoothness
-from ._structures import AbstractStructure, CoulombViscous, KnotTable, Stribeck
+from ._structures import (
+    KNOTS,
+    AbstractStructure,
+    CoulombViscous,
+    KnotTable,
+    Stribeck,
+)
 
 WINDOWS = 10
-KNOTS = 20
 _FEWEST = 30
 """Rows in motion that a window needs."""
 _NEAR, _LONGEST = 0.1, 0.5
@@ -68,14 +72,22 @@ class WindowLaw:
     """A law fitted to a recording without one of its windows.
 
     Attributes:
-        law: In load units over mm/s, for both directions.
+        structure: Kind of law.
+        factors: Linear factors of the law, in the order of `AbstractStructure.names`.
+        shape: Logarithms of its non-linear parameters.
         inertia: In load units per mm/s².
         offset: Constant load in load units.
     """
 
-    law: AbstractFriction
+    structure: AbstractStructure
+    factors: Float[np.ndarray, " k"]
+    shape: Float[np.ndarray, " h"]
     inertia: float
     offset: float
+
+    def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        """Return the friction at velocities in mm/s, in load units."""
+        return np.asarray(self.structure.columns(velocity, self.shape) @ self.factors)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,10 +151,16 @@ def choose_law(
         found: dict[AbstractStructure, _HeldOut] = {}
         fits: dict[AbstractStructure, FrictionFit] = {}
         spoken = []
+        near: dict[tuple[str, ...], Float[np.ndarray, " h"]] = {}
         for kind in kinds:
             asked, solution = equation.with_structure(kind), None
             if kind.parametric:
-                asked, solution, missing = fit_carried(asked, loss, begin=share)
+                # Both directions apart have nearly the shape that they have together.
+                asked, solution, missing = fit_carried(
+                    asked, loss, begin=share, near=near.get(kind.shapes)
+                )
+                if len(solution.shape) == len(kind.shapes):
+                    near[kind.shapes] = solution.shape
                 fits[kind] = assemble(asked, solution, missing, METHOD)
             # Where the data do not carry a law, the simpler one speaks for it.
             spoken.append(asked.structure)
@@ -285,11 +303,8 @@ class _HeldOut:
             beside |= dict(zip(self.equation.fixed_names, factors, strict=False))
             if to_offset is not None:
                 beside["offset"] = to_offset @ factors
-            own = (to_law @ factors).reshape(structure.ways, -1)
-            law = structure.law(own, shape)
-            found.append(
-                WindowLaw(law, float(beside["inertia"]), float(beside["offset"]))
-            )
+            values = (float(beside[name]) for name in ("inertia", "offset"))
+            found.append(WindowLaw(structure, to_law @ factors, shape, *values))
         return tuple(found)
 
 
@@ -309,18 +324,12 @@ def _held_out(
         parts: The windows.
         solution: Fitted to all rows, which a law with a shape needs.
     """
-    smoothness = 0.0
-    if equation.penalty is not None:
-        smoothness = choose_smoothness(equation, share)
     shape = np.zeros(0) if solution is None else solution.shape
     around = np.zeros(0) if solution is None else solution.factors
     own = _columns(equation, shape, around, False)
     twin = own
     if equation.has_instrument:
         twin = _columns(equation, shape, around, True)
-    prior = np.zeros((own.shape[1], own.shape[1]))
-    size = own.shape[1] - len(shape)
-    prior[:size, :size] = prior_of(equation, smoothness)
     right = np.column_stack([own, equation.target])
 
     def sums(left: np.ndarray) -> np.ndarray:
@@ -331,6 +340,10 @@ def _held_out(
 
     normal = sums(own)
     mixed = sums(twin) if equation.has_instrument else normal
+    size = own.shape[1] - len(shape)
+    prior = np.zeros((own.shape[1], own.shape[1]))
+    if equation.penalty is not None:
+        prior = prior_of(equation, choose_smoothness(equation, share, normal[-1]))
     every = _solve_each(normal[:, :, :-1] + prior, mixed, prior)
     factors = every[:, :size]
     shapes = np.broadcast_to(shape, (len(factors), len(shape))).copy()
@@ -338,7 +351,7 @@ def _held_out(
     residual = equation.target - own @ every[-1]
     _, found = reweigh(equation, residual, loss)
     error = np.empty(len(residual))
-    low, high = equation.structure.bounds(equation.speed)
+    low, high = equation.structure.bounds(equation.speed_range)
     for number, span in enumerate(parts.spans):
         error[span] = equation.target[span] - own[span] @ every[number]
         shapes[number] = np.clip(shape + steps[number], low, high)
@@ -352,12 +365,14 @@ def _held_out(
     # A wild row says nothing of the law: it counts no more than where the fit lets go.
     limit = np.inf if loss == "gauss" else (_WILD * found.scale) ** 2
     used = equation.usable
-    square = np.minimum(error**2, limit)
+    square = used * np.minimum(error**2, limit)
+    starts = [span.start for span in parts.spans]
     return _HeldOut(
         equation=equation,
         factors=factors[:-1],
         shapes=shapes[:-1],
-        square=_means(square, used, parts.spans),
+        square=np.add.reduceat(square, starts)
+        / np.add.reduceat(used.astype(float), starts),
         fitted=float(np.minimum(residual[used] ** 2, limit).mean()),
     )
 
@@ -386,19 +401,16 @@ def _solve_each(
     size = np.where(size > 0, size, 1.0)
     matrix = (mixed[:, :, :-1] + prior) / (size[:, :, None] * size[:, None, :])
     moment = mixed[:, :, -1] / size
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = np.linalg.cond(matrix, 1)
-    sure = condition < _SURE
     found = np.empty(size.shape)
-    found[sure] = np.linalg.solve(matrix[sure], moment[sure][..., None])[..., 0]
-    found[sure] /= size[sure]
+    try:
+        inverse = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        sure = np.zeros(len(matrix), bool)
+    else:
+        norms = (np.abs(each).sum(axis=1).max(axis=1) for each in (matrix, inverse))
+        sure = np.prod(list(norms), axis=0) < _SURE
+        found = (inverse @ moment[..., None])[..., 0] / size
     for number in np.flatnonzero(~sure):
         own = mixed[number, :, :-1] + prior
         found[number] = solve_normal(gram[number], mixed[number, :, -1], own).factors
     return found
-
-
-def _means(
-    square: Float[np.ndarray, " s"], used: Bool[np.ndarray, " s"], spans: list[slice]
-) -> Float[np.ndarray, " w"]:
-    return np.array([square[span][used[span]].mean() for span in spans])

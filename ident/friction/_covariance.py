@@ -60,4 +60,4 @@ def larger_covariance(
     """
     have, least = np.diag(robust), np.diag(plain)
     factor = np.sqrt(np.maximum(least / np.where(have > 0, have, np.inf), 1.0))
-    return robust * np.outer(factor, factor)
+    return np.asarray(robust * np.outer(factor, factor))

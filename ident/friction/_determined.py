@@ -3,15 +3,11 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...data.signals import median, quantile
 from ._equation import Equation
-from ._samples import saturated
 from ._separable import Solution
 from ._structures import Stribeck
 
 VAGUE = "its share of the current is not told apart from the others'"
-_DIRECTION = 0.01
-"""Share of the samples in motion that a direction needs to count as recorded."""
 _VAGUE = 0.3
 """Standard deviation of a column's contribution, as a share of the load, that says nothing."""
 _DROP = 3.0
@@ -20,16 +16,8 @@ _TOO_FAST = 0.5
 """Stribeck velocity, as a share of the highest speed, that only a bend at speed can give."""
 _VAGUE_LOG = 0.7
 """Standard deviation of the logarithm of a shape (a factor of two) that says nothing."""
-_TOUCHES = 0.05
-"""Smallest current, as a share of the median one, that counts as coming down to 0."""
 _IN_NULL = 1e-3
 """Share of a parameter in a direction that no row tells, to be unknown with it."""
-
-
-def directions_seen(velocity: Float[np.ndarray, " m"]) -> tuple[bool, bool]:
-    """Return whether motion in positive and in negative direction was recorded."""
-    share = float(np.mean(velocity > 0)) if len(velocity) else 0.0
-    return share >= _DIRECTION, share <= 1 - _DIRECTION
 
 
 def drop_reason(equation: Equation, solution: Solution) -> str | None:
@@ -101,45 +89,3 @@ def unseen(
     scaled = null / np.abs(null * size[:, None]).max(axis=0)
     reach = np.abs(jacobian @ scaled).max(axis=1)
     return np.asarray(reach > _IN_NULL * np.abs(jacobian / size).max(axis=1))
-
-
-def remarks_on(equation: Equation) -> tuple[str, ...]:
-    """Return what is odd about the recording itself, in words."""
-    samples, found = equation.samples, []
-    moving = samples.in_motion
-    ahead, back = directions_seen(samples.velocity[moving])
-    if not (ahead and back):
-        way = "positive" if ahead else "negative"
-        found.append(
-            f"Only motion in {way} direction was recorded: friction and constant load "
-            "cannot be told apart, and nothing is known of the other direction."
-        )
-    current = samples.current[moving]
-    if ahead and back and (quantile(current, 0.01) > 0 or quantile(current, 0.99) < 0):
-        size = np.abs(current)
-        if size.min() < _TOUCHES * median(size):
-            found.append(
-                "The current comes down to 0 in both directions but never changes sign: the "
-                "recording seems to hold its magnitude only, which tells nothing of friction."
-            )
-        else:
-            found.append(
-                "The current keeps its sign in both directions: a constant load larger than "
-                "friction (weight, tension) acts on the axis and is reported as offset."
-            )
-    standing = len(moving) - int(moving.sum())
-    if standing:
-        found.append(f"{standing} samples at rest were left out.")
-    full = int(saturated(samples.current).sum())
-    if full:
-        found.append(
-            f"The current is saturated at {np.abs(samples.current).max():.4g} in {full} "
-            "samples; they were left out."
-        )
-    pieces = int(samples.piece[-1]) + 1
-    if pieces > 1:
-        found.append(
-            f"The clock jumps {pieces - 1} time{'s' * (pieces > 2)}; the {pieces} pieces "
-            "were filtered apart."
-        )
-    return tuple(found)

@@ -13,10 +13,10 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.signal import firwin, upfirdn
+from scipy.signal import firwin
 
-from ._samples import DriveSamples, saturated
-from ._structures import AbstractStructure, default_knots
+from ._samples import DriveSamples
+from ._structures import AbstractStructure, default_knots, range_of
 
 _REACH = 10
 """Half the length of the filter in rows."""
@@ -59,7 +59,7 @@ class Lowpass:
 
     @cached_property
     def _runs(self) -> list[slice]:
-        edges = np.flatnonzero(np.diff(self.piece, prepend=-1, append=-1))
+        edges = np.flatnonzero(np.diff(self.piece, prepend=-1, append=-1)).tolist()
         runs = [slice(*ends) for ends in itertools.pairwise(edges)]
         return [run for run in runs if run.stop - run.start >= len(self._kernel)]
 
@@ -84,12 +84,29 @@ class Lowpass:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
         if self.factor == 1:
             return columns
+        if not columns.size:
+            return np.asarray(columns[self.centres])
         found = [np.zeros((0, columns.shape[1]))]
         for run in self._runs:
-            rows = (run.stop - run.start - len(self._kernel)) // self.factor + 1
-            full = upfirdn(self._kernel, columns[run], down=self.factor, axis=0)
-            found.append(full[2 * _REACH : 2 * _REACH + rows])
+            count = (run.stop - run.start - len(self._kernel)) // self.factor + 1
+            found.append(self._run(columns[run], count))
         return np.concatenate(found)
+
+    def _run(
+        self, columns: Float[np.ndarray, "m c"], count: int
+    ) -> Float[np.ndarray, "r c"]:
+        """Return so many rows: products of pieces of column and kernel, added in place."""
+        factor, parts = self.factor, 2 * _REACH + 1
+        kernel = np.append(self._kernel, np.zeros(factor - 1)).reshape(parts, factor)
+        whole = np.zeros((columns.shape[1], (count + parts - 1) * factor))
+        used = min(len(columns), whole.shape[1])
+        whole[:, :used] = columns[:used].T
+        pieces = whole.reshape(columns.shape[1], -1, factor)
+        products = np.moveaxis(kernel @ np.swapaxes(pieces, 1, 2), 1, 0)
+        rows = np.zeros((columns.shape[1], count))
+        for part, each in enumerate(products):
+            rows += each[:, part : part + count]
+        return rows.T
 
 
 def default_factor(cycle: float) -> int:
@@ -116,7 +133,16 @@ class Equation:
     def with_structure(self, structure: AbstractStructure) -> "Equation":
         """Return the same rows for another kind of law; what they share is kept."""
         other = dataclasses.replace(self, structure=structure)
-        for name in ("lowpass", "load", "target", "usable", "piece", "speed"):
+        for name in (
+            "lowpass",
+            "load",
+            "target",
+            "usable",
+            "piece",
+            "speed",
+            "speed_range",
+            "_still",
+        ):
             other.__dict__[name] = getattr(self, name)
         if structure.directional == self.structure.directional:
             other.__dict__["_beside"] = self._beside
@@ -145,18 +171,23 @@ class Equation:
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
         """Rows to fit: in motion and not saturated, for the most part of the filter."""
-        good = self.samples.in_motion & ~saturated(self.samples.current)
+        good = self.samples.in_motion & ~self.samples.saturated
         return np.asarray(self.lowpass(good[:, None] * 1.0)[:, 0] > 0.5)
 
     @cached_property
     def piece(self) -> Int[np.ndarray, " s"]:
         """Piece of each row."""
-        return self.samples.piece[self.lowpass.centres]
+        return np.asarray(self.samples.piece[self.lowpass.centres])
 
     @cached_property
     def speed(self) -> Float[np.ndarray, " t"]:
         """Speeds in motion in mm/s."""
-        return np.abs(self.samples.velocity[self.samples.in_motion])
+        return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
+
+    @cached_property
+    def speed_range(self) -> tuple[float, float]:
+        """Slowest and fastest speed in mm/s (`range_of`)."""
+        return range_of(self.speed)
 
     def knots(self, count: int) -> tuple[float, ...]:
         """Return knots in mm/s where the samples in motion are (`default_knots`)."""
@@ -212,10 +243,31 @@ class Equation:
         kept = self._designs.get(instrument)
         if kept is not None and np.array_equal(kept[0], shape):
             return kept[1]
-        own = self.structure.columns(self._velocity(instrument), shape)
-        found = np.concatenate([self._beside[instrument], self.lowpass(own)], axis=1)
+        own = self._friction(shape, instrument)
+        found = np.concatenate([self._beside[instrument], own], axis=1)
         self._designs[instrument] = shape, found
         return found
+
+    def _friction(
+        self, shape: Float[np.ndarray, " h"], instrument: bool
+    ) -> Float[np.ndarray, "s k"]:
+        """Return the columns of friction; those that follow no shape are made once."""
+        velocity, structure = self._velocity(instrument), self.structure
+        if structure.shapes:
+            return self.lowpass(structure.columns(velocity, shape))
+        each_way = dataclasses.replace(structure, directional=True)
+        key = each_way, instrument
+        if key not in self._still:
+            self._still[key] = self.lowpass(each_way.columns(velocity, shape))
+        found, width = self._still[key], len(structure.factors)
+        return found if structure.directional else found[:, :width] + found[:, width:]
+
+    @cached_property
+    def _still(
+        self,
+    ) -> dict[tuple[AbstractStructure, bool], Float[np.ndarray, "s k"]]:
+        """Columns per direction of laws without a shape, for all laws of the recording."""
+        return {}
 
     @cached_property
     def _designs(

@@ -77,7 +77,9 @@ def fit_carried(
     equation: Equation,
     loss: str,
     smoothness: float | None = None,
+    *,
     begin: Float[np.ndarray, " s"] | None = None,
+    near: Float[np.ndarray, " h"] | None = None,
 ) -> tuple[Equation, Solution, dict[str, str]]:
     """Return equation and solution of what the data carry of a law, and what they do not.
 
@@ -86,24 +88,24 @@ def fit_carried(
         loss: As for `fit_inverse`.
         smoothness: Likewise.
         begin: Weights of the rows to begin with.
+        near: Logarithms of a shape to begin with.
     """
-    solution = fit_equation(equation, loss, smoothness, begin)
+    solution = fit_equation(equation, loss, smoothness, begin, near)
     missing: dict[str, str] = {}
     structure = equation.structure
     reason = shape_reason(equation, solution)
     if reason is not None and drop_reason(equation, solution) is None:
         missing["stribeck_shape"] = reason
-        equation = equation.with_structure(
-            Stribeck(structure.directional, exponent=GAUSS)
-        )
-        solution = fit_equation(equation, loss, smoothness, begin)
+        simpler = Stribeck(structure.directional, exponent=GAUSS)
+        equation = equation.with_structure(simpler)
+        solution = fit_equation(equation, loss, begin=begin, near=solution.shape[:1])
     reason = drop_reason(equation, solution)
     if reason is not None:
         names = [name for name in structure.names if name.startswith("drop")]
         names = [name.replace("drop", "breakaway") for name in names]
         missing |= dict.fromkeys([*names, *structure.shapes], reason)
         equation = equation.with_structure(CoulombViscous(structure.directional))
-        solution = fit_equation(equation, loss, smoothness, begin)
+        solution = fit_equation(equation, loss, begin=begin)
     return equation, solution, missing
 
 

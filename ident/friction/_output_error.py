@@ -182,10 +182,8 @@ def laws_held_out(
 
 
 def _window_law(fit: FrictionFit) -> WindowLaw:
-    law = fit.law
-    assert law is not None
     inertia, offset = (fit.parameters.get(name, 0.0) for name in ("inertia", "offset"))
-    return WindowLaw(law, inertia, offset)
+    return WindowLaw(fit.structure, fit.factors, fit.shape, inertia, offset)
 
 
 def free_run(

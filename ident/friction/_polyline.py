@@ -8,7 +8,7 @@ straight lines, J. Am. Stat. Assoc. 64, 1969.
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import least_squares
+from scipy.optimize import leastsq
 
 from ...models import linear_weights
 
@@ -22,6 +22,8 @@ _REACHES = (0.9, 0.9, 0.45, 0.2)
 """Shares of the gap beside a knot in which whole numbers are looked for."""
 _LAST = (4.0, 1.0)
 """List units of speed by which whole places are moved in the end."""
+_RIDGE = 1e-10
+"""Of the total weight, added where no point tells the height of a knot."""
 _FLAT = 20.0
 """Largest logarithm of the ratio of two gaps."""
 
@@ -49,6 +51,7 @@ class Curve:
     ) -> None:
         self.place, self.height, self.weight = place, height, weight
         self._level = float(weight @ height)
+        self._places, self._normal = np.zeros(0), (np.zeros((0, 0)), np.zeros((0, 0)))
         x, y = place / place[-1], height - self._level
         products = np.stack([np.ones_like(x), x, x * x, y, x * y, y * y])
         self._sums = np.pad(np.cumsum(weight * products, axis=1), ((0, 0), (1, 0))).T
@@ -72,8 +75,19 @@ class Curve:
     def heights(self, places: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Return the heights at which a polyline with these knots follows the curve best."""
         chord = self.at(places)  # stays where no point tells a height
-        off = np.sqrt(self.weight) * self.height - (hats := self.hats(places)) @ chord
-        return np.asarray(chord + np.linalg.lstsq(hats, off, rcond=1e-10)[0])
+        hats, inverse = self.normal(places)
+        off = np.sqrt(self.weight) * self.height - hats @ chord
+        return np.asarray(chord + inverse @ (hats.T @ off))
+
+    def normal(
+        self, places: Float[np.ndarray, " k"]
+    ) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, "k k"]]:
+        """Return the hats of these places and the inverse of their normal matrix."""
+        if not np.array_equal(self._places, places):
+            hats, ridge = self.hats(places), _RIDGE * np.eye(len(places))
+            self._normal = hats, np.linalg.inv(hats.T @ hats + ridge)
+            self._places = places
+        return self._normal
 
     def _between(
         self, left: Float[np.ndarray, "*l"], right: Float[np.ndarray, "*r"]
@@ -135,7 +149,7 @@ def _lines(curve: Curve, low: int, high: int, count: int) -> Float[np.ndarray, "
         costs = list(curve.apart(near[:-1, :, None], near[1:, None]))
         path = _cheapest(np.zeros(near.shape[1]), costs)
         found = near[np.arange(len(near)), path]
-    return found
+    return np.asarray(found)
 
 
 def _beside(
@@ -178,29 +192,33 @@ def _downhill(curve: Curve, places: Float[np.ndarray, " k"]) -> Float[np.ndarray
 
     def knots(free: np.ndarray) -> np.ndarray:
         parts = np.cumsum(np.exp(np.clip(np.append(free, 0.0), -_FLAT, _FLAT)))
-        return low + span * np.append(0.0, parts / parts[-1])
+        return np.asarray(low + span * np.append(0.0, parts / parts[-1]))
 
     def residual(free: np.ndarray) -> np.ndarray:
         at = knots(free)
-        return np.asarray(curve.hats(at) @ curve.heights(at) - root * curve.height)
+        return np.asarray(curve.normal(at)[0] @ curve.heights(at) - root * curve.height)
 
     def jacobian(free: np.ndarray) -> np.ndarray:
         at = knots(free)
-        hats, slope = curve.hats(at), np.diff(curve.heights(at)) / np.diff(at)
+        (hats, inverse), slope = (
+            curve.normal(at),
+            np.diff(curve.heights(at)) / np.diff(at),
+        )
         cell = np.clip(np.searchsorted(at, curve.place) - 1, 0, len(slope) - 1)
         moved = -slope[cell][:, None] * hats[:, 1:-1]
-        basis = np.linalg.qr(hats)[0]
         share = np.diff(at)[:-1] / span
         chain = np.tri(len(free)) - ((at[1:-1] - low) / span)[:, None]
-        return (moved - basis @ (basis.T @ moved)) @ (span * chain * share)
+        return np.asarray(
+            (moved - hats @ (inverse @ (hats.T @ moved))) @ (span * chain * share)
+        )
 
     gaps = np.log(np.diff(places))
     if len(gaps) < 2 or len(gaps) > len(curve.place):
         return places
-    found = least_squares(
-        residual, gaps[:-1] - gaps[-1], jacobian, method="lm", max_nfev=40
-    )
-    return knots(found.x)
+    start = gaps[:-1] - gaps[-1]
+    # With the full output it does not warn where it ends after so many steps.
+    found = leastsq(residual, start, Dfun=jacobian, maxfev=40, full_output=True)
+    return knots(found[0])
 
 
 def _on_whole_numbers(

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...models import AbstractFriction
-from ._determined import VAGUE, directions_seen, remarks_on, unseen, vague_columns
+from ._determined import VAGUE, unseen, vague_columns
 from ._equation import Equation, Known
 from ._separable import Solution
 from ._structures import WAYS, AbstractStructure
@@ -121,7 +121,7 @@ def assemble(
     structure, fixed = equation.structure, len(equation.fixed_names)
     count, used = len(solution.factors), equation.usable
     state = np.concatenate([solution.factors, solution.shape])
-    seen = directions_seen(equation.samples.velocity[equation.samples.in_motion])
+    seen = equation.samples.directions
     to_offset, to_law = part_offset(equation)
     parted = to_offset is not None
     unit, shapes = np.eye(len(state)), len(solution.shape)
@@ -167,7 +167,7 @@ def assemble(
         covariance=covariance,
         undetermined=undetermined,
         gauges=_gauges(equation, solution, seen, parted),
-        remarks=remarks_on(equation),
+        remarks=equation.samples.oddities,
         noise=solution.scale,
         relative_error=float(np.linalg.norm(residual) / np.linalg.norm(load)),
         residual=residual,

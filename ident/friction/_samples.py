@@ -7,13 +7,17 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...data.signals import median
+from ...data.signals import median, quantile
 from ..core import FitError
 
 _JUMP = 0.5
 """Deviation of a time step from the cycle, in cycles, that starts a new piece."""
 _REST = 1e-3
 """Share of the highest speed below which an axis counts as standing, where none is stated."""
+_DIRECTION = 0.01
+"""Share of the samples in motion that a direction needs to count as recorded."""
+_TOUCHES = 0.05
+"""Smallest current, as a share of the median one, that counts as coming down to 0."""
 _SATURATED = 5
 """Successive samples at the very same extreme current that count as saturation."""
 
@@ -73,6 +77,59 @@ class DriveSamples:
         speed = np.abs(self.velocity)
         return np.asarray(speed > _REST * speed.max())
 
+    @cached_property
+    def saturated(self) -> Bool[np.ndarray, " t"]:
+        """Which samples stand at the limit of the drive."""
+        return _saturated(self.current)
+
+    @cached_property
+    def directions(self) -> tuple[bool, bool]:
+        """Whether motion in positive and in negative direction was recorded."""
+        share = float(np.mean(self.velocity[self.in_motion] > 0))
+        return share >= _DIRECTION, share <= 1 - _DIRECTION
+
+    @cached_property
+    def oddities(self) -> tuple[str, ...]:
+        """What is odd about the recording, in words."""
+        found, moving = [], self.in_motion
+        current = self.current[moving]
+        if not all(self.directions):
+            way = "positive" if self.directions[0] else "negative"
+            found.append(
+                f"Only motion in {way} direction was recorded: friction and constant load "
+                "cannot be told apart, and nothing is known of the other direction."
+            )
+        elif quantile(current, 0.01) > 0 or quantile(current, 0.99) < 0:
+            size = np.abs(current)
+            if size.min() < _TOUCHES * median(size):
+                found.append(
+                    "The current comes down to 0 in both directions but never changes "
+                    "sign: the recording seems to hold its magnitude only, which tells "
+                    "nothing of friction."
+                )
+            else:
+                found.append(
+                    "The current keeps its sign in both directions: a constant load larger "
+                    "than friction (weight, tension) acts on the axis and is reported as "
+                    "offset."
+                )
+        standing = len(moving) - int(moving.sum())
+        if standing:
+            found.append(f"{standing} samples at rest were left out.")
+        full = int(self.saturated.sum())
+        if full:
+            found.append(
+                f"The current is saturated at {np.abs(self.current).max():.4g} in {full} "
+                "samples; they were left out."
+            )
+        pieces = int(self.piece[-1]) + 1
+        if pieces > 1:
+            found.append(
+                f"The clock jumps {pieces - 1} time{'s' * (pieces > 2)}; the {pieces} "
+                "pieces were filtered apart."
+            )
+        return tuple(found)
+
     def take(self, keep: Bool[np.ndarray, " t"]) -> "DriveSamples":
         """Return the samples for which ``keep`` is true; gaps in time part the pieces."""
 
@@ -93,7 +150,7 @@ class DriveSamples:
         )
 
 
-def saturated(current: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+def _saturated(current: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
     """Return which samples stand at the limit of the drive.
 
     A measured current hardly repeats itself to the last digit at its very extreme: five in a

@@ -16,22 +16,20 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import least_squares
+from scipy.optimize import leastsq
 
 from ...data.signals import median
 from ..core import AbstractLoss, FitError, choose_loss
 from ._covariance import larger_covariance, score_covariance
 from ._equation import Equation
 from ._smoothing import choose_smoothness
-from ._structures import KnotTable
+from ._structures import KNOTS, KnotTable
 
 LOSSES = ("trim", "student", "huber", "gauss")
 _FULL, _NONE = 4.0, 8.0
 """Residuals in scales up to which a row counts in full, and from which on it does not."""
 _FLOOR = 1e-9
 """Smallest scale of residuals relative to the load."""
-_FREE_KNOTS = 12
-"""Knots of the free table that tells which rows are wild under any law."""
 _FREE_PASSES, _HUBER_PASSES = 8, 2
 _CHANGE = 0.01
 """Change of a weight that is none, where only a beginning is sought."""
@@ -41,6 +39,8 @@ _SETTLED = 1e-3
 """Largest change of a row's residual in one pass, in scales, at the end."""
 _NULL = 1e-9
 """Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
+_RIDGE = 1e-12
+"""Added to the Gram matrix of columns that follow the shape, as a share of its trace."""
 _START_ROWS = 256
 """Rows that tell where a search begins, at most."""
 _TOLERANCE = 1e-8
@@ -61,7 +61,7 @@ class TrimLoss(AbstractLoss):
 
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
-        return np.clip((_NONE - np.abs(ratio)) / (_NONE - _FULL), 0.0, 1.0)
+        return np.asarray(np.clip((_NONE - np.abs(ratio)) / (_NONE - _FULL), 0.0, 1.0))
 
     def slope(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """See `AbstractLoss`."""
@@ -155,6 +155,7 @@ def fit_equation(
     loss: str,
     smoothness: float | None = None,
     begin: Float[np.ndarray, " s"] | None = None,
+    near: Float[np.ndarray, " h"] | None = None,
 ) -> Solution:
     """Fit factors and shapes of an equation to all of its usable rows.
 
@@ -163,6 +164,7 @@ def fit_equation(
         loss: One of `LOSSES`.
         smoothness: Weight of the prior of a table; by evidence where left out.
         begin: Weights to begin with, from `free_weights`.
+        near: Logarithms of a shape to begin with.
 
     Raises:
         FitError: If hardly any row is left, or the loss is unknown.
@@ -182,9 +184,10 @@ def fit_equation(
         weight = (
             choose_smoothness(equation, share) if smoothness is None else smoothness
         )
-    shape, kept, before, settled = None, None, None, False
+    kept, before, settled = None, None, False
+    shape = search_shape(equation, share, near)
     for step in range(_PASSES):
-        shape = search_shape(equation, share, shape)
+        shape = search_shape(equation, share, shape) if step else shape
         linear = solve(equation, share, shape, weight)
         residual = equation.target - equation.design(shape) @ linear.factors
         last = share
@@ -198,7 +201,7 @@ def fit_equation(
     covariance, lag, sizes = _uncertainty(
         equation, residual, share, found, shape, linear.factors, weight
     )
-    low, high = equation.structure.bounds(equation.speed)
+    low, high = equation.structure.bounds(equation.speed_range)
     edge = _AT_BOUND * (high - low)
     return Solution(
         factors=linear.factors,
@@ -230,13 +233,17 @@ def free_weights(equation: Equation, loss: str) -> Float[np.ndarray, " s"]:
         msg = f"loss: found {loss!r}, expected one of {words}."
         raise FitError(msg)
     share = equation.usable * 1.0
-    free = equation.with_structure(KnotTable(True, equation.knots(_FREE_KNOTS)))
+    free = equation.with_structure(KnotTable(True, equation.knots(KNOTS)))
     design = free.design(np.zeros(0))
     if loss == "gauss" or share.sum() <= design.shape[1]:
         return share
+    right = np.column_stack([design, free.target])
+    every = (share[:, None] * design).T @ right
     for step in range(_FREE_PASSES):
-        weighted = share[:, None] * design
-        linear = solve_normal(weighted.T @ design, weighted.T @ free.target)
+        less = np.flatnonzero(share < equation.usable)
+        lower = (1.0 - share[less, None]) * design[less]
+        sums = every - lower.T @ right[less]
+        linear = solve_normal(sums[:, :-1], sums[:, -1])
         residual = free.target - design @ linear.factors
         last = share
         share, _ = reweigh(free, residual, loss)
@@ -302,7 +309,7 @@ def prior_of(equation: Equation, smoothness: float) -> Float[np.ndarray, "k k"]:
     if equation.penalty is None:
         many = len(equation.fixed_names) + len(equation.structure.names)
         return np.zeros((many, many))
-    return smoothness * (equation.penalty.T @ equation.penalty)
+    return np.asarray(smoothness * (equation.penalty.T @ equation.penalty))
 
 
 def search_shape(
@@ -321,7 +328,7 @@ def search_shape(
     if not structure.shapes:
         return np.zeros(0)
     projection = _Projection(equation, share)
-    bounds = structure.bounds(equation.speed)
+    bounds = structure.bounds(equation.speed_range)
     begin = projection.best_start() if near is None else near
     found = _least(projection.residual, projection.jacobian, begin, bounds)
     if equation.has_instrument:
@@ -342,13 +349,13 @@ def _least(
     def natural(free: np.ndarray) -> np.ndarray:
         return np.asarray(middle + half * np.tanh(free))
 
-    found = least_squares(
+    found = leastsq(
         lambda free: residual(natural(free)),
         np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
-        lambda free: jacobian(natural(free)) * (half * (1.0 - np.tanh(free) ** 2)),
-        method="lm", xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE,
+        Dfun=lambda free: jacobian(natural(free)) * (half * (1.0 - np.tanh(free) ** 2)),
+        xtol=_TOLERANCE, ftol=_TOLERANCE, full_output=True,
     )  # fmt: skip
-    return natural(found.x)
+    return natural(found[0])
 
 
 class _Projection:
@@ -361,7 +368,7 @@ class _Projection:
         structure = equation.structure
         width, fixed = len(structure.factors), len(equation.fixed_names)
         self._moving = fixed + width * np.arange(1, structure.ways + 1) - 1
-        _, start = structure.bounds(equation.speed)
+        _, start = structure.bounds(equation.speed_range)
         still = np.delete(equation.design(start), self._moving, axis=1)
         still = self._root * still[self._rows]
         size = np.linalg.norm(still, axis=0)
@@ -384,7 +391,7 @@ class _Projection:
         velocity = equation.samples.velocity[equation.lowpass.centres[rows]]
         signs = self._root[::step, 0] * structure.signs(velocity)
         basis = self._basis[::step] * np.sqrt(step)
-        starts = structure.starts(equation.speed)
+        starts = structure.starts(equation.speed_range)
         speed = np.abs(velocity)
         columns = structure.last(speed, starts)[:, :, None] * signs.T
         columns = columns - basis @ (basis.T @ columns)
@@ -395,30 +402,32 @@ class _Projection:
         return np.asarray(starts[np.argmax(gain)])
 
     def _at(self, shape: Float[np.ndarray, " h"]) -> tuple[np.ndarray, ...]:
-        """Return the columns that follow the shape, their factors, and what is left."""
+        """Return the columns that follow the shape, (XᵀX)⁻¹, factors, and what is left."""
         key = shape.tobytes()
         if self._last is None or self._last[0] != key:
             columns = self._equation.last_columns(shape)[self._rows]
             columns = self._apart(self._root * columns)
-            factors = np.linalg.lstsq(columns, self._target, rcond=1e-9)[0]
+            gram = columns.T @ columns
+            ridge = _RIDGE * np.trace(gram) + np.finfo(float).tiny
+            inverse = np.linalg.inv(gram + ridge * np.eye(len(gram)))
+            factors = inverse @ (columns.T @ self._target)
             residual = self._target - columns @ factors
-            self._last = key, (columns, factors, residual)
+            self._last = key, (columns, inverse, factors, residual)
         return self._last[1]
 
     def residual(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, " s"]:
         """Return what is left of the weighted rows."""
-        return self._at(shape)[2]
+        return self._at(shape)[3]
 
     def jacobian(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s h"]:
         """Return its derivative, the factors following (Kaufman's part of it)."""
-        columns, factors, _ = self._at(shape)
+        columns, inverse, factors, _ = self._at(shape)
         equation = self._equation
         full = np.zeros(len(equation.fixed_names) + len(equation.structure.names))
         full[self._moving] = factors
         tangents = self._root * equation.tangents(shape, full)[self._rows]
         tangents = self._apart(tangents)
-        along = np.linalg.lstsq(columns, tangents, rcond=1e-9)[0]
-        return np.asarray(columns @ along - tangents)
+        return np.asarray(columns @ (inverse @ (columns.T @ tangents)) - tangents)
 
 
 class _Moments:
@@ -472,7 +481,7 @@ def _uncertainty(
     def columns(instrument: bool) -> np.ndarray:
         design = equation.design(shape, instrument=instrument)
         tangents = equation.tangents(shape, factors, instrument=instrument)
-        return used * np.concatenate([design, tangents], axis=1)
+        return np.asarray(used * np.concatenate([design, tangents], axis=1))
 
     own = columns(False)
     other = columns(True) if equation.has_instrument else own

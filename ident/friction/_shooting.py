@@ -272,7 +272,7 @@ def _parametrised(
     start, scale = np.zeros(size), np.ones(size)
     low, high = np.full(size, -1.0), np.ones(size)
     start[: len(values)] = values
-    limits = iter(structure.bounds(equation.speed).T)
+    limits = iter(structure.bounds(equation.speed_range).T)
     fastest = float(equation.speed.max())
     for place, name in enumerate(names_of(equation)):
         ways = [name] if name in CANONICAL else [name + way for way in WAYS]

@@ -11,7 +11,11 @@ _NULL = 1e-12
 """Share of the largest eigenvalue below which no row tells a direction."""
 
 
-def choose_smoothness(equation: Equation, share: Float[np.ndarray, " s"]) -> float:
+def choose_smoothness(
+    equation: Equation,
+    share: Float[np.ndarray, " s"],
+    sums: Float[np.ndarray, "k k1"] | None = None,
+) -> float:
     """Return the weight of the smoothness prior that makes the rows most likely.
 
     Restricted likelihood of a linear model with Gaussian noise of unknown size. Residuals
@@ -23,17 +27,17 @@ def choose_smoothness(equation: Equation, share: Float[np.ndarray, " s"]) -> flo
     Args:
         equation: Of a law with a prior.
         share: Weight of each row.
+        sums: XᵀW [X, target], where they are known.
     """
     penalty = equation.penalty
     assert penalty is not None
     change, flats = _bends(penalty, len(equation.fixed_names), equation.structure.ways)
     design = equation.design(np.zeros(0))
-    right = np.column_stack([design, equation.target])
-    sums = (share[:, None] * right).T @ right
-    square = float(sums[-1, -1])
-    sums = np.column_stack(
-        [change.T @ sums[:-1, :-1] @ change, change.T @ sums[:-1, -1]]
-    )
+    if sums is None:
+        right = np.column_stack([design, equation.target])
+        sums = (share[:, None] * design).T @ right
+    square = float(share @ equation.target**2)
+    sums = np.column_stack([change.T @ sums[:, :-1] @ change, change.T @ sums[:, -1]])
     size = np.sqrt(np.diag(sums)[:flats])
     size = np.where(size > 0, size, 1.0)
     inner = sums[:flats, :flats] / np.outer(size, size)

@@ -7,6 +7,7 @@ the values of the columns, are those of `axcomp.models`.
 
 import abc
 import dataclasses
+from functools import cached_property
 from typing import final
 
 import jax.numpy as jnp
@@ -25,6 +26,8 @@ from ...models import (
 )
 
 WAYS = ("_positive", "_negative")
+KNOTS = 20
+"""Knots of a free table."""
 GAUSS = 2.0
 """Exponent of the Stribeck curve that is assumed where the data do not tell it."""
 _EXPONENTS = (0.7, 1.0, 2.0)
@@ -111,14 +114,14 @@ class AbstractStructure(abc.ABC):
         """The factors that a constant in the level of friction adds to."""
         return ("coulomb",)
 
-    def starts(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "n s"]:
-        """Return logarithms of shapes to start from, given the speeds in mm/s."""
-        del speed
+    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n s"]:
+        """Return logarithms of shapes to start from, given the range of speeds in mm/s."""
+        del speeds
         return np.zeros((1, 0))
 
-    def bounds(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "2 s"]:
+    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 s"]:
         """Return the least and the largest logarithms that the data can tell apart."""
-        del speed
+        del speeds
         return np.zeros((2, 0))
 
     def last(
@@ -157,7 +160,7 @@ class AbstractStructure(abc.ABC):
         """How many sets of factors there are."""
         return 2 if self.directional else 1
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all factors, direction by direction."""
         if not self.directional:
@@ -167,7 +170,7 @@ class AbstractStructure(abc.ABC):
     def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
         """Return the sign that the columns of each direction carry; 0 elsewhere."""
         if not self.directional:
-            return np.sign(velocity)[None]
+            return np.asarray(np.sign(velocity)[None])
         return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
     def columns(
@@ -220,7 +223,7 @@ class CoulombViscous(AbstractStructure):
     ) -> AbstractFriction:
         """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
-        return StribeckFriction(coulomb, coulomb, 1.0, GAUSS, viscous)
+        return _stribeck(coulomb, coulomb, 1.0, GAUSS, viscous)
 
 
 @final
@@ -250,9 +253,9 @@ class Stribeck(AbstractStructure):
         free = ("stribeck_velocity", "stribeck_shape")
         return free if self.exponent is None else free[:1]
 
-    def starts(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "n s"]:
+    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n s"]:
         """See `AbstractStructure`: velocities in steps of √2, for each usual exponent."""
-        low, high = self.bounds(speed)[:, 0]
+        low, high = self.bounds(speeds)[:, 0]
         count = max(4, 1 + int((high - low) / np.log(_RATIO)))
         grid = np.linspace(low, high, count)[1:-1]
         if self.exponent is not None:
@@ -260,17 +263,16 @@ class Stribeck(AbstractStructure):
         exponents = np.log(_EXPONENTS)
         return np.stack(np.meshgrid(grid, exponents), axis=-1).reshape(-1, 2)
 
-    def bounds(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "2 s"]:
+    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 s"]:
         """See `AbstractStructure`."""
-        seen = speed[speed > 0]
-        velocity = np.array([quantile(seen, 0.001) / 2.0, 2.0 * seen.max()])
+        velocity = np.array([0.5 * speeds[0], 2.0 * speeds[1]])
         every = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
-        return np.log(np.stack(every, axis=1))
+        return np.asarray(np.log(np.stack(every, axis=1)))
 
     def _natural(self, shape: Float[np.ndarray, " s"]) -> tuple[float, float]:
-        free = self.exponent is None
-        exponent = np.exp(shape[1]) if free else self.exponent
-        return float(np.exp(shape[0])), float(exponent)
+        if self.exponent is not None:
+            return float(np.exp(shape[0])), self.exponent
+        return float(np.exp(shape[0])), float(np.exp(shape[1]))
 
     def profile(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
@@ -311,7 +313,7 @@ class Stribeck(AbstractStructure):
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
         velocity, exponent = self._natural(shape)
-        return StribeckFriction(coulomb, coulomb + drop, velocity, exponent, viscous)
+        return _stribeck(coulomb, coulomb + drop, velocity, exponent, viscous)
 
 
 @final
@@ -336,7 +338,7 @@ class KnotTable(AbstractStructure):
         """See `AbstractStructure`."""
         return False
 
-    @property
+    @cached_property
     def factors(self) -> tuple[str, ...]:
         """See `AbstractStructure`."""
         return tuple(f"knot_{index}" for index in range(len(self.knots)))
@@ -377,7 +379,24 @@ class KnotTable(AbstractStructure):
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
 
     def _table(self, values: Float[np.ndarray, " k"]) -> FrictionTable:
-        return FrictionTable(Setpoints(np.asarray(self.knots)), values)
+        return FrictionTable(Setpoints(jnp.asarray(self.knots)), jnp.asarray(values))
+
+
+def _stribeck(
+    coulomb: float | Float[np.ndarray, " 2"],
+    breakaway: float | Float[np.ndarray, " 2"],
+    velocity: float,
+    exponent: float,
+    viscous: float | Float[np.ndarray, " 2"],
+) -> StribeckFriction:
+    numbers = (coulomb, breakaway, velocity, exponent, viscous)
+    return StribeckFriction(*map(jnp.asarray, numbers))
+
+
+def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:
+    """Return the slowest speed, but for a thousandth of the samples, and the fastest."""
+    seen = speed[speed > 0]
+    return quantile(seen, 0.001), float(seen.max())
 
 
 def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ...]:

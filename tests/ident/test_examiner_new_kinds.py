@@ -8,8 +8,8 @@ import pytest
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
-from axcomp.ident.fit.friction import place_knots
 from axcomp.ident.fit.thermal import ThermalReadings, fit_temperature
+from axcomp.ident.friction import place_knots
 from axcomp.ident.job import BacklashResult, JobResult, run_job
 
 WIDTH, NOISE = 0.012, 0.0005

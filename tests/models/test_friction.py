@@ -16,6 +16,8 @@ from axcomp.models import (
     Setpoints,
     StribeckFriction,
     sample_friction,
+    stribeck_decay,
+    stribeck_slopes,
 )
 
 # [001] p.70: in 0, 316, 333 µm/s; out 0, 3722, 3884; scaling_factor 10, that is 0.01.
@@ -219,6 +221,36 @@ def test_tables_are_odd_continuous_and_within_their_entries(
     assert 1.5 - ROUNDING <= here <= 2.5 + ROUNDING
     # Steepest cell: 1 over 1.5 mm/s, times 0.5.
     assert abs(there - here) <= step / 3 + ROUNDING
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        OWN,
+        FrictionTable(OWN.nodes, OWN.values, 0.5, held_below=False, held_above=False),
+        FrictionTable(Setpoints(np.array([2.0])), np.array([3.0])),
+        CURVE,
+        DIRECTED,
+    ],
+)
+def test_numpy_gives_what_jax_gives(law: AbstractFriction) -> None:
+    velocity = np.array([-9.0, -1.5, -1e-3, 0.0, 0.2, 1.0, 4.0, 60.0])
+    # Both round a few products and sums of numbers below 100.
+    np.testing.assert_allclose(law.evaluate(velocity), law(velocity), atol=1e-13)
+
+
+def test_slopes_of_the_stribeck_column_are_its_derivatives() -> None:
+    speed = np.array([0.0, 1e-3, 0.5, 2.0, 30.0])
+
+    def decay(shape: jax.Array) -> jax.Array:
+        curve = StribeckFriction(0.0, 1.0, jnp.exp(shape[0]), jnp.exp(shape[1]), 0.0)
+        return curve.level(speed, np.ones_like(speed))
+
+    at = np.log([3.0, 1.3])
+    slopes = jax.jacfwd(decay)(jnp.asarray(at)).T
+    np.testing.assert_allclose(stribeck_decay(speed, 3.0, 1.3), decay(at), atol=1e-15)
+    # The same formula by hand and by JAX: rounding only.
+    np.testing.assert_allclose(stribeck_slopes(speed, 3.0, 1.3), slopes, atol=1e-14)
 
 
 @pytest.mark.parametrize("law", [PRINTED, CURVE, DIRECTED])

@@ -3,12 +3,19 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from ....data.signals import median, quantile
-from ....models import AbstractFriction, FrictionCompensation
+from ....data.signals import quantile
+from ....models import FrictionCompensation
 from ...exchange import FrictionNumbers
-from ...friction import DriveSamples, FrictionFit, Knots, ReversalFit, place_knots
+from ...friction import (
+    DriveSamples,
+    FrictionFit,
+    Knots,
+    ReversalFit,
+    WindowLaw,
+    place_knots,
+)
 from .._fit_schema import FrictionSpec
 from ._result import LawCurve
 
@@ -17,8 +24,6 @@ _POINTS = 400
 _BINS = 60
 _ENOUGH = 0.05
 """Samples at a speed, as a share of the mean, at which a direction counts half."""
-_WILD = 7.0
-"""Robust scales beyond which a sample says nothing of a constant load."""
 _OF_RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
 _MOST_DELAY = 0.001
 """mm: P-COMP-00043 goes no further."""
@@ -74,11 +79,13 @@ class DrivenSpeeds:
 
     def held(self, way: int) -> Float[np.ndarray, " v"]:
         """Return the speeds at which the law of one direction speaks for each of them."""
-        return np.clip(self.speed, *(self.positive if way > 0 else self.negative))
+        return np.asarray(
+            np.clip(self.speed, *(self.positive if way > 0 else self.negative))
+        )
 
-    def mean(self, law: AbstractFriction) -> Float[np.ndarray, " v"]:
+    def mean(self, law: WindowLaw) -> Float[np.ndarray, " v"]:
         """Return what a list can say of a law: the mean of both directions."""
-        ahead, back = (way * law.evaluate(way * self.held(way)) for way in (1, -1))
+        ahead, back = (way * law.friction(way * self.held(way)) for way in (1, -1))
         share = self.positive_share
         return np.asarray(share * ahead + (1.0 - share) * back)
 
@@ -89,8 +96,8 @@ def driven_speeds(samples: DriveSamples) -> DrivenSpeeds | None:
     driven = [np.sort(way * velocity[way * velocity > 0]) for way in (1, -1)]
     if any(len(each) == 0 for each in driven):
         return None
-    every = np.sort(np.concatenate(driven))
-    low, high = max(quantile(every, 0.001), 1e-3), every[-1]
+    low = max(quantile(np.abs(velocity), 0.001), 1e-3)
+    high = max(each[-1] for each in driven)
     half = _POINTS // 2
     ways = np.geomspace(low, high, half), np.linspace(low, high, half)
     speed = np.unique(np.concatenate(ways))
@@ -150,28 +157,6 @@ def knots_of(curve: LawCurve, spec: FrictionSpec, unit: float, fastest: float) -
         unit=unit,
         reach=fastest,
     )
-
-
-def beside_list(
-    samples: DriveSamples,
-    inertia: float,
-    listed: Float[np.ndarray, " t"],
-    rows: Bool[np.ndarray, " t"] | None = None,
-) -> float:
-    """Return the constant load that goes with a list, in the unit of the current.
-
-    Args:
-        samples: The recording.
-        inertia: In units of current per mm/s².
-        listed: Friction that the list gives at each sample, at level 1.
-        rows: Samples that count; all of them if left out.
-    """
-    left = without_inertia(samples, inertia) - listed
-    left = left[samples.in_motion if rows is None else samples.in_motion & rows]
-    middle = median(left)
-    far = np.abs(left - middle)
-    keep = far <= _WILD * 1.4826 * median(far)
-    return float(left[keep].mean()) if keep.any() else middle
 
 
 def without_inertia(samples: DriveSamples, inertia: float) -> Float[np.ndarray, " t"]:

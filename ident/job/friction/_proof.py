@@ -9,7 +9,7 @@ from ....data.signals import median
 from ...friction import DriveSamples, Knots
 from ...proof import ErrorFigures, GateCheck, error_figures, gate_check
 from ._identify import Identified
-from ._listing import DrivenSpeeds, beside_list, without_inertia
+from ._listing import DrivenSpeeds, without_inertia
 from ._result import LawCurve
 
 _WILD = 7.0
@@ -86,7 +86,7 @@ def remaining(
         before = without_inertia(samples, inertia) - fit.parameters.get("offset", 0.0)
         for number, each in enumerate(found.without):
             own = found.window == number
-            friction = each.law.evaluate(samples.velocity) + each.offset
+            friction = each.friction(samples.velocity) + each.offset
             predicted[own] = (without_inertia(samples, each.inertia) - friction)[own]
         nothing = np.zeros(len(speed))
         return Remaining(None, before, predicted, nothing, samples.in_motion)
@@ -94,13 +94,18 @@ def remaining(
         level, full = 1.0, np.interp(speed, curve.speed, curve.mean)
     else:
         full = knots.current(speed) / level
-    offset = beside_list(samples, inertia, sign * full)
+    left = without_inertia(samples, inertia) - sign * full
+    middle = median(left[samples.in_motion])
+    far = np.abs(left - middle)
+    # What belongs to no list is the mean of what it leaves, without faults.
+    sound = samples.in_motion & (far <= _WILD * 1.4826 * median(far[samples.in_motion]))
+    offset = float(left[sound].mean())
     for number, each in enumerate(found.without):
         own = found.window == number
-        mean = sign * np.interp(speed, speeds.speed, speeds.mean(each.law))
-        rest = beside_list(samples, each.inertia, mean, ~own)
-        left = without_inertia(samples, each.inertia) - rest - level * mean
-        predicted[own] = left[own]
+        mean = sign * np.interp(speed, speeds.speed, speeds.mean(each))
+        left = without_inertia(samples, each.inertia)
+        rest = float((left - mean)[sound & ~own].mean())
+        predicted[own] = (left - rest - level * mean)[own]
     return Remaining(
         offset=offset,
         before=without_inertia(samples, inertia) - offset,

@@ -11,6 +11,7 @@ from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.exchange import friction_from_list
 from axcomp.ident.job import FrictionResult, JobResult, run_job
+from axcomp.ident.job.friction._proof import Remaining
 from axcomp.ident.report import write_report
 from axcomp.models import AbstractFriction, Conventions, StribeckFriction
 
@@ -223,3 +224,92 @@ def test_current_held_at_its_limit_writes_no_list(tmp_path: Path) -> None:
         "No list is written. The current is held at its limit" in w for w in words
     )
     assert not result.passed
+
+
+def test_each_direction_counts_at_the_speeds_that_it_saw(tmp_path: Path) -> None:
+    slow, fast = motion((1, 2, 4, 8, 15)), motion((1, 3, 10, 40, 120, 300))
+    both = np.concatenate([np.maximum(slow, 0.0), np.minimum(fast, 0.0)] * 2)
+    law = StribeckFriction(2.0, [2.0, 3.0], 30.0, 1.0, [0.04, 0.001])
+    record(tmp_path, velocity=both[both != 0.0], law=law)
+    found = friction(run(tmp_path, keys=FULL.replace("12.0", "24.0")))
+    assert found.curve is not None
+    assert found.knots is not None
+    truth = -np.asarray(law(np.array([-100.0, -290.0])))
+    # Only the negative direction was driven so fast: noise and rounding are left.
+    np.testing.assert_allclose(
+        found.knots.current(np.array([100.0, 290.0])), truth, rtol=0.04
+    )
+    # The positive law, a steep line, is held where it ends.
+    ends = found.curve.speed > 16.0
+    assert np.ptp(found.curve.positive[ends]) < 1e-9
+    gate = {check.name: check for check in found.gate}
+    assert gate["from_file"].passed
+    assert gate["from_file"].value <= 1.1 * found.error["predicted"].sound.rms + 0.024
+
+
+def test_a_list_that_misses_the_prediction_is_stopped(
+    done: tuple[Path, JobResult],
+) -> None:
+    found = friction(done[1])
+    view = found.view
+    rest = Remaining(
+        0.0,
+        view.before,
+        view.predicted,
+        0.8 * (view.before - view.predicted),
+        view.moving,
+    )
+    check_ = rest.gate(RATED * SHARE, "A")
+    # A fifth of some 2.5 A is left, where 0.1 A of noise was predicted.
+    assert not check_.passed
+    assert check_.value > 4 * check_.limit / 1.3
+
+
+def test_figures_and_headline_are_those_of_the_written_level(tmp_path: Path) -> None:
+    record(tmp_path)
+    result = run(tmp_path, keys=f"{FULL}\nlevel = 0.5")
+    found = friction(result)
+    before, predicted, written = (
+        found.error[key].sound.rms for key in ("before", "predicted", "from_file")
+    )
+    # Half of the friction, beside noise of 4 % of it.
+    assert predicted == pytest.approx(0.5 * before, rel=0.02)
+    assert written == pytest.approx(predicted, rel=0.02)
+    text = write_report(result, tmp_path / "out")[0].read_text()
+    assert f"to {predicted:.3g} A rms" in text
+    assert "by 50 %" in text
+    assert found.gate[1].passed
+
+
+def test_constant_load_is_the_one_that_goes_with_the_list(tmp_path: Path) -> None:
+    # Levels differ by 2 A: seen are 3 + 0.3 going up, 1 − 0.3 going down.
+    uneven = StribeckFriction([3.0, 1.0], [3.0, 1.0], 5.0, 2.0, [0.004, 0.012])
+    record(tmp_path, law=uneven)
+    found = friction(run(tmp_path))
+    assert found.curve is not None
+    assert found.drive_offset is not None
+    view = found.view
+    rows, listed = view.moving, view.before - view.from_file
+    for away in (-0.05, 0.05):
+        other = view.from_file[rows] + away
+        # Any other constant load leaves more of the current beside this list.
+        assert np.sum(other**2) > np.sum(view.from_file[rows] ** 2)
+    assert np.abs(listed[rows]).mean() > 1.0
+    words = [remark.message for remark in found.remarks]
+    assert any(f"load of {found.drive_offset:.4g} A" in each for each in words)
+
+
+def test_rotary_axes_are_told_in_degrees_per_second(tmp_path: Path) -> None:
+    record(tmp_path)
+    text = JOB.format(keys=FULL, axis='type = "rotary"', unit="A")
+    path = tmp_path / "job.toml"
+    path.write_text(text.replace('unit = "mm"', 'unit = "deg"'))
+    result = run_job(path, tmp_path / "out")
+    found = friction(result)
+    page = write_report(result, tmp_path / "out")[0].read_text()
+    page = re.sub(r"base64,[^\"]+", "", page)
+    assert found.length_unit == "°"
+    assert "°/s" in page
+    assert "mm/s" not in page
+    assert "µm" not in page
+    assert "°/s" in found.gate[0].where

@@ -1,0 +1,182 @@
+"""Which law is chosen: held-out windows, the simplest that predicts, real drives."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+from scipy.signal import butter, firwin, sosfiltfilt
+
+from axcomp.ident.core import FitError
+from axcomp.ident.friction import (
+    CoulombViscous,
+    DriveSamples,
+    KnotTable,
+    Known,
+    Stribeck,
+    choose_law,
+    default_knots,
+    fit_inverse,
+    force_error,
+)
+from axcomp.ident.friction._covariance import score_covariance
+from axcomp.ident.friction._equation import Lowpass
+
+EMPS = Path(__file__).parents[3] / "../shared/data/emps/DATA_EMPS.mat"
+PUBLISHED = {  # value and standard deviation; kg → N per mm/s²
+    "inertia": (95.1089e-3, 0.1085e-3),
+    "viscous": (203.5034e-3, 1.1460e-3),
+    "coulomb": (20.3935, 0.1012),
+    "offset": (-3.1648, 0.0444),
+}
+
+
+def friction(velocity: np.ndarray, exponent: float = 2.0) -> np.ndarray:
+    speed = np.abs(velocity)
+    level = 2.0 + 1.5 * np.exp(-((speed / 15.0) ** exponent)) + 0.004 * speed
+    return np.asarray(np.sign(velocity) * level + 0.3)
+
+
+def recording(
+    current: np.ndarray | None = None, *, noise: float = 0.1, cycle: float = 0.01
+) -> DriveSamples:
+    """Forty seconds of motion of changing reach, under `friction` where nothing is given."""
+    time = np.arange(0.0, 40.0, cycle)
+    velocity = 200.0 * np.sin(2 * np.pi * time / 3.1) * np.sin(0.3 * time)
+    clean = friction(velocity) if current is None else current
+    rng = np.random.default_rng(0)
+    spread = noise * np.sqrt(0.01 / cycle) * rng.normal(size=len(time))
+    return DriveSamples(time, velocity, clean + spread, np.gradient(velocity, cycle))
+
+
+def emps() -> DriveSamples:
+    if not EMPS.exists():
+        pytest.skip("needs ../shared/data/emps/DATA_EMPS.mat")
+    data = loadmat(EMPS)
+    low = np.asarray(butter(4, 0.2, output="sos"))  # 100 Hz at 1 kHz
+    velocity = np.gradient(sosfiltfilt(low, 1e3 * data["qm"].ravel()), 1e-3)
+    current = (data["gtau"] * data["vir"]).ravel()
+    return DriveSamples(
+        data["t"].ravel(), velocity, current, np.gradient(velocity, 1e-3)
+    )
+
+
+def test_simplest_law_that_predicts_is_chosen() -> None:
+    samples = recording()
+    kinds = [
+        CoulombViscous(),
+        CoulombViscous(True),
+        Stribeck(),
+        KnotTable(False, default_knots(np.abs(samples.velocity), 20)),
+    ]
+    assert choose_law(samples, kinds, windows=5).chosen == 2
+    speed = np.abs(samples.velocity)
+    plain = np.sign(samples.velocity) * (2.0 + 0.004 * speed) + 0.3
+    assert choose_law(recording(plain), kinds, windows=5).chosen == 0
+
+
+def test_an_exponent_other_than_two_is_found() -> None:
+    samples = recording(friction(recording().velocity, exponent=1.0))
+    choice = choose_law(samples)
+    assert isinstance(choice.fit.structure, Stribeck)
+    sd = choice.fit.standard_deviations["stribeck_shape"]
+    # One of a few parameters of one seeded draw.
+    assert abs(choice.fit.parameters["stribeck_shape"] - 1.0) < 3 * sd
+    speed = np.geomspace(2.0, 190.0, 50)
+    truth = friction(speed, 1.0) - 0.3
+    # Noise of 5 % over 4 000 samples; with an exponent of 2 the curve is 2 % off.
+    assert np.abs(choice.fit.band(speed)[0] / truth - 1.0).max() < 0.012
+
+
+def test_a_recording_gives_the_same_law_at_any_rate() -> None:
+    slow = choose_law(recording()).fit
+    for cycle in (0.002, 0.001):
+        fast = choose_law(recording(cycle=cycle)).fit
+        assert fast.structure.words == slow.structure.words
+        assert len(fast.residual) == pytest.approx(len(slow.residual), rel=0.02)
+        for name, value in slow.parameters.items():
+            # Two draws of the same noise per second.
+            sd = np.hypot(*(f.standard_deviations[name] for f in (slow, fast)))
+            assert abs(fast.parameters[name] - value) < 4 * sd
+
+
+def test_a_window_has_next_to_no_say_in_its_own_prediction() -> None:
+    samples = recording()
+    choice = choose_law(samples, [Stribeck()])
+    own = choice.window == 4
+    wild = dataclasses.replace(
+        samples, current=samples.current + np.where(own, 0.3 * samples.velocity, 0.0)
+    )
+    other = choose_law(wild, [Stribeck()])
+    speed = np.geomspace(2.0, 190.0, 50)
+    kept, moved = (each.without[4].friction(speed) for each in (choice, other))
+    # Only which rows are wild is what all rows say.
+    np.testing.assert_allclose(moved, kept, rtol=5e-3)
+    assert np.abs(other.without[3].friction(speed) - kept).max() < 0.1
+
+
+def test_thinned_rows_are_those_of_a_convolution() -> None:
+    rng = np.random.default_rng(2)
+    piece = np.repeat([0, 1], [300, 257])
+    columns = rng.normal(size=(557, 3))
+    lowpass = Lowpass(piece, 5)
+    kernel = firwin(101, 1.0 / 5, window="hamming")
+    plain = np.stack([np.convolve(each, kernel, "same") for each in columns.T], axis=1)
+    # Sums of a hundred products in another order.
+    np.testing.assert_allclose(lowpass(columns), plain[lowpass.centres], atol=1e-14)
+    assert set(piece[lowpass.centres]) == {0, 1}
+
+
+def test_scores_are_summed_over_lags_with_bartletts_weights() -> None:
+    rng = np.random.default_rng(3)
+    scores = np.apply_along_axis(
+        lambda each: np.convolve(each, np.ones(6), "same"), 0, rng.normal(size=(200, 2))
+    )
+    piece = np.repeat([0, 1], [120, 80])
+    found, lag = score_covariance(scores, piece)
+    assert lag > 1
+    plain = np.zeros((2, 2))
+    for one in range(200):
+        for other in range(200):
+            away = abs(one - other)
+            if away <= lag and piece[one] == piece[other]:
+                weight = 1.0 - away / (lag + 1.0)
+                plain += weight * np.outer(scores[one], scores[other])
+    # The same sum in another order.
+    np.testing.assert_allclose(found, plain, rtol=1e-10)
+
+
+def test_too_short_a_recording_cannot_be_held_out() -> None:
+    short = recording().take(np.arange(4000) < 200)
+    with pytest.raises(FitError, match="expected at least 3 windows"):
+        choose_law(short)
+
+
+def test_emps_inverse_fit_agrees_with_the_published_parameters() -> None:
+    samples = emps()
+    fit = fit_inverse(samples, CoulombViscous())
+    for name, (value, sd) in PUBLISHED.items():
+        assert abs(fit.parameters[name] - value) < 2 * sd
+    # Plain least squares: 4.12 % under the same evaluation with the filter's edges, 4.08 %
+    # without.
+    assert fit.relative_error < 0.0412
+    free = fit_inverse(samples, CoulombViscous(True), known=Known(offset=0.0))
+    # The authors' figure, to its last digit.
+    assert free.relative_error < 0.03115
+    drop = fit_inverse(samples, Stribeck())
+    assert {"breakaway", "stribeck_velocity"} <= set(drop.undetermined)
+    assert isinstance(drop.structure, CoulombViscous)
+
+
+def test_emps_windows_held_out_are_predicted_per_direction() -> None:
+    samples = emps()
+    choice = choose_law(samples)
+    chosen = choice.candidates[choice.chosen]
+    assert chosen.structure.directional
+    low, high = chosen.spread
+    assert low < chosen.error < high
+    # 2.86 %; directional laws are 30 % better than those alike.
+    assert chosen.error < 0.029
+    assert chosen.error < 0.75 * choice.candidates[0].error
+    assert len(force_error(choice.fit, samples)) == len(choice.fit.residual)
