@@ -1,7 +1,7 @@
 """Accuracy of the friction fits at full size, beside their time.
 
 A thousand axes with known law, 10 % noise and 1 % wild samples. The inverse fit takes no start
-values: it finds its own. The same in small is in `tests/ident/test_friction_inverse.py`.
+values: it finds its own. The same in small is in `tests/ident/friction/test_inverse.py`.
 """
 
 import time
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from axcomp.ident.fit.friction import DriveSamples, Stribeck, fit_inverse
+from axcomp.ident.friction import DriveSamples, Stribeck, fit_inverse
 
 DRAWS, SAMPLES, CYCLE = 1000, 2000, 0.01  # s
 NOISE, WILD = 0.10, 0.01
@@ -61,7 +61,7 @@ def test_draws(benchmark: BenchmarkFixture, shape: float | None) -> None:
     begin = time.perf_counter()
     for _ in range(DRAWS):
         samples, truth = draw(rng)
-        fit = fit_inverse(samples, Stribeck(shape=shape), decimate=1)
+        fit = fit_inverse(samples, Stribeck(exponent=shape), decimate=1)
         if shape is None:
             truth["stribeck_shape"] = 2.0
         for name, value in truth.items():
@@ -79,4 +79,4 @@ def test_draws(benchmark: BenchmarkFixture, shape: float | None) -> None:
     found["s_per_fit"] = each
     benchmark.extra_info |= found
     assert all((values < 3).mean() >= WITHIN for values in table.values())
-    benchmark(lambda: fit_inverse(samples, Stribeck(shape=shape), decimate=1))
+    benchmark(lambda: fit_inverse(samples, Stribeck(exponent=shape), decimate=1))

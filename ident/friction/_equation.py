@@ -15,9 +15,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.signal import firwin
 
-from ...data.signals import quantile
 from ._samples import DriveSamples
-from ._structures import AbstractStructure, default_knots
+from ._structures import AbstractStructure, default_knots, range_of
 
 _REACH = 10
 """Half the length of the filter in rows."""
@@ -187,9 +186,8 @@ class Equation:
 
     @cached_property
     def speed_range(self) -> tuple[float, float]:
-        """Slowest speed in mm/s, but for a thousandth of the samples, and the fastest."""
-        seen = self.speed[self.speed > 0]
-        return quantile(seen, 0.001), float(seen.max())
+        """Slowest and fastest speed in mm/s (`range_of`)."""
+        return range_of(self.speed)
 
     def knots(self, count: int) -> tuple[float, ...]:
         """Return knots in mm/s where the samples in motion are (`default_knots`)."""

@@ -24,7 +24,13 @@ from ..core import FitError, one_blas_thread
 from ._equation import Known
 from ._samples import DriveSamples, check_samples
 from ._simulate import padded
-from ._structures import AbstractStructure, KnotTable, Stribeck, default_knots
+from ._structures import (
+    AbstractStructure,
+    KnotTable,
+    Stribeck,
+    default_knots,
+    range_of,
+)
 
 LOOKAHEADS = 5
 """How many look-aheads the controller has: 0 to 4 cycles."""
@@ -278,7 +284,7 @@ class _Search:
         place = int(np.searchsorted(_DISTANCES, setting.distance))
         last = len(_DISTANCES) - 1
         ends = _DISTANCES[max(place - 1, 0)], _DISTANCES[min(place + 1, last)]
-        shapes = self.structure.bounds(np.abs(self.velocity[use]))
+        shapes = self.structure.bounds(range_of(np.abs(self.velocity[use])))
         low, high = (
             np.append(end, shape) for end, shape in zip(ends, shapes, strict=True)
         )
@@ -368,7 +374,7 @@ def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
     use = np.union1d(search.near, search.far)
     keep = np.zeros(len(search.position), bool)
     keep[use] = True
-    shape = search.structure.bounds(np.abs(search.velocity[use])).mean(axis=0)
+    shape = search.structure.bounds(range_of(np.abs(search.velocity[use]))).mean(axis=0)
     # A first pass finds the wild samples and the shape, the second does without them.
     table = search.grid(shape, keep)
     first, _ = _pass(search, shape, keep, table, 1)

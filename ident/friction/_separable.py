@@ -45,6 +45,8 @@ _START_ROWS = 256
 """Rows that tell where a search begins, at most."""
 _TOLERANCE = 1e-8
 """Of cost and shape at the end of a search."""
+_AWAY, _FIRST_STEP = 5.0, 0.1
+"""MINPACK bounds its first step by a share of the unknowns: so they stay away from 0."""
 _LARGEST_LEVERAGE = 0.9
 _INSIDE = 0.999
 """Share of the way from the middle of the bounds to their edge where a search may begin."""
@@ -354,13 +356,13 @@ def _least(
     middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
 
     def natural(free: np.ndarray) -> np.ndarray:
-        return np.asarray(middle + half * np.tanh(free))
+        return np.asarray(middle + half * np.tanh(free - _AWAY))
 
     found = leastsq(
         lambda free: residual(natural(free)),
-        np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
-        Dfun=lambda free: jacobian(natural(free)) * (half * (1.0 - np.tanh(free) ** 2)),
-        xtol=_TOLERANCE, ftol=_TOLERANCE, full_output=True,
+        _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
+        Dfun=lambda free: jacobian(natural(free)) * (half * (1.0 - np.tanh(free - _AWAY) ** 2)),
+        xtol=_TOLERANCE, ftol=_TOLERANCE, factor=_FIRST_STEP, full_output=True,
     )  # fmt: skip
     return natural(found[0])
 

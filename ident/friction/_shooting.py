@@ -333,7 +333,7 @@ def _levenberg_marquardt(
     # A traced tolerance: a rough search shares the compilation of a fine one.
     limit: Any = tolerance
     solver: Any = optx.LevenbergMarquardt(
-        limit, limit, norm=optx.rms_norm, linear_solver=lx.Normal(lx.Cholesky())
+        limit, limit, norm=optx.rms_norm, linear_solver=lx.QR()
     )
     still = (jnp.zeros_like(shooting.start), jnp.zeros_like(starts))
     found: Any = optx.least_squares(

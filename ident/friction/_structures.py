@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...data.signals import quantile
 from ...models import (
     AbstractFriction,
     FrictionTable,
@@ -32,7 +33,7 @@ GAUSS = 2.0
 _EXPONENTS = (0.7, 1.0, 2.0)
 """Exponents from which the search starts."""
 _EXPONENT_RANGE = (0.3, 6.0)
-_RATIO = 2.0
+_RATIO = np.sqrt(2.0)
 """Ratio of neighbouring Stribeck velocities from which the search starts."""
 _LEVELS = 400
 """Speeds at which the distribution of a recording is taken."""
@@ -390,6 +391,12 @@ def _stribeck(
 ) -> StribeckFriction:
     numbers = (coulomb, breakaway, velocity, exponent, viscous)
     return StribeckFriction(*map(jnp.asarray, numbers))
+
+
+def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:
+    """Return the slowest speed, but for a thousandth of the samples, and the fastest."""
+    seen = speed[speed > 0]
+    return quantile(seen, 0.001), float(seen.max())
 
 
 def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ...]:
