@@ -49,7 +49,7 @@ def look(
 @pytest.fixture(scope="module")
 def whole(virtual: ModuleType) -> Discovery:
     """Half an hour of three axes with every compensation at once, thinned."""
-    motion = virtual.motion(4, "XYZ", 1800.0, 10_000)
+    motion = virtual.motion(4, "XYZ", 1800.0, 8_000)
     effects = {
         "X": [
             virtual.line("X", 1, 0.008),

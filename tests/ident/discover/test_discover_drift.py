@@ -34,17 +34,17 @@ active = []
 
 
 def found_in(virtual: ModuleType, drift: float, **options: object) -> Discovery:
-    motion = virtual.motion(3, axes="XY", duration=600.0, rows=6000)
+    motion = virtual.motion(3, axes="X", duration=600.0, rows=3000)
     effects = {"X": [virtual.line("X", 5, 0.004), virtual.reversal("X", 0.004)]}
     observed = virtual.observe(motion, effects, 4, drift=drift)
-    return discover(dataclasses.replace(observed, **options), ("X", "Y"))
+    return discover(dataclasses.replace(observed, **options), ("X",))
 
 
 def test_drift_is_told_with_its_size(virtual: ModuleType) -> None:
     (drift,) = found_in(virtual, 3e-3).drifts
     rng = np.random.default_rng(1004)
-    rng.normal(size=6000)  # the noise comes first
-    share = np.arange(6000) / 5999
+    rng.normal(size=3000)  # the noise comes first
+    share = np.arange(3000) / 2999
     truth = 3e-3 * (rng.normal() * share + rng.normal() * share**2)
     assert (drift.axis, drift.source, drift.unit) == ("X", 0, "mm")
     # What slow positions and the drift share is a few percent of either.
@@ -61,7 +61,7 @@ def test_where_nothing_drifts_no_drift_is_told(virtual: ModuleType) -> None:
 def test_without_times_or_with_runs_no_drift_is_told(virtual: ModuleType) -> None:
     # A fit needs the time for it; runs have offsets of their own.
     assert found_in(virtual, 3e-3, time=None).drifts == ()
-    runs = np.repeat(np.arange(5), 1200)
+    runs = np.repeat(np.arange(5), 600)
     assert found_in(virtual, 3e-3, run=runs).drifts == ()
 
 
@@ -141,20 +141,6 @@ def test_the_written_job_gives_what_discover_promised(
     assert whole.error["from_file"].sound.rms < 1.1 * said["noise"]
     # A fifth of five minutes is held out at a time: drift and tables are told by the rest.
     assert whole.error["predicted"].sound.rms < 1.3 * said["noise"]
-
-
-@pytest.mark.slow
-def test_without_the_stated_drift_the_same_fit_leaves_more(
-    folder: Path, kept: JobResult
-) -> None:
-    text = (folder / "new.toml").read_text()
-    pieces = load_job(folder / "new.toml").spec.measurements["work"].drift
-    (folder / "plain.toml").write_text(text.replace(f"drift = {pieces}\n", ""))
-    (plain,) = run_job(folder / "plain.toml", folder / "plain").groups[0].axes
-    (whole,) = kept.groups[0].axes
-    # Seen: 0.88 against 0.60 µm held out, since table and growth take part of the drift.
-    predicted = whole.error["predicted"].sound.rms
-    assert plain.error["predicted"].sound.rms > 1.3 * predicted
 
 
 def written(folder: Path, virtual: ModuleType, job: str) -> str:
