@@ -9,6 +9,7 @@ problems, BIT 15, 1975.
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -148,7 +149,9 @@ def regress_curve(
             return np.asarray(base @ (base.T @ steep) - steep)
 
         inside = np.clip(value[size:], *(edge for edge in bounds))
-        found = least_squares(
+        # Stubs of SciPy know a name for the derivative only.
+        solver: Any = least_squares
+        found = solver(
             cost, inside, change, bounds=bounds, x_scale="jac", max_nfev=_TRIALS
         )
         return project(found.x)[0]

@@ -8,7 +8,7 @@ estimate under residuals that drift (`_drift`).
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -22,6 +22,8 @@ _PASSES = 60
 """Robust passes at most."""
 TIGHT, LOOSE = 1e-3, 1e-2
 """Last move of any fitted value, in scales, at which the robust passes end."""
+_FREE_PASSES = 20
+"""Passes after which a reading that was rejected once stays out."""
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
 _EXACT = 1e-6
@@ -89,7 +91,9 @@ class PivotedFactor:
     def of(cls, design: Float[np.ndarray, "t k"]) -> "PivotedFactor":
         """Return the factor of a design whose columns are about of length 1."""
         size = design.shape[1]
-        triangle, order = qr(design, mode="r", pivoting=True, check_finite=False)
+        # Stubs of SciPy do not tell the results of the modes apart.
+        factorise: Any = qr
+        triangle, order = factorise(design, mode="r", pivoting=True, check_finite=False)
         diagonal = np.abs(np.diag(triangle))
         rank = int((diagonal > SINGULAR * max(1e-300, float(diagonal.max()))).sum())
         inner, beside = triangle[:rank, :rank], triangle[:rank, rank:]
@@ -108,7 +112,7 @@ class PivotedFactor:
     def solve(self, right: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Return the solution of the normal equations, 0 for columns left out."""
         result = np.zeros(len(self.null))
-        half = solve_triangular(self.triangle, right[self.kept], trans="T")
+        half = solve_triangular(self.triangle, right[self.kept], trans=1)
         result[self.kept] = solve_triangular(self.triangle, half)
         return result
 
@@ -177,7 +181,9 @@ def iterate(
     inflation = float(np.sqrt(count / max(count - size, 1)))
     out = np.zeros(count, bool)
     value, residual = start, residual_at(start)
-    for step in range(_PASSES):
+    step = 0
+    while True:
+        step += 1
         chosen = choose_loss(loss, residual * root, inflation, floor)
         ratio = residual * root / chosen.scale
         wild = chosen.wild(ratio) | out
@@ -192,12 +198,13 @@ def iterate(
         before, residual = residual, residual_at(value)
         move = float(np.abs((residual - before) * root).max())
         current = RobustPass(value, before, chosen, pseudo, wild, move)
-        if move <= tolerance * chosen.scale or (loss == "gauss" and step):
+        if move <= tolerance * chosen.scale or (loss == "gauss" and step > 1):
             return current, True
-        if step >= 20:
+        if step == _PASSES:
+            return current, False
+        if step > _FREE_PASSES:
             # Readings at the very edge must not let the passes go round in circles.
             out = wild
-    return current, False
 
 
 def regress(

@@ -205,7 +205,7 @@ def fit_line(
         start, width = [line.reference], [1e-3 * span]
         low, high = [start[0] - _REACH * span], [start[0] + _REACH * span]
     for group in free_lags:
-        start.append(float(np.clip(np.log(line.lags[group[0]]), *ends)))
+        start.append(float(np.clip(np.log(line.lags[group[0]]), ends[0], ends[1])))
         width.append(_STEP)
         low.append(float(ends[0]))
         high.append(float(ends[1]))
