@@ -112,16 +112,26 @@ def fit_table(
 
 
 def fit_values(
-    layout: TableLayout, samples: Samples, *, smoothness: float | Mapping[str, float]
+    layout: TableLayout,
+    positions: Float[np.ndarray, "t d"],
+    error: Float[np.ndarray, " t"],
+    *,
+    smoothness: float | Mapping[str, float],
 ) -> Float[np.ndarray, "..."]:
     """Return the node values that minimise the penalised squares, and nothing else.
 
-    The fast path for very many readings; arguments as for `fit_table`. `axcomp.fit` gives
-    derivatives.
+    The fast path for very many readings; `axcomp.fit_linear` gives derivatives.
+
+    Args:
+        layout: Where the nodes lie; of one direction.
+        positions: In mm or °, columns in the order of `TableLayout.nodes`.
+        error: Readings in mm or °.
+        smoothness: As for `fit_table`, but not ``"auto"``.
 
     Raises:
         FitError: If the readings do not determine the table.
     """
+    samples = Samples(positions, error)
     stack = Stack((layout.effect,))
     with one_blas_thread():
         zero = np.zeros(stack.size)
