@@ -254,7 +254,14 @@ class Posterior:
         return np.concatenate([self._selected[0][:, 0], border])
 
     def covariance(self, offsets: Sequence[int]) -> "CellCovariance":
-        """Return the covariance of unknowns within a cell of the band, noise 1."""
+        """Return the covariance of unknowns within a cell of the first effect, noise 1."""
+        stack = self.problem.stack
+        if not stack.band:
+            inverse = self.factor.border_inverse[stack.here(0), stack.here(0)]
+            columns = np.zeros((len(inverse), len(offsets)))
+            for slot, k in enumerate(offsets):
+                columns[: max(len(inverse) - k, 0), slot] = np.diagonal(inverse, -k)
+            return CellCovariance(tuple(offsets), columns)
         selected, slots = self._selected
         inside = [k for k in offsets if k in self._offsets]
         return CellCovariance(tuple(inside), selected[:, slots[inside]])

@@ -6,9 +6,9 @@ of a file, over files, over workers. A group is left out by subtraction.
 
 import dataclasses
 import weakref
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +23,8 @@ from ._readings import Readings
 
 MANY = 100_000
 """From this many readings on, compiled loops pay for loading the compiler."""
+_SMALL = 128
+"""Unknowns up to which the matrix is summed up densely."""
 _CHUNK = 1 << 17
 """Readings whose design is in memory at a time."""
 _SHIFT = 45
@@ -76,6 +78,7 @@ class Stack:
 
     def here(self, number: int) -> slice:
         """Return the unknowns of an effect."""
+        number %= len(self.effects)
         return slice(self.starts[number], self.starts[number + 1])
 
     @cached_property
@@ -361,7 +364,8 @@ def sums_of(
     Raises:
         FitError: If readings are not finite.
     """
-    if len(readings) < MANY:
+    ring = stack.table is not None and stack.table.away is None
+    if len(readings) < MANY or ring:
         known = stack.design(readings) if design is None else design
         return _by_scipy(stack, readings, theta, loss, full, known)
     axes = _plane_axes(stack)
@@ -392,7 +396,7 @@ def _by_scipy(
     design: Design,
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
     nodes, shares = design
-    count, width = shares.shape
+    count = len(shares)
     rest = readings.value - np.einsum("tk,tk->t", shares, theta[nodes])
     weight = np.ones(count) if readings.weight is None else readings.weight
     residual = rest * np.sqrt(weight)
@@ -420,30 +424,44 @@ def _by_scipy(
     )
     if not full:
         return found, residual
-    shape, pointers = (count, stack.size), np.arange(count + 1) * width
-    flat = nodes.reshape(-1)
-    rows = sp.csr_array((shares.reshape(-1), flat, pointers), shape=shape)
-    scaled = sp.csr_array(
-        ((kept[:, None] * shares).reshape(-1), flat, pointers), shape=shape
-    )
-    matrix = sp.csr_array(scaled.T @ rows)
+    gram = _gram(stack.size, nodes, shares, kept)
     n = stack.band
-    entries = sp.coo_array(matrix[:n, :n])
-    row, column = entries.coords
-    lower = row >= column
-    slots = np.zeros(max(stack.offsets) + 1, np.int64)
-    slots[list(stack.offsets)] = np.arange(len(stack.offsets))
-    places = slots[(row - column)[lower]]
     diagonals = empty.diagonals
-    np.add.at(diagonals, (column[lower], places), entries.data[lower])
+    for slot, k in enumerate(stack.offsets if n else ()):
+        diagonals[: n - k, slot] = gram[:n, :n].diagonal(-k)
+    cross, border = gram[n:, :n], gram[n:, n:]
+    if not isinstance(gram, np.ndarray):
+        cross, border = cross.toarray(), border.toarray()
     touching = (shares != 0.0) & active[:, None]
     return dataclasses.replace(
         found,
         diagonals=diagonals,
-        cross=np.ascontiguousarray(matrix[n:, :n].toarray()),
-        border=np.tril(matrix[n:, n:].toarray()),
+        cross=np.ascontiguousarray(cross),
+        border=np.tril(border),
         support=np.bincount(nodes[touching], minlength=stack.size),
     ), residual
+
+
+def _gram(
+    size: int,
+    nodes: Int[np.ndarray, "t k"],
+    shares: Float[np.ndarray, "t k"],
+    weight: Float[np.ndarray, " t"],
+) -> Any:
+    """Return $A^T W A$, dense where it is small."""
+    count, width = shares.shape
+    weighted = weight[:, None] * shares
+    if size <= _SMALL:
+        keys = nodes[:, :, None] * size + nodes[:, None, :]
+        products = weighted[:, :, None] * shares[:, None, :]
+        found = np.bincount(keys.reshape(-1), products.reshape(-1), size * size)
+        return found.reshape(size, size)
+    flat, pointers = nodes.reshape(-1), np.arange(count + 1) * width
+    rows, scaled = (
+        sp.csr_array((each.reshape(-1), flat, pointers), shape=(count, size))
+        for each in (shares, weighted)
+    )
+    return sp.csr_array(scaled.T @ rows)
 
 
 class _Loop:
@@ -452,10 +470,7 @@ class _Loop:
     def __init__(self, stack: Stack) -> None:
         table = stack.table
         self.stack, self.sums = stack, Sums.empty(stack)
-        self.away: Sequence[int] = () if table is None else (table.away or ())
-        if table is not None and table.away is None:
-            msg = "a ring as the band of very many readings is not supported."
-            raise FitError(msg)
+        self.away = [] if table is None else sorted(table.away or ())
         pairs = len(self.away) * (len(self.away) + 1) // 2
         self.record = np.zeros((stack.band, pairs))
 
@@ -475,7 +490,6 @@ class _Loop:
         assert table is not None
         transposed = len(table.nodes[0]) > len(table.nodes[1])
         names = table.inputs if transposed else table.inputs[::-1]
-        self.away = sorted(self.away)  # the loop goes slow axis first
         along, across = (np.ascontiguousarray(readings.inputs[n], float) for n in names)
         add_plane(
             along, across, readings.value, _weights(readings), axes, theta,
@@ -494,8 +508,11 @@ class _Loop:
         """Add readings of any stack."""
         from ._kernel import add_rows
 
-        nodes, shares = (np.ascontiguousarray(each) for each in design)
-        sums = self.sums
+        nodes, shares = (np.array(each, order="C") for each in design)
+        sums, own = self.sums, len(self.away)
+        # A record takes the corners of a cell in the order of their unknowns.
+        order = np.argsort(nodes[0, :own], kind="stable")
+        nodes[:, :own], shares[:, :own] = nodes[:, order], shares[:, order]
         add_rows(
             nodes.astype(np.int64), shares, len(self.away), readings.value, _weights(readings),
             theta, loss.numbers, full, self.record, sums.cross, sums.border, sums.right,

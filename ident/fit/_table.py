@@ -35,6 +35,8 @@ _EXACT = 1e-5
 """Smallest scatter relative to the spread of the readings."""
 _THIN = 20_000
 """Readings that tell their spread."""
+_DENSE = 60
+"""Unknowns of a table up to which dense algebra is faster than a band."""
 _FIRST = 9
 """Readings that tell where to begin."""
 _HOPELESS = 1e3
@@ -191,13 +193,13 @@ class _Options:
     def attempt(self, loss: str, apart: Sequence[int]) -> tuple[TableFit, Estimate]:
         """Return the fit by one loss, some runs left out of the mean of all."""
         error, table = self.readings.value, self.layout.effect
-        stack = Stack((table,))
+        stack = Stack((table,), table.size > _DENSE)
         start = np.full(table.size, first_level(error))
         if len(self.labels):
             counted = ~np.isin(self.labels, list(apart))
             trend = "order" if self.run_effects == "drift" else None
             effect = GroupEffect(counted, np.ones(len(counted), bool), "run", trend)
-            stack = Stack((table, effect))
+            stack = Stack((table, effect), stack.banded)
             middle = np.array(
                 [
                     np.median(error[self.readings.inputs["run"] == k])
@@ -414,8 +416,10 @@ def _run_effects(
     effect = post.problem.stack.effects[-1]
     if not isinstance(effect, GroupEffect):
         return ()
-    values = effect.by_group(post.values[post.problem.stack.band :])
-    inverse = post.factor.border_inverse
+    stack = post.problem.stack
+    values = effect.by_group(post.values[stack.here(-1)])
+    own = slice(stack.here(-1).start - stack.band, None)
+    inverse = post.factor.border_inverse[own, own]
     spread = np.sqrt(variance * effect.variances(inverse))
     columns = [column for pair in zip(values, spread, strict=True) for column in pair]
     columns += [np.zeros_like(values[0])] * (4 - len(columns))

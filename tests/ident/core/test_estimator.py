@@ -148,8 +148,7 @@ def test_sums_of_pieces_add_up_and_may_be_taken_about_elsewhere() -> None:
         np.testing.assert_allclose(found.tally[:3], expected.tally[:3], rtol=1e-11)
 
 
-# A ring has no band of fixed shape; its few readings need no loop.
-@pytest.mark.parametrize("name", [name for name in TABLES if name != "ring"])
+@tables
 @pytest.mark.parametrize("loss", [Loss(), STUDENT], ids=["gauss", "t"])
 @pytest.mark.parametrize("beside", [False, True])
 def test_compiled_loops_give_the_sums_of_scipy(
