@@ -41,7 +41,7 @@ TOLERANCE, ROUGHLY = 3e-3, 0.1
 The relative gain of cost is its square: 1e-5, and 1e-2 where only a start is sought.
 """
 _STEPS = 80
-_IPOPT_TOLERANCE, _IPOPT_STEPS = 1e-3, 200
+_IPOPT_TOLERANCE, _IPOPT_STEPS = 1e-3, 50
 """IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
 _SLOW = 0.1
 """Share of the highest speed below which a piece of recording is taken to begin at rest."""
