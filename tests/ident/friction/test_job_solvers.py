@@ -123,22 +123,16 @@ def test_what_is_predicted_follows_the_law_that_output_error_found(
 
 
 @pytest.mark.slow
-def test_ipopt_finds_the_law_of_optimistix_in_a_job(driven: Path) -> None:
-    found = [
-        run(driven, 0.002, f'method = "output_error"\n{keys}').law.parameters
+def test_ipopt_in_a_job_ends_no_higher_than_optimistix(driven: Path) -> None:
+    first, second = (
+        run(driven, 0.002, f'method = "output_error"\n{keys}')
         for keys in ("", 'solver = "ipopt"')
-    ]
-    for name in ("inertia", "viscous"):
-        # The valley is flat and both solvers end early.
-        values = [
-            value
-            for each in found
-            for key, value in each.items()
-            if key.startswith(name)
-        ]
-        assert len(values) in (2, 4)
-        half = len(values) // 2
-        assert values[half:] == pytest.approx(values[:half], rel=0.05)
+    )
+    assert first.output is not None
+    assert second.output is not None
+    assert second.law.method == "output error (ipopt)"
+    # A current that comes late makes many bottoms: the solvers end in some of them.
+    assert second.output.cost <= 1.05 * first.output.cost
 
 
 @pytest.mark.parametrize(
