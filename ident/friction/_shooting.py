@@ -407,7 +407,7 @@ def linearised(
     """Return the residual, its slopes by the values, and by all initial velocities at once."""
 
     def of(change: Float[Array, " 11"]) -> Array:
-        moved = eqx.tree_at(
+        moved: Shooting = eqx.tree_at(
             lambda each: each.excitation.velocity,
             shooting,
             shooting.excitation.velocity + change[-1],
@@ -424,4 +424,4 @@ def linearised(
 def start_cost(shooting: Shooting) -> Float[Array, ""]:
     """Return half the sum of squares at the start, windows begun as measured, in mm²."""
     residual = shooting.residual(shooting.start, jnp.zeros((0, 2)))
-    return 0.5 * jnp.vdot(residual, residual)
+    return jnp.asarray(0.5 * jnp.vdot(residual, residual))
