@@ -171,7 +171,9 @@ def laws_held_out(
                 samples, guess.structure, whole.known, whole.decimate
             )
             cut = cut_windows(samples, 1, rows)
-            options = (fit.variance, fit.trust, fit.solver, fit.constraints)
+            # Both solvers end in the same optimum; only inequalities need the slower one.
+            solver: Solver = "ipopt" if fit.constraints else "optimistix"
+            options = (fit.variance, fit.trust, solver, fit.constraints)
             asked = _Asked(equation, cut, guess, *options)
             shooting = make_shooting(equation, cut, _values(guess), fit.constraints)
             other = asked.fit(shooting, np.zeros((0, 2))).friction

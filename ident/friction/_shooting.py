@@ -41,7 +41,7 @@ TOLERANCE, ROUGHLY = 3e-3, 0.1
 The relative gain of cost is its square: 1e-5, and 1e-2 where only a start is sought.
 """
 _STEPS = 80
-_IPOPT_TOLERANCE, _IPOPT_STEPS = 1e-3, 200
+_IPOPT_TOLERANCE, _IPOPT_STEPS = 1e-3, 50
 """IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
 _SLOW = 0.1
 """Share of the highest speed below which a piece of recording is taken to begin at rest."""
@@ -407,7 +407,7 @@ def linearised(
     """Return the residual, its slopes by the values, and by all initial velocities at once."""
 
     def of(change: Float[Array, " 11"]) -> Array:
-        moved = eqx.tree_at(
+        moved: Shooting = eqx.tree_at(
             lambda each: each.excitation.velocity,
             shooting,
             shooting.excitation.velocity + change[-1],
@@ -425,4 +425,4 @@ def linearised(
 def start_cost(shooting: Shooting) -> Float[Array, ""]:
     """Return half the sum of squares at the start, windows begun as measured, in mm²."""
     residual = shooting.residual(shooting.start, jnp.zeros((0, 2)))
-    return 0.5 * jnp.vdot(residual, residual)
+    return jnp.asarray(0.5 * jnp.vdot(residual, residual))

@@ -136,7 +136,8 @@ def _simulate(
 
     # A law takes arrays: a step is one of a single element.
     still = (jnp.zeros(1), jnp.zeros(1))
-    steps = (given.force[:, None], given.begins[:, None], given.velocity[:, None])
+    force, begins = given.force[:, None], given.begins[:, None]
+    steps = (force, begins, given.velocity[:, None])
     first, second, way = (each[:, 0] for each in lax.scan(once, still, steps)[1])
     return first, second, way
 

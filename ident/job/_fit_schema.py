@@ -119,7 +119,7 @@ class FrictionSpec(FitSpec, frozen=True):
     inertia: Literal["fit"] | Positive | None = None
     method: Literal["inverse", "output_error"] = "inverse"
     solver: Literal["optimistix", "ipopt"] = "optimistix"
-    constraints: tuple[Literal["non-negative"], ...] = ()
+    constraints: list[Literal["non-negative"]] = []
     reversal: bool = False
     level: Annotated[float, Field(ge=0)] = 1.0
     rated_current: Positive | None = None

@@ -79,7 +79,7 @@ def identify(
     if spec.method == "output_error":
         # A table cannot be simulated sample by sample; the law in words can.
         output = fit_output_error(
-            law, samples, solver=spec.solver, constraints=spec.constraints
+            law, samples, solver=spec.solver, constraints=tuple(spec.constraints)
         )
         fit = law = output.friction
         without = laws_held_out(output, samples, choice.window, loss)
