@@ -11,6 +11,7 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -53,7 +54,7 @@ def smooth(
 
 def scipy_fit(x: np.ndarray, error: np.ndarray) -> np.ndarray:
     stencil = np.maximum(1 - np.abs(x[:, None] - NODES) / 5.0, 0.0)
-    best = minimize_scalar(
+    best: Any = minimize_scalar(
         lambda log: smooth(stencil, error, log)[0], bounds=(-12, 12), method="bounded"
     )
     return smooth(stencil, error, float(best.x))[1]

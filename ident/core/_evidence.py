@@ -200,8 +200,8 @@ class _Coarse:
         parts = wide if transposed else wide[::-1]
         spread = sp.csr_array(sp.kron(sp.csr_array(parts[0]), sp.csr_array(parts[1])))
         if (len(kept[0]) > len(kept[1])) != transposed:
-            shape = tuple(part.shape[1] for part in parts)
-            order = np.arange(spread.shape[1]).reshape(shape).T.reshape(-1)
+            shape = parts[0].shape[1], parts[1].shape[1]
+            order = np.arange(shape[0] * shape[1]).reshape(shape).T.reshape(-1)
             spread = sp.csr_array(spread[:, order])
         slim = Stack((coarse, *stack.effects[1:]))
         n, m = stack.band, slim.band

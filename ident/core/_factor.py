@@ -8,13 +8,17 @@ with an empty border it is a band. Elements of the inverse come from the same fa
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import as_strided
-from scipy.linalg.blas import dsyrk, dtrsm
-from scipy.linalg.lapack import dpbtrf, dpbtrs, dpotrf, dpotri, dpotrs, dtrtri
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
+
+(dtrsm,) = get_blas_funcs(("trsm",), dtype=np.float64)
+dpbtrf, dpbtrs, dpotrf, dpotri, dpotrs, dtrtri = get_lapack_funcs(
+    ("pbtrf", "pbtrs", "potrf", "potri", "potrs", "trtri"), dtype=np.float64
+)
 
 _DENSE = 500
 """Unknowns up to which the whole inverse of a band is faster than its elements."""
@@ -229,8 +233,3 @@ def band_inverse(band: Columns, offsets: Sequence[int]) -> Float[np.ndarray, "n 
     for slot, k in enumerate(offsets):
         result[n - k :, slot] = 0.0
     return result
-
-
-def lower_gram(half: Float[np.ndarray, "n m"]) -> Any:
-    """Return halfᵀ × half, the lower triangle only."""
-    return dsyrk(1.0, half.T, trans=0, lower=1)

@@ -72,7 +72,7 @@ def _without_runs(
     # Effects of all runs per effect of the fewer ones: the same columns in another basis.
     turn = effect.contrast.T @ own.contrast
     parts = [np.eye(before - n)] + [turn] * (1 if effect.trend is None else 2)
-    border = scipy.linalg.block_diag(*parts)
+    border = np.asarray(scipy.linalg.block_diag(*parts), np.float64)
     inside = np.linalg.lstsq(border, theta[n:], rcond=None)[0]
     start = np.concatenate([theta[:n], inside])
     step = np.concatenate([np.zeros(n), border @ inside - theta[n:]])

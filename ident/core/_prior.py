@@ -14,7 +14,9 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
-from scipy.linalg.lapack import dpbtrf
+from scipy.linalg import get_lapack_funcs
+
+(dpbtrf,) = get_lapack_funcs(("pbtrf",), dtype=np.float64)
 
 OFF = float(np.log(1e-4))
 """Log weight, relative to the density, at which fourth differences are left out."""
@@ -389,9 +391,13 @@ class Smooth(AbstractPrior):
     order: Int[np.ndarray, " n"]
     axes: tuple[int, int] = (1, 2)
 
-    @cached_property
+    @property
     def rows(self) -> tuple[sp.csr_array, ...]:
         """See `AbstractPrior`."""
+        return self._rows
+
+    @cached_property
+    def _rows(self) -> tuple[sp.csr_array, ...]:
         one = 1 if self.fast is None else self.fast.size
         left, right = sp.eye_array(self.branches), sp.eye_array(one)
         found = [sp.kron(left, sp.kron(rows, right)) for rows in self.slow.rows]

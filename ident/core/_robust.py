@@ -61,6 +61,11 @@ class Estimate:
         return self.posterior.values
 
     @property
+    def centre(self) -> Vector:
+        """Estimate about which pseudo-readings are taken; least squares knows no other."""
+        return self.values if self.loss == Loss() else self.about
+
+    @property
     def noise(self) -> float:
         """Standard deviation of a reading of weight 1, wild readings left out."""
         count, _, _, square, good = self.posterior.problem.sums.tally

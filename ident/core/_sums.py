@@ -306,10 +306,11 @@ class Sums:
         n = self.stack.band
         diagonals, cross, right = self.diagonals, border.T @ self.cross, self.right[:n]
         if band is not None:
-            gram = sp.diags_array(
-                [self.diagonals[: n - k, s] for s, k in enumerate(self.stack.offsets)],
-                offsets=[-k for k in self.stack.offsets], shape=(n, n),
-            )  # fmt: skip
+            own: Any = [
+                self.diagonals[: n - k, s] for s, k in enumerate(self.stack.offsets)
+            ]
+            away: Any = [-k for k in self.stack.offsets]
+            gram = sp.diags_array(own, offsets=away, shape=(n, n))
             gram = sp.csr_array(gram + sp.tril(gram, -1).T)
             lower = lower_band(sp.csr_array(band.T @ gram @ band))
             diagonals = np.zeros((stack.band, len(stack.offsets)))

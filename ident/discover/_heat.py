@@ -183,10 +183,13 @@ def against_drift(
     error = error - np.median(error)
     outer = float(np.quantile(np.abs(error), 0.95)) or 1.0
     weight = 1.0 / (1.0 + (error / outer) ** 2)
-    for _ in range(_PASSES):
+    sums = sums_of(columns, error, weight)
+    found = estimate_variances(sums, slices, 1e-3 * outer)
+    for _ in range(_PASSES - 1):
+        weight = weights_of(error - columns @ found.values)
         sums = sums_of(columns, error, weight)
         found = estimate_variances(sums, slices, 1e-3 * outer)
-        weight = weights_of(error - columns @ found.values)
+    weight = weights_of(error - columns @ found.values)
     gain = evidence_gain(sums, slices, found, [0], 1, 1e-3 * outer)
     drift = np.array([0.0, *np.full(2, float(sums.square / sums.weight))])
     values = estimate_variances(

@@ -154,8 +154,9 @@ def look_at(columns: Columns, terms: Sequence[Term]) -> Look:
     few = design.columns[rows]
     weight = columns.weight[rows]
     variances: Variances | None = None
-    for _ in range(_PASSES):
-        sums = sums_of(few, error[rows], weight)
+    sums = sums_of(few, error[rows], weight)
+    for turn in range(_PASSES):
+        sums = sums_of(few, error[rows], weight) if turn else sums
         least = 0.05 * columns.worth.least(sums)
         variances = estimate_variances(sums, design.slices, least, variances)
         weight = weights_of(error[rows] - few @ variances.values)

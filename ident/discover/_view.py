@@ -74,7 +74,7 @@ class AxisView:
         Each measurement has a zero of its own, so a mean says nothing; and a column that a
         measurement lacks is the same as one that is constant in it.
         """
-        known = np.isfinite(columns).all(axis=1)
+        known = np.asarray(np.isfinite(columns).all(axis=1))
         result = np.where(known[:, None], columns, 0.0)
         for rows in self.sources():
             mine = rows[known[rows]]

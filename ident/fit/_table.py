@@ -39,6 +39,8 @@ _DENSE = 60
 """Unknowns of a table up to which dense algebra is faster than a band."""
 _FIRST = 9
 """Readings that tell where to begin."""
+_NOTHING = 1e-12
+"""Scatter in mm or ° that is none."""
 _HOPELESS = 1e3
 """Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
 TOO_MANY = 0.1
@@ -119,21 +121,23 @@ def fit_values(
     error: Float[np.ndarray, " t"],
     *,
     smoothness: float | Mapping[str, float],
+    branch: Int[np.ndarray, " t"] | None = None,
 ) -> Float[np.ndarray, "..."]:
     """Return the node values that minimise the penalised squares, and nothing else.
 
     The fast path for very many readings; `axcomp.fit_linear` gives derivatives.
 
     Args:
-        layout: Where the nodes lie; of one direction.
+        layout: Where the nodes lie.
         positions: In mm or °, columns in the order of `TableLayout.nodes`.
         error: Readings in mm or °.
         smoothness: As for `fit_table`, but not ``"auto"``.
+        branch: 0 or 1 per reading for a table with two directions.
 
     Raises:
         FitError: If the readings do not determine the table.
     """
-    samples = Samples(positions, error)
+    samples = Samples(positions, error, branch)
     stack = Stack((layout.effect,))
     with one_blas_thread():
         zero = np.zeros(stack.size)
@@ -312,7 +316,7 @@ def table_fit(
     support = post.problem.sums.support[: table.size]
     worst = float(deviation[support > 0].max(initial=0.0))
     # Rounding can leave a singular matrix just definite.
-    if np.isfinite(spread) and worst > _HOPELESS * max(spread, noise):
+    if np.isfinite(spread) and worst > _HOPELESS * max(spread, noise, _NOTHING):
         msg = (
             "the readings do not determine the table: the least known node is uncertain "
             f"by {worst:.3g}."

@@ -192,9 +192,9 @@ def fit_equation(
         weight = (
             choose_smoothness(equation, share) if smoothness is None else smoothness
         )
-    kept, before, settled = None, None, False
+    kept, before, settled, step = None, None, False, 0
     shape = search_shape(equation, share, near)
-    for step in range(_PASSES):
+    while True:
         shape = search_shape(equation, share, shape) if step else shape
         linear = solve(equation, share, shape, weight)
         residual = equation.target - equation.design(shape) @ linear.factors
@@ -203,7 +203,8 @@ def fit_equation(
         kept = found if step >= _FREEZE else None
         moved = np.inf if before is None else np.abs(residual - before)[share > 0].max()
         settled = np.array_equal(share, last) or moved <= _SETTLED * found.scale
-        if settled:
+        step += 1
+        if settled or step == _PASSES:
             break
         before = residual
     covariance, lag, sizes = _uncertainty(
@@ -221,7 +222,7 @@ def fit_equation(
         share=share,
         scale=found.scale,
         lag=lag,
-        passes=step + 1,
+        passes=step,
         converged=bool(settled),
         at_bound=(shape <= low + edge) | (shape >= high - edge),
         smoothness=weight,
@@ -362,7 +363,7 @@ def _least(
         lambda free: residual(natural(free)),
         _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
         Dfun=lambda free: jacobian(natural(free)) * (half * (1.0 - np.tanh(free - _AWAY) ** 2)),
-        xtol=_TOLERANCE, ftol=_TOLERANCE, factor=_FIRST_STEP, full_output=True,
+        xtol=_TOLERANCE, ftol=_TOLERANCE, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
     return natural(found[0])
 

@@ -338,7 +338,7 @@ class KnotTable(AbstractStructure):
         """See `AbstractStructure`."""
         return False
 
-    @cached_property
+    @property
     def factors(self) -> tuple[str, ...]:
         """See `AbstractStructure`."""
         return tuple(f"knot_{index}" for index in range(len(self.knots)))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.measurements import iso230
+from axcomp.ident.core import CellCovariance
 from axcomp.ident.fit import RunEffect, TableFit, TableLayout
 from axcomp.ident.job import (
     ConventionState,
@@ -75,7 +76,7 @@ def _fit(
         runs=runs,
         suspect_nodes=(),
         suspect_runs=(),
-        covariance={},
+        covariance=CellCovariance((0,), np.zeros((0, 1))),
         converged=True,
         message="Settled after 7 steps.",
     )

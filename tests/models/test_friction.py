@@ -248,7 +248,9 @@ def test_slopes_of_the_stribeck_column_are_its_derivatives() -> None:
 
     at = np.log([3.0, 1.3])
     slopes = jax.jacfwd(decay)(jnp.asarray(at)).T
-    np.testing.assert_allclose(stribeck_decay(speed, 3.0, 1.3), decay(at), atol=1e-15)
+    np.testing.assert_allclose(
+        stribeck_decay(speed, 3.0, 1.3), decay(jnp.asarray(at)), atol=1e-15
+    )
     # The same formula by hand and by JAX: rounding only.
     np.testing.assert_allclose(stribeck_slopes(speed, 3.0, 1.3), slopes, atol=1e-14)
 

@@ -73,8 +73,8 @@ class AxisFit:
 def pseudo_readings(
     design: Design, found: Estimate, error: Float[np.ndarray, " r"]
 ) -> tuple[Float[np.ndarray, " r"], Bool[np.ndarray, " r"]]:
-    """Return the pseudo-readings of a fit about `Estimate.about`, and which are believed."""
-    left = error - design.columns @ found.about
+    """Return the pseudo-readings of a fit about `Estimate.centre`, and which are believed."""
+    left = error - design.columns @ found.centre
     ratio = left / found.loss.scale
     pseudo = found.loss.share(ratio) * left / found.posterior.problem.gain
     return np.asarray(pseudo), ~found.loss.wild(ratio)

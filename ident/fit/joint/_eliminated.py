@@ -99,7 +99,7 @@ def eliminated(
         design: Columns; the present lags do not matter.
         data: All rows: a lag remembers those that are not fitted.
         found: The fit.
-        pseudo: Its pseudo-readings about `Estimate.about`, 0 where a reading is not believed.
+        pseudo: Its pseudo-readings about `Estimate.centre`, 0 where a reading is not believed.
     """
     own = np.concatenate(
         [
@@ -112,7 +112,7 @@ def eliminated(
     unit = np.zeros((design.size, len(own)))
     unit[own, np.arange(len(own))] = 1.0
     response = factor.solve(unit)
-    target = np.where(pseudo != 0.0, pseudo + design.columns @ found.about, 0.0)
+    target = np.where(pseudo != 0.0, pseudo + design.columns @ found.centre, 0.0)
     across = sp.csr_array(design.columns.T)
     vector = np.asarray(across @ target)
     vector[own] = 0.0

@@ -97,7 +97,9 @@ def test_a_recording_gives_the_same_law_at_any_rate() -> None:
         assert len(fast.residual) == pytest.approx(len(slow.residual), rel=0.02)
         for name, value in slow.parameters.items():
             # Two draws of the same noise per second.
-            sd = np.hypot(*(f.standard_deviations[name] for f in (slow, fast)))
+            sd = np.hypot(
+                slow.standard_deviations[name], fast.standard_deviations[name]
+            )
             assert abs(fast.parameters[name] - value) < 4 * sd
 
 
@@ -121,7 +123,7 @@ def test_thinned_rows_are_those_of_a_convolution() -> None:
     piece = np.repeat([0, 1], [300, 257])
     columns = rng.normal(size=(557, 3))
     lowpass = Lowpass(piece, 5)
-    kernel = firwin(101, 1.0 / 5, window="hamming")
+    kernel = np.asarray(firwin(101, 1.0 / 5, window="hamming"), np.float64)
     plain = np.stack([np.convolve(each, kernel, "same") for each in columns.T], axis=1)
     # Sums of a hundred products in another order.
     np.testing.assert_allclose(lowpass(columns), plain[lowpass.centres], atol=1e-14)

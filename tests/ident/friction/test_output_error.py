@@ -239,9 +239,9 @@ def test_another_length_compiles_nothing() -> None:
     compiled: list[float] = []
     watching = False
 
-    def heard(event: str, duration: float, **_: str | int) -> None:
+    def heard(event: str, duration_secs: float, **kwargs: str | int) -> None:
         if watching and event.endswith("backend_compile_duration"):
-            compiled.append(duration)
+            compiled.append(duration_secs)
 
     jax.monitoring.register_event_duration_secs_listener(heard)
     fit_output_error(started(samples, TRUTH), samples)
