@@ -73,7 +73,13 @@ def draw(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", sorted(EFFECTS))
+@pytest.mark.parametrize(
+    "fault",
+    [
+        name if name == "sign" else pytest.param(name, marks=pytest.mark.heavy)
+        for name in sorted(EFFECTS)
+    ],
+)
 def test_99_of_100_draws_are_right_at_noise_of_a_third_of_the_error(fault: str) -> None:
     rng = np.random.default_rng(17)
     draws = [draw(EFFECTS[fault], SIZE / 3, rng).verdict for _ in range(100)]

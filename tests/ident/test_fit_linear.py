@@ -85,7 +85,9 @@ def test_the_fit_is_that_of_penalised_least_squares(table: Any) -> None:
     np.testing.assert_allclose(found.values, values.reshape(shape), atol=1e-10)
 
 
-@pytest.mark.parametrize("name", ["plane", "ring"])
+@pytest.mark.parametrize(
+    "name", ["plane", pytest.param("ring", marks=pytest.mark.heavy)]
+)
 def test_derivatives_are_those_of_differences(name: str) -> None:
     table: Any = TABLES[name]
     pull = jnp.asarray(RNG.normal(size=table.values.shape))

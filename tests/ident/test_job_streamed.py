@@ -151,7 +151,9 @@ def test_a_plane_from_a_log_in_pieces_is_that_from_memory(
     assert (read["route"], read["readings"]) == ("stream", MANY)
 
 
-@pytest.mark.parametrize("file", ["log.parquet", "log.csv"])
+@pytest.mark.parametrize(
+    "file", ["log.parquet", pytest.param("log.csv", marks=pytest.mark.heavy)]
+)
 def test_a_bilateral_leadscrew_from_a_log_in_pieces_is_that_from_memory(
     tmp_path: Path, file: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

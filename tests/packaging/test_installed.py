@@ -52,6 +52,7 @@ def test_every_command_explains_itself(command: str) -> None:
     assert "Usage" in found.stdout
 
 
+@pytest.mark.heavy  # from source `test_cli_demo.py` shows it
 def test_the_demo_writes_lists_that_are_valid(tmp_path: Path) -> None:
     found = _run("demo", "--out", "demo", folder=tmp_path)
     assert found.returncode == 0, found.stderr

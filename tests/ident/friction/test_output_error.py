@@ -137,7 +137,7 @@ def test_sensitivities_are_those_of_differences() -> None:
         np.testing.assert_allclose(found[:, place], slope, atol=atol)
 
 
-@pytest.mark.parametrize("factor", [1 / 3, 3.0])
+@pytest.mark.parametrize("factor", [pytest.param(1 / 3, marks=pytest.mark.heavy), 3.0])
 def test_truth_is_found_from_a_start_three_times_off(factor: float) -> None:
     samples = simulated(rest=False)
     fit = fit_output_error(started(samples, factor * TRUTH), samples, trust=0.0)
@@ -156,7 +156,7 @@ def test_standstill_leaves_a_run_close_to_the_truth_from_far_away() -> None:
 
 @pytest.mark.parametrize(
     ("windows", "free"),
-    [(1, False), pytest.param(4, True, marks=pytest.mark.slow)],
+    [(1, False), pytest.param(4, True, marks=pytest.mark.heavy)],
     ids=["free run", "windows"],
 )
 def test_optimistix_and_ipopt_reach_the_same_cost(windows: int, free: bool) -> None:
