@@ -1,8 +1,10 @@
 """From measurement to list, in floors of which each rests only on those below.
 
-`fit` (estimators: arrays in, model and uncertainty out) → `exchange` (list ↔ model) →
-`proof` (read back, held-out prediction, gate) → `job` (job file, run) → `report` →
-`cli`; `machine` is the virtual machine beside `proof`. Import the floor that you need.
+`core` (the estimator: readings and a stack of effects in, a posterior out) → `fit` (tables, logs
+in pieces, joint fits), `kinds` (temperature, backlash, crosstalk), `friction` → `discover` →
+`exchange` (list ↔ model) → `proof` (read back, held-out prediction, gate) → `job` (job file,
+run) → `report` → `cli`; `machine` is the virtual machine beside `proof`. Import the floor that
+you need.
 
 What `axcomp` itself offers stands beside them, in this order: `_effects` (what is fitted, in
 the words of a job), `_library` (`read`, `fit`), `_fit_model` with `_parameters`, `_limits` and

@@ -4,7 +4,7 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 
 1. `TableEffect.design` asks the controller's model for the stencil of every reading;
 2. `estimate` makes passes over the readings in turn with the search for the weights:
-3. `memory` (or `stream`) is the pass; it calls
+3. `memory` is the pass (a stream has one over its pieces); it calls
 4. `sums_of`: residuals about the estimate, their influence, and what adds up;
 5. `choose_loss` takes scale and tails of the noise from the residuals;
 6. `Problem.at` puts information and prior together and calls
@@ -17,7 +17,8 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 
 Read `_readings`, `_effect`, `_prior`, `_sums` (`_kernel` is the same for many readings),
 `_factor`, `_posterior`, `_evidence`, `_loss`, `_robust`, `_hold_out` in this order. Beside
-them stand linear fits of few columns with noise that drifts (`_regression`, `_drift`).
+them stand fits of few columns with noise that drifts (`_regression`, `_curve`, `_drift`),
+and least squares by IPOPT (`_ipopt`).
 """
 
 from ._curve import (
@@ -55,7 +56,7 @@ from ._prior import (
     Smooth as Smooth,
     chain as chain,
 )
-from ._readings import Pieces as Pieces, Readings as Readings
+from ._readings import Readings as Readings
 from ._regression import (
     Regression as Regression,
     refuse_confounded as refuse_confounded,

@@ -27,83 +27,59 @@ def _cell(position, start, inverse, slack, last):
 
 @numba.njit(inline="always")
 @no_type_check
-def _influence(ratio, freedom, corner):
-    """Return ψ(x)/x and ψ'(x) of a loss."""
-    if abs(ratio) > corner:
-        return corner / abs(ratio), 0.0
-    share = 1.0 / (1.0 + ratio * ratio / freedom)
-    return share, (2.0 * share - 1.0) * share
-
-
-@numba.njit(inline="always")
-@no_type_check
-def _count(tally, weight, residual, psi, slope, good):
+def _weighed(rest, weight, loss, tally):
+    """Return a residual × √weight, weight × ψ, and whether it counts; tally it."""
+    scale, freedom, corner, limit, wild = loss
+    residual = rest * np.sqrt(weight)
+    size = abs(residual) / scale
+    if not size <= limit:
+        return residual, 0.0, False
+    share, slope = corner / size, 0.0
+    if size <= corner:
+        share = 1.0 / (1.0 + size * size / freedom)
+        slope = (2.0 * share - 1.0) * share
+    psi = share * rest
     tally[0] += 1.0
     tally[1] += slope
     tally[2] += weight * psi * psi
-    tally[3] += weight * residual * residual if good else 0.0
-    tally[4] += 1.0 if good else 0.0
+    if size <= wild:
+        tally[3] += weight * rest * rest
+        tally[4] += 1.0
+    return residual, weight * psi, True
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def add_plane(
-    along,
-    across,
-    value,
-    weight,
-    axes,
-    theta,
-    loss,
-    full,
-    record,
-    right,
-    tally,
-    support,
+    along, across, value, weight, axes, theta, loss, full, record, right, tally, support,
     residual,
-):
+):  # fmt: skip
     """Add readings of an equidistant plane; a record has the products of a cell's corners."""
     # Axes: start, 1/interval, slack and last node of the slow axis, then of the fast one.
     start1, inverse1, slack1, last1 = axes[0]
     start2, inverse2, slack2, last2 = axes[1]
-    scale, freedom, corner, limit, wild = loss
     fast = int(last2) + 1
     for t in range(len(value)):
         slow, u = _cell(along[t], start1, inverse1, slack1, int(last1))
         column, v = _cell(across[t], start2, inverse2, slack2, int(last2))
         node = slow * fast + column
         a, b, c, d = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
-        low = a * theta[node] + b * theta[node + 1]
-        rest = value[t] - (low + c * theta[node + fast] + d * theta[node + fast + 1])
+        corners = (node, node + 1, node + fast, node + fast + 1)
+        shares = (a, b, c, d)
+        low = a * theta[corners[0]] + b * theta[corners[1]]
+        rest = value[t] - (low + c * theta[corners[2]] + d * theta[corners[3]])
         w = weight[t] if len(weight) else 1.0
-        residual[t] = rest * np.sqrt(w)
-        ratio = residual[t] / scale
-        if not abs(ratio) <= limit:
+        residual[t], push, counts = _weighed(rest, w, loss, tally)
+        for p in range(4):
+            right[corners[p]] += shares[p] * push
+        if not (full and counts):
             continue
-        share, slope = _influence(ratio, freedom, corner)
-        psi = share * rest
-        _count(tally, w, rest, psi, slope, abs(ratio) <= wild)
-        right[node] += w * a * psi
-        right[node + 1] += w * b * psi
-        right[node + fast] += w * c * psi
-        right[node + fast + 1] += w * d * psi
-        if not full:
-            continue
-        one = record[node]
-        one[0] += w * a * a
-        one[1] += w * b * a
-        one[2] += w * b * b
-        one[3] += w * c * a
-        one[4] += w * c * b
-        one[5] += w * c * c
-        one[6] += w * d * a
-        one[7] += w * d * b
-        one[8] += w * d * c
-        one[9] += w * d * d
-        support[node] += a > 0.0
-        support[node + 1] += b > 0.0
-        support[node + fast] += c > 0.0
-        support[node + fast + 1] += d > 0.0
+        one, place = record[node], 0
+        for p in range(4):
+            support[corners[p]] += shares[p] > 0.0
+            for q in range(p + 1):
+                one[place] += w * shares[p] * shares[q]
+                place += 1
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -114,22 +90,15 @@ def add_rows(
 ):  # fmt: skip
     """Add readings of any stack; the first ``own`` entries of a row belong to the band."""
     n, width = record.shape[0], nodes.shape[1]
-    scale, freedom, corner, limit, wild = loss
     for t in range(len(value)):
         rest = value[t]
         for a in range(width):
             rest -= shares[t, a] * theta[nodes[t, a]]
         w = weight[t] if len(weight) else 1.0
-        residual[t] = rest * np.sqrt(w)
-        ratio = residual[t] / scale
-        if not abs(ratio) <= limit:
-            continue
-        share, slope = _influence(ratio, freedom, corner)
-        psi = share * rest
-        _count(tally, w, rest, psi, slope, abs(ratio) <= wild)
+        residual[t], push, counts = _weighed(rest, w, loss, tally)
         for a in range(width):
-            right[nodes[t, a]] += w * shares[t, a] * psi
-        if not full:
+            right[nodes[t, a]] += shares[t, a] * push
+        if not (full and counts):
             continue
         place = 0
         for a in range(width):

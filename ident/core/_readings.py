@@ -1,7 +1,7 @@
-"""What was measured, one row per reading: in memory, or as a stream of pieces."""
+"""What was measured, one row per reading."""
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -42,10 +42,6 @@ class Readings:
             return
         for start in range(0, len(self), length):
             yield self.take(slice(start, start + length))
-
-
-Pieces = Callable[[], Iterable[Readings]]
-"""Yields the same readings, piece by piece, at every call."""
 
 
 def padded(arrays: Mapping[str, np.ndarray], least: int = 64) -> dict[str, np.ndarray]:

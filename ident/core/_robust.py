@@ -15,8 +15,8 @@ from ._effect import Design
 from ._errors import FitError
 from ._evidence import choose_weights
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
-from ._posterior import FILL, Posterior, Problem
-from ._readings import Pieces, Readings
+from ._posterior import Posterior, Problem
+from ._readings import Readings
 from ._sums import MANY, Stack, Sums, sums_of
 
 _PASSES, _SEARCHES = 60, 6
@@ -89,23 +89,6 @@ def memory(stack: Stack, readings: Readings, design: Design | None = None) -> Pa
 
     def over(theta: Vector, loss: Loss, full: bool) -> Sums:
         return sums_of(stack, readings, theta, loss, full, design)[0]
-
-    return over
-
-
-def stream(stack: Stack, pieces: Pieces) -> Pass:
-    """Return the pass over readings in pieces."""
-
-    def over(theta: Vector, loss: Loss, full: bool) -> Sums:
-        total: Sums | None = None
-        for piece in pieces():
-            if len(piece):
-                own, _ = sums_of(stack, piece, theta, loss, full)
-                total = own if total is None else total + own
-        if total is None:
-            msg = "found 0 readings, expected at least one per node."
-            raise FitError(msg)
-        return total
 
     return over
 
@@ -261,13 +244,3 @@ class _Passes:
             msg = "no smoothness gives a table: the readings are degenerate."
             raise FitError(msg)
         return found
-
-
-def fixed_weights(stack: Stack, smoothness: float) -> Callable[[Problem], Vector]:
-    """Return what gives every second difference this weight, at least what fills gaps."""
-
-    def weights(problem: Problem) -> Vector:
-        least = np.maximum(smoothness, FILL * problem.density)
-        return np.where(problem.optional, 0.0, least)
-
-    return weights

@@ -232,14 +232,8 @@ class Sums:
         )
 
     def __add__(self, other: "Sums") -> "Sums":
-        return self._with(other, 1)
-
-    def __sub__(self, other: "Sums") -> "Sums":
-        return self._with(other, -1)
-
-    def _with(self, other: "Sums", sign: int) -> "Sums":
         parts = {
-            field.name: getattr(self, field.name) + sign * getattr(other, field.name)
+            field.name: getattr(self, field.name) + getattr(other, field.name)
             for field in dataclasses.fields(self)[1:]
         }
         return Sums(self.stack, **parts)

@@ -141,7 +141,6 @@ def test_sums_of_pieces_add_up_and_may_be_taken_about_elsewhere() -> None:
     moved, _ = sums_of(stack, given, other, Loss())
     for found, expected in (
         (parts[0] + parts[1], whole),
-        (whole - parts[1], parts[0]),
         (whole.moved(other - theta), moved),
     ):
         np.testing.assert_allclose(found.right, expected.right, atol=1e-11)
