@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
+from axcomp.ident.exchange import LIST_UNITS
 from axcomp.ident.fit import (
     FitError,
     Samples,
@@ -14,6 +15,7 @@ from axcomp.ident.fit import (
     fit_table,
     predict,
 )
+from axcomp.ident.job._prove import written_deviation
 
 NOISE = 0.002  # mm
 NODES = np.linspace(0.0, 300.0, 31)
@@ -274,3 +276,16 @@ def test_a_table_with_two_directions_is_not_asked_without_any() -> None:
     fit = fit_table(layout, Samples(position, error, branch))
     with pytest.raises(FitError, match="says something else in each"):
         predict(fit, position)
+
+
+def test_rounding_of_a_list_is_part_of_what_is_said_of_it() -> None:
+    rng = np.random.default_rng(9)
+    x = np.tile(NODES, 200)
+    truth = 5e-5 * np.sin(NODES / 40.0)
+    error = np.tile(truth, 200) + rng.normal(0.0, 5e-5, len(x))
+    fit = fit_table(LINE, Samples(x[:, None], error))
+    # A list has tenths of a micrometre; what is off by half of one is inside two of
+    # √(unit²/12) = 0.058 µm, but far outside two of the 0.004 µm of the values.
+    off = np.abs(np.round(fit.values * LIST_UNITS) / LIST_UNITS - truth)
+    assert np.mean(off < 2 * written_deviation(fit)) > 0.95
+    assert np.mean(off < 2 * fit.standard_deviation) < 0.5

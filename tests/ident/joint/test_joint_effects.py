@@ -207,3 +207,36 @@ def test_a_lag_without_a_clock_is_refused(data: JointData) -> None:
 def test_a_mode_without_its_axes_is_refused() -> None:
     with pytest.raises(FitError, match="found mode 2 with 0 adaptation axes"):
         CrosstalkEffect("X", "Y", 1000.0, -1000.0, mode=2)
+
+
+def test_a_temperature_on_one_axis_leaves_the_runs_of_another() -> None:
+    rng = np.random.default_rng(13)
+    count, nodes = 2000, np.linspace(0.0, 300.0, 7)
+    run, z = rng.integers(0, 5, count), rng.uniform(0.0, 300.0, count)
+    away = rng.normal(0.0, 3.0, 5)[run]  # one temperature a run
+    screw = 0.003 * np.sin(nodes / 60.0)
+    set_up = rng.normal(0.0, 2e-3, 5)[run]
+    noise = rng.normal(0.0, 5e-4, (2, count))
+    data = JointData(
+        position={"X": rng.uniform(0.0, 300.0, count), "Z": z},
+        error={
+            "X": 1e-3 * away + noise[0],
+            "Z": np.interp(z, nodes, screw) + set_up + noise[1],
+        },
+        temperature={"T": 20.0 + away},
+        run=run,
+        runs={"X": None},
+    )
+    fit = fit_joint(
+        data,
+        [TemperatureEffect("X", {"offset": "T"}, 0.0), LeadscrewEffect("Z", nodes)],
+    )
+    # 2000 readings: relative standard deviation 1/√4000 = 1.6 %, three of them. With the
+    # set-ups left in the readings the noise of Z would be 2 µm.
+    assert fit.noise["Z"] == pytest.approx(5e-4, rel=0.05)
+    left = fit.part("leadscrew of Z").values - screw
+    assert np.std(left) < 3 * 5e-4 / np.sqrt(count / len(nodes))
+    # The runs of X are what tells its temperature: they stay in.
+    law: Any = fit.part("temperature of X (T)")
+    warm = fit.predict(data)["X"]
+    assert np.polyfit(away, warm, 1)[0] == pytest.approx(1e-3, rel=0.02), law.values
