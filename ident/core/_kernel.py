@@ -12,6 +12,8 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from ._machine_code import machine_code
+
 
 @numba.njit(inline="always")
 @no_type_check
@@ -48,7 +50,7 @@ def _weighed(rest, weight, loss, tally):
     return residual, weight * psi, True
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@machine_code
 @no_type_check
 def add_plane(
     along, across, value, weight, axes, theta, loss, full, record, right, tally, support,
@@ -82,7 +84,7 @@ def add_plane(
                 place += 1
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@machine_code
 @no_type_check
 def add_rows(
     nodes, shares, own, value, weight, theta, loss, full, record, cross, border, right, tally,

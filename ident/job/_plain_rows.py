@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numba import types
 
-from ..fit._machine_code import machine_code
+from ..core._machine_code import machine_code
 
 _LARGEST = (2**53 - 9) // 10
 """Of whole numbers to which another digit can be added, so that a float holds them."""

@@ -5,8 +5,11 @@ from typing import Any
 from numba import njit
 
 
-def machine_code(function: Any, signature: Any) -> Any:
-    """Return a function compiled; kept for the next process, where that can be written."""
+def machine_code(function: Any, signature: Any = None) -> Any:
+    """Return a function compiled; kept for the next process, where that can be written.
+
+    Without a signature it is compiled at its first call, for the arrays of that call.
+    """
     options: Any = {"nogil": True, "error_model": "numpy"}
     try:
         return njit(signature, cache=True, **options)(function)
