@@ -286,6 +286,18 @@ class Conventions:
             for field in dataclasses.fields(self)
         )
 
+    @property
+    def of_crosstalk(self) -> dict[str, Any]:
+        """Arguments of `axcomp.models.Crosstalk` that these rules decide."""
+        return {
+            "sign": float(self.crosstalk_sign),
+            "by_speed": self.crosstalk_accelerate == "speed",
+            "own_deceleration": self.crosstalk_undirected == "own",
+            "rest_direction": self.crosstalk_rest,
+            "held_above": self.crosstalk_above == "hold",
+            "held_outside": self.crosstalk_outside == "hold",
+        }
+
     def to_dict(self) -> dict[str, int | str]:
         """Return all values by name, as plain numbers and strings."""
         return dataclasses.asdict(self)

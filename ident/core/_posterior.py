@@ -108,12 +108,12 @@ class Problem:
             factor = self._factor(weights)
         if factor is None:
             return None
-        pull = self.held * self.theta
+        slope = self.held * self.theta
         for weight, term in zip(weights, stack.terms, strict=True):
             if weight > 0.0:
                 here = term.here
-                pull[here] += weight * (term.penalty.gram @ self.theta[here])
-        move = factor.solve(self.right - pull)
+                slope[here] += weight * (term.penalty.gram @ self.theta[here])
+        move = factor.solve(self.right - slope)
         square = sums.tally[2] / self.gain**2 - 2.0 * float(move @ self.right)
         square += float(move @ sums.apply(move))
         return Posterior(self, weights, factor, self.theta + move, max(square, 0.0))
@@ -237,8 +237,8 @@ class Posterior:
     @property
     def slopes(self) -> Vector:
         """Slope of the evidence over the logarithm of each weight."""
-        pull = self.problem.degrees * self.weights * self.penalties / self.total
-        return np.asarray(pull + self.traces - self._prior[1])
+        fitted = self.problem.degrees * self.weights * self.penalties / self.total
+        return np.asarray(fitted + self.traces - self._prior[1])
 
     @cached_property
     def used(self) -> float:

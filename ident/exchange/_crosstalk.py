@@ -91,12 +91,7 @@ def crosstalk_from_list(
         deceleration=as_array(float(rates["deceleration"])),
         velocity_dependent=flag(listing, f"{PREFIX}.velocity_dependent"),
         cycles=_cycles(listing),
-        sign=float(conventions.crosstalk_sign),
-        by_speed=conventions.crosstalk_accelerate == "speed",
-        own_deceleration=conventions.crosstalk_undirected == "own",
-        rest_direction=conventions.crosstalk_rest,
-        held_above=conventions.crosstalk_above == "hold",
-        held_outside=conventions.crosstalk_outside == "hold",
+        **conventions.of_crosstalk,
     )
 
 

@@ -129,12 +129,7 @@ class CrosstalkEffect(AbstractEffect):
             jnp.asarray(float(self.acceleration)),
             jnp.asarray(float(self.deceleration)),
             velocity_dependent=self.velocity_dependent,
-            sign=float(rules.crosstalk_sign),
-            by_speed=rules.crosstalk_accelerate == "speed",
-            own_deceleration=True,
-            rest_direction=rules.crosstalk_rest,
-            held_above=rules.crosstalk_above == "hold",
-            held_outside=rules.crosstalk_outside == "hold",
+            **rules.of_crosstalk | {"own_deceleration": True},
         )
 
     def block(self, data: JointData) -> Block:

@@ -37,12 +37,7 @@ def list_model(
         jnp.asarray(fit.acceleration),
         jnp.asarray(fit.deceleration),
         velocity_dependent=True,
-        sign=float(rules.crosstalk_sign),
-        by_speed=rules.crosstalk_accelerate == "speed",
-        own_deceleration=rules.crosstalk_undirected == "own",
-        rest_direction=rules.crosstalk_rest,
-        held_above=rules.crosstalk_above == "hold",
-        held_outside=rules.crosstalk_outside == "hold",
+        **rules.of_crosstalk,
     )
 
 

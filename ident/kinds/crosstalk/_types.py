@@ -157,12 +157,7 @@ class CrosstalkFit:
             jnp.asarray(self.deceleration),
             velocity_dependent=self.velocity_dependent,
             cycles=cycles,
-            sign=float(rules.crosstalk_sign),
-            by_speed=rules.crosstalk_accelerate == "speed",
-            own_deceleration=rules.crosstalk_undirected == "own",
-            rest_direction=rules.crosstalk_rest,
-            held_above=rules.crosstalk_above == "hold",
-            held_outside=rules.crosstalk_outside == "hold",
+            **rules.of_crosstalk,
         )
 
     def coverage(
