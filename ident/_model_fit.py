@@ -215,12 +215,12 @@ def held_out_rms(
         mine = jnp.where(blocks == block, used, 0.0)
         own = design * mine[:, None]
         rest = full - own.T @ own
-        # The optimum of all: the pull of the block balances that of the rest.
-        pull = own.T @ (residual * mine)
+        # The optimum of all: the slope of the block balances that of the rest.
+        slope = own.T @ (residual * mine)
         values, vectors = jnp.linalg.eigh(rest)
         kept = values > _RANK * jnp.max(values)
         inverse = jnp.where(kept, 1.0 / jnp.where(kept, values, 1.0), 0.0)
-        step = -vectors @ (inverse * (vectors.T @ pull))
+        step = -vectors @ (inverse * (vectors.T @ slope))
         return jnp.sum(mine * (residual - design @ step) ** 2)
 
     total = jnp.sum(jax.lax.map(of, jnp.arange(count)))
