@@ -15,12 +15,13 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 11. `band_inverse` the elements of the inverse, from which the deviations come as well;
 12. `leave_one_out` gives the posterior without a group of readings.
 
-Read `_readings`, `_effect`, `_prior`, `_sums` (`_kernel` is the same for many readings),
-`_factor`, `_posterior`, `_evidence`, `_loss`, `_robust`, `_hold_out` in this order. Beside
-them stand fits of few columns with noise that drifts (`_regression`, `_curve`, `_drift`),
-and least squares by IPOPT (`_ipopt`).
+Read `_readings`, `_effect`, `_chain`, `_prior`, `_stack`, `_sums` (`_kernel` is the same
+for many readings), `_factor`, `_posterior`, `_evidence`, `_loss`, `_robust`, `_hold_out` in
+this order. Beside them stand fits of few columns with noise that drifts (`_regression`,
+`_curve`, `_drift`), and least squares by IPOPT (`_ipopt`).
 """
 
+from ._chain import chain as chain
 from ._curve import (
     filled as filled,
     node_shares as node_shares,
@@ -54,7 +55,6 @@ from ._prior import (
     Independent as Independent,
     NoPrior as NoPrior,
     Smooth as Smooth,
-    chain as chain,
 )
 from ._readings import Readings as Readings
 from ._regression import (
@@ -68,5 +68,6 @@ from ._robust import (
     estimate as estimate,
     memory as memory,
 )
-from ._sums import Stack as Stack, Sums as Sums, sums_of as sums_of
+from ._stack import Stack as Stack
+from ._sums import Sums as Sums, sums_of as sums_of
 from ._threads import cores as cores, one_blas_thread as one_blas_thread

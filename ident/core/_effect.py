@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+import functools
 from functools import cached_property
 from typing import Any, final
 
@@ -12,7 +13,8 @@ import scipy.linalg
 from jaxtyping import Bool, Float, Int
 
 from ...models import AbstractNodes, EquidistantNodes, Leadscrew, Plane, Setpoints
-from ._prior import AbstractPrior, NoPrior, Smooth, chain
+from ._chain import Chain, chain
+from ._prior import AbstractPrior, NoPrior, Smooth
 from ._readings import Readings, padded
 
 Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
@@ -62,6 +64,18 @@ def axis_nodes(nodes: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:
         start, step = jnp.asarray(nodes[0]), jnp.asarray(interval)
         return EquidistantNodes(start, step, len(nodes))
     return Setpoints(jnp.asarray(nodes))
+
+
+@functools.lru_cache(maxsize=8)
+def _smooth(
+    slow: Chain,
+    fast: Chain | None,
+    branches: int,
+    order: bytes,
+    axes: tuple[int, int] = (1, 2),
+) -> Smooth:
+    """Return the prior of tables on the same nodes, which many jobs share."""
+    return Smooth(slow, fast, branches, np.frombuffer(order, np.int64), axes)
 
 
 @final
@@ -166,13 +180,13 @@ class TableEffect(AbstractEffect):
     def _prior(self) -> Smooth:
         if len(self.nodes) == 2:
             first, second = (chain(nodes) for nodes in self.nodes)
-            order = np.arange(first.size * second.size)
+            order = np.arange(first.size * second.size).tobytes()
             if first.size <= second.size:
-                return Smooth(second, first, 1, order, (2, 1))
-            return Smooth(first, second, 1, order, (1, 2))
+                return _smooth(second, first, 1, order, (2, 1))
+            return _smooth(first, second, 1, order, (1, 2))
         axis = chain(self.nodes[0], self.ring)
-        order = self.place.reshape(self.branches, -1)[:, : axis.size].reshape(-1)
-        return Smooth(axis, None, self.branches, order)
+        order = self.place.reshape(self.branches, -1)[:, : axis.size].tobytes()
+        return _smooth(axis, None, self.branches, order)
 
     def design(self, readings: Readings) -> Design:
         """See `AbstractEffect`."""

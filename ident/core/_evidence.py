@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 
 from ._effect import TableEffect
 from ._posterior import Posterior, Problem
-from ._sums import Stack
+from ._stack import Stack
 
 _SCALES = (1e-1, 1e1, 1e3, 1e5)
 """Weights of second differences, relative to the density, that are tried first."""

@@ -107,7 +107,10 @@ class ArrowFactor:
             return self.schur
         lower, info = dpotri(self.schur, lower=1)
         assert info == 0
-        return np.asarray(np.tril(lower) + np.tril(lower, -1).T)
+        # The factor is clean: above the diagonal stands nothing.
+        whole = lower + lower.T
+        np.einsum("ii->i", whole)[:] *= 0.5
+        return np.asarray(whole)
 
     def selected(self, offsets: Sequence[int]) -> Float[np.ndarray, "n s"]:
         """Return diagonals of the inverse over the band.

@@ -18,7 +18,8 @@ from ._effect import GroupEffect
 from ._errors import FitError
 from ._posterior import Posterior, Problem
 from ._robust import Estimate
-from ._sums import Stack, Sums
+from ._stack import Stack
+from ._sums import Sums
 
 
 def leave_one_out(

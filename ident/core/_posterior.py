@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._factor import ArrowFactor
-from ._sums import Stack, Sums
+from ._stack import Stack, Term
+from ._sums import Sums
 
 Vector = Float[np.ndarray, " _n"]
 
@@ -109,18 +110,30 @@ class Problem:
         if factor is None:
             return None
         slope = self.held * self.theta
-        for weight, term in zip(weights, stack.terms, strict=True):
-            if weight > 0.0:
-                here = term.here
-                slope[here] += weight * (term.penalty.gram @ self.theta[here])
+        if stack.small:
+            slope += self._precision(weights) @ self.theta
+        for weight, term in self._beside(weights):
+            here = term.here
+            slope[here] += weight * (term.penalty.gram @ self.theta[here])
         move = factor.solve(self.right - slope)
         square = sums.tally[2] / self.gain**2 - 2.0 * float(move @ self.right)
         square += float(move @ sums.apply(move))
         return Posterior(self, weights, factor, self.theta + move, max(square, 0.0))
 
+    def _precision(self, weights: Vector) -> Float[np.ndarray, "u u"]:
+        """Return the precision of the prior of a small stack."""
+        size = self.stack.size
+        flat = self.stack.grams.reshape(-1, size**2)
+        return np.asarray((weights @ flat).reshape(size, size))
+
+    def _beside(self, weights: Vector) -> list[tuple[float, Term]]:
+        """Return the terms that are not taken as whole matrices, and their weights."""
+        terms = () if self.stack.small else self.stack.terms
+        return [(w, t) for w, t in zip(weights, terms, strict=False) if w > 0.0]
+
     def _factor(self, weights: Vector) -> ArrowFactor | None:
         stack, sums = self.stack, self.sums
-        terms = [(w, t) for w, t in zip(weights, stack.terms, strict=True) if w > 0.0]
+        terms = self._beside(weights)
         n = stack.band
         reach = [max(stack.offsets)]
         reach += [term.penalty.reach for _, term in terms if not term.border]
@@ -130,7 +143,10 @@ class Problem:
             if k <= width:
                 columns[:, k] = sums.diagonals[:, slot]
         columns[:, 0] += self.held[:n]
-        border = sums.whole_border + np.diag(self.held[n:])
+        border = sums.border.copy()
+        np.einsum("ii->i", border)[:] += self.held[n:]
+        if stack.small:
+            border += self._precision(weights)
         for weight, term in terms:
             own, shift = term.penalty, term.shift
             if term.border:
@@ -163,7 +179,10 @@ class Posterior:
     @cached_property
     def penalties(self) -> Vector:
         """Penalty of each term for weight 1, free of cancellation."""
-        terms = self.problem.stack.terms
+        stack = self.problem.stack
+        if stack.small:
+            return np.asarray(np.square(stack.rows @ self.values).sum(axis=1))
+        terms = stack.terms
         bends = (t.penalty.rows @ self.values[t.here] for t in terms)
         return np.array([float(bend @ bend) for bend in bends])
 
@@ -188,7 +207,7 @@ class Posterior:
         slopes = np.concatenate([slope for _, slope in found])
         return float(sum(value for value, _ in found)), slopes
 
-    @property
+    @cached_property
     def evidence(self) -> float:
         """Minus twice the restricted log-likelihood, up to a constant; smaller is better."""
         noise = self.problem.degrees * float(np.log(self.total))
@@ -215,8 +234,13 @@ class Posterior:
     @cached_property
     def traces(self) -> Vector:
         """Weight × trace of inverse × penalty matrix: unknowns that each term takes away."""
+        stack = self.problem.stack
+        if stack.small:
+            inverse = self.factor.border_inverse
+            flat = stack.grams.reshape(len(self.weights), -1)
+            return np.asarray(self.weights * (flat @ inverse.reshape(-1)))
         result = np.zeros(len(self.weights))
-        for k, term in enumerate(self.problem.stack.terms):
+        for k, term in enumerate(stack.terms):
             if self.weights[k] == 0.0:
                 continue
             own, shift = term.penalty, term.shift

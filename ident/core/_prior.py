@@ -14,24 +14,51 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import get_lapack_funcs
 
-(dpbtrf,) = get_lapack_funcs(("pbtrf",), dtype=np.float64)
-
-OFF = float(np.log(1e-4))
-"""Log weight, relative to the density, at which fourth differences are left out."""
-_LOW = float(np.log(1e-7))
-"""Least log weight: values may bend a thousand times further than readings scatter."""
-_CAPS = 1e9, 1e11
-"""Weights relative to the density that leave the readings their digits."""
-_STRAIGHT = 1e4, 1e2
-"""Weight × least bend, relative to the density, at which a table is as good as straight."""
-_LONG = 400
-"""Nodes up to which singular values are worth their time."""
-_STEP = 1e-3
-"""Step in a log weight for slopes of what costs nothing."""
+from ._chain import CAPS, LEAST, LONG, STEP, Chain
 
 Vector = Float[np.ndarray, " _n"]
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Penalty:
+    """One term of a prior, $K = D^T D$, over the unknowns of its effect.
+
+    Attributes:
+        rows: D.
+        gram: K.
+        row: Of the lower elements of K.
+        column: Likewise.
+        data: The elements.
+        doubled: Elements counted for both triangles.
+        distances: Of the elements from the diagonal.
+    """
+
+    rows: sp.csr_array
+    gram: sp.csr_array
+    row: Int[np.ndarray, " e"]
+    column: Int[np.ndarray, " e"]
+    data: Float[np.ndarray, " e"]
+    doubled: Float[np.ndarray, " e"]
+    distances: frozenset[int]
+
+    @classmethod
+    def of(cls, rows: sp.csr_array) -> "Penalty":
+        """Return the penalty of rows."""
+        gram = sp.csr_array(rows.T @ rows)
+        lower = sp.coo_array(sp.tril(gram))
+        keep = lower.data != 0.0
+        row, column = (each[keep].astype(np.int64) for each in lower.coords)
+        data = lower.data[keep]
+        doubled = np.where(row == column, data, 2.0 * data)
+        distances = frozenset(np.unique(row - column).tolist())
+        return cls(rows, gram, row, column, data, doubled, distances)
+
+    @property
+    def reach(self) -> int:
+        """Largest distance of an element from the diagonal."""
+        return max(self.distances, default=0)
 
 
 class AbstractPrior(abc.ABC):
@@ -41,6 +68,11 @@ class AbstractPrior(abc.ABC):
     @abc.abstractmethod
     def rows(self) -> tuple[sp.csr_array, ...]:
         """Rows $D_k$ of each term over the unknowns of the effect."""
+
+    @cached_property
+    def penalties(self) -> tuple[Penalty, ...]:
+        """The terms as matrices."""
+        return tuple(Penalty.of(rows) for rows in self.rows)
 
     @property
     @abc.abstractmethod
@@ -154,7 +186,7 @@ class Independent(AbstractPrior):
     @property
     def bounds(self) -> Float[np.ndarray, "k 2"]:
         """See `AbstractPrior`."""
-        return np.array([[_LOW, np.log(_CAPS[0])]])
+        return np.array([[LEAST, np.log(CAPS[0])]])
 
     @property
     def optional(self) -> Bool[np.ndarray, " k"]:
@@ -165,208 +197,6 @@ class Independent(AbstractPrior):
     def straight(self) -> Float[np.ndarray, "n z"]:
         """See `AbstractPrior`."""
         return np.zeros((int(np.asarray(self.matrix.shape)[1]), 0))
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Chain:
-    r"""Second and fourth differences along one axis; made by `chain`, which keeps them.
-
-    Second differences are per node distance squared (a discretised $\int f''^2$), fourth
-    ones are second differences of those.
-
-    Attributes:
-        nodes: Node positions, the repeated end of a ring included.
-        ring: Whether the last node is the first one again.
-    """
-
-    nodes: Vector
-    ring: bool = False
-
-    @property
-    def size(self) -> int:
-        """Number of different nodes."""
-        return len(self.nodes) - int(self.ring)
-
-    @property
-    def free(self) -> int:
-        """Dimension of what the differences leave free."""
-        if self.size < 3:
-            return self.size
-        return 1 if self.ring else 2
-
-    @cached_property
-    def _differences(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """Second differences, and second differences of those, both weighted."""
-        gaps = np.diff(self.nodes)
-        mean = float(gaps.mean()) if len(gaps) else 1.0
-        first, length = _bends(gaps, mean, self.ring)
-        second = sp.csr_array(sp.diags_array(np.sqrt(length)) @ first)
-        if len(length) < 3:
-            return second, sp.csr_array((0, len(length)))
-        # Row i of the differences stands at node i + 1.
-        inner = np.roll(gaps, -1) if self.ring else gaps[1:-1]
-        again, own = _bends(inner, mean, self.ring)
-        weighted = sp.diags_array(np.sqrt(own)) @ again
-        return second, sp.csr_array(weighted @ sp.diags_array(1.0 / np.sqrt(length)))
-
-    @cached_property
-    def rows(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """Second and fourth differences, weighted by the length that each stands for."""
-        second, again = self._differences
-        return second, sp.csr_array(again @ second)
-
-    @cached_property
-    def grams(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """The penalty matrices $D_k^T D_k$."""
-        second, fourth = self.rows
-        return sp.csr_array(second.T @ second), sp.csr_array(fourth.T @ fourth)
-
-    @cached_property
-    def least(self) -> tuple[float, float]:
-        """Least non-zero eigenvalue of both penalties; 0 on a long chain."""
-        if self.size > _LONG:
-            return 0.0, 0.0
-        found = []
-        for part in self.rows:
-            sizes = np.square(np.linalg.svd(part.toarray(), compute_uv=False))
-            # All rows are independent but for one on a ring, where they sum to zero.
-            sizes = sizes[: len(sizes) - int(self.ring)]
-            found.append(float(sizes[-1]) if len(sizes) else 0.0)
-        return found[0], found[1]
-
-    @property
-    def bounds(self) -> Float[np.ndarray, "2 2"]:
-        """Ends of the log weights: no stiffer than a straight table, or a factor, bears."""
-        high = [
-            min(cap, most / bend) if bend > 0.0 else cap
-            for cap, most, bend in zip(_CAPS, _STRAIGHT, self.least, strict=True)
-        ]
-        return np.array([[_LOW, np.log(high[0])], [OFF, max(np.log(high[1]), OFF)]])
-
-    def eigenvalues(self, weights: Vector) -> Vector:
-        """Return all eigenvalues of the penalty, ascending, those left free exactly 0."""
-        rows = [
-            np.sqrt(w) * part.toarray()
-            for w, part in zip(weights, self.rows, strict=True)
-            if w > 0.0
-        ]
-        result = np.zeros(self.size)
-        if rows and self.size > self.free:
-            # Squares of singular values: small ones keep their digits beside large ones.
-            sizes = np.linalg.svd(np.vstack(rows), compute_uv=False)
-            count = self.size - self.free
-            result[self.free :] = np.square(sizes[:count][::-1])
-        return result
-
-    @cached_property
-    def _factored(self) -> tuple[Vector, Vector, float]:
-        """Precisions of fourth differences where second ones have weight 1.
-
-        With them the shares of the left null vector of a ring (empty elsewhere), and the
-        log-determinant at weight 1 of the second differences alone.
-        """
-        second, again = (part.toarray() for part in self._differences)
-        left, sizes, _ = np.linalg.svd(second, full_matrices=True)
-        constant = 2.0 * float(np.log(sizes[: self.size - self.free]).sum())
-        _, size, modes = np.linalg.svd(again, full_matrices=True)
-        bends = np.zeros(len(second))
-        bends[: len(size)] = np.square(size)
-        if not self.ring:
-            return bends, np.zeros(0), constant
-        bends[bends < 1e-12 * bends.max(initial=0.0)] = 0.0
-        return bends, np.square(modes @ left[:, -1]), constant
-
-    def logdet(self, weights: Vector) -> tuple[float, Vector]:
-        """Return the log of the product of the non-zero eigenvalues, and its slopes."""
-        count = self.size - self.free
-        if not count:
-            return 0.0, np.zeros(2)
-        second, fourth = float(weights[0]), float(weights[1])
-        if self.size > _LONG and not self.ring:
-            return self._logdet_long(second, fourth)
-        bends, share, constant = self._factored
-        stiff = second + fourth * bends
-        value = constant + float(np.log(stiff).sum())
-        slope = float((fourth * bends / stiff).sum())
-        if len(share):
-            ease = share / stiff
-            value += float(np.log(ease.sum()))
-            slope -= float((ease * fourth * bends / stiff).sum() / ease.sum())
-        return value, np.array([count - slope, slope])
-
-    def _logdet_long(self, second: float, fourth: float) -> tuple[float, Vector]:
-        count, constant, inner = self._reduced
-
-        def value(weight: float) -> float:
-            columns = weight * inner
-            columns[:, 0] += second
-            return constant + band_logdet(columns)
-
-        slope = 0.0
-        if fourth > 0.0:
-            ends = value(fourth * np.exp(_STEP)), value(fourth * np.exp(-_STEP))
-            slope = (ends[0] - ends[1]) / (2.0 * _STEP)
-        return value(fourth), np.array([count - slope, slope])
-
-    @cached_property
-    def _reduced(self) -> tuple[int, float, Float[np.ndarray, "r w"]]:
-        """Number of second differences, their log-determinant, fourth ones over them."""
-        second, again = self._differences
-        constant = band_logdet(lower_band(sp.csr_array(second @ second.T)))
-        inner = lower_band(sp.csr_array(again.T @ again))
-        return len(second.indptr) - 1, constant, inner
-
-    def logdet_shifted(self, weights: Vector, shift: float) -> float:
-        """Return the log-determinant of penalty + shift · unit matrix."""
-        if shift == 0.0:
-            return self.logdet(weights)[0]
-        columns = lower_band(
-            sp.csr_array(weights[0] * self.grams[0] + weights[1] * self.grams[1])
-        )
-        columns[:, 0] += shift
-        return band_logdet(columns)
-
-    @property
-    def straight(self) -> Float[np.ndarray, "n z"]:
-        """What the differences leave free: a constant and a line."""
-        if self.size < 3:
-            return np.eye(self.size)
-        if self.ring:
-            return np.ones((self.size, 1))
-        middle = 0.5 * (self.nodes[0] + self.nodes[-1])
-        half = 0.5 * (self.nodes[-1] - self.nodes[0])
-        return np.column_stack([np.ones(self.size), (self.nodes - middle) / half])
-
-
-def _bends(
-    gaps: Float[np.ndarray, " g"], mean: float, ring: bool
-) -> tuple[sp.csr_array, Float[np.ndarray, " r"]]:
-    """Return mean²·f'' at inner nodes, and the share of the length each row stands for."""
-    points = len(gaps) if ring else len(gaps) + 1
-    before = gaps if ring else gaps[:-1]
-    after = np.roll(gaps, -1) if ring else gaps[1:]
-    rows = len(before)
-    if points < 3:
-        return sp.csr_array((0, points)), np.zeros(0)
-    scale = 2.0 * mean**2 / (before + after)
-    index = np.arange(rows)
-    columns = np.concatenate([index, (index + 1) % points, (index + 2) % points])
-    data = np.concatenate(
-        [scale / before, -scale * (1.0 / before + 1.0 / after), scale / after]
-    )
-    matrix = sp.coo_array((data, (np.tile(index, 3), columns)), shape=(rows, points))
-    return sp.csr_array(matrix), (before + after) / (2.0 * mean)
-
-
-def chain(nodes: Vector, ring: bool = False) -> Chain:
-    """Return the differences along one axis, the same object for the same nodes."""
-    return _chain(np.asarray(nodes, np.float64).tobytes(), ring)
-
-
-@functools.lru_cache(maxsize=256)
-def _chain(nodes: bytes, ring: bool) -> Chain:
-    return Chain(np.frombuffer(nodes, np.float64), ring)
 
 
 @final
@@ -421,17 +251,17 @@ class Smooth(AbstractPrior):
         slopes = np.zeros(4)
         for k in np.flatnonzero(weights):
             ends = []
-            for step in (_STEP, -_STEP):
+            for step in (STEP, -STEP):
                 moved = weights.copy()
                 moved[k] *= np.exp(step)
                 ends.append(self._logdet(moved))
-            slopes[k] = (ends[0] - ends[1]) / (2.0 * _STEP)
+            slopes[k] = (ends[0] - ends[1]) / (2.0 * STEP)
         return self._logdet(weights), slopes
 
     def _logdet(self, weights: Vector) -> float:
         assert self.fast is not None
         across = _eigenvalues(self.fast, *weights[2:].tolist())
-        if self.slow.size <= _LONG:
+        if self.slow.size <= LONG:
             both = _eigenvalues(self.slow, *weights[:2].tolist())[:, None] + across
             return float(np.log(both[both > 0.0]).sum())
         return sum(self.slow.logdet_shifted(weights[:2], each) for each in across)
@@ -475,23 +305,3 @@ def _placed(rows: sp.coo_array, order: Int[np.ndarray, " n"]) -> sp.csr_array:
     row, column = rows.coords
     shape = (int(np.asarray(rows.shape)[0]), len(order))
     return sp.csr_array(sp.coo_array((rows.data, (row, order[column])), shape=shape))
-
-
-def lower_band(matrix: sp.csr_array) -> Float[np.ndarray, "n w"]:
-    """Return the lower band of a symmetric matrix: ``[j, d]`` is element ``(j + d, j)``."""
-    entries = matrix.tocoo()
-    row, column = entries.coords
-    keep = (row >= column) & (entries.data != 0.0)
-    offset = (row - column)[keep]
-    size = int(np.asarray(matrix.shape)[0])
-    columns = np.zeros((size, int(offset.max(initial=0)) + 1))
-    columns[column[keep], offset] = entries.data[keep]
-    return columns
-
-
-def band_logdet(columns: Float[np.ndarray, "n w"]) -> float:
-    """Return the log-determinant of a positive definite band; −∞ where it is singular."""
-    if not len(columns):
-        return 0.0
-    factor, info = dpbtrf(columns.T, lower=1)
-    return 2.0 * float(np.log(factor[0]).sum()) if info == 0 else float("-inf")

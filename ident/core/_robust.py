@@ -17,7 +17,8 @@ from ._evidence import choose_weights
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
-from ._sums import MANY, Stack, Sums, sums_of
+from ._stack import Stack
+from ._sums import MANY, Sums, sums_of
 
 _PASSES, _SEARCHES = 60, 6
 """Robust passes and searches for the evidence, at most."""

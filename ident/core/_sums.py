@@ -5,7 +5,6 @@ of a file, over files, over workers. A group is left out by subtraction.
 """
 
 import dataclasses
-import weakref
 from collections.abc import Iterable
 from functools import cached_property
 from typing import Any, final
@@ -15,16 +14,15 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from ...models import EquidistantNodes, Plane
-from ._effect import AbstractEffect, Design, TableEffect
+from ._chain import lower_band
+from ._effect import Design
 from ._errors import FitError
 from ._loss import Loss
-from ._prior import AbstractPrior, lower_band
 from ._readings import Readings
+from ._stack import SMALL, Stack
 
 MANY = 100_000
 """From this many readings on, compiled loops pay for loading the compiler."""
-_SMALL = 128
-"""Unknowns up to which the matrix is summed up densely."""
 _CHUNK = 1 << 17
 """Readings whose design is in memory at a time."""
 _SHIFT = 45
@@ -38,161 +36,6 @@ Vector = Float[np.ndarray, " _n"]
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class Stack:
-    """Effects side by side; the unknowns of the first one may form a band.
-
-    Attributes:
-        effects: In the order of their unknowns.
-        banded: Whether the first effect is a table that is kept as a band.
-    """
-
-    effects: tuple[AbstractEffect, ...]
-    banded: bool = True
-
-    @cached_property
-    def starts(self) -> tuple[int, ...]:
-        """First unknown of each effect, then the number of all."""
-        sizes = [effect.size for effect in self.effects]
-        return (0, *np.cumsum(sizes).tolist())
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return self.starts[-1]
-
-    @property
-    def band(self) -> int:
-        """Number of unknowns of the band."""
-        return self.starts[1] if self.banded else 0
-
-    @property
-    def table(self) -> TableEffect | None:
-        """The effect whose unknowns form the band."""
-        first = self.effects[0]
-        return first if self.banded and isinstance(first, TableEffect) else None
-
-    @property
-    def offsets(self) -> tuple[int, ...]:
-        """Diagonals of the band that readings reach."""
-        return (0,) if self.table is None else self.table.offsets
-
-    def here(self, number: int) -> slice:
-        """Return the unknowns of an effect."""
-        number %= len(self.effects)
-        return slice(self.starts[number], self.starts[number + 1])
-
-    @cached_property
-    def priors(self) -> tuple[tuple[AbstractPrior, slice, slice], ...]:
-        """Prior of each effect, its unknowns, its weights."""
-        result, first = [], 0
-        for number, effect in enumerate(self.effects):
-            count = len(effect.prior.rows)
-            own = slice(first, first + count)
-            result.append((effect.prior, self.here(number), own))
-            first += count
-        return tuple(result)
-
-    @cached_property
-    def terms(self) -> "tuple[Term, ...]":
-        """Terms of the prior, in the order of the weights."""
-        return tuple(
-            Term(penalty, self.here(number), self.here(number).start - self.band)
-            for number, effect in enumerate(self.effects)
-            for penalty in penalties(effect)
-        )
-
-    @cached_property
-    def free(self) -> int:
-        """Number of unknowns that no prior holds."""
-        return sum(prior.free for prior, _, _ in self.priors)
-
-    def design(self, readings: Readings) -> Design:
-        """Return the rows of all effects side by side."""
-        parts = [effect.design(readings) for effect in self.effects]
-        nodes = [
-            each + start for (each, _), start in zip(parts, self.starts, strict=False)
-        ]
-        return np.hstack(nodes), np.hstack([shares for _, shares in parts])
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Penalty:
-    """One term of a prior, $K = D^T D$, over the unknowns of its effect.
-
-    Attributes:
-        rows: D.
-        gram: K.
-        row: Of the lower elements of K.
-        column: Likewise.
-        data: The elements.
-        doubled: Elements counted for both triangles.
-        distances: Of the elements from the diagonal.
-    """
-
-    rows: sp.csr_array
-    gram: sp.csr_array
-    row: Int[np.ndarray, " e"]
-    column: Int[np.ndarray, " e"]
-    data: Float[np.ndarray, " e"]
-    doubled: Float[np.ndarray, " e"]
-    distances: frozenset[int]
-
-    @classmethod
-    def of(cls, rows: sp.csr_array) -> "Penalty":
-        """Return the penalty of rows."""
-        gram = sp.csr_array(rows.T @ rows)
-        lower = sp.coo_array(sp.tril(gram))
-        keep = lower.data != 0.0
-        row, column = (each[keep].astype(np.int64) for each in lower.coords)
-        data = lower.data[keep]
-        doubled = np.where(row == column, data, 2.0 * data)
-        distances = frozenset(np.unique(row - column).tolist())
-        return cls(rows, gram, row, column, data, doubled, distances)
-
-    @property
-    def reach(self) -> int:
-        """Largest distance of an element from the diagonal."""
-        return max(self.distances, default=0)
-
-
-_PENALTIES: "weakref.WeakKeyDictionary[AbstractEffect, tuple[Penalty, ...]]" = (
-    weakref.WeakKeyDictionary()
-)
-
-
-def penalties(effect: AbstractEffect) -> tuple[Penalty, ...]:
-    """Return the terms of an effect's prior; they are kept as long as the effect."""
-    found = _PENALTIES.get(effect)
-    if found is None:
-        found = tuple(Penalty.of(rows) for rows in effect.prior.rows)
-        _PENALTIES[effect] = found
-    return found
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Term:
-    """A penalty at its place among all unknowns.
-
-    Attributes:
-        penalty: Over the unknowns of its effect.
-        here: These unknowns.
-        shift: First of them counted from the border; negative in the band.
-    """
-
-    penalty: Penalty
-    here: slice
-    shift: int
-
-    @property
-    def border(self) -> bool:
-        """Whether its effect stands in the border."""
-        return self.shift >= 0
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
 class Sums:
     """Sums over readings about a current estimate θ.
 
@@ -200,7 +43,7 @@ class Sums:
         stack: Effects.
         diagonals: $A^T W A$ of the band: ``[j, s]`` is element ``(j + offsets[s], j)``.
         cross: $A^T W A$ of the border with the band.
-        border: $A^T W A$ of the border, lower triangle.
+        border: $A^T W A$ of the border.
         right: $A^T W ψ$ of the residuals.
         tally: Readings that count, Σψ', ΣWψ²; ΣWr² and number of those that are not wild.
         histogram: Number of residuals × √weight by size.
@@ -253,11 +96,6 @@ class Sums:
         """Information on each unknown alone."""
         return np.concatenate([self.diagonals[:, 0], np.diag(self.border)])
 
-    @cached_property
-    def whole_border(self) -> Float[np.ndarray, "m m"]:
-        """Both triangles of the border."""
-        return np.asarray(np.tril(self.border) + np.tril(self.border, -1).T)
-
     def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
         """Return $A^T W A$ × values."""
         n = self.stack.band
@@ -269,7 +107,7 @@ class Sums:
                 result[: n - k] += diagonal * band[k:]
         if len(self.border):
             result[:n] += self.cross.T @ values[n:]
-            result[n:] = self.cross @ band + self.whole_border @ values[n:]
+            result[n:] = self.cross @ band + self.border @ values[n:]
         return result
 
     def moved(self, step: Vector, gain: float = 1.0) -> "Sums":
@@ -316,7 +154,7 @@ class Sums:
             stack,
             diagonals,
             cross,
-            np.tril(border.T @ self.whole_border @ border),
+            border.T @ self.border @ border,
             np.concatenate([right, border.T @ self.right[n:]]),
             self.tally,
             self.histogram,
@@ -432,7 +270,7 @@ def _by_scipy(
         found,
         diagonals=diagonals,
         cross=np.ascontiguousarray(cross),
-        border=np.tril(border),
+        border=np.ascontiguousarray(border),
         support=np.bincount(nodes[touching], minlength=stack.size),
     ), residual
 
@@ -446,7 +284,7 @@ def _gram(
     """Return $A^T W A$, dense where it is small."""
     count, width = shares.shape
     weighted = weight[:, None] * shares
-    if size <= _SMALL:
+    if size <= SMALL:
         keys = nodes[:, :, None] * size + nodes[:, None, :]
         products = weighted[:, :, None] * shares[:, None, :]
         found = np.bincount(keys.reshape(-1), products.reshape(-1), size * size)
@@ -523,7 +361,9 @@ class _Loop:
             slot = offsets.index(high - low)
             twice = 2.0 if a != b and low == high else 1.0
             self.sums.diagonals[low:, slot] += twice * self.record[: n - low, place]
-        return dataclasses.replace(self.sums, histogram=_binned(residual))
+        lower = self.sums.border
+        whole = lower + np.tril(lower, -1).T
+        return dataclasses.replace(self.sums, border=whole, histogram=_binned(residual))
 
 
 def _weights(readings: Readings) -> Float[np.ndarray, " t"]:

@@ -1,0 +1,135 @@
+"""Effects side by side: where the unknowns, the priors and their terms of each one stand."""
+
+import dataclasses
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ._effect import AbstractEffect, Design, TableEffect
+from ._prior import AbstractPrior, Penalty
+from ._readings import Readings
+
+SMALL = 128
+"""Unknowns up to which a stack without a band is summed up and penalised by whole matrices."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stack:
+    """Effects side by side; the unknowns of the first one may form a band.
+
+    Attributes:
+        effects: In the order of their unknowns.
+        banded: Whether the first effect is a table that is kept as a band.
+    """
+
+    effects: tuple[AbstractEffect, ...]
+    banded: bool = True
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """First unknown of each effect, then the number of all."""
+        sizes = [effect.size for effect in self.effects]
+        return (0, *np.cumsum(sizes).tolist())
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.starts[-1]
+
+    @property
+    def band(self) -> int:
+        """Number of unknowns of the band."""
+        return self.starts[1] if self.banded else 0
+
+    @property
+    def table(self) -> TableEffect | None:
+        """The effect whose unknowns form the band."""
+        first = self.effects[0]
+        return first if self.banded and isinstance(first, TableEffect) else None
+
+    @property
+    def offsets(self) -> tuple[int, ...]:
+        """Diagonals of the band that readings reach."""
+        return (0,) if self.table is None else self.table.offsets
+
+    def here(self, number: int) -> slice:
+        """Return the unknowns of an effect."""
+        number %= len(self.effects)
+        return slice(self.starts[number], self.starts[number + 1])
+
+    @cached_property
+    def priors(self) -> tuple[tuple[AbstractPrior, slice, slice], ...]:
+        """Prior of each effect, its unknowns, its weights."""
+        result, first = [], 0
+        for number, effect in enumerate(self.effects):
+            count = len(effect.prior.rows)
+            own = slice(first, first + count)
+            result.append((effect.prior, self.here(number), own))
+            first += count
+        return tuple(result)
+
+    @cached_property
+    def terms(self) -> "tuple[Term, ...]":
+        """Terms of the prior, in the order of the weights."""
+        return tuple(
+            Term(penalty, self.here(number), self.here(number).start - self.band)
+            for number, effect in enumerate(self.effects)
+            for penalty in effect.prior.penalties
+        )
+
+    @property
+    def small(self) -> bool:
+        """Whether all unknowns together are few, and none of them form a band."""
+        return not self.band and self.size <= SMALL
+
+    @cached_property
+    def rows(self) -> Float[np.ndarray, "k r u"]:
+        """Rows of each term over all unknowns of a small stack, filled up with zeros."""
+        parts = [np.asarray(term.penalty.rows.toarray()) for term in self.terms]
+        most = max((len(part) for part in parts), default=0)
+        result = np.zeros((len(parts), most, self.size))
+        for own, part, term in zip(result, parts, self.terms, strict=True):
+            own[: len(part), term.here] = part
+        return result
+
+    @cached_property
+    def grams(self) -> Float[np.ndarray, "k u u"]:
+        """Matrix of each term over all unknowns of a small stack."""
+        return np.asarray(self.rows.transpose(0, 2, 1) @ self.rows)
+
+    @cached_property
+    def free(self) -> int:
+        """Number of unknowns that no prior holds."""
+        return sum(prior.free for prior, _, _ in self.priors)
+
+    def design(self, readings: Readings) -> Design:
+        """Return the rows of all effects side by side."""
+        parts = [effect.design(readings) for effect in self.effects]
+        nodes = [
+            each + start for (each, _), start in zip(parts, self.starts, strict=False)
+        ]
+        return np.hstack(nodes), np.hstack([shares for _, shares in parts])
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Term:
+    """A penalty at its place among all unknowns.
+
+    Attributes:
+        penalty: Over the unknowns of its effect.
+        here: These unknowns.
+        shift: First of them counted from the border; negative in the band.
+    """
+
+    penalty: Penalty
+    here: slice
+    shift: int
+
+    @property
+    def border(self) -> bool:
+        """Whether its effect stands in the border."""
+        return self.shift >= 0
