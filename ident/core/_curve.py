@@ -19,9 +19,9 @@ from scipy.optimize import least_squares
 
 from ...models import Setpoints
 from ._errors import FitError
+from ._factor import SINGULAR
 from ._regression import (
     LOOSE,
-    SINGULAR,
     TIGHT,
     Regression,
     estimate,

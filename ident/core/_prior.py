@@ -64,20 +64,15 @@ class Penalty:
 class AbstractPrior(abc.ABC):
     """A Gaussian prior of the unknowns of one effect, with one weight per term."""
 
-    @property
+    @cached_property
     @abc.abstractmethod
     def rows(self) -> tuple[sp.csr_array, ...]:
         """Rows $D_k$ of each term over the unknowns of the effect."""
 
-    @cached_property
-    def penalties(self) -> tuple[Penalty, ...]:
-        """The terms as matrices."""
-        return tuple(Penalty.of(rows) for rows in self.rows)
-
     @property
     @abc.abstractmethod
-    def free(self) -> int:
-        """Dimension of what no term holds."""
+    def straight(self) -> Float[np.ndarray, "n z"]:
+        """What no term holds, one column per dimension."""
 
     @abc.abstractmethod
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
@@ -86,30 +81,35 @@ class AbstractPrior(abc.ABC):
         Beside it stands its slope over the logarithm of each weight; 0 for a weight of 0.
         """
 
-    @property
-    @abc.abstractmethod
-    def bounds(self) -> Float[np.ndarray, "k 2"]:
-        """Least and largest log weight of each term, relative to the density."""
+    @cached_property
+    def penalties(self) -> tuple[Penalty, ...]:
+        """The terms as matrices."""
+        return tuple(Penalty.of(rows) for rows in self.rows)
+
+    @cached_property
+    def free(self) -> int:
+        """Dimension of what no term holds."""
+        return int(self.straight.shape[1])
 
     @property
-    @abc.abstractmethod
+    def bounds(self) -> Float[np.ndarray, "k 2"]:
+        """Least and largest log weight of each term, relative to the density."""
+        return np.tile([[LEAST, np.log(CAPS[0])]], (len(self.rows), 1))
+
+    @property
     def optional(self) -> Bool[np.ndarray, " k"]:
         """Terms that may be left out: fourth differences."""
+        return np.zeros(len(self.rows), bool)
 
     @property
     def scanned(self) -> bool:
         """Whether the scale of the weights is looked for over many orders of magnitude."""
-        return True
+        return False
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the weights as results carry them."""
         return tuple(f"term {k + 1}" for k in range(len(self.rows)))
-
-    @property
-    @abc.abstractmethod
-    def straight(self) -> Float[np.ndarray, "n z"]:
-        """What no term holds, one column per dimension."""
 
 
 @final
@@ -119,34 +119,19 @@ class NoPrior(AbstractPrior):
 
     size: int
 
-    @property
+    @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
         """See `AbstractPrior`."""
         return ()
 
     @property
-    def free(self) -> int:
+    def straight(self) -> Float[np.ndarray, "n z"]:
         """See `AbstractPrior`."""
-        return self.size
+        return np.eye(self.size)
 
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
         """See `AbstractPrior`."""
         return 0.0, np.zeros(len(weights))
-
-    @property
-    def bounds(self) -> Float[np.ndarray, "k 2"]:
-        """See `AbstractPrior`."""
-        return np.zeros((0, 2))
-
-    @property
-    def optional(self) -> Bool[np.ndarray, " k"]:
-        """See `AbstractPrior`."""
-        return np.zeros(0, bool)
-
-    @property
-    def straight(self) -> Float[np.ndarray, "n z"]:
-        """See `AbstractPrior`."""
-        return np.eye(self.size)
 
 
 @final
@@ -163,40 +148,20 @@ class Independent(AbstractPrior):
     matrix: sp.csr_array
     constant: float = 0.0
 
-    @property
+    @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
         """See `AbstractPrior`."""
         return (self.matrix,)
 
     @property
-    def scanned(self) -> bool:
-        """See `AbstractPrior`: a variance begins as wide as what readings tell of it."""
-        return False
-
-    @property
-    def free(self) -> int:
+    def straight(self) -> Float[np.ndarray, "n z"]:
         """See `AbstractPrior`."""
-        return 0
+        return np.zeros((int(np.asarray(self.matrix.shape)[1]), 0))
 
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
         """See `AbstractPrior`."""
         count = float(np.asarray(self.matrix.shape)[1])
         return count * float(np.log(weights[0])) + self.constant, np.array([count])
-
-    @property
-    def bounds(self) -> Float[np.ndarray, "k 2"]:
-        """See `AbstractPrior`."""
-        return np.array([[LEAST, np.log(CAPS[0])]])
-
-    @property
-    def optional(self) -> Bool[np.ndarray, " k"]:
-        """See `AbstractPrior`."""
-        return np.zeros(1, bool)
-
-    @property
-    def straight(self) -> Float[np.ndarray, "n z"]:
-        """See `AbstractPrior`."""
-        return np.zeros((int(np.asarray(self.matrix.shape)[1]), 0))
 
 
 @final
@@ -221,13 +186,9 @@ class Smooth(AbstractPrior):
     order: Int[np.ndarray, " n"]
     axes: tuple[int, int] = (1, 2)
 
-    @property
+    @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
         """See `AbstractPrior`."""
-        return self._rows
-
-    @cached_property
-    def _rows(self) -> tuple[sp.csr_array, ...]:
         one = 1 if self.fast is None else self.fast.size
         left, right = sp.eye_array(self.branches), sp.eye_array(one)
         found = [sp.kron(left, sp.kron(rows, right)) for rows in self.slow.rows]
@@ -235,12 +196,6 @@ class Smooth(AbstractPrior):
             along = sp.eye_array(self.slow.size)
             found += [sp.kron(along, rows) for rows in self.fast.rows]
         return tuple(_placed(sp.coo_array(each), self.order) for each in found)
-
-    @property
-    def free(self) -> int:
-        """See `AbstractPrior`."""
-        other = self.branches if self.fast is None else self.fast.free
-        return self.slow.free * other
 
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
         """See `AbstractPrior`."""
@@ -271,6 +226,11 @@ class Smooth(AbstractPrior):
         """See `AbstractPrior`."""
         parts = [self.slow] if self.fast is None else [self.slow, self.fast]
         return np.concatenate([part.bounds for part in parts])
+
+    @property
+    def scanned(self) -> bool:
+        """See `AbstractPrior`."""
+        return True
 
     @property
     def optional(self) -> Bool[np.ndarray, " k"]:

@@ -8,14 +8,13 @@ estimate under residuals that drift (`_drift`).
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
-from scipy.linalg import qr, solve_triangular
+from jaxtyping import Bool, Float
 
 from ._drift import DriftNoise, find_drift, scatter_of_sums
 from ._errors import FitError
+from ._factor import PivotedFactor
 from ._loss import Loss, choose_loss
 
 _PASSES = 60
@@ -28,8 +27,6 @@ _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
-SINGULAR = 1e-9
-"""Part of a scaled column beside all others below which it is one of their sums."""
 _MEMBER = 0.3
 """Share of a column in a direction without information from which it is named."""
 _LEAST_FREE = 3.0
@@ -70,57 +67,6 @@ class Regression:
     def standard_deviation(self) -> Float[np.ndarray, " k"]:
         """Of the coefficients; infinite where undetermined."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class PivotedFactor:
-    """Pivoted QR of a weighted design, which knows its rank.
-
-    Attributes:
-        triangle: Of the columns that stand by themselves, in their order.
-        kept: Numbers of these columns.
-        null: Combinations of columns that the readings do not see, one per column.
-    """
-
-    triangle: Float[np.ndarray, "r r"]
-    kept: Int[np.ndarray, " r"]
-    null: Float[np.ndarray, "k n"]
-
-    @classmethod
-    def of(cls, design: Float[np.ndarray, "t k"]) -> "PivotedFactor":
-        """Return the factor of a design whose columns are about of length 1."""
-        size = design.shape[1]
-        # Stubs of SciPy do not tell the results of the modes apart.
-        factorise: Any = qr
-        triangle, order = factorise(design, mode="r", pivoting=True, check_finite=False)
-        diagonal = np.abs(np.diag(triangle))
-        rank = int((diagonal > SINGULAR * max(1e-300, float(diagonal.max()))).sum())
-        inner, beside = triangle[:rank, :rank], triangle[:rank, rank:]
-        null = np.zeros((size, size - rank))
-        null[order[:rank]] = -solve_triangular(inner, beside) if rank else 0.0
-        null[order[rank:]] = np.eye(size - rank)
-        return cls(inner, order[:rank], null)
-
-    @property
-    def undetermined(self) -> Bool[np.ndarray, " k"]:
-        """Columns that take part in what the readings do not see."""
-        if not self.null.shape[1]:
-            return np.zeros(len(self.null), bool)
-        return np.asarray((np.abs(self.null) > SINGULAR**0.5).any(axis=1))
-
-    def solve(self, right: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Return the solution of the normal equations, 0 for columns left out."""
-        result = np.zeros(len(self.null))
-        half = solve_triangular(self.triangle, right[self.kept], trans=1)
-        result[self.kept] = solve_triangular(self.triangle, half)
-        return result
-
-    def inverse(self) -> Float[np.ndarray, "k k"]:
-        """Return the inverse of the normal matrix, 0 for columns left out."""
-        root = np.zeros((len(self.null), len(self.kept)))
-        root[self.kept] = solve_triangular(self.triangle, np.eye(len(self.kept)))
-        return np.asarray(root @ root.T)
 
 
 @dataclasses.dataclass(frozen=True)
