@@ -34,6 +34,7 @@ from ._effect import (
     GroupEffect as GroupEffect,
     TableEffect as TableEffect,
     axis_nodes as axis_nodes,
+    design_of as design_of,
 )
 from ._errors import FitError as FitError
 from ._evidence import choose_weights as choose_weights

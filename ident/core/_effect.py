@@ -20,6 +20,8 @@ from ._readings import Readings, padded
 Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 """Unknowns that each reading touches, and their shares: a sparse matrix, k per row."""
 
+_KEPT = 10_000
+"""Readings up to which their design is kept."""
 _EVEN = 1e-9
 """Nodes count as equidistant when they lie on a straight line to this share of a cell."""
 
@@ -45,6 +47,15 @@ class AbstractEffect(abc.ABC):
     def ridge(self) -> float:
         """Precision that holds unknowns at zero, relative to their mean information."""
         return 0.0
+
+
+def design_of(effect: AbstractEffect, readings: Readings) -> Design:
+    """Return the rows of an effect, kept with few readings, of which more is asked later."""
+    if len(readings) > _KEPT:
+        return effect.design(readings)
+    if effect not in readings.designs:
+        readings.designs[effect] = effect.design(readings)
+    return readings.designs[effect]
 
 
 @jax.jit

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,11 @@ class Readings:
     value: Float[np.ndarray, " t"]
     inputs: Mapping[str, np.ndarray]
     weight: Float[np.ndarray, " t"] | None = None
+
+    @cached_property
+    def designs(self) -> dict[Any, tuple[np.ndarray, np.ndarray]]:
+        """Rows of each effect that was asked for them."""
+        return {}
 
     def __len__(self) -> int:
         return len(self.value)

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
-from ._effect import AbstractEffect, Design, TableEffect
+from ._effect import AbstractEffect, Design, TableEffect, design_of
 from ._prior import AbstractPrior, Penalty
 from ._readings import Readings
 
@@ -107,7 +107,7 @@ class Stack:
 
     def design(self, readings: Readings) -> Design:
         """Return the rows of all effects side by side."""
-        parts = [effect.design(readings) for effect in self.effects]
+        parts = [design_of(effect, readings) for effect in self.effects]
         nodes = [
             each + start for (each, _), start in zip(parts, self.starts, strict=False)
         ]
