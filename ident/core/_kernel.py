@@ -7,8 +7,6 @@ pass, with the same bits as `axcomp.models.EquidistantNodes` (a test holds them 
 
 # mypy: disable-error-code="no-untyped-def,untyped-decorator"
 
-from typing import no_type_check
-
 import numba
 import numpy as np
 
@@ -16,60 +14,64 @@ from ._machine_code import machine_code
 
 
 @numba.njit(inline="always")
-@no_type_check
-def _cell(position, start, inverse, slack, last):
-    """Return cell and place in it among ``last + 1`` equidistant nodes."""
+def _cell(position, axis):
+    """Return cell and place in it; an axis is its start, 1/interval, slack and last node."""
+    start, inverse, slack, last = axis
     place = (position - start) * inverse
     node = np.floor(place + slack)
     place = node if place - node <= slack else place
-    place = min(max(place, 0.0), float(last))
-    cell = min(int(place), last - 1)
+    place = min(max(place, 0.0), last)
+    cell = min(int(place), int(last) - 1)
     return cell, place - cell
 
 
 @numba.njit(inline="always")
-@no_type_check
 def _weighed(rest, weight, loss, tally):
     """Return a residual × √weight, weight × ψ, and whether it counts; tally it."""
-    scale, freedom, corner, limit, wild = loss
+    per_scale, per_freedom, corner, limit, wild = loss
     residual = rest * np.sqrt(weight)
-    size = abs(residual) / scale
+    size = abs(residual) * per_scale
     if not size <= limit:
         return residual, 0.0, False
-    share, slope = corner / size, 0.0
     if size <= corner:
-        share = 1.0 / (1.0 + size * size / freedom)
+        share = 1.0 / (1.0 + size * size * per_freedom)
         slope = (2.0 * share - 1.0) * share
-    psi = share * rest
+    else:
+        share, slope = corner / size, 0.0
+    push = weight * share * rest
     tally[0] += 1.0
     tally[1] += slope
-    tally[2] += weight * psi * psi
+    tally[2] += push * share * rest
     if size <= wild:
         tally[3] += weight * rest * rest
         tally[4] += 1.0
-    return residual, weight * psi, True
+    return residual, push, True
 
 
 @machine_code
-@no_type_check
+def count_sizes(bits, shift, first, histogram):
+    """Count numbers by the leading bits of their size."""
+    for t in range(len(bits)):
+        place = ((bits[t] & 0x7FFFFFFFFFFFFFFF) >> shift) - first
+        histogram[min(max(place, 0), len(histogram) - 1)] += 1
+
+
+@machine_code
 def add_plane(
     along, across, value, weight, axes, theta, loss, full, record, right, tally, support,
     residual,
 ):  # fmt: skip
     """Add readings of an equidistant plane; a record has the products of a cell's corners."""
-    # Axes: start, 1/interval, slack and last node of the slow axis, then of the fast one.
-    start1, inverse1, slack1, last1 = axes[0]
-    start2, inverse2, slack2, last2 = axes[1]
-    fast = int(last2) + 1
+    fast = int(axes[1][3]) + 1
     for t in range(len(value)):
-        slow, u = _cell(along[t], start1, inverse1, slack1, int(last1))
-        column, v = _cell(across[t], start2, inverse2, slack2, int(last2))
+        slow, u = _cell(along[t], axes[0])
+        column, v = _cell(across[t], axes[1])
         node = slow * fast + column
-        a, b, c, d = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
         corners = (node, node + 1, node + fast, node + fast + 1)
-        shares = (a, b, c, d)
-        low = a * theta[corners[0]] + b * theta[corners[1]]
-        rest = value[t] - (low + c * theta[corners[2]] + d * theta[corners[3]])
+        shares = ((1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v)
+        rest = value[t]
+        for p in range(4):
+            rest -= shares[p] * theta[corners[p]]
         w = weight[t] if len(weight) else 1.0
         residual[t], push, counts = _weighed(rest, w, loss, tally)
         for p in range(4):
@@ -85,7 +87,6 @@ def add_plane(
 
 
 @machine_code
-@no_type_check
 def add_rows(
     nodes, shares, own, value, weight, theta, loss, full, record, cross, border, right, tally,
     support, residual,

@@ -51,8 +51,9 @@ class Loss:
 
     @property
     def numbers(self) -> tuple[float, float, float, float, float]:
-        """Scale, freedom, corner, limit and wild_from: what the sums need."""
-        return self.scale, self.freedom, self.corner, self.limit, self.wild_from
+        """1/scale, 1/freedom, corner, limit and wild_from: what the compiled sums need."""
+        per_scale, per_freedom = 1.0 / self.scale, 1.0 / self.freedom
+        return per_scale, per_freedom, self.corner, self.limit, self.wild_from
 
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return ψ(x)/x in 0…1 for residuals in scales."""

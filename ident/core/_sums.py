@@ -5,7 +5,10 @@ of a file, over files, over workers. A group is left out by subtraction.
 """
 
 import dataclasses
+import functools
+import operator
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any, final
 
@@ -20,6 +23,7 @@ from ._errors import FitError
 from ._loss import Loss
 from ._readings import Readings
 from ._stack import SMALL, Stack
+from ._threads import cores
 
 MANY = 100_000
 """From this many readings on, compiled loops pay for loading the compiler."""
@@ -201,23 +205,47 @@ def sums_of(
     if len(readings) < MANY or ring:
         known = stack.design(readings) if design is None else design
         return _by_scipy(stack, readings, theta, loss, full, known)
-    axes = _plane_axes(stack)
-    sums, residual = _Loop(stack), np.empty(len(readings))
-    first = 0
-    for part in readings.chunks(len(readings) if axes is not None else _CHUNK):
-        here = slice(first, first + len(part))
-        first = here.stop
-        if axes is not None:
-            sums.add_plane(part, axes, theta, loss, full, residual[here])
-        else:
-            rows = (
-                stack.design(part) if design is None else tuple(d[here] for d in design)
-            )
-            sums.add_rows(part, rows, theta, loss, full, residual[here])
+    residual = np.empty(len(readings))
+    step = -(-len(readings) // min(cores(), len(readings) // MANY))
+    shares = [slice(k, k + step) for k in range(0, len(readings), step)]
+
+    def share(own: slice) -> Sums:
+        rows = None if design is None else (design[0][own], design[1][own])
+        return _by_loop(
+            stack, readings.take(own), theta, loss, full, rows, residual[own]
+        )
+
+    # The loops let go of the interpreter.
+    with ThreadPoolExecutor(len(shares)) as pool:
+        sums = functools.reduce(operator.add, pool.map(share, shares))
     if not np.isfinite(residual).all():
         msg = "readings are not finite, expected numbers."
         raise FitError(msg)
-    return sums.finished(residual), residual
+    return sums, residual
+
+
+def _by_loop(
+    stack: Stack,
+    readings: Readings,
+    theta: Vector,
+    loss: Loss,
+    full: bool,
+    design: Design | None,
+    residual: Float[np.ndarray, " t"],
+) -> Sums:
+    """Return the sums by the compiled loops, which fill in the residuals."""
+    axes = _plane_axes(stack)
+    sums = _Loop(stack)
+    if axes is not None:
+        sums.add_plane(readings, axes, theta, loss, full, residual)
+        return sums.finished(residual)
+    first = 0
+    for part in readings.chunks(_CHUNK):
+        here = slice(first, first + len(part))
+        first = here.stop
+        rows = stack.design(part) if design is None else tuple(d[here] for d in design)
+        sums.add_rows(part, rows, theta, loss, full, residual[here])
+    return sums.finished(residual)
 
 
 def _by_scipy(
@@ -310,7 +338,7 @@ class _Loop:
     def add_plane(
         self,
         readings: Readings,
-        axes: Float[np.ndarray, "2 4"],
+        axes: tuple[tuple[float, ...], ...],
         theta: Vector,
         loss: Loss,
         full: bool,
@@ -323,7 +351,7 @@ class _Loop:
         assert table is not None
         transposed = len(table.nodes[0]) > len(table.nodes[1])
         names = table.inputs if transposed else table.inputs[::-1]
-        along, across = (np.ascontiguousarray(readings.inputs[n], float) for n in names)
+        along, across = (np.asarray(readings.inputs[n], float) for n in names)
         add_plane(
             along, across, readings.value, _weights(readings), axes, theta,
             loss.numbers, full, self.record, sums.right, sums.tally, sums.support, residual,
@@ -354,6 +382,8 @@ class _Loop:
 
     def finished(self, residual: Float[np.ndarray, " t"]) -> Sums:
         """Return the sums: products per cell as diagonals of the band."""
+        from ._kernel import count_sizes
+
         n, offsets = self.stack.band, self.stack.offsets
         pairs = [(a, b) for a in range(len(self.away)) for b in range(a + 1)]
         for place, (a, b) in enumerate(pairs):
@@ -363,14 +393,15 @@ class _Loop:
             self.sums.diagonals[low:, slot] += twice * self.record[: n - low, place]
         lower = self.sums.border
         whole = lower + np.tril(lower, -1).T
-        return dataclasses.replace(self.sums, border=whole, histogram=_binned(residual))
+        count_sizes(residual.view(np.int64), _SHIFT, _FIRST, self.sums.histogram)
+        return dataclasses.replace(self.sums, border=whole)
 
 
 def _weights(readings: Readings) -> Float[np.ndarray, " t"]:
     return np.zeros(0) if readings.weight is None else readings.weight
 
 
-def _plane_axes(stack: Stack) -> Float[np.ndarray, "2 4"] | None:
+def _plane_axes(stack: Stack) -> tuple[tuple[float, ...], ...] | None:
     """Return the axes of a stack that is one equidistant plane, as the loop takes them."""
     table = stack.table
     if table is None or len(stack.effects) > 1 or not isinstance(table.model, Plane):
@@ -381,7 +412,7 @@ def _plane_axes(stack: Stack) -> Float[np.ndarray, "2 4"] | None:
             return None
         start, interval = float(axis.start), float(axis.interval)
         slack = _ROUNDING * (abs(start / interval) + axis.count)
-        found.append((start, 1.0 / interval, slack, axis.count - 1.0))
+        found.append((start, 1.0 / interval, slack, float(axis.count - 1)))
     if len(table.nodes[0]) <= len(table.nodes[1]):
         found.reverse()
-    return np.array(found)
+    return tuple(found)
