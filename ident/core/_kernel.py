@@ -1,11 +1,11 @@
-"""The compiled loops of the sums: readings of a plane, and readings of any stack.
+"""The compiled loops of the sums, for many readings; numba compiles once per machine.
 
-`Sums` gives the same from NumPy and SciPy for few readings; importing this module loads
-numba, which compiles once per machine. Cells of equidistant nodes are located in the same
-pass, with the same bits as `axcomp.models.EquidistantNodes` (a test holds them together).
+Cells of equidistant nodes are located with the bits of `axcomp.models.EquidistantNodes`.
 """
 
 # mypy: disable-error-code="no-untyped-def,untyped-decorator"
+
+from typing import no_type_check
 
 import numba
 import numpy as np
@@ -14,18 +14,19 @@ from ._machine_code import machine_code
 
 
 @numba.njit(inline="always")
+@no_type_check
 def _cell(position, axis):
     """Return cell and place in it; an axis is its start, 1/interval, slack and last node."""
     start, inverse, slack, last = axis
     place = (position - start) * inverse
     node = np.floor(place + slack)
-    place = node if place - node <= slack else place
-    place = min(max(place, 0.0), last)
+    place = min(max(node if place - node <= slack else place, 0.0), last)
     cell = min(int(place), int(last) - 1)
     return cell, place - cell
 
 
 @numba.njit(inline="always")
+@no_type_check
 def _weighed(rest, weight, loss, tally):
     """Return a residual × √weight, weight × ψ, and whether it counts; tally it."""
     per_scale, per_freedom, corner, limit, wild = loss
@@ -33,10 +34,9 @@ def _weighed(rest, weight, loss, tally):
     size = abs(residual) * per_scale
     if not size <= limit:
         return residual, 0.0, False
-    if size <= corner:
-        share = 1.0 / (1.0 + size * size * per_freedom)
-        slope = (2.0 * share - 1.0) * share
-    else:
+    share = 1.0 / (1.0 + size * size * per_freedom)
+    slope = (2.0 * share - 1.0) * share
+    if size > corner:
         share, slope = corner / size, 0.0
     push = weight * share * rest
     tally[0] += 1.0
@@ -49,6 +49,7 @@ def _weighed(rest, weight, loss, tally):
 
 
 @machine_code
+@no_type_check
 def count_sizes(bits, shift, first, histogram):
     """Count numbers by the leading bits of their size."""
     for t in range(len(bits)):
@@ -57,6 +58,7 @@ def count_sizes(bits, shift, first, histogram):
 
 
 @machine_code
+@no_type_check
 def add_plane(
     along, across, value, weight, axes, theta, loss, full, record, right, tally, support,
     residual,
@@ -87,6 +89,7 @@ def add_plane(
 
 
 @machine_code
+@no_type_check
 def add_rows(
     nodes, shares, own, value, weight, theta, loss, full, record, cross, border, right, tally,
     support, residual,
@@ -101,10 +104,8 @@ def add_rows(
         residual[t], push, counts = _weighed(rest, w, loss, tally)
         for a in range(width):
             right[nodes[t, a]] += shares[t, a] * push
-        if not (full and counts):
-            continue
         place = 0
-        for a in range(width):
+        for a in range(width if full and counts else 0):
             i, wa = nodes[t, a], w * shares[t, a]
             support[i] += shares[t, a] != 0.0
             for b in range(a + 1):
