@@ -1,6 +1,6 @@
 """Temperature: errors over position and temperature in, the thermal line out.
 
-Read in this order: `_types` (what goes in and comes out; a law is a curve of the models),
+Read in this order: `_types` (what goes in and comes out),
 `_structure` (the temperature behind a sensor: the one first-order lag), `_line` (readings in
 order, and the line fitted to them), `_choice` (law, lag and intersection by readings left
 out), `_fit` (`fit_temperature`: all of it in order, and what the readings confuse), `_clock`
@@ -14,7 +14,6 @@ from ._structure import (
     Clocked as Clocked,
     clocked as clocked,
     lagged as lagged,
-    missed_temperatures as missed_temperatures,
     steady as steady,
 )
 from ._types import (

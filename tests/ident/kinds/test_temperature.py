@@ -1,6 +1,5 @@
 """Planted thermal lines come back, within the deviations that the fit states."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -323,17 +322,6 @@ def test_a_temperature_that_has_one_value_per_place_is_named_as_confounded() -> 
     )
     assert not fit.determined
     assert "slope change" in {pair.second for pair in fit.confounded}
-
-
-def test_the_compensation_takes_the_error_away() -> None:
-    fit = fit_temperature(warm_up(1), law=("linear", "linear"), lag="none")
-    place, warm = np.array([0.0, 400.0, 1000.0]), np.array([[22.0], [30.0], [35.0]])
-    error = fit.predict(warm, place)
-    for sign in (1, -1):
-        line = fit.compensation(sign=sign)
-        offset = line.offset(jnp.asarray(place), jnp.asarray(warm))
-        # The same few sums in another order.
-        np.testing.assert_allclose(np.asarray(offset), -error, atol=1e-12)
 
 
 def test_relative_to_a_temperature_nothing_is_corrected_there() -> None:
