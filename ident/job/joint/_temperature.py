@@ -114,7 +114,6 @@ class TemperatureMember(AbstractMember):
             rows=np.flatnonzero(rows),
             sensors=sensors,
             effects={key: sensors.index(name) for key, name in self.effects.items()},
-            log=None,
             datum=None,
             reference_temperature=effect.reference_temperature,
             remarks=tuple(share.remarks()),

@@ -1,6 +1,7 @@
 """The thermal line that readings determine, and what readings left out say of it."""
 
 import dataclasses
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -8,6 +9,7 @@ from jaxtyping import Float, Int
 from ...fit import FitError
 from ...kinds.temperature import (
     Confusion,
+    LawKey,
     TemperatureFit,
     ThermalReadings,
     fit_temperature,
@@ -17,7 +19,7 @@ from ._recording import ThermalRecording
 
 _BLOCKS, _FOLDS = 20, 5
 """Stretches of time, and in how many turns they are left out, far from each other."""
-LawPair = str | tuple[str | int, str | int]
+LawPair = Literal["auto"] | tuple[LawKey, LawKey]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,10 +94,10 @@ def _line(
     fit: TemperatureSpec,
     readings: ThermalReadings,
     law: LawPair,
-    lag: str | float | None = None,
+    lag: float | Literal["auto", "none"] | None = None,
 ) -> TemperatureFit:
     offset = recording.effects.get("offset")
-    reference: float | str = "intersection" if fit.reference is None else fit.reference
+    reference = "intersection" if fit.reference is None else fit.reference
     if recording.datum is not None and "coefficient" in recording.effects:
         # The instrument was set to zero there: what the offset does, nobody saw.
         offset, reference = None, recording.datum
@@ -108,7 +110,6 @@ def _line(
         law=law,
         reference=reference,
         lag=lag,
-        log=recording.log if lag != "none" else None,
         loss=fit.loss,
     )
 

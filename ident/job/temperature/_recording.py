@@ -14,7 +14,7 @@ from ....data.measurements import (
     without_motion,
 )
 from ...fit import FitError
-from ...kinds.temperature import SensorLog, ThermalReadings, steady
+from ...kinds.temperature import ThermalReadings, steady
 from .._fit_schema import Effect, TemperatureSpec
 from .._remove import without_zero
 from .._result import Remark
@@ -34,7 +34,6 @@ class ThermalRecording:
         rows: Which row of all measurements, one after the other, each reading was.
         sensors: Names of the sensors, as columns of the temperatures.
         effects: Number of the sensor of each effect that is fitted.
-        log: Temperatures on an own, denser clock, or None.
         datum: Where the instrument was set to zero at all temperatures, or None.
         reference_temperature: In °C, at which nothing is to be corrected.
         remarks: What was taken for granted.
@@ -46,7 +45,6 @@ class ThermalRecording:
     rows: Int[np.ndarray, " t"]
     sensors: tuple[str, ...]
     effects: dict[Effect, int]
-    log: SensorLog | None
     datum: float | None
     reference_temperature: float
     remarks: tuple[Remark, ...]
@@ -103,7 +101,6 @@ def read_thermal(tables: Tables, fit: TemperatureSpec) -> ThermalRecording:
         rows=rows,
         sensors=names,
         effects=numbers,
-        log=None,
         datum=datum,
         reference_temperature=reference,
         remarks=tuple(remarks),

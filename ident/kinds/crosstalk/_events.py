@@ -115,28 +115,21 @@ def specified(
     """Return the accelerations that the entries stand for, in mm/s²: given, or as measured.
 
     Raises:
-        FitError: If a given one has the wrong sign or the master never accelerates so.
+        FitError: If the master never accelerates so.
     """
 
-    def one(sign: float, given: float | None, word: str) -> float:
-        if given is None:
-            values = sign * readings.acceleration
-            top = float(values.max())
-            if not top > 0:
-                msg = (
-                    f"the master shows no {word} at all, expected events of both signs."
-                )
-                raise FitError(msg)
-            # What the master reaches again and again; a list has integers.
-            return sign * math.ceil(float(np.median(values[values > 0.5 * top])))
-        if not sign * given > 0:
-            wanted = "above" if sign > 0 else "below"
-            msg = f"{word}: found {given:g} mm/s², expected a number {wanted} 0."
+    def reached(sign: float, word: str) -> float:
+        values = sign * readings.acceleration
+        top = float(values.max())
+        if not top > 0:
+            msg = f"the master shows no {word} at all, expected events of both signs."
             raise FitError(msg)
-        return float(given)
+        # What the master reaches again and again; a list has integers.
+        return sign * math.ceil(float(np.median(values[values > 0.5 * top])))
 
-    return one(1.0, acceleration, "acceleration"), one(
-        -1.0, deceleration, "deceleration"
+    return (
+        reached(1.0, "acceleration") if acceleration is None else acceleration,
+        reached(-1.0, "deceleration") if deceleration is None else deceleration,
     )
 
 

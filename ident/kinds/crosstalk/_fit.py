@@ -113,7 +113,7 @@ def fit_crosstalk(
     deceleration: float | None = None,
     mode: int | str = "auto",
     positions: Float[np.ndarray, "p k"] | None = None,
-    velocity_dependent: bool | str = "auto",
+    velocity_dependent: bool | Literal["auto"] = "auto",
     most_tests: int = SAFE_TESTS,
     conventions: Conventions | None = None,
     loss: str = "student",
@@ -139,13 +139,6 @@ def fit_crosstalk(
         FitError: If there are no events or the arguments cannot be met.
     """
     rules = Conventions() if conventions is None else conventions
-    modes = _modes(mode, readings, positions, most_tests)
-    if isinstance(velocity_dependent, str) and velocity_dependent != "auto":
-        msg = (
-            f"velocity_dependent: found {velocity_dependent!r}, expected true, false or "
-            "'auto'."
-        )
-        raise FitError(msg)
     up, down = specified(readings, acceleration, deceleration)
     events = cut_events(readings, up, down, conventions=rules)
     directions: Directions = "given"
@@ -160,9 +153,15 @@ def fit_crosstalk(
         axes = tuple(range(positions.shape[1]))
         points = np.asarray(positions, float)
     else:
+        every = tuple(range(1, readings.positions.shape[1] + 2))
+        modes = (mode,) if isinstance(mode, int) else every
         axes, nodes, scores = choose_tests(table, modes, most_tests)
         points = points_of(nodes)
-    stencil = surface_through(points).stencil(filled(table.positions[:, list(axes)]))
+    try:
+        surface = surface_through(points)
+    except ValueError as error:
+        raise FitError(str(error)) from error
+    stencil = surface.stencil(filled(table.positions[:, list(axes)]))
     columns = np.array(stencil.matrix())[: len(events)]
     shape = len(BRANCHES), len(points)
     values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
@@ -197,53 +196,6 @@ def fit_crosstalk(
         scores=scores,
         conventions=rules,
     )
-
-
-def _modes(
-    mode: int | str,
-    readings: CrosstalkReadings,
-    positions: Float[np.ndarray, "p k"] | None,
-    most_tests: int,
-) -> tuple[int, ...]:
-    """Return the modes to choose from, after the arguments are checked."""
-    axes = readings.positions.shape[1]
-    known = mode in (1, 2, 3, "auto")
-    modes = (int(mode),) if known and mode != "auto" else tuple(range(1, axes + 2))
-    needed = modes[-1] - 1
-    faults = [
-        (
-            not 1 <= most_tests <= MOST_TESTS,
-            f"found {most_tests} tests at most, expected 1 to {MOST_TESTS}.",
-        ),
-        (axes > 2, f"found {axes} adaptation axes, expected 0, 1 or 2."),
-        (not known, f"mode: found {mode!r}, expected 1, 2, 3 or 'auto'."),
-        (
-            needed > axes,
-            f"mode {mode} needs {needed} adaptation axes, the readings have the positions "
-            f"of {axes}.",
-        ),
-    ]
-    if positions is not None:
-        count, columns = positions.shape
-        faults += [
-            (
-                not 1 <= count <= MOST_TESTS,
-                f"found {count} tests, expected 1 to {MOST_TESTS}.",
-            ),
-            (
-                columns > axes or columns + 1 not in modes,
-                f"the tests have positions of {columns} axes, expected {needed}.",
-            ),
-        ]
-    for wrong, msg in faults:
-        if wrong:
-            raise FitError(msg)
-    if positions is not None:
-        try:
-            surface_through(np.asarray(positions, float))
-        except ValueError as error:
-            raise FitError(str(error)) from error
-    return modes
 
 
 def _directions(events: tuple[Event, ...]) -> Directions:

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -16,11 +17,12 @@ from ._types import (
     Law,
     LawScore,
     Meeting,
-    SensorLog,
     TemperatureFit,
     ThermalReadings,
 )
 
+LawKey = Literal["constant", "linear"] | int
+"""A law over the temperature, or its number of nodes."""
 _LAWS = {"constant": 1, "linear": 2}
 _FEW = 20
 """Readings below which no lag is looked for."""
@@ -34,10 +36,9 @@ def fit_temperature(
     *,
     offset_sensor: int | None = 0,
     coefficient_sensor: int | None = 0,
-    law: str | tuple[str | int, str | int] = "auto",
-    reference: float | str = "intersection",
-    lag: str | float = "auto",
-    log: SensorLog | None = None,
+    law: Literal["auto"] | tuple[LawKey, LawKey] = "auto",
+    reference: float | Literal["intersection"] = "intersection",
+    lag: float | Literal["auto", "none"] = "auto",
     loss: str = "student",
 ) -> TemperatureFit:
     r"""Fit $e = o(T_1) + c(T_2)(s - s_0)$ to errors at positions and temperatures.
@@ -59,16 +60,17 @@ def fit_temperature(
             positions where they meet nowhere.
         lag: ``"auto"`` estimates a first-order lag of the structure behind each sensor and
             applies it where it predicts better; ``"none"``; or the time constant in s.
-        log: Temperatures on the clock of the readings, denser than these; None = those of
-            the readings.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
 
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    data, rows = complete_data(readings, (offset_sensor, coefficient_sensor), log)
+    data, rows = complete_data(readings, (offset_sensor, coefficient_sensor))
     contest = Contest.of(data, loss)
-    place, wanted = _place(data, reference)
+    wanted = reference == "intersection" and coefficient_sensor is not None
+    place = float(0.5 * (data.position.min() + data.position.max()))
+    if not isinstance(reference, str):
+        place = float(reference)
     lags, late = _lags(contest, lag, place)
     shape, scores, scale = _shape(contest, law, place, lags)
     # A law that does not follow its sensor has no lag.
@@ -133,54 +135,29 @@ def fit_temperature(
     )
 
 
-def _place(data: Data, reference: float | str) -> tuple[float, bool]:
-    """Return where to begin, and whether the intersection is wanted."""
-    if not isinstance(reference, str):
-        return float(reference), False
-    if reference != "intersection":
-        msg = f"reference: found {reference!r}, expected 'intersection' or a position in mm."
-        raise FitError(msg)
-    if data.sensors[1] is None:
-        return 0.0, False
-    return 0.5 * float(data.position.min() + data.position.max()), True
-
-
 def _lags(
-    contest: Contest, lag: str | float, place: float
+    contest: Contest, lag: float | Literal["auto", "none"], place: float
 ) -> tuple[Pair, tuple[bool, bool]]:
     """Return time constants in s, and which sensors are late."""
     if lag == "auto" and len(contest.data.error) >= _FEW:
         return contest.lags(place)
-    if lag in ("auto", "none"):
-        lag = 0.0
-    if isinstance(lag, str) or not 0 <= lag < np.inf:
-        msg = f"lag: found {lag!r}, expected 'auto', 'none' or a time in s."
-        raise FitError(msg)
-    one, other = (
-        0.0 if sensor is None else float(lag) for sensor in contest.data.sensors
-    )
+    given = 0.0 if isinstance(lag, str) else lag
+    one, other = (given * (sensor is not None) for sensor in contest.data.sensors)
     return (one, other), (False, False)
 
 
 def _shape(
-    contest: Contest, law: str | tuple[str | int, str | int], place: float, lags: Pair
+    contest: Contest,
+    law: Literal["auto"] | tuple[LawKey, LawKey],
+    place: float,
+    lags: Pair,
 ) -> tuple[Shape, tuple[LawScore, ...], float | None]:
     """Return the law, those it was compared with, and the scale of their residuals."""
     if law == "auto":
         return contest.shape(place, lags)
-    if isinstance(law, str):
-        msg = (
-            f"law: found {law!r}, expected 'auto' or a pair for offset and coefficient."
-        )
-        raise FitError(msg)
-    counts = [_LAWS.get(each, 0) if isinstance(each, str) else each for each in law]
-    for each, count in zip(law, counts, strict=True):
-        if count < 1:
-            msg = f"law: found {each!r}, expected 'constant', 'linear' or a number of nodes."
-            raise FitError(msg)
+    one, other = (_LAWS[each] if isinstance(each, str) else each for each in law)
     moved = [sensor is not None for sensor in contest.data.sensors]
-    shape = counts[0] if moved[0] else 1, counts[1] if moved[1] else 0
-    return shape, (), None
+    return (one if moved[0] else 1, other if moved[1] else 0), (), None
 
 
 def _refuse_undetermined(line: Line, found: Regression) -> None:

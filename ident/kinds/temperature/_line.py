@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...core import FitError, Regression, node_shares, regress, regress_curve
 from ._structure import Clocked, clocked, missed_temperatures
-from ._types import SensorLog, ThermalReadings
+from ._types import ThermalReadings
 
 LEAST_RANGE = 0.5
 """Range of a sensor in K below which no law is determined."""
@@ -34,8 +34,8 @@ class Data:
     Attributes:
         error: In mm.
         position: In mm.
-        time: In s, on the clock of the log.
-        logs: Of the sensor of offset and coefficient; None = has none.
+        time: In s.
+        logs: Of the sensor of offset and coefficient, all readings; None = has none.
         sensors: Their numbers.
     """
 
@@ -209,59 +209,37 @@ def fit_line(
 
 
 def complete_data(
-    readings: ThermalReadings,
-    sensors: tuple[int | None, int | None],
-    log: SensorLog | None,
+    readings: ThermalReadings, sensors: tuple[int | None, int | None]
 ) -> tuple[Data, Int[np.ndarray, " r"]]:
     """Return the complete readings in order of time, and the rows where they stood.
 
     Args:
         readings: As they were handed in.
         sensors: Of offset and coefficient; None = has none.
-        log: Of the sensors on their own clock, or None.
 
     Raises:
         FitError: If they cannot tell what is asked for.
     """
-    used = [sensor for sensor in sensors if sensor is not None]
-    if not used:
-        msg = "no sensor is given, expected one for the offset or for the coefficient."
-        raise FitError(msg)
-    count = readings.temperature.shape[1]
-    for sensor in used:
-        if not 0 <= sensor < count:
-            msg = f"found sensor {sensor + 1} of {count}, expected one that was logged."
-            raise FitError(msg)
-    if sensors[1] is not None and readings.position is None:
-        msg = (
-            "a coefficient needs the position of every reading; without positions only "
-            "the offset can be fitted."
-        )
-        raise FitError(msg)
     whole = len(readings.error)
     position = np.zeros(whole) if readings.position is None else readings.position
     clock = np.arange(whole, dtype=float) if readings.time is None else readings.time
     keep = np.isfinite(readings.error) & np.isfinite(position) & np.isfinite(clock)
-    for sensor in used if log is None else ():
-        keep &= ~missed_temperatures(readings.temperature[:, sensor])
+    for sensor in sensors:
+        if sensor is not None:
+            keep &= ~missed_temperatures(readings.temperature[:, sensor])
     rows = np.flatnonzero(keep)
     rows = rows[np.argsort(clock[rows], kind="stable")]
-
-    def behind(sensor: int | None) -> Clocked | None:
-        if sensor is None:
-            return None
-        if log is None:
-            return clocked(clock[rows], readings.temperature[rows, sensor])
-        values = log.temperature[:, sensor]
-        missed = missed_temperatures(values)
-        return clocked(log.time, np.where(missed, np.nan, values))
-
-    logs = behind(sensors[0]), behind(sensors[1])
-    data = Data(readings.error[rows], position[rows], clock[rows], logs, sensors)
-    inside = np.asarray(np.isfinite(data.structure((0.0, 0.0))).all(axis=0))
-    data = data.take(inside)
+    one, other = (
+        None
+        if sensor is None
+        else clocked(clock[rows], readings.temperature[rows, sensor])
+        for sensor in sensors
+    )
+    data = Data(
+        readings.error[rows], position[rows], clock[rows], (one, other), sensors
+    )
     _check(data, whole)
-    return data, rows[inside]
+    return data, rows
 
 
 def _check(data: Data, whole: int) -> None:

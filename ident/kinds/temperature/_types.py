@@ -47,19 +47,6 @@ class ThermalReadings:
 
 
 @dataclasses.dataclass(frozen=True)
-class SensorLog:
-    """Temperatures on a clock of their own, denser than the readings of the error.
-
-    Attributes:
-        time: Ascending, in s.
-        temperature: Of each sensor in °C, shape ``(l, s)``; NaN = missed.
-    """
-
-    time: Float[np.ndarray, " l"]
-    temperature: Float[np.ndarray, "l s"]
-
-
-@dataclasses.dataclass(frozen=True)
 class Law:
     """A parameter of the line over the temperature: linear between nodes, held outside.
 

@@ -5,7 +5,6 @@ import pytest
 
 from axcomp.ident.core import FitError
 from axcomp.ident.kinds.temperature import (
-    SensorLog,
     TemperatureFit,
     ThermalReadings,
     fit_temperature,
@@ -172,19 +171,6 @@ def test_a_sensor_that_follows_late_is_named() -> None:
         ThermalReadings(readings.error, late[:, None], readings.position, readings.time)
     )
     assert fit.lags[0].sensor_late
-
-
-def test_a_dense_log_of_the_sensor_replaces_the_readings_of_it() -> None:
-    readings = warm_up(6, lag=900.0)
-    assert readings.time is not None
-    log = SensorLog(readings.time, readings.temperature)
-    thin = readings.take(np.arange(len(readings.error)) % 7 == 0)
-    empty = ThermalReadings(
-        thin.error, np.full_like(thin.temperature, np.nan), thin.position, thin.time
-    )
-    fit = fit_temperature(empty, log=log)
-    low, high = fit.lags[0].interval
-    assert low < 900.0 < high
 
 
 def two_sensors(seed: int) -> ThermalReadings:
