@@ -1,8 +1,8 @@
 """Readings left out: the posterior without them, and the choice that predicts them.
 
-The posterior is that of the sums of all others. Weights of the prior and the influence of
-every other reading are kept from the fit of all; the values are solved for anew. Effects of
-groups (runs) sum to zero over those that are left, so that a table keeps their mean.
+The posterior is that of the sums of all others, with weights of the prior and influences kept
+from the fit of all. Effects of groups (runs) sum to zero over those that are left, so that a
+table keeps their mean.
 """
 
 import dataclasses
@@ -33,14 +33,14 @@ def simplest(
 ) -> tuple[int, Float[np.ndarray, " c"]]:
     """Return which choice is the simplest that predicts no worse than the best.
 
-    Worse is more than one standard error over the blocks, of which each shares its drift; a
-    real gain may sit in a single one (a transient), so that more cannot be asked.
+    Worse is more than one standard error over the blocks; a real gain may sit in a single one
+    (a transient), so that more cannot be asked.
 
     Args:
         left: Residuals of held-out readings under each choice.
-        sizes: Number of parameters of each.
-        scale: Of the residuals; beyond five of it they count no more.
-        blocks: Number of the block of each reading.
+        sizes: Number of parameters of each choice.
+        scale: Of the residuals.
+        blocks: Of readings that share their drift, one number each.
         matters: Share of the sum of squares below which a choice is not worse.
 
     Returns:

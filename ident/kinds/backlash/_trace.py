@@ -33,7 +33,6 @@ def fit_backlash_trace(
     error: Float[np.ndarray, " t"],
     *,
     reach: float,
-    skip: float | None = None,
     loss: str = "student",
 ) -> BacklashFit:
     r"""Fit the backlash to the reversals of a trace.
@@ -48,10 +47,9 @@ def fit_backlash_trace(
         time: In s, ascending.
         position: Of the axis's own encoder (or command at low speed) in mm or °.
         error: External reference − encoder in mm or °.
-        reach: Travel on both sides of a reversal that is used, in mm or °; half of it is the
-            smallest way back that is a reversal.
-        skip: Travel after a reversal that is left out, in which the play is taken up; None =
-            a fifth of the reach.
+        reach: Travel on both sides of a reversal that is used but for the first fifth, in which
+            the play is taken up, in mm or °; half of it is the smallest way back that is a
+            reversal.
         loss: As for `fit_backlash`.
 
     Raises:
@@ -66,8 +64,7 @@ def fit_backlash_trace(
         msg = "time must ascend to derive the speed."
         raise FitError(msg)
     speeds = np.gradient(position, time)
-    skip = _SKIP * reach if skip is None else skip
-    turns = _reversals(position, np.column_stack([error, speeds]), reach, skip)
+    turns = _reversals(position, np.column_stack([error, speeds]), reach)
     if len(turns) < _LEAST:
         msg = (
             f"found {len(turns)} reversals with readings within {reach:g} on both sides, "
@@ -115,7 +112,6 @@ def _reversals(
     position: Float[np.ndarray, " t"],
     seen: Float[np.ndarray, "t 2"],
     reach: float,
-    skip: float,
 ) -> list[Reversal]:
     """Return the reversals of a motion with rows enough on both sides, jitter left out.
 
@@ -123,7 +119,6 @@ def _reversals(
         position: In mm or °.
         seen: Error and speed of each row.
         reach: Travel on both sides that is kept, in mm or °.
-        skip: Travel on both sides that tells no width.
     """
     swing = 0.5 * reach
     ends = [find_peaks(side, prominence=swing)[0] for side in (position, -position)]
@@ -140,7 +135,7 @@ def _reversals(
         rows = np.delete(np.arange(start, stop), turn - start)
         away, later = np.abs(position[rows] - position[turn]), rows > turn
         most = min(away[side].max(initial=0.0) for side in (later, ~later))
-        rows = rows[(away >= skip) & (away <= most)]
+        rows = rows[(away >= _SKIP * reach) & (away <= most)]
         later = rows > turn
         if min(int(later.sum()), int((~later).sum())) < _ROWS:
             continue

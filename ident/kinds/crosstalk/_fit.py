@@ -71,11 +71,6 @@ class CrosstalkFit:
     scores: tuple[ModeScore, ...]
     conventions: Conventions
 
-    @property
-    def determined(self) -> bool:
-        """Whether all values of all tests are measured."""
-        return bool(self.complete.all())
-
     def compensation(self, cycles: int = 0) -> Crosstalk | None:
         """Return the model that takes this error away, from the complete tests.
 

@@ -67,10 +67,11 @@ def fit_temperature(
     """
     data, rows = complete_data(readings, (offset_sensor, coefficient_sensor))
     contest = Contest.of(data, loss)
-    wanted = reference == "intersection" and coefficient_sensor is not None
-    place = float(0.5 * (data.position.min() + data.position.max()))
+    place, wanted = 0.0, False
     if not isinstance(reference, str):
-        place = float(reference)
+        place = reference
+    elif coefficient_sensor is not None:
+        place, wanted = float(data.position.min() + data.position.max()) / 2.0, True
     lags, late = _lags(contest, lag, place)
     shape, scores, scale = _shape(contest, law, place, lags)
     # A law that does not follow its sensor has no lag.
@@ -95,7 +96,7 @@ def fit_temperature(
         _refuse_undetermined(line, found)
     count, whole = line.shape[0], len(readings.error)
     theta, columns = data.structure(line.lags), line.columns_of(data)
-    deviation = found.standard_deviation[: len(line.value)]
+    deviation, further = np.split(found.standard_deviation, [len(line.value)])
     laws = [
         Law(sensor or 0, nodes, line.value[part], deviation[part])
         for sensor, nodes, part in zip(
@@ -110,16 +111,14 @@ def fit_temperature(
     for sensor, values in zip(data.sensors, theta, strict=True):
         if sensor is not None:
             temperature[rows, sensor] = values
-    is_met = meeting == "met"
-    place_deviation = found.standard_deviation[len(line.value)] if is_met else None
     return TemperatureFit(
         offset=laws[0],
         coefficient=laws[1] if line.shape[1] else None,
         reference=line.reference,
-        reference_deviation=None if place_deviation is None else float(place_deviation),
+        reference_deviation=float(further[0]) if meeting == "met" else None,
         meeting=meeting,
         lags=_reported_lags(data, line, found, free, late),
-        names=tuple(line.names(is_met, len(free))),
+        names=tuple(line.names(meeting == "met", len(free))),
         covariance=found.covariance,
         noise=found.noise,
         independent=float(found.independent[: len(line.value)].min()),

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ...core import FitError, Regression, node_shares, regress, regress_curve
 from ._structure import Clocked, clocked, missed_temperatures
@@ -35,8 +35,9 @@ class Data:
         error: In mm.
         position: In mm.
         time: In s.
-        logs: Of the sensor of offset and coefficient, all readings; None = has none.
+        logs: Of the sensor of offset and coefficient; None = has none.
         sensors: Their numbers.
+        rows: Which row of the logs each reading is.
     """
 
     error: Float[np.ndarray, " t"]
@@ -44,13 +45,12 @@ class Data:
     time: Float[np.ndarray, " t"]
     logs: tuple[Clocked | None, Clocked | None]
     sensors: tuple[int | None, int | None]
+    rows: Int[np.ndarray, " t"]
 
     def structure(self, lags: Pair) -> Structure:
         """Return the structure temperatures for offset and coefficient in °C."""
         one, other = (
-            np.zeros(len(self.time))
-            if log is None
-            else log.structure_at(self.time, lag)
+            np.zeros(len(self.time)) if log is None else log.structure(lag)[self.rows]
             for log, lag in zip(self.logs, lags, strict=True)
         )
         return one, other
@@ -77,18 +77,13 @@ class Data:
         least = float(np.median(np.diff(clock)))
         return 0.2 * least, 3.0 * max(float(np.ptp(clock)), least)
 
-    def take(
-        self, keep: Bool[np.ndarray, " t"] | Int[np.ndarray, " r"] | slice
-    ) -> "Data":
-        """Return the readings that are kept; the logs stay whole."""
-        error, position, time = (
-            each[keep] for each in (self.error, self.position, self.time)
-        )
-        return dataclasses.replace(self, error=error, position=position, time=time)
-
     def thinned(self) -> "Data":
         """Return every n-th reading so that choices cost the same for logs of any length."""
-        return self.take(slice(None, None, -(-len(self.error) // _MANY)))
+        keep = slice(None, None, -(-len(self.error) // _MANY))
+        error, position, time, rows = (
+            each[keep] for each in (self.error, self.position, self.time, self.rows)
+        )
+        return Data(error, position, time, self.logs, self.sensors, rows)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -236,8 +231,9 @@ def complete_data(
         for sensor in sensors
     )
     data = Data(
-        readings.error[rows], position[rows], clock[rows], (one, other), sensors
-    )
+        readings.error[rows], position[rows], clock[rows], (one, other), sensors,
+        np.arange(len(rows)),
+    )  # fmt: skip
     _check(data, whole)
     return data, rows
 

@@ -189,11 +189,6 @@ class TemperatureFit:
         return self.meeting == "met"
 
     @property
-    def determined(self) -> bool:
-        """Whether the readings tell all effects apart."""
-        return not self.confounded
-
-    @property
     def _laws(self) -> list[tuple[Law, slice]]:
         """The laws, and where their nodes stand in the covariance."""
         count = len(self.offset.value)

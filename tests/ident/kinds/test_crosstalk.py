@@ -101,7 +101,7 @@ def test_events_held_out_choose_the_mode_and_the_axes(
 ) -> None:
     fit = fit_crosstalk(log(1, law), acceleration=FULL, deceleration=-FULL)
     assert (fit.mode, fit.axes) == (mode, axes)
-    assert fit.determined
+    assert fit.complete.all()
     assert fit.velocity_dependent
     assert 1 <= len(fit.points) <= 14
     truth = truth_at(law, fit.points, axes)
@@ -268,7 +268,7 @@ def test_accelerating_by_speed_sorts_events_by_whether_the_master_gets_faster() 
 def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
     readings = without_places(log(5, mode_1, ways=(1,)))
     fit = fit_crosstalk(readings, acceleration=FULL, deceleration=-FULL)
-    assert not fit.determined
+    assert not fit.complete.all()
     assert fit.compensation() is None
     assert np.isnan(fit.values[1]).all()
     assert np.isinf(fit.standard_deviation[1]).all()
@@ -281,7 +281,7 @@ def test_one_way_is_enough_where_directions_are_taken_as_alike() -> None:
     fit = fit_crosstalk(
         readings, acceleration=FULL, deceleration=-FULL, velocity_dependent=False
     )
-    assert fit.determined
+    assert fit.complete.all()
 
 
 def test_a_test_without_events_is_left_out_whole() -> None:
@@ -297,7 +297,7 @@ def test_a_test_without_events_is_left_out_whole() -> None:
         positions=np.array([[0.0], [100.0], [200.0], [300.0]]),
     )
     assert fit.complete.tolist() == [True, True, True, False]
-    assert not fit.determined
+    assert not fit.complete.all()
     model = fit.compensation()
     assert model is not None
     assert model.values.shape == (4, 3)
