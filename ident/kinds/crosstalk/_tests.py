@@ -134,7 +134,7 @@ class Table:
             aim, design = (self.amount[use] - centre) * root[use], columns[use]
             value = np.linalg.lstsq(design * root[use, None], aim, rcond=1e-6)[0]
             result[mine] = self.amount[mine] - centre - columns[mine] @ value
-        return result * root
+        return np.asarray(result * root)
 
 
 def points_of(nodes: Nodes) -> Float[np.ndarray, "p k"]:
