@@ -39,7 +39,7 @@ from ._effect import (
 from ._errors import FitError as FitError
 from ._evidence import choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
-from ._hold_out import leave_one_out as leave_one_out
+from ._hold_out import leave_one_out as leave_one_out, simplest as simplest
 from ._ipopt import (
     IpoptSolution as IpoptSolution,
     IpoptStatus as IpoptStatus,

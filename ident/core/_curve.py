@@ -156,7 +156,7 @@ def regress_curve(
         )
         return project(found.x)[0]
 
-    last, converged = iterate(
+    last = iterate(
         np.concatenate([begin, start]),
         residual_at,
         solve,
@@ -171,9 +171,8 @@ def regress_curve(
     refuse_confounded(design, names)
     scale = np.sqrt(np.square(design).sum(axis=0))
     residual = target - columns @ last.value[:size]
-    result = estimate(design, residual, known, last, converged)
+    result = estimate(design, residual, known, last)
     if not quick:
-        result = with_covariance(
-            result, design / scale, scale, known, last.pseudo, time, True, None
-        )
+        unit = design / scale
+        result = with_covariance(result, unit, scale, known, last.pseudo, time)
     return last.value[size:], result

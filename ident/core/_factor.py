@@ -275,8 +275,6 @@ class PivotedFactor:
     @property
     def undetermined(self) -> Bool[np.ndarray, " k"]:
         """Columns that take part in what the readings do not see."""
-        if not self.null.shape[1]:
-            return np.zeros(len(self.null), bool)
         return np.asarray((np.abs(self.null) > SINGULAR**0.5).any(axis=1))
 
     def solve(self, right: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:

@@ -1,18 +1,18 @@
-"""The posterior without some group of readings, from the sums of all others.
+"""Readings left out: the posterior without them, and the choice that predicts them.
 
-Weights of the prior and the influence of every other reading are kept from the fit of all;
-the values are solved for anew. Effects of groups (runs) sum to zero over those that are
-left, so that a table keeps their mean.
+The posterior is that of the sums of all others, with weights of the prior and influences kept
+from the fit of all. Effects of groups (runs) sum to zero over those that are left, so that a
+table keeps their mean.
 """
 
 import dataclasses
 import functools
 import operator
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ._effect import GroupEffect
 from ._errors import FitError
@@ -20,6 +20,44 @@ from ._posterior import Posterior, Problem
 from ._robust import Estimate
 from ._stack import Stack
 from ._sums import Sums
+
+_LIMIT = 5.0
+"""Residuals in scales beyond which a held-out reading counts no more."""
+
+
+def simplest(
+    left: Sequence[Float[np.ndarray, " t"]],
+    sizes: Sequence[int],
+    scale: float,
+    blocks: Int[np.ndarray, " t"],
+    matters: float = 0.0,
+) -> tuple[int, Float[np.ndarray, " c"]]:
+    """Return which choice is the simplest that predicts no worse than the best.
+
+    Worse is more than one standard error over the blocks; a real gain may sit in a single one
+    (a transient), so that more cannot be asked.
+
+    Args:
+        left: Residuals of held-out readings under each choice.
+        sizes: Number of parameters of each choice.
+        scale: Of the residuals.
+        blocks: Of readings that share their drift, one number each.
+        matters: Share of the sum of squares below which a choice is not worse.
+
+    Returns:
+        Its number, and the root mean square that each choice leaves.
+    """
+    losses = np.minimum((np.asarray(left) / scale) ** 2, _LIMIT**2)
+    mean = losses.mean(axis=1)
+    best = losses[int(np.argmin(mean))]
+    good = []
+    for number, loss in enumerate(losses):
+        sums = np.bincount(blocks, loss - best)[np.bincount(blocks) > 0]
+        chance = np.std(sums, ddof=1) * np.sqrt(len(sums)) if len(sums) > 1 else 0.0
+        if not sums.sum() > max(float(chance), matters * float(best.sum())):
+            good.append(number)
+    chosen = min(good, key=lambda each: (sizes[each], float(mean[each])))
+    return chosen, scale * np.sqrt(mean)
 
 
 def leave_one_out(

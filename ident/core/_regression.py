@@ -75,45 +75,35 @@ class RobustPass:
 
     Attributes:
         value: What is fitted.
-        residual: Reading − fit at the value before this pass.
-        loss: Its scale is that of these residuals.
+        loss: Its scale is that of the residuals before this pass.
         pseudo: Pseudo-residuals that led to the value, 0 where wild.
         wild: Readings that the loss rejected outright.
-        move: Largest change of any residual × √weight by this pass.
+        converged: Whether this pass hardly moved any residual.
     """
 
     value: Float[np.ndarray, " p"]
-    residual: Float[np.ndarray, " t"]
     loss: Loss
     pseudo: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
-    move: float
+    converged: bool
 
 
 def iterate(
     start: Float[np.ndarray, " p"],
-    residual_at: Callable[[Float[np.ndarray, " p"]], Float[np.ndarray, " t"]],
-    solve: Callable[
-        [
-            Float[np.ndarray, " p"],
-            Float[np.ndarray, " t"],
-            Bool[np.ndarray, " t"],
-        ],
-        Float[np.ndarray, " p"],
-    ],
+    residual_at: Callable[[np.ndarray], np.ndarray],
+    solve: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
     known: Float[np.ndarray, " t"],
     size: int,
     floor: float,
     loss: str = "student",
     tolerance: float = TIGHT,
-) -> tuple[RobustPass, bool]:
-    """Return the last robust pass, and whether the passes converged.
+) -> RobustPass:
+    """Return the last robust pass.
 
     Args:
         start: Where to begin.
         residual_at: Reading − fit at a value.
-        solve: Least squares from a value, its pseudo-residuals and the readings that are
-            left out.
+        solve: Least squares from a value, its pseudo-residuals and which readings are out.
         known: Weights of the readings.
         size: Number of parameters.
         floor: Smallest scale to believe in.
@@ -143,11 +133,9 @@ def iterate(
         value = solve(value, pseudo, wild)
         before, residual = residual, residual_at(value)
         move = float(np.abs((residual - before) * root).max())
-        current = RobustPass(value, before, chosen, pseudo, wild, move)
-        if move <= tolerance * chosen.scale or (loss == "gauss" and step > 1):
-            return current, True
-        if step == _PASSES:
-            return current, False
+        still = move <= tolerance * chosen.scale or (loss == "gauss" and step > 1)
+        if still or step == _PASSES:
+            return RobustPass(value, chosen, pseudo, wild, still)
         if step > _FREE_PASSES:
             # Readings at the very edge must not let the passes go round in circles.
             out = wild
@@ -161,10 +149,8 @@ def regress(
     weight: Float[np.ndarray, " t"] | None = None,
     names: Sequence[str] = (),
     loss: str = "student",
-    drifting: bool = True,
     quick: bool = False,
     noise: float | None = None,
-    refuse: bool = True,
 ) -> Regression:
     r"""Return the factors of columns that explain readings.
 
@@ -179,11 +165,10 @@ def regress(
         weight: Known relative weights (1/variance ratio), or None.
         names: Of the columns, for messages.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
-        drifting: Look for drift in the residuals; false where readings are independent.
         quick: Coefficients only: covariance and drift are left out (hold-out folds).
-        noise: Scatter of a reading of weight 1 as it is known beforehand: counts as two
-            readings, and lets as many unknowns be fitted as there are readings.
-        refuse: Raise where columns cannot be separated; else those are undetermined.
+        noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
+            independent: counts as two readings, lets as many unknowns be fitted as there are
+            readings, and columns that cannot be separated are undetermined, not refused.
 
     Raises:
         FitError: If the columns cannot be separated or there are too few readings.
@@ -194,14 +179,15 @@ def regress(
     scale = np.sqrt(np.square(columns * root[:, None]).sum(axis=0))
     design = columns / np.where(scale > 0, scale, 1.0)
     scale = np.where(scale > 0, scale, 1.0)
-    if refuse:
-        _refuse_few(count, size, noise is not None)
-        refuse_confounded(columns * root[:, None], names)
-    else:
+    if noise is not None:
         size = len(PivotedFactor.of(design * root[:, None]).kept)
-        _refuse_few(count, size, noise is not None)
+    if count < size or (count == size and noise is None):
+        msg = f"{count} readings for {size} unknowns, expected more than {size}."
+        raise FitError(msg)
+    if noise is None:
+        refuse_confounded(columns * root[:, None], names)
     system = _LinearSystem(design, known)
-    last, converged = iterate(
+    last = iterate(
         _least_magnitudes(design * root[:, None], target * root, loss),
         lambda value: target - design @ value,
         system.solve,
@@ -211,19 +197,11 @@ def regress(
         loss,
         LOOSE if quick else TIGHT,
     )
-    result = estimate(design, target - design @ last.value, known, last, converged)
+    result = estimate(design, target - design @ last.value, known, last)
     result = dataclasses.replace(result, coefficients=last.value / scale)
     if quick:
         return result
-    return with_covariance(
-        result, design, scale, known, last.pseudo, time, drifting, noise
-    )
-
-
-def _refuse_few(count: int, size: int, believed: bool) -> None:
-    if count < size or (count == size and not believed):
-        msg = f"{count} readings for {size} unknowns, expected more than {size}."
-        raise FitError(msg)
+    return with_covariance(result, design, scale, known, last.pseudo, time, noise)
 
 
 @dataclasses.dataclass
@@ -255,7 +233,6 @@ def estimate(
     residual: Float[np.ndarray, " t"],
     known: Float[np.ndarray, " t"],
     last: RobustPass,
-    converged: bool,
 ) -> Regression:
     """Return what is known without the covariance."""
     count, size = design.shape
@@ -269,7 +246,7 @@ def estimate(
         wild=last.wild,
         independent=np.full(size, float(count)),
         undetermined=np.zeros(size, bool),
-        converged=converged,
+        converged=last.converged,
     )
 
 
@@ -280,8 +257,7 @@ def with_covariance(
     known: Float[np.ndarray, " t"],
     pseudo: Float[np.ndarray, " t"],
     time: Float[np.ndarray, " t"] | None,
-    drifting: bool,
-    belief: float | None,
+    belief: float | None = None,
 ) -> Regression:
     """Return the result with covariance, drift and what is not determined."""
     rows = ~result.wild
@@ -291,10 +267,13 @@ def with_covariance(
     lacking = factor.undetermined
     # The likelihood needs the columns that stand by themselves only.
     own = part[:, np.sort(factor.kept)]
-    if drifting:
+    if belief is None:
         noise = find_drift(clock[rows], own, pseudo[rows], weight)
     else:
-        noise = _white(own.shape[1], pseudo[rows], weight, belief)
+        # Known beforehand: counts as a few readings.
+        square = float((weight * pseudo[rows] ** 2).sum()) + _BELIEF * belief**2
+        free = float(rows.sum() - own.shape[1]) + _BELIEF
+        noise = DriftNoise(float(np.sqrt(square / max(free, 1.0))))
     inverse = factor.inverse()
     scatter = scatter_of_sums(noise, clock[rows], part, weight)
     covariance = inverse @ scatter @ inverse / np.outer(scale, scale)
@@ -366,17 +345,3 @@ def least_scale(target: Float[np.ndarray, " t"], noise: float | None = None) -> 
         # A coarse instrument repeats itself; that is no proof of its accuracy.
         floor = max(floor, float(np.median(np.diff(different))) / np.sqrt(12.0))
     return floor
-
-
-def _white(
-    size: int,
-    pseudo: Float[np.ndarray, " t"],
-    weight: Float[np.ndarray, " t"],
-    belief: float | None,
-) -> DriftNoise:
-    """Return independent noise; what is known beforehand counts as a few readings."""
-    free = float(len(pseudo) - size)
-    square = float((weight * pseudo**2).sum())
-    if belief is not None:
-        free, square = free + _BELIEF, square + _BELIEF * belief**2
-    return DriftNoise(float(np.sqrt(square / max(free, 1.0))))

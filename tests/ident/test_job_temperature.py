@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check
+from axcomp.ident.cli import main
 from axcomp.ident.exchange import temperature_from_list
 from axcomp.ident.job import JobError, JobResult, TemperatureResult, run_job
 from axcomp.ident.kinds.temperature import lagged
@@ -271,6 +272,46 @@ def test_temperature_without_effect_writes_nothing_and_passes(tmp_path: Path) ->
     assert any(
         "No effect of the temperature" in r.message for r in result.fits[0].remarks
     )
+
+
+def only_rising(folder: Path) -> None:
+    """A warm-up that never turns, measured at one place: a drift would look the same."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 7200.0, 20.0)
+    warm = 6.0 * (1.0 - np.exp(-time / 2000.0))
+    error = 4e-3 * warm + NOISE * rng.normal(size=360)
+    sensor = 20.0 + warm + 0.02 * rng.normal(size=360)
+    write(folder, ("t", "x", "e", "frame"), (time, 0.0 * time, error, sensor))
+
+
+def test_what_discover_cannot_tell_from_a_drift_no_fit_writes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    only_rising(tmp_path)
+    keys = 'sensors = { offset = "frame" }\nlag = "none"'
+    found = run_all(tmp_path, keys, measured='remove = "offset"')
+    assert not found.passed
+    (fit,) = found.fits
+    assert not fit.files
+    (said,) = [each.message for each in fit.remarks if each.level == "error"]
+    doubt = "he data cannot tell: temperature offset of X by frame or drift of the"
+    assert doubt in said
+    assert main(["discover", str(tmp_path / "job.toml")]) == 1
+    assert doubt in capsys.readouterr().out
+    assert (
+        main(["fit", str(tmp_path / "job.toml"), "--out", str(tmp_path / "out")]) == 1
+    )
+
+
+def test_an_instrument_that_the_job_says_stands_still_leaves_the_temperature(
+    tmp_path: Path,
+) -> None:
+    only_rising(tmp_path)
+    keys = 'sensors = { offset = "frame" }\nlag = "none"'
+    found = run_all(tmp_path, keys, measured='remove = "offset"\ndrift = 0')
+    assert found.passed
+    assert found.fits[0].files
+    assert any("The data cannot tell" in each.message for each in found.fits[0].remarks)
 
 
 def test_failed_gate_keeps_all_three_files_out_of_the_way(tmp_path: Path) -> None:

@@ -158,6 +158,8 @@ def identify(
     if late:
         whole = without_delay(whole, late)
         found = chosen.fit(whole)
+    # What a list adds beside an event is that of the direction of the event.
+    whole = whole.directed(found.acceleration, found.deceleration)
     readings = dataclasses.replace(whole, positions=whole.positions[:, found.axes])
     # From here on nothing is chosen anew but where the tests stand.
     options |= {

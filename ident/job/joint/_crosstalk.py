@@ -152,8 +152,8 @@ class CrosstalkMember(AbstractMember):
         assert isinstance(effect, CrosstalkEffect)  # of `effect`
         used = np.full(len(share.rows), np.nan)
         used[share.rows] = share.error
-        log = self._log(share.recording, used, effect.adaptation)
         rates = effect.acceleration, effect.deceleration
+        log = self._log(share.recording, used, effect.adaptation).directed(*rates)
         events = cut_events(log, *rates, conventions=job.conventions)
         left = self._log(share.recording, share.predicted, effect.adaptation)
         kept = np.isfinite(log.error)

@@ -15,6 +15,8 @@ from ..temperature import (
     Identified,
     TemperatureDraft,
     ThermalRecording,
+    drift_instead,
+    states_drift,
     zero_of,
 )
 from ._member import AbstractMember
@@ -114,21 +116,23 @@ class TemperatureMember(AbstractMember):
             rows=np.flatnonzero(rows),
             sensors=sensors,
             effects={key: sensors.index(name) for key, name in self.effects.items()},
-            log=None,
             datum=None,
             reference_temperature=effect.reference_temperature,
             remarks=tuple(share.remarks()),
             carriers=share.tables,
+            drift=states_drift(job, self.fit),
         )
         fit = self._line(share, effect, structure)
+        instead = drift_instead(recording, fit)
         found = Identified(
             fit=fit,
             open=(),
-            determined=True,
+            determined=instead is None or recording.drift,
             dropped=False,
             groups=share.recording.fold[rows],
             predicted=share.predicted[rows],
             held_out=share.recording.held_out,
+            instead=instead,
         )
         zero = zero_of(recording, fit)
         return TemperatureDraft(

@@ -6,11 +6,12 @@ from ._draft import (
     plan_temperature as plan_temperature,
     zero_of as zero_of,
 )
-from ._identify import Identified as Identified
+from ._identify import Identified as Identified, drift_instead as drift_instead
 from ._recording import (
     ThermalRecording as ThermalRecording,
     only_sensor as only_sensor,
     sensor_name as sensor_name,
+    states_drift as states_drift,
 )
 from ._result import (
     TemperatureResult as TemperatureResult,

@@ -1,13 +1,16 @@
 """The thermal line that readings determine, and what readings left out say of it."""
 
 import dataclasses
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
 from ...kinds.temperature import (
     Confusion,
+    LawKey,
     TemperatureFit,
     ThermalReadings,
     fit_temperature,
@@ -17,7 +20,7 @@ from ._recording import ThermalRecording
 
 _BLOCKS, _FOLDS = 20, 5
 """Stretches of time, and in how many turns they are left out, far from each other."""
-LawPair = str | tuple[str | int, str | int]
+LawPair = Literal["auto"] | tuple[LawKey, LawKey]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +35,7 @@ class Identified:
         groups: Turn in which each used reading was left out.
         predicted: Error of each used reading in mm less what the other blocks say of it.
         held_out: What was left out together: ``block`` or ``run``.
+        instead: What a drift of the instrument would explain as well; None where none does.
     """
 
     fit: TemperatureFit
@@ -41,6 +45,7 @@ class Identified:
     groups: Int[np.ndarray, " u"]
     predicted: Float[np.ndarray, " u"]
     held_out: str = "block"
+    instead: AgainstDrift | None = None
 
 
 def identify(recording: ThermalRecording, fit: TemperatureSpec) -> Identified:
@@ -77,14 +82,44 @@ def _identified(recording: ThermalRecording, fit: TemperatureSpec) -> Identified
             recording, fit, recording.readings, (len(found.offset.value), "constant")
         )
     groups, predicted = _held_out(recording, fit, found)
+    instead = None if open_pairs else drift_instead(recording, found)
     return Identified(
         fit=found,
         open=open_pairs,
-        determined=not open_pairs or dropped,
+        determined=dropped or not (open_pairs or (instead and not recording.drift)),
         dropped=dropped,
         groups=groups,
         predicted=predicted,
+        instead=instead,
     )
+
+
+def drift_instead(
+    recording: ThermalRecording, fit: TemperatureFit
+) -> AgainstDrift | None:
+    """Return what may be a drift of the instrument as well; None where that is settled."""
+    readings, used = recording.readings, fit.used
+    count = int(used.sum())
+    clock = np.arange(count, dtype=float)
+    if readings.time is not None:
+        clock = readings.time[used]
+    away = np.zeros(count)
+    if readings.position is not None:
+        away = readings.position[used] - readings.position[used].mean()
+    columns = {
+        "offset": fit.temperature[used, recording.effects.get("offset", 0)],
+        "coefficient": fit.temperature[used, recording.effects.get("coefficient", 0)],
+    }
+    columns["coefficient"] = (
+        columns["coefficient"] - columns["coefficient"].mean()
+    ) * away
+    found = against_drift(
+        clock,
+        np.stack([columns[effect] for effect in recording.effects], axis=1),
+        readings.error[used],
+        np.stack([np.ones(count), away], axis=1),
+    )
+    return found if found is not None and found.doubtful else None
 
 
 def _line(
@@ -92,10 +127,10 @@ def _line(
     fit: TemperatureSpec,
     readings: ThermalReadings,
     law: LawPair,
-    lag: str | float | None = None,
+    lag: float | Literal["auto", "none"] | None = None,
 ) -> TemperatureFit:
     offset = recording.effects.get("offset")
-    reference: float | str = "intersection" if fit.reference is None else fit.reference
+    reference = "intersection" if fit.reference is None else fit.reference
     if recording.datum is not None and "coefficient" in recording.effects:
         # The instrument was set to zero there: what the offset does, nobody saw.
         offset, reference = None, recording.datum
@@ -108,7 +143,6 @@ def _line(
         law=law,
         reference=reference,
         lag=lag,
-        log=recording.log if lag != "none" else None,
         loss=fit.loss,
     )
 

@@ -14,8 +14,9 @@ from ....data.measurements import (
     without_motion,
 )
 from ...fit import FitError
-from ...kinds.temperature import SensorLog, ThermalReadings, steady
+from ...kinds.temperature import ThermalReadings, steady
 from .._fit_schema import Effect, TemperatureSpec
+from .._load import Job
 from .._remove import without_zero
 from .._result import Remark
 from .._source import Tables, measured_for
@@ -34,23 +35,23 @@ class ThermalRecording:
         rows: Which row of all measurements, one after the other, each reading was.
         sensors: Names of the sensors, as columns of the temperatures.
         effects: Number of the sensor of each effect that is fitted.
-        log: Temperatures on an own, denser clock, or None.
         datum: Where the instrument was set to zero at all temperatures, or None.
         reference_temperature: In °C, at which nothing is to be corrected.
         remarks: What was taken for granted.
         carriers: Tables of the same group, which hold what no temperature moves; None
             where the line is fitted alone.
+        drift: The job says how much the instrument drifts, be it nothing.
     """
 
     readings: ThermalReadings
     rows: Int[np.ndarray, " t"]
     sensors: tuple[str, ...]
     effects: dict[Effect, int]
-    log: SensorLog | None
     datum: float | None
     reference_temperature: float
     remarks: tuple[Remark, ...]
     carriers: tuple[str, ...] | None = None
+    drift: bool = False
 
 
 def sensor_name(text: str) -> str:
@@ -103,10 +104,17 @@ def read_thermal(tables: Tables, fit: TemperatureSpec) -> ThermalRecording:
         rows=rows,
         sensors=names,
         effects=numbers,
-        log=None,
         datum=datum,
         reference_temperature=reference,
         remarks=tuple(remarks),
+        drift=states_drift(tables.job, fit),
+    )
+
+
+def states_drift(job: Job, fit: TemperatureSpec) -> bool:
+    """Return whether the job says how much the instruments of a fit drift."""
+    return all(
+        "drift" in job.spec.measurements[name].model_fields_set for name in fit.sources
     )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.stats import rankdata
 
-from ...discover import against_drift, heat_or_drift
+from ...discover import heat_or_drift
 from ...kinds.temperature import Effect, Lag, Meeting, TemperatureFit
 from .._result import Remark
 from ._identify import Identified
@@ -79,7 +79,7 @@ def remarks_of(
             )
         )
     remarks += _of_fit(recording, found.fit)
-    remarks += _not_told(axis, recording, found.fit)
+    remarks += _not_told(axis, recording, found)
     hottest = float(np.max(recording.readings.temperature[found.fit.used]))
     if hottest > _HOT:
         remarks.append(
@@ -159,11 +159,11 @@ def _of_lag(lag: Lag, name: str) -> Remark:
 
 
 def _not_told(
-    axis: str, recording: ThermalRecording, fit: TemperatureFit
+    axis: str, recording: ThermalRecording, found: Identified
 ) -> list[Remark]:
     """Return what these readings cannot say, however well they fit."""
     remarks = []
-    readings = recording.readings
+    readings, fit = recording.readings, found.fit
     if fit.coefficient is None:
         why = f"The error was measured at one position of {axis}"
         if recording.carriers is not None:
@@ -204,7 +204,7 @@ def _not_told(
                         " warming and cooling tells them apart.",
                     )
                 )
-    remarks += _drift_instead(axis, recording, fit)
+    remarks += _drift_instead(axis, recording, found)
     if fit.independent < _FEW and fit.noise.drift > 0:
         remarks.append(
             Remark(
@@ -218,37 +218,24 @@ def _not_told(
 
 
 def _drift_instead(
-    axis: str, recording: ThermalRecording, fit: TemperatureFit
+    axis: str, recording: ThermalRecording, found: Identified
 ) -> list[Remark]:
     """Return that it may be a drift, where `discover` says so of the same readings."""
-    readings, used = recording.readings, fit.used
-    count = int(used.sum())
-    clock = np.arange(count, dtype=float)
-    if readings.time is not None:
-        clock = readings.time[used]
-    away = np.zeros(count)
-    if readings.position is not None:
-        away = readings.position[used] - readings.position[used].mean()
-    columns = {
-        "offset": fit.temperature[used, recording.effects.get("offset", 0)],
-        "coefficient": fit.temperature[used, recording.effects.get("coefficient", 0)],
-    }
-    columns["coefficient"] = (
-        columns["coefficient"] - columns["coefficient"].mean()
-    ) * away
-    found = against_drift(
-        clock,
-        np.stack([columns[effect] for effect in recording.effects], axis=1),
-        readings.error[used],
-        np.stack([np.ones(count), away], axis=1),
-    )
-    if found is None or not found.doubtful:
+    if found.instead is None:
         return []
     effect, sensor = next(iter(recording.effects.items()))
     heat = f"temperature {effect} of {axis} by {recording.sensors[sensor]}"
     what, remedy = heat_or_drift(heat, axis)
-    words = f"The data cannot tell: {what} ({1e3 * found.rms:.2g} µm rms). {remedy}"
-    return [Remark("warning", words)]
+    size = f"{1e3 * found.instead.rms:.2g} µm rms"
+    words = f"The data cannot tell: {what} ({size}). {remedy}"
+    if found.determined:
+        words += " The job says what the instrument drifts, so it is the temperature."
+        return [Remark("warning", words)]
+    words += (
+        " Nothing is written. Where the instrument is known to stand still, drift = 0 of"
+        " its measurement says so."
+    )
+    return [Remark("error", words)]
 
 
 def _alike(recording: ThermalRecording) -> list[Remark]:

@@ -1,15 +1,22 @@
-"""Acceleration events cut out of a log, each reduced to one value."""
+"""Acceleration events cut out of a log of master and slave, each reduced to one value."""
 
+import dataclasses
 import math
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ....models import Conventions, Crosstalk, surface_through
 from ...core import FitError, filled
-from ._types import BRANCHES, CrosstalkReadings, Event
 
+BRANCHES = (
+    "acceleration in positive direction",
+    "acceleration in negative direction",
+    "deceleration in positive direction",
+    "deceleration in negative direction",
+)
+"""Rows of the values, in the order of `axcomp.models.Crosstalk`."""
 _LEAST = 0.3
 """Share of the specified acceleration that an event reaches."""
 _QUIET = 0.02
@@ -23,6 +30,83 @@ _ROWS = 4
 """Rows of an event at least."""
 _BLIND = 1e6
 """Variance of an event, relative to one reading, from which on it says nothing."""
+_DEARER = 4.0
+"""Variance by impulses, in that of least squares, up to which impulses are preferred."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CrosstalkReadings:
+    """Motion of the master axis and the error of the slave axis, row by row in time.
+
+    Attributes:
+        time: In s, ascending.
+        acceleration: Of the master in mm/s².
+        velocity: Of the master in mm/s.
+        error: Of the slave, actual − encoder (or commanded at rest) in mm; NaN = missed.
+        positions: Of the axes on which it may depend (adaptation axes) in mm, shape
+            ``(t, k)``; k = 0 where there are none.
+    """
+
+    time: Float[np.ndarray, " t"]
+    acceleration: Float[np.ndarray, " t"]
+    velocity: Float[np.ndarray, " t"]
+    error: Float[np.ndarray, " t"]
+    positions: Float[np.ndarray, "t k"]
+
+    def directed(self, acceleration: float, deceleration: float) -> "CrosstalkReadings":
+        """Return the log with one direction per acceleration, or two where it turns.
+
+        A filter smears an acceleration over the standstill before and after, where the
+        velocity has no direction: there the controller would take another entry.
+
+        Args:
+            acceleration: Specified, in mm/s², positive.
+            deceleration: Specified, in mm/s², negative.
+        """
+        velocity = self.velocity.copy()
+        full = np.where(self.acceleration < 0, -deceleration, acceleration)
+        share = np.abs(self.acceleration) / full
+        sign = np.where(share < _QUIET, 0, np.sign(self.acceleration))
+        for start, stop in _stretches(sign):
+            rows = slice(start, stop)
+            push, speed = share[rows], np.abs(velocity[rows])
+            net = push * np.sign(velocity[rows])
+            forward, back = float(net[net > 0].sum()), float(-net[net < 0].sum())
+            if sign[start] == 0 or forward == back:
+                continue
+            turn, lead = stop - start, 1.0 if forward > back else -1.0
+            if min(forward, back) >= _TURN * float(push.sum()):
+                # The master turns: one direction before, the other one after.
+                lead = -float(sign[start])
+                turn = 1 + int(np.argmax(np.cumsum(net * lead)))
+            way = np.where(np.arange(stop - start) < turn, lead, -lead)
+            velocity[rows] = way * np.maximum(speed, _LEAST_SPEED)
+        return dataclasses.replace(self, velocity=velocity)
+
+
+@dataclasses.dataclass(frozen=True)
+class Event:
+    """One acceleration of the master cut out of a log.
+
+    Attributes:
+        start: First row.
+        stop: Row after the last.
+        branch: Sign of the acceleration and direction, a row of `BRANCHES`.
+        positions: Of the adaptation axes in mm, weighted like the readings of the event.
+        peak: Largest acceleration in mm/s², with its sign.
+        value: Error of the slave at the specified acceleration that this event shows, in mm.
+        standard_deviation: Of that, from the scatter within the event.
+        wild: Set aside because it contradicts the others.
+    """
+
+    start: int
+    stop: int
+    branch: int
+    positions: tuple[float, ...]
+    peak: float
+    value: float
+    standard_deviation: float
+    wild: bool = False
 
 
 def specified(
@@ -31,30 +115,22 @@ def specified(
     """Return the accelerations that the entries stand for, in mm/s²: given, or as measured.
 
     Raises:
-        FitError: If a given one has the wrong sign or the master never accelerates so.
+        FitError: If the master never accelerates so.
     """
-    result = []
-    for sign, given, word in (
-        (1.0, acceleration, "acceleration"),
-        (-1.0, deceleration, "deceleration"),
-    ):
-        if given is not None:
-            if not sign * given > 0:
-                wanted = "above" if sign > 0 else "below"
-                msg = f"{word}: found {given:g} mm/s², expected a number {wanted} 0."
-                raise FitError(msg)
-            result.append(float(given))
-            continue
+
+    def reached(sign: float, word: str) -> float:
         values = sign * readings.acceleration
         top = float(values.max())
         if not top > 0:
             msg = f"the master shows no {word} at all, expected events of both signs."
             raise FitError(msg)
-        # What the master reaches again and again, not its largest jerk; a list has integers.
-        result.append(
-            sign * math.ceil(float(np.quantile(values[values > 0.5 * top], 0.5)))
-        )
-    return result[0], result[1]
+        # What the master reaches again and again; a list has integers.
+        return sign * math.ceil(float(np.median(values[values > 0.5 * top])))
+
+    return (
+        reached(1.0, "acceleration") if acceleration is None else acceleration,
+        reached(-1.0, "deceleration") if deceleration is None else deceleration,
+    )
 
 
 def cut_events(
@@ -88,92 +164,39 @@ def cut_events(
             row = int(np.flatnonzero(bad.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    branch, share, edge = _shares(readings, acceleration, deceleration, rules)
-    quiet = share < _QUIET
-    known = np.isfinite(readings.error) & (quiet | ~edge)
+    directed = readings.directed(acceleration, deceleration)
+    model = Crosstalk(
+        surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
+        jnp.asarray(acceleration), jnp.asarray(deceleration),
+        by_speed=rules.crosstalk_accelerate == "speed",
+        rest_direction=rules.crosstalk_rest,
+        held_above=rules.crosstalk_above == "hold",
+    )  # fmt: skip
+    stencil = model.stencil(filled(directed.acceleration), filled(directed.velocity))
+    count = len(readings.time)
+    share = np.asarray(stencil.weights)[:count].sum(axis=1)
+    branch = np.asarray(stencil.nodes)[:count, 0].astype(np.int64)
     # One number per stretch: −1 where quiet, else the branch.
-    label = np.where(quiet, -1, branch)
-    found = []
-    for start, stop in _stretches(label):
-        if label[start] < 0 or share[start:stop].max() < _LEAST:
-            continue
-        if known[start:stop].sum() < _ROWS:
-            continue
-        event = _event(readings, label, share, known, start, stop)
-        if event is not None:
-            found.append(event)
-    if not found:
+    label = np.where(share < _QUIET, -1, branch)
+    found = [
+        _event(readings, label, share, start, stop)
+        for start, stop in _stretches(label)
+        if label[start] >= 0 and share[start:stop].max() >= _LEAST
+    ]
+    events = tuple(event for event in found if event is not None)
+    if not events:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
             f"{acceleration:g} mm/s² or {deceleration:g} mm/s² for {_ROWS} rows: nothing "
             "to fit."
         )
         raise FitError(msg)
-    return tuple(found)
+    return events
 
 
-def _shares(
-    readings: CrosstalkReadings,
-    acceleration: float,
-    deceleration: float,
-    conventions: Conventions,
-) -> tuple[Int[np.ndarray, " t"], Float[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
-    """Return row of `BRANCHES`, share of the specified acceleration, and edges per reading.
-
-    Row and share are those of the controller's own rule (`Crosstalk.stencil`), with the
-    direction of the motion that an acceleration belongs to: a filter smears it over the
-    standstill before and after, where the velocity has none. In these edges it is open what
-    the controller does.
-    """
-    model = Crosstalk(
-        surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
-        jnp.asarray(acceleration), jnp.asarray(deceleration),
-        by_speed=conventions.crosstalk_accelerate == "speed",
-        rest_direction=conventions.crosstalk_rest,
-        held_above=conventions.crosstalk_above == "hold",
-    )  # fmt: skip
-    velocity = _moving(readings.acceleration, readings.velocity, model)
-    count = len(velocity)
-    rows, parts = filled(readings.acceleration), []
-    for way in (velocity, readings.velocity):
-        stencil = model.stencil(rows, filled(way))
-        parts.append(
-            (np.asarray(stencil.nodes)[:count, 0], np.asarray(stencil.weights)[:count])
-        )
-    (branch, weight), (as_it_stands, _) = parts
-    return branch.astype(np.int64), weight.sum(axis=1), as_it_stands != branch
-
-
-def _moving(
-    acceleration: Float[np.ndarray, " t"],
-    velocity: Float[np.ndarray, " t"],
-    model: Crosstalk,
-) -> Float[np.ndarray, " t"]:
-    """Return the velocity with one direction per acceleration, or two where it turns."""
-    result = velocity.copy()
-    full = np.where(acceleration < 0, -model.deceleration, model.acceleration)
-    share = np.abs(acceleration) / full
-    sign = np.where(share < _QUIET, 0, np.sign(acceleration)).astype(np.int64)
-    for start, stop in _stretches(sign):
-        if sign[start] == 0:
-            continue
-        rows = slice(start, stop)
-        way, push = np.sign(velocity[rows]), share[rows]
-        forward, back = float(push[way > 0].sum()), float(push[way < 0].sum())
-        if forward == back:
-            continue
-        turn, lead = stop - start, 1.0 if forward > back else -1.0
-        if min(forward, back) >= _TURN * float(push.sum()):
-            # The master turns: one direction before, the other one after.
-            lead = -float(sign[start])
-            wrong = np.cumsum(push * way * lead)
-            turn = 1 + int(np.argmax(wrong))
-        order = np.where(np.arange(stop - start) < turn, lead, -lead)
-        result[rows] = order * np.maximum(np.abs(velocity[rows]), _LEAST_SPEED)
-    return result
-
-
-def _stretches(label: Int[np.ndarray, " t"]) -> list[tuple[int, int]]:
+def _stretches(
+    label: Float[np.ndarray, " t"] | Int[np.ndarray, " t"],
+) -> list[tuple[int, int]]:
     """Return first row and row after the last of each stretch of equal labels."""
     edges = (np.flatnonzero(np.diff(label)) + 1).tolist()
     return list(zip([0, *edges], [*edges, len(label)], strict=True))
@@ -183,44 +206,69 @@ def _event(
     readings: CrosstalkReadings,
     label: Int[np.ndarray, " t"],
     share: Float[np.ndarray, " t"],
-    known: Bool[np.ndarray, " t"],
     start: int,
     stop: int,
 ) -> Event | None:
     """Return the event of a stretch; None where what lies beside it does not tell it."""
     length = stop - start
     window = np.arange(max(start - length, 0), min(stop + length, len(share)))
-    window = window[known[window]]
+    window = window[np.isfinite(readings.error[window])]
     own = (window >= start) & (window < stop)
-    columns = [np.where(own, share[window], 0.0)]
-    keep = np.ones(len(window), bool)
-    for other in range(len(BRANCHES)):
-        beside = ~own & (label[window] == other)
-        if beside.sum() >= _ROWS:
-            columns.append(np.where(beside, share[window], 0.0))
-        else:
-            keep &= ~beside
-    clock = readings.time[window] - readings.time[window[keep]].mean()
-    span = max(float(np.abs(clock[keep]).max()), 1e-300)
-    design = np.column_stack([*columns, np.ones(len(window)), clock / span])[keep]
-    error = readings.error[window[keep]]
-    free = len(error) - design.shape[1]
-    if free <= 0:
+    if own.sum() < _ROWS:
         return None
-    solved, _, rank, _ = np.linalg.lstsq(design, error, rcond=1.0 / _BLIND)
-    if rank < design.shape[1]:
-        # Steady acceleration all along with nothing beside it: level and crosstalk are one.
+    beside = [~own & (label[window] == other) for other in range(len(BRANCHES))]
+    events = np.stack([own, *(each for each in beside if each.sum() >= _ROWS)], axis=1)
+    keep = events.any(axis=1) | (label[window] < 0)
+    window, events = window[keep], events[keep].astype(float)
+    clock = readings.time[window] - readings.time[window].mean()
+    line = np.stack([np.ones(len(window)), clock / max(np.abs(clock).max(), 1e-300)], 1)
+    design = np.hstack([events * share[window, None], line])
+    solved = _amplitude(design, np.hstack([events, line]), readings.error[window])
+    if solved is None:
         return None
-    unit_variance = float(np.linalg.inv(design.T @ design)[0, 0])
-    if unit_variance > _BLIND:
-        return None
-    left = error - design @ solved
     rows = slice(start, stop)
     weight = share[rows] ** 2
     place = weight @ readings.positions[rows] / weight.sum()
     at = start + int(np.argmax(np.abs(readings.acceleration[rows])))
     return Event(
         start, stop, int(label[start]), tuple(float(each) for each in place),
-        float(readings.acceleration[at]), float(solved[0]),
-        math.sqrt(max(float(left @ left) / free * unit_variance, 1e-18)),
+        float(readings.acceleration[at]), *solved,
     )  # fmt: skip
+
+
+def _amplitude(
+    design: Float[np.ndarray, "w c"],
+    impulses: Float[np.ndarray, "w c"],
+    error: Float[np.ndarray, " w"],
+) -> tuple[float, float] | None:
+    """Return the factor of the first column, and its deviation; None where it is open.
+
+    Least squares make the factor too large where a filter has smeared the acceleration but not
+    the error, and too small where the acceleration is noisy. What a filter keeps is the
+    impulse: sums over each event, instead of products with its shares, are the instruments
+    that hit the factor all the same (A. Wald, Ann. Math. Stat. 11, 1940). Where the master
+    accelerates all the time they tell no level, and least squares have to do.
+
+    Args:
+        design: Shares of the event and of those beside it, then level and drift.
+        impulses: The same with 1 for every share.
+        error: Of the slave in mm.
+    """
+    free = len(error) - design.shape[1]
+    if free <= 0 or np.linalg.matrix_rank(design, 1.0 / _BLIND) < design.shape[1]:
+        return None
+    found = []
+    for instruments in (design, impulses):
+        matrix = instruments.T @ design
+        if np.linalg.cond(matrix) > _BLIND**2:
+            continue
+        inverse = np.linalg.inv(matrix)
+        left = error - design @ (inverse @ (instruments.T @ error))
+        row = instruments @ inverse[0]
+        found.append((float(row @ row), float(row @ error), float(left @ left) / free))
+    if len(found) == 2 and found[1][0] <= _DEARER * found[0][0]:
+        found = found[1:]
+    if not found or found[0][0] > _BLIND:
+        return None
+    variance, value, square = found[0]
+    return value, math.sqrt(max(square * variance, 1e-18))

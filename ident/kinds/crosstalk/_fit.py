@@ -1,35 +1,103 @@
 """The crosstalk estimator: motion of the master and error of the slave in, tests out."""
 
 import dataclasses
+import math
+from typing import Literal
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.stats import chi2
 
-from ....models import Conventions, surface_through
-from ...core import FitError, one_blas_thread
-from ._events import cut_events, specified
-from ._tests import Table, choose_tests, fit_values, points_of, surface_columns
-from ._types import (
-    BRANCHES,
-    MOST_TESTS,
-    SAFE_TESTS,
-    CrosstalkFit,
-    CrosstalkReadings,
-    Directions,
-    Event,
-    ModeScore,
-)
+from ....models import Conventions, Crosstalk, surface_through
+from ...core import FitError, filled, one_blas_thread
+from ._events import BRANCHES, CrosstalkReadings, Event, cut_events, specified
+from ._tests import ModeScore, Table, choose_tests, points_of
 
+MOST_TESTS = 15
+"""Measurement tests that a list holds at most ([001] p.84)."""
+SAFE_TESTS = 14
+"""Tests that satisfy both statements of the manuals (P-COMP-00083 < 15)."""
 _CHANCE = 0.01
 """Probability under equal directions below which they differ."""
 _FEW = 3
 """Events below which their scatter is believed from within them."""
 _MEDIAN = 1.57
 """Variance of the median of Gaussian values, in that of the mean."""
-_APART = ((0, 1, 2, 3), (0, 0, 1, 1))
+_APART, _ALIKE = (0, 1, 2, 3), (0, 0, 1, 1)
 """Values per branch: each its own, or both directions alike."""
 _TOUCHED = 1e-9
+
+Directions = Literal["given", "differ", "alike", "unknown"]
+"""Whether the values differ by the direction of motion: unknown where a branch has no event."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CrosstalkFit:
+    """The crosstalk from a master to a slave; signs are those of the *error*.
+
+    Attributes:
+        mode: 1, 2 or 3.
+        axes: Adaptation axes used, columns of the positions.
+        points: Of the tests in mm, shape ``(p, k)``; the last axis runs fastest in a grid.
+        values: Error at the specified accelerations in mm, rows as `BRANCHES`; NaN where the
+            readings do not tell it.
+        standard_deviation: Of the values; inf where the readings do not tell it.
+        support: Events that touch each value.
+        complete: Tests of which all four values are measured: only these can be written.
+        acceleration: Specified, in mm/s², positive.
+        deceleration: Specified, in mm/s², negative.
+        velocity_dependent: Whether the directions differ; else both rows are equal.
+        directions: Why.
+        noise: Standard deviation of one event of median weight in mm, per row of `BRANCHES`.
+        events: All that were cut out.
+        scores: Choices compared by hold-out; empty where the tests were given.
+        conventions: How accelerations and directions are defined.
+    """
+
+    mode: int
+    axes: tuple[int, ...]
+    points: Float[np.ndarray, "p k"]
+    values: Float[np.ndarray, "4 p"]
+    standard_deviation: Float[np.ndarray, "4 p"]
+    support: Int[np.ndarray, "4 p"]
+    complete: Bool[np.ndarray, " p"]
+    acceleration: float
+    deceleration: float
+    velocity_dependent: bool
+    directions: Directions
+    noise: tuple[float, ...]
+    events: tuple[Event, ...]
+    scores: tuple[ModeScore, ...]
+    conventions: Conventions
+
+    def compensation(self, cycles: int = 0) -> Crosstalk | None:
+        """Return the model that takes this error away, from the complete tests.
+
+        None where no test is complete, or where those that are span no surface.
+
+        Args:
+            cycles: Of the sin² filter (P-COMP-00064).
+        """
+        try:
+            surface = surface_through(self.points[self.complete])
+        except ValueError:
+            return None
+        rules = self.conventions
+        return Crosstalk(
+            surface,
+            jnp.asarray(-rules.crosstalk_sign * self.values[:, self.complete]),
+            jnp.asarray(self.acceleration),
+            jnp.asarray(self.deceleration),
+            velocity_dependent=self.velocity_dependent,
+            cycles=cycles,
+            **rules.of_crosstalk,
+        )
+
+    def largest_error(self) -> float:
+        """Return the largest known value in mm."""
+        known = np.abs(self.values[np.isfinite(self.values)])
+        return float(known.max()) if known.size else math.nan
 
 
 @one_blas_thread()
@@ -40,7 +108,7 @@ def fit_crosstalk(
     deceleration: float | None = None,
     mode: int | str = "auto",
     positions: Float[np.ndarray, "p k"] | None = None,
-    velocity_dependent: bool | str = "auto",
+    velocity_dependent: bool | Literal["auto"] = "auto",
     most_tests: int = SAFE_TESTS,
     conventions: Conventions | None = None,
     loss: str = "student",
@@ -66,13 +134,6 @@ def fit_crosstalk(
         FitError: If there are no events or the arguments cannot be met.
     """
     rules = Conventions() if conventions is None else conventions
-    modes = _modes(mode, readings, positions, most_tests)
-    if isinstance(velocity_dependent, str) and velocity_dependent != "auto":
-        msg = (
-            f"velocity_dependent: found {velocity_dependent!r}, expected true, false or "
-            "'auto'."
-        )
-        raise FitError(msg)
     up, down = specified(readings, acceleration, deceleration)
     events = cut_events(readings, up, down, conventions=rules)
     directions: Directions = "given"
@@ -80,107 +141,61 @@ def fit_crosstalk(
     if isinstance(apart, str):
         directions = _directions(events)
         apart = directions != "alike"
-    groups = _APART[0] if apart else _APART[1]
+    groups = _APART if apart else _ALIKE
     table = Table.of(events, groups)
     scores: tuple[ModeScore, ...] = ()
     if positions is not None:
         axes = tuple(range(positions.shape[1]))
         points = np.asarray(positions, float)
     else:
+        every = tuple(range(1, readings.positions.shape[1] + 2))
+        modes = (mode,) if isinstance(mode, int) else every
         axes, nodes, scores = choose_tests(table, modes, most_tests)
         points = points_of(nodes)
-    columns = surface_columns(points, table.positions[:, list(axes)])
-    rows = _Rows(len(points))
+    try:
+        surface = surface_through(points)
+    except ValueError as error:
+        raise FitError(str(error)) from error
+    stencil = surface.stencil(filled(table.positions[:, list(axes)]))
+    columns = np.array(stencil.matrix())[: len(events)]
+    shape = len(BRANCHES), len(points)
+    values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
+    support, noise = np.zeros(shape, np.int64), np.full(len(BRANCHES), np.nan)
     wild = np.zeros(len(events), bool)
     for group in np.unique(table.group):
-        mine = table.group == group
-        found = fit_values(columns[mine], table.take(mine), loss)
+        mine, rows = table.group == group, np.array(groups) == group
+        found = table.take(mine).fit(columns[mine], loss)
         wild[mine] = found.wild
-        support = (columns[mine][~found.wild] > _TOUCHED).sum(axis=0)
-        lacking = found.undetermined | (support == 0)
-        for branch in np.flatnonzero(np.array(groups) == group):
-            rows.value[branch] = np.where(lacking, np.nan, found.coefficients)
-            rows.deviation[branch] = np.where(lacking, np.inf, found.standard_deviation)
-            rows.support[branch] = np.where(lacking, 0, support)
-            rows.noise[branch] = found.noise.white
+        touching = (columns[mine][~found.wild] > _TOUCHED).sum(axis=0)
+        known = ~found.undetermined & (touching > 0)
+        values[rows] = np.where(known, found.coefficients, np.nan)
+        deviation[rows] = np.where(known, found.standard_deviation, np.inf)
+        support[rows], noise[rows] = np.where(known, touching, 0), found.noise.white
     return CrosstalkFit(
         mode=1 + len(axes),
         axes=axes,
         points=points,
-        values=rows.value,
-        standard_deviation=rows.deviation,
-        support=rows.support,
-        complete=np.asarray((rows.support > 0).all(axis=0)),
+        values=values,
+        standard_deviation=deviation,
+        support=support,
+        complete=np.asarray((support > 0).all(axis=0)),
         acceleration=up,
         deceleration=down,
         velocity_dependent=bool(apart),
         directions=directions,
-        noise=tuple(float(each) for each in rows.noise),
+        noise=tuple(noise.tolist()),
         events=tuple(
-            dataclasses.replace(event, wild=bool(odd))
-            for event, odd in zip(events, wild, strict=True)
+            dataclasses.replace(event, wild=odd)
+            for event, odd in zip(events, wild.tolist(), strict=True)
         ),
         scores=scores,
         conventions=rules,
     )
 
 
-class _Rows:
-    """Values, deviations, support and noise per row of `BRANCHES`; nothing known yet."""
-
-    def __init__(self, tests: int) -> None:
-        self.value = np.full((len(BRANCHES), tests), np.nan)
-        self.deviation = np.full((len(BRANCHES), tests), np.inf)
-        self.support: Int[np.ndarray, "4 p"] = np.zeros(
-            (len(BRANCHES), tests), np.int64
-        )
-        self.noise = np.full(len(BRANCHES), np.nan)
-
-
-def _modes(
-    mode: int | str,
-    readings: CrosstalkReadings,
-    positions: Float[np.ndarray, "p k"] | None,
-    most_tests: int,
-) -> tuple[int, ...]:
-    """Return the modes to choose from, after the arguments are checked."""
-    if not 1 <= most_tests <= MOST_TESTS:
-        msg = f"found {most_tests} tests at most, expected 1 to {MOST_TESTS}."
-        raise FitError(msg)
-    axes = readings.positions.shape[1]
-    if axes > 2:
-        msg = f"found {axes} adaptation axes, expected 0, 1 or 2."
-        raise FitError(msg)
-    if mode not in (1, 2, 3, "auto"):
-        msg = f"mode: found {mode!r}, expected 1, 2, 3 or 'auto'."
-        raise FitError(msg)
-    modes = tuple(range(1, axes + 2)) if isinstance(mode, str) else (mode,)
-    if modes[-1] - 1 > axes:
-        msg = (
-            f"mode {mode} needs {modes[-1] - 1} adaptation axes, the readings have the "
-            f"positions of {axes}."
-        )
-        raise FitError(msg)
-    if positions is not None:
-        if not 1 <= len(positions) <= MOST_TESTS:
-            msg = f"found {len(positions)} tests, expected 1 to {MOST_TESTS}."
-            raise FitError(msg)
-        if positions.shape[1] > axes or positions.shape[1] + 1 not in modes:
-            msg = (
-                f"the tests have positions of {positions.shape[1]} axes, expected "
-                f"{modes[-1] - 1}."
-            )
-            raise FitError(msg)
-        try:
-            surface_through(np.asarray(positions, float))
-        except ValueError as error:
-            raise FitError(str(error)) from error
-    return modes
-
-
 def _directions(events: tuple[Event, ...]) -> Directions:
     """Return whether values differ by direction, from events paired at the same places."""
-    table = Table.of(events, _APART[0])
+    table = Table.of(events, _APART)
     if (np.bincount(table.group, minlength=len(BRANCHES)) == 0).any():
         return "unknown"
     statistic, free = 0.0, 0
@@ -195,11 +210,9 @@ def _directions(events: tuple[Event, ...]) -> Directions:
             fewest = min(len(part) for part in parts)
             if not fewest:
                 continue
-            seen = [
-                float(np.var(part, ddof=1)) if fewest >= _FEW else 0.0 for part in parts
-            ]
+            seen = [np.var(part, ddof=1) if fewest >= _FEW else 0.0 for part in parts]
             variance = sum(
-                max(each, table.own_noise**2) / len(part)
+                max(float(each), table.own_noise**2) / len(part)
                 for each, part in zip(seen, parts, strict=True)
             )
             apart = float(np.median(parts[0]) - np.median(parts[1]))

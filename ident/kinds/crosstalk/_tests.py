@@ -7,21 +7,40 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....models import surface_through
-from ...core import FitError, Regression, filled, node_shares, regress
-from ._types import Event, ModeScore
+from ...core import FitError, Regression, node_shares, regress, simplest
+from ._events import Event
 
 _CELLS, _FOLDS = 8, 8
 _LIMIT = 5.0
-"""Residuals in scales beyond which a held-out event counts no more."""
-_CANDIDATES = 15
+"""Residuals in scales beyond which an event counts no more for the place of a test."""
+_PLACES = 15
 """Places along an axis at which a test is tried."""
 _GAIN = 0.05
 """Relative gain of the residual for which a test is moved off the even spacing."""
 _TOUCHED = 1e-9
 """Weight of a test in an event from which on the event touches it."""
 
+Axes = tuple[int, ...]
 Nodes = tuple[Float[np.ndarray, " _n"], ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class ModeScore:
+    """How well a choice of tests predicts events that it has not seen.
+
+    Attributes:
+        mode: 1, 2 or 3.
+        axes: Adaptation axes, columns of the positions.
+        counts: Number of tests along each.
+        held_out: Root mean square of the held-out events in mm, wild ones limited.
+        chosen: Whether this is the one.
+    """
+
+    mode: int
+    axes: Axes
+    counts: tuple[int, ...]
+    held_out: float
+    chosen: bool
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,69 +77,74 @@ class Table:
 
     def take(self, keep: Bool[np.ndarray, " n"]) -> "Table":
         """Return the events for which ``keep`` is true."""
-        return Table(
-            self.group[keep],
-            self.positions[keep],
-            self.amount[keep],
-            self.weight[keep],
-            self.own_noise,
+        group, positions, amount, weight = (
+            each[keep]
+            for each in (self.group, self.positions, self.amount, self.weight)
+        )
+        return Table(group, positions, amount, weight, self.own_noise)
+
+    def fit(self, columns: Float[np.ndarray, "n p"], loss: str) -> Regression:
+        """Return the values of tests over events of one group.
+
+        Each rests on the events around it. The scatter within events counts beside that
+        between them where these are few, and wild ones need spare ones to be found.
+        """
+        spare = len(columns) - int((columns > _TOUCHED).any(axis=0).sum())
+        return regress(
+            columns,
+            self.amount,
+            weight=self.weight,
+            loss=loss if spare >= max(4, columns.shape[1]) else "gauss",
+            noise=self.own_noise,
         )
 
+    def by_grid(self, axes: Axes, nodes: Nodes) -> Float[np.ndarray, "n p"]:
+        """Return the weight of each test of a grid in each event, the last axis fastest.
 
-def surface_columns(
-    points: Float[np.ndarray, "p k"], positions: Float[np.ndarray, "n k"]
-) -> Float[np.ndarray, "n p"]:
-    """Return the weight of each test in each event, from the controller's own surface."""
-    stencil = surface_through(points).stencil(filled(positions))
-    return np.array(stencil.matrix())[: len(positions)]
+        What the controller's surface gives for the same tests, as products of what each axis
+        gives: the search looks at hundreds of grids, and nothing is compiled for each shape.
+        """
+        result = np.ones((len(self.amount), 1))
+        for axis, line in zip(axes, nodes, strict=True):
+            share = node_shares(self.positions[:, axis], line)
+            result = (result[:, :, None] * share[:, None, :]).reshape(len(result), -1)
+        return result
 
+    def even_nodes(self, axes: Axes, counts: tuple[int, ...]) -> Nodes:
+        """Return evenly spaced nodes from the first to the last event along each axis."""
+        ends = [(column.min(), column.max()) for column in self.positions.T]
+        return tuple(
+            _rounded(np.linspace(*ends[axis], count))
+            for axis, count in zip(axes, counts, strict=True)
+        )
 
-def grid_columns(
-    positions: Float[np.ndarray, "n k"], nodes: Nodes
-) -> Float[np.ndarray, "n p"]:
-    """Return the weight of each test of a grid in each event, the last axis fastest.
+    def left(
+        self, columns: Float[np.ndarray, "n p"], others: Bool[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Return (event − value) · √weight of each event under the values of the others.
 
-    What `surface_columns` gives for the same tests, as products of what each axis gives: the
-    search looks at hundreds of grids, and nothing is compiled for the shape of each.
-    """
-    result = np.ones((len(positions), 1))
-    for column, line in zip(positions.T, nodes, strict=True):
-        share = node_shares(column, line)
-        result = (result[:, :, None] * share[:, None, :]).reshape(len(column), -1)
-    return result
-
-
-def fit_values(
-    columns: Float[np.ndarray, "n p"], events: Table, loss: str = "student"
-) -> Regression:
-    """Return the values of tests that explain the events of one group best.
-
-    Each rests on the events around it. The scatter within events counts beside that between
-    them where these are few, and wild ones need spare ones to be found.
-    """
-    spare = len(columns) - int((columns > _TOUCHED).any(axis=0).sum())
-    return regress(
-        columns,
-        events.amount,
-        weight=events.weight,
-        loss=loss if spare >= max(4, columns.shape[1]) else "gauss",
-        drifting=False,
-        noise=events.own_noise,
-        refuse=False,
-    )
+        Of all values that fit, those nearest to the median: it is that of a test that no event
+        tells.
+        """
+        result, root = np.zeros(len(self.amount)), np.sqrt(self.weight)
+        for group in np.unique(self.group):
+            mine = self.group == group
+            use = mine & others
+            centre = float(np.median(self.amount[use])) if use.any() else 0.0
+            aim, design = (self.amount[use] - centre) * root[use], columns[use]
+            value = np.linalg.lstsq(design * root[use, None], aim, rcond=1e-6)[0]
+            result[mine] = self.amount[mine] - centre - columns[mine] @ value
+        return np.asarray(result * root)
 
 
 def points_of(nodes: Nodes) -> Float[np.ndarray, "p k"]:
     """Return the positions of the tests of a grid in mm, the last axis fastest."""
-    if not nodes:
-        return np.zeros((1, 0))
-    grid = np.meshgrid(*nodes, indexing="ij")
-    return np.stack(grid, axis=-1).reshape(-1, len(nodes))
+    return np.array(list(itertools.product(*nodes)), float)
 
 
 def choose_tests(
     table: Table, modes: tuple[int, ...], most: int
-) -> tuple[tuple[int, ...], Nodes, tuple[ModeScore, ...]]:
+) -> tuple[Axes, Nodes, tuple[ModeScore, ...]]:
     """Return adaptation axes and nodes that predict held-out events best.
 
     The fewest tests whose loss is not above the least by more than chance over the cells.
@@ -137,77 +161,47 @@ def choose_tests(
             "axes that it needs."
         )
         raise FitError(msg)
-    table = _believable(table, candidates)
+    sizes = [math.prod(counts) for _, counts in candidates]
+    # What the finest choice rejects has no part in the search.
+    finest = candidates[int(np.argmax(sizes))]
+    columns = table.by_grid(finest[0], table.even_nodes(*finest))
+    sound = np.ones(len(table.amount), bool)
+    for group in np.unique(table.group):
+        mine = table.group == group
+        sound[mine] = ~table.take(mine).fit(columns[mine], "student").wild
+    table = table.take(sound)
     cells = _cells(table.positions)
     rng = np.random.default_rng(0)
     fold = rng.permutation(np.arange(int(cells.max()) + 1) % _FOLDS)[cells]
-    tried = []
-    for axes, counts in candidates:
-        nodes = _even_nodes(table, axes, counts)
-        columns = grid_columns(table.positions[:, list(axes)], nodes)
-        left = np.zeros(len(table.amount))
-        for number in np.unique(fold):
+    tried = np.zeros((len(candidates), len(cells)))
+    for left, (axes, counts) in zip(tried, candidates, strict=True):
+        columns = table.by_grid(axes, table.even_nodes(axes, counts))
+        for number in np.unique(fold) if np.ptp(fold) else ():
             out = fold == number
-            if not out.all():
-                left[out] = _residual(table, columns, ~out, out)
-        tried.append(left)
+            left[out] = table.left(columns, ~out)[out]
     scale = min(max(1.4826 * float(np.median(np.abs(left))), 1e-9) for left in tried)
-    losses = [np.minimum((left / scale) ** 2, _LIMIT**2) for left in tried]
-    best = losses[int(np.argmin([loss.mean() for loss in losses]))]
-    good = [k for k, loss in enumerate(losses) if not _worse(loss, best, cells)]
-    chosen = min(
-        good, key=lambda k: (math.prod(candidates[k][1]), float(losses[k].mean()))
+    chosen, held_out = simplest(list(tried), sizes, scale, cells)
+    scores = tuple(
+        ModeScore(1 + len(axes), axes, counts, float(held_out[k]), k == chosen)
+        for k, (axes, counts) in enumerate(candidates)
     )
     axes, counts = candidates[chosen]
-    scores = tuple(
-        ModeScore(
-            1 + len(each),
-            each,
-            number,
-            scale * float(np.sqrt(loss.mean())),
-            k == chosen,
-        )
-        for k, ((each, number), loss) in enumerate(zip(candidates, losses, strict=True))
-    )
-    return axes, _moved_nodes(table, axes, _even_nodes(table, axes, counts)), scores
+    return axes, _moved_nodes(table, axes, table.even_nodes(axes, counts)), scores
 
 
 def _candidates(
     table: Table, modes: tuple[int, ...], most: int
-) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+) -> list[tuple[Axes, tuple[int, ...]]]:
     """Return axes and number of tests along each, as many as the events bear."""
-    columns = range(table.positions.shape[1])
-    moving = [k for k in columns if np.ptp(table.positions[:, k]) > 0]
-    smallest = min(np.bincount(table.group)[np.unique(table.group)])
-    most = int(min(most, smallest))
-    result: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
-    if 1 in modes:
-        result.append(((), ()))
-    if 2 in modes:
-        result += [((k,), (n,)) for k in moving for n in range(2, most + 1)]
-    if 3 in modes:
-        result += [
-            (pair, (n, m))
-            for pair in itertools.combinations(moving, 2)
-            for n in range(2, most + 1)
-            for m in range(2, most // n + 1)
-        ]
-    return result
-
-
-def _believable(
-    table: Table, candidates: list[tuple[tuple[int, ...], tuple[int, ...]]]
-) -> Table:
-    """Return the events that the finest choice of tests does not reject: for the search only."""
-    axes, counts = max(candidates, key=lambda each: math.prod(each[1]))
-    columns = grid_columns(
-        table.positions[:, list(axes)], _even_nodes(table, axes, counts)
-    )
-    wild = np.zeros(len(table.amount), bool)
-    for group in np.unique(table.group):
-        mine = table.group == group
-        wild[mine] = fit_values(columns[mine], table.take(mine)).wild
-    return table.take(~wild)
+    moving = np.flatnonzero(np.ptp(table.positions, axis=0) > 0).tolist()
+    most = min(most, int(np.unique(table.group, return_counts=True)[1].min()))
+    return [
+        (axes, counts)
+        for mode in modes
+        for axes in itertools.combinations(moving, mode - 1)
+        for counts in itertools.product(range(2, most + 1), repeat=len(axes))
+        if math.prod(counts) <= most
+    ]
 
 
 def _cells(positions: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
@@ -222,78 +216,33 @@ def _cells(positions: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
     return np.asarray(index.reshape(-1))
 
 
-def _residual(
-    table: Table,
-    columns: Float[np.ndarray, "n p"],
-    train: Bool[np.ndarray, " n"],
-    test: Bool[np.ndarray, " n"],
-) -> Float[np.ndarray, " m"]:
-    """Return (event − value) · √weight of the tested events under the values of the others.
-
-    A test without events has the median of all.
-    """
-    result, root = np.zeros(len(table.amount)), np.sqrt(table.weight)
-    for group in np.unique(table.group[test]):
-        rows, mine = test & (table.group == group), train & (table.group == group)
-        centre = float(np.median(table.amount[mine])) if mine.any() else 0.0
-        aim = (table.amount[mine] - centre) * root[mine]
-        # Of all values that fit, those nearest to the median.
-        value = np.linalg.lstsq(columns[mine] * root[mine, None], aim, rcond=1e-6)[0]
-        result[rows] = table.amount[rows] - centre - columns[rows] @ value
-    return np.asarray((result * root)[test])
-
-
-def _worse(
-    loss: Float[np.ndarray, " n"],
-    best: Float[np.ndarray, " n"],
-    cells: Int[np.ndarray, " n"],
-) -> bool:
-    """Tell whether a choice predicts worse by more than chance over the cells."""
-    sums = np.bincount(cells, loss - best)
-    spread = float(np.std(sums, ddof=1) * np.sqrt(len(sums))) if len(sums) > 1 else 0.0
-    return float(sums.sum()) > spread
-
-
-def _even_nodes(table: Table, axes: tuple[int, ...], counts: tuple[int, ...]) -> Nodes:
-    """Return evenly spaced nodes from the first to the last event along each axis."""
-    nodes = []
-    for axis, count in zip(axes, counts, strict=True):
-        column = table.positions[:, axis]
-        low, high = float(column.min()), float(column.max())
-        nodes.append(_rounded(np.linspace(low, high, count), high - low))
-    return tuple(nodes)
-
-
-def _rounded(places: Float[np.ndarray, " n"], span: float) -> Float[np.ndarray, " n"]:
+def _rounded(places: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return places that can be read aloud: whole steps of about a hundredth of the span."""
-    step = 10.0 ** math.floor(math.log10(span / 50.0))
+    step = 10.0 ** math.floor(math.log10(np.ptp(places) / 50.0))
     return np.asarray(np.round(places / step) * step)
 
 
-def _moved_nodes(table: Table, axes: tuple[int, ...], nodes: Nodes) -> Nodes:
+def _moved_nodes(table: Table, axes: Axes, nodes: Nodes) -> Nodes:
     """Return nodes with inner ones moved to where they fit the events best."""
-    current = list(nodes)
     every = np.ones(len(table.amount), bool)
 
-    def cost(trial: list[Float[np.ndarray, " _n"]]) -> float:
-        columns = grid_columns(table.positions[:, list(axes)], tuple(trial))
-        left = _residual(table, columns, every, every)
+    def cost(trial: Nodes) -> float:
+        left = table.left(table.by_grid(axes, trial), every)
         scale = max(1.4826 * float(np.median(np.abs(left))), table.own_noise, 1e-12)
         return float(np.minimum(left**2, (_LIMIT * scale) ** 2).sum())
 
-    start = best = cost(current)
+    current, start = nodes, cost(nodes)
+    best = start
     for k, line in enumerate(nodes):
-        span = float(line[-1] - line[0])
-        places = _rounded(np.linspace(line[0], line[-1], _CANDIDATES), span)
-        for inner in range(1, len(line) - 1):
-            for place in places:
-                low, high = current[k][inner - 1], current[k][inner + 1]
-                if not low + 1e-6 < place < high - 1e-6:
-                    continue
-                trial = list(current)
-                trial[k] = current[k].copy()
-                trial[k][inner] = place
-                value = cost(trial)
-                if value < best:
-                    best, current = value, trial
-    return tuple(current) if best < (1.0 - _GAIN) * start else nodes
+        places = _rounded(np.linspace(line[0], line[-1], _PLACES))
+        for inner, place in itertools.product(range(1, len(line) - 1), places):
+            low, high = current[k][inner - 1], current[k][inner + 1]
+            if not low + 1e-6 < place < high - 1e-6:
+                continue
+            moved = current[k].copy()
+            moved[inner] = place
+            trial = (*current[:k], moved, *current[k + 1 :])
+            value = cost(trial)
+            if value < best:
+                best, current = value, trial
+    return current if best < (1.0 - _GAIN) * start else nodes

@@ -1,20 +1,17 @@
 """Temperature: errors over position and temperature in, the thermal line out.
 
-Read in this order: `_types` (what goes in and comes out; a law is a curve of the models),
+Read in this order: `_types` (what goes in and comes out),
 `_structure` (the temperature behind a sensor: the one first-order lag), `_line` (readings in
 order, and the line fitted to them), `_choice` (law, lag and intersection by readings left
-out), `_fit` (`fit_temperature`: all of it in order, and what the readings confuse), `_clock`
-(clocks of several instruments).
+out), `_fit` (`fit_temperature`: all of it in order, and what the readings confuse).
 """
 
-from ._clock import ClockOffset as ClockOffset, clock_offset as clock_offset
-from ._fit import fit_temperature as fit_temperature
+from ._fit import LawKey as LawKey, fit_temperature as fit_temperature
 from ._line import LEAST_RANGE as LEAST_RANGE
 from ._structure import (
     Clocked as Clocked,
     clocked as clocked,
     lagged as lagged,
-    missed_temperatures as missed_temperatures,
     steady as steady,
 )
 from ._types import (
@@ -24,7 +21,6 @@ from ._types import (
     Law as Law,
     LawScore as LawScore,
     Meeting as Meeting,
-    SensorLog as SensorLog,
     TemperatureFit as TemperatureFit,
     ThermalReadings as ThermalReadings,
 )

@@ -6,13 +6,12 @@ drift, and readings of one stay their temperature: they are held out together.
 """
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from ...core import FitError, Regression, node_shares
-from ._line import Data, Line, Pair, Shape, Structure, fit_line, laid_out
+from ...core import FitError, Regression, node_shares, simplest
+from ._line import Data, Line, Pair, Shape, fit_line, laid_out
 from ._types import LawScore, Meeting
 
 MOST_NODES = 5
@@ -23,7 +22,7 @@ _VISIT = 0.05
 _MATTERS = 0.02
 """Share of the squared held-out residuals by which a richer law must be better."""
 _LIMIT = 5.0
-"""Residuals in scales beyond which a held-out reading counts no more."""
+"""Residuals in scales beyond which a reading counts no more for a lag."""
 _GRID = 14
 """Lags that are tried, over what the clock can show."""
 _SURE = 3.0
@@ -33,265 +32,232 @@ _FAR = 1e3
 
 
 @dataclasses.dataclass(frozen=True)
-class Score:
-    """Squared held-out residuals in scales, limited, per reading."""
+class Contest:
+    """Readings that choose: thinned, in blocks that are held out together.
 
-    loss: Float[np.ndarray, " t"]
-    blocks: Int[np.ndarray, " t"]
-    scale: float
-
-    @property
-    def rms(self) -> float:
-        """Root mean square in mm."""
-        return self.scale * float(np.sqrt(self.loss.mean()))
-
-    def worse_than(self, other: "Score") -> bool:
-        """Tell whether this one predicts worse: by more than chance, and by enough to matter.
-
-        Chance is one standard error over the blocks, which share their drift; a real gain may
-        sit in a single block (a transient), so more cannot be asked. What matters is a share
-        of the loss.
-        """
-        gain = self.loss - other.loss
-        sums = np.bincount(self.blocks, gain)[np.bincount(self.blocks) > 0]
-        spread = float(np.std(sums, ddof=1) * np.sqrt(len(sums)))
-        total = float(gain.sum())
-        return total > spread and total > _MATTERS * float(other.loss.sum())
-
-
-def choose_shape(
-    data: Data, reference: float, lags: Pair, loss: str
-) -> tuple[Shape, tuple[LawScore, ...], Score]:
-    """Return the simplest law that predicts no worse than the best by more than chance.
-
-    Raises:
-        FitError: If not even the simplest law can be held to readings left out.
-    """
-    own = [sensor is not None for sensor in data.sensors]
-    shapes = [
-        Shape(one, two)
-        for one in (range(1, MOST_NODES + 1) if own[0] else (1,))
-        for two in (range(1, MOST_NODES) if own[1] else (0,))
-    ]
-    tried: list[tuple[Shape, Score]] = []
-    scale = None
-    for shape in sorted(shapes, key=lambda each: (-each.size, -each.offset)):
-        fitted = _fitted(data, shape, reference, lags, loss)
-        if fitted is None:
-            continue
-        scale = _scale_of(fitted[1].residual) if scale is None else scale
-        score = _held_out(data, *fitted, scale)
-        if score is not None:
-            tried.append((shape, score))
-    if not tried:
-        msg = "too few readings to tell which law they follow: give the law."
-        raise FitError(msg)
-    _, best = min(tried, key=lambda each: each[1].rms)
-    good = [each for each in tried if not each[1].worse_than(best)]
-    chosen, score = min(good, key=lambda each: (each[0].size, each[1].rms))
-    scores = tuple(
-        LawScore(shape.offset, shape.coefficient, each.rms, shape == chosen)
-        for shape, each in reversed(tried)
-    )
-    return chosen, scores, score
-
-
-def find_lags(
-    data: Data, reference: float, loss: str
-) -> tuple[Pair, tuple[bool, bool]]:
-    """Return the lags in s of offset and coefficient, and whether the sensor is the late one.
-
-    Tried with laws that can bend, on a grid, then refined. A lag is taken where it predicts
-    held-out readings better by more than chance.
-    """
-    shape = Shape(
-        1 if data.sensors[0] is None else 3, 0 if data.sensors[1] is None else 2
-    )
-    none = (0.0, 0.0)
-    still = _fitted(data, shape, reference, none, loss)
-    if still is None:
-        return none, (False, False)
-    scale = _scale_of(still[1].residual)
-    low, high = data.lag_range
-    # Not quite to the ends of what could show: 5 readings, half of the log.
-    grid = np.geomspace(5.0 * low, high / 6.0, _GRID)
-    groups = data.lag_groups
-
-    def cost(lags: Pair) -> float:
-        fitted = _fitted(data, shape, reference, lags, loss)
-        if fitted is None:
-            return np.inf
-        return float(np.minimum((fitted[1].residual / scale) ** 2, _LIMIT**2).sum())
-
-    def on_grid(sign: float) -> Pair:
-        lags = none
-        for group in groups * len(groups):
-            trials = [_moved(lags, group, sign * value) for value in (0.0, *grid)]
-            lags = min(trials, key=cost)
-        return lags
-
-    ahead, late = on_grid(1.0), on_grid(-1.0)
-    free = [group for group in groups if ahead[group[0]] > 0]
-    start = _fitted(data, shape, reference, ahead, loss)
-    if free and start is not None:
-        ahead = fit_line(start[0], data, loss, False, free, quick=True)[0].lags
-    scores = {}
-    for lags in {none, ahead, late}:
-        fitted = _fitted(data, shape, reference, lags, loss)
-        score = None if fitted is None else _held_out(data, *fitted, scale)
-        if score is not None:
-            scores[lags] = score
-    best = min(scores, key=lambda lags: scores[lags].rms, default=none)
-    if none not in scores or not scores[none].worse_than(scores[best]):
-        return none, (False, False)
-    if best == ahead:
-        return ahead, (False, False)
-    return none, (late[0] < 0, late[1] < 0)
-
-
-def _moved(lags: Pair, group: Sequence[int], value: float) -> Pair:
-    one, other = (value if k in group else lags[k] for k in (0, 1))
-    return float(one), float(other)
-
-
-def find_meeting(
-    line: Line,
-    found: Regression,
-    data: Data,
-    scale: float | None,
-    loss: str,
-    free: Sequence[tuple[int, ...]],
-) -> tuple[tuple[Line, Regression] | None, Meeting, float | None]:
-    """Return the fit with a constant offset where the lines meet, or None and why not.
-
-    Args:
-        line: With an offset of its own.
-        found: Its regression.
-        data: All readings.
-        scale: Of the residuals in mm where laws were compared.
+    Attributes:
+        data: The readings.
+        blocks: Number of the block of each.
         loss: As for `regress`.
-        free: Lags that are fitted.
-
-    Returns:
-        The fit, the reason, and the deviation in mm where that is the reason.
     """
-    shape = line.shape
-    slopes = line.value[shape.offset :]
-    if len(slopes) < 2:
-        return None, "parallel", None
-    part = slice(shape.offset, shape.size)
-    pick = np.zeros(len(slopes))
-    pick[0], pick[-1] = -1.0, 1.0
-    deviation = float(np.sqrt(max(pick @ found.covariance[part, part] @ pick, 0.0)))
-    if not abs(slopes[-1] - slopes[0]) > _SURE * deviation:
-        return None, "unsure slope", None
-    if data.sensors[0] not in (None, data.sensors[1]) and shape.offset > 1:
-        return None, "two sensors", None
-    theta = data.structure(line.lags)
-    offset = node_shares(theta[0], line.nodes[0]) @ line.value[: shape.offset]
-    slope = node_shares(theta[1], line.nodes[1]) @ slopes
-    rise = slope - slope.mean()
-    start = line.reference - float(rise @ (offset - offset.mean())) / float(rise @ rise)
-    span = float(np.ptp(data.position))
-    if abs(start - line.reference) > _FAR * span:
-        return None, "too far", None
-    begin = laid_out(theta, Shape(1, len(slopes)), start, line.lags)
-    if begin is None:
-        return None, "too few", None
-    thin = data.thinned()
-    begin, _ = fit_line(begin, thin, loss, True, free, quick=True)
-    met, regression = fit_line(begin, data, loss, True, free)
-    if shape.offset > 1:
-        scale = _scale_of(found.residual) if scale is None else scale
-        both = [
-            _held_out(thin, each, fit_line(each, thin, loss, quick=True)[1], scale)
-            for each in (met, line)
+
+    data: Data
+    blocks: Int[np.ndarray, " t"]
+    loss: str
+
+    @classmethod
+    def of(cls, data: Data, loss: str) -> "Contest":
+        """Return the contest over readings, in stays at one temperature or stretches of time."""
+        data = data.thinned()
+        theta = data.structure((0.0, 0.0))[0 if data.sensors[0] is not None else 1]
+        limit = _VISIT * max(float(np.ptp(theta)), 1e-9)
+        stay = np.zeros(len(theta), np.int64)
+        start, number = theta[0], 0
+        for row, value in enumerate(theta):
+            if abs(value - start) > limit:
+                start, number = value, number + 1
+            stay[row] = number
+        if not 3 <= number + 1 < _BLOCKS:
+            stay = np.arange(len(theta)) * _BLOCKS // len(theta)
+        return cls(data, stay, loss)
+
+    def fitted(
+        self, shape: Shape, reference: float, lags: Pair
+    ) -> tuple[Line, Regression] | None:
+        """Return a law with its node values fitted; None where the readings are too few."""
+        line = laid_out(self.data.structure(lags), shape, reference, lags)
+        if line is None or len(self.data.error) <= sum(shape):
+            return None
+        try:
+            return fit_line(line, self.data, self.loss, quick=True)
+        except FitError:
+            return None
+
+    def left_out(self, line: Line, found: Regression) -> Float[np.ndarray, " t"] | None:
+        """Return what a law fitted to all other blocks leaves of each reading in mm.
+
+        None where what is left of the readings does not tell the law. Beyond all temperatures
+        that are left no law claims anything, and nothing counts: judging there would reward
+        what luckily extends.
+        """
+        data, groups = self.data, self.blocks
+        if groups.max() + 1 > 2 * _FOLDS:
+            groups = groups % _FOLDS
+        theta, root = data.structure(line.lags), np.sqrt(found.share)
+        result = np.zeros(len(groups))
+        for group in np.unique(groups):
+            out = groups == group
+            rest = theta[0][~out], theta[1][~out]
+            other = laid_out(rest, line.shape, line.reference, line.lags)
+            if other is None:
+                return None
+            columns = other.columns(theta, data.position)
+            design = columns[~out] * root[~out, None]
+            size = np.sqrt(np.square(design).sum(axis=0))
+            if not (size > 0).all():
+                return None
+            aim = root[~out] * data.error[~out]
+            value, _, rank, _ = np.linalg.lstsq(design / size, aim, rcond=1e-6)
+            if rank < len(value):
+                return None
+            inside = np.all(
+                [
+                    (warm[out] >= warm[~out].min()) & (warm[out] <= warm[~out].max())
+                    for warm in theta
+                ],
+                axis=0,
+            )
+            left = data.error[out] - columns[out] @ (value / size)
+            result[out] = np.where(inside, left, 0.0)
+        return result
+
+    def shape(
+        self, reference: float, lags: Pair
+    ) -> tuple[Shape, tuple[LawScore, ...], float]:
+        """Return the simplest law that predicts no worse than the best by more than chance.
+
+        Returns:
+            Nodes of the law, what was compared, and the scale of the residuals in mm.
+
+        Raises:
+            FitError: If not even the simplest law can be held to readings left out.
+        """
+        own = [sensor is not None for sensor in self.data.sensors]
+        shapes = [
+            (one, two)
+            for one in (range(1, MOST_NODES + 1) if own[0] else (1,))
+            for two in (range(1, MOST_NODES) if own[1] else (0,))
         ]
-        if both[0] is None or (both[1] is not None and both[0].worse_than(both[1])):
-            return None, "not one point", None
-    sure = float(regression.standard_deviation[len(met.value)])
-    if not sure < max(10.0 * span, abs(met.reference)):
-        return None, "uncertain", sure
-    return (met, regression), "met", None
+        tried, scale = dict[Shape, Float[np.ndarray, " t"]](), 0.0
+        for shape in sorted(shapes, key=lambda each: (-sum(each), -each[0])):
+            fitted = self.fitted(shape, reference, lags)
+            if fitted is None:
+                continue
+            scale = scale or scale_of(fitted[1].residual)
+            left = self.left_out(*fitted)
+            if left is not None:
+                tried[shape] = left
+        if not tried:
+            msg = "too few readings to tell which law they follow: give the law."
+            raise FitError(msg)
+        sizes = [sum(shape) for shape in tried]
+        best, rms = simplest(list(tried.values()), sizes, scale, self.blocks, _MATTERS)
+        chosen = list(tried)[best]
+        scores = [
+            LawScore(*shape, float(each), shape == chosen)
+            for shape, each in zip(tried, rms, strict=True)
+        ]
+        return chosen, tuple(reversed(scores)), scale
+
+    def lags(self, reference: float) -> tuple[Pair, tuple[bool, bool]]:
+        """Return the lags in s of offset and coefficient, and whether the sensor is late.
+
+        Tried with laws that can bend, on a grid, then refined; a negative lag is one of the
+        sensor behind the structure. A lag is taken where it predicts held-out readings better
+        by more than chance.
+        """
+        data, none, nothing = self.data, (0.0, 0.0), (False, False)
+        shape = 1 if data.sensors[0] is None else 3, 0 if data.sensors[1] is None else 2
+        still = self.fitted(shape, reference, none)
+        if still is None:
+            return none, nothing
+        scale = scale_of(still[1].residual)
+        low, high = data.lag_range
+        # Not quite to the ends of what could show: 5 readings, half of the log.
+        grid = np.geomspace(5.0 * low, high / 6.0, _GRID)
+
+        def cost(lags: Pair) -> float:
+            fitted = self.fitted(shape, reference, lags)
+            if fitted is None:
+                return np.inf
+            ratio = np.abs(fitted[1].residual) / scale
+            return float(np.square(np.minimum(ratio, _LIMIT)).sum())
+
+        lags = none
+        for group in data.lag_groups * len(data.lag_groups):
+            trials = []
+            for value in (0.0, *grid.tolist(), *(-grid).tolist()):
+                one, other = (value if k in group else lags[k] for k in (0, 1))
+                trials.append((one, other))
+            lags = min(trials, key=cost)
+        free = [group for group in data.lag_groups if lags[group[0]] > 0]
+        fitted = self.fitted(shape, reference, lags)
+        if free and fitted is not None:
+            lags = fit_line(fitted[0], data, self.loss, False, free, quick=True)[0].lags
+            fitted = self.fitted(shape, reference, lags)
+        if fitted is None:
+            return none, nothing
+        tried = [self.left_out(*each) for each in (still, fitted)]
+        left = [each for each in tried if each is not None]
+        if len(left) < 2 or not simplest(left, (0, 1), scale, self.blocks, _MATTERS)[0]:
+            return none, nothing
+        return (max(lags[0], 0.0), max(lags[1], 0.0)), (lags[0] < 0, lags[1] < 0)
+
+    def meeting(
+        self,
+        line: Line,
+        found: Regression,
+        data: Data,
+        scale: float | None,
+        free: list[tuple[int, ...]],
+    ) -> tuple[tuple[Line, Regression] | None, Meeting, float | None]:
+        """Return the fit with a constant offset where the lines meet, or None and why not.
+
+        Args:
+            line: With an offset of its own.
+            found: Its regression.
+            data: All readings.
+            scale: Of the residuals in mm where laws were compared.
+            free: Lags that are fitted.
+
+        Returns:
+            The fit, the reason, and the deviation in mm where that is the reason.
+        """
+        count, slopes = line.shape[0], line.value[line.shape[0] :]
+        if len(slopes) < 2:
+            return None, "parallel", None
+        first, last = count, sum(line.shape) - 1
+        ends = found.covariance[np.ix_([first, last], [first, last])]
+        deviation = np.sqrt(max(ends[0, 0] + ends[1, 1] - 2.0 * ends[0, 1], 0.0))
+        if not abs(slopes[-1] - slopes[0]) > _SURE * deviation:
+            return None, "unsure slope", None
+        if data.sensors[0] not in (None, data.sensors[1]) and count > 1:
+            return None, "two sensors", None
+        theta = data.structure(line.lags)
+        offset = node_shares(theta[0], line.nodes[0]) @ line.value[:count]
+        slope = node_shares(theta[1], line.nodes[1]) @ slopes
+        rise = slope - slope.mean()
+        away = -float(rise @ (offset - offset.mean())) / float(rise @ rise)
+        span = float(np.ptp(data.position))
+        if abs(away) > _FAR * span:
+            return None, "too far", None
+        shape = 1, len(slopes)
+        begin = laid_out(theta, shape, line.reference + away, line.lags)
+        if begin is None:
+            return None, "too few", None
+        begin, _ = fit_line(begin, self.data, self.loss, True, free, quick=True)
+        met, regression = fit_line(begin, data, self.loss, True, free)
+        if count > 1:
+            tried = [
+                self.left_out(each, fit_line(each, self.data, self.loss, quick=True)[1])
+                for each in (met, line)
+            ]
+            left = [each for each in tried if each is not None]
+            scale = scale_of(found.residual) if scale is None else scale
+            if (
+                tried[0] is None
+                or (
+                    simplest(left, (0, 1)[: len(left)], scale, self.blocks, _MATTERS)[0]
+                )
+            ):
+                return None, "not one point", None
+        sure = float(regression.standard_deviation[len(met.value)])
+        if not sure < max(10.0 * span, abs(met.reference)):
+            return None, "uncertain", sure
+        return (met, regression), "met", None
 
 
-def _fitted(
-    data: Data, shape: Shape, reference: float, lags: Pair, loss: str
-) -> tuple[Line, Regression] | None:
-    """Return a law with its node values fitted; None where the readings are too few."""
-    line = laid_out(data.structure(lags), shape, reference, lags)
-    if line is None or len(data.error) <= shape.size:
-        return None
-    try:
-        return fit_line(line, data, loss, quick=True)
-    except FitError:
-        return None
-
-
-def _held_out(data: Data, line: Line, found: Regression, scale: float) -> Score | None:
-    """Return the score of a law: fitted to all other blocks, judged on each.
-
-    None where what is left of the readings does not tell the law.
-    """
-    blocks = time_blocks(data)
-    groups = blocks % _FOLDS if blocks.max() + 1 > 2 * _FOLDS else blocks
-    theta, root = data.structure(line.lags), np.sqrt(found.share)
-    loss = np.zeros(len(blocks))
-    for group in np.unique(groups):
-        out = groups == group
-        rest = theta[0][~out], theta[1][~out]
-        other = laid_out(rest, line.shape, line.reference, line.lags)
-        if other is None:
-            return None
-        columns = other.columns(theta, data.position)
-        weighted = columns[~out] * root[~out, None]
-        weighted = weighted.T @ weighted
-        right = columns[~out].T @ (found.share[~out] * data.error[~out])
-        size = np.sqrt(np.diag(weighted))
-        if not (size > 0).all():
-            return None
-        value, _, rank, _ = np.linalg.lstsq(
-            weighted / np.outer(size, size), right / size, rcond=1e-12
-        )
-        if rank < len(value):
-            return None
-        left = (data.error[out] - columns[out] @ (value / size)) / scale
-        loss[out] = np.minimum(left**2, _LIMIT**2) * ~_beyond(data, theta, out)
-    return Score(loss, blocks, scale)
-
-
-def time_blocks(data: Data) -> Int[np.ndarray, " t"]:
-    """Return the block of each reading: stretches of time, or stays at one temperature."""
-    which = 0 if data.sensors[0] is not None else 1
-    theta = data.structure((0.0, 0.0))[which]
-    limit = _VISIT * max(float(np.ptp(theta)), 1e-9)
-    stay = np.zeros(len(theta), np.int64)
-    start, number = theta[0], 0
-    for row, value in enumerate(theta):
-        if abs(value - start) > limit:
-            start, number = value, number + 1
-        stay[row] = number
-    if number + 1 >= _BLOCKS or number + 1 < 3:
-        return np.arange(len(theta)) * _BLOCKS // len(theta)
-    return stay
-
-
-def _beyond(
-    data: Data, theta: Structure, out: Bool[np.ndarray, " t"]
-) -> Bool[np.ndarray, " m"]:
-    """Return which held-out readings lie beyond all temperatures that are left.
-
-    No law claims anything there: judging by them would reward what luckily extends.
-    """
-    result = np.zeros(int(out.sum()), bool)
-    for sensor, warm in zip(data.sensors, theta, strict=True):
-        if sensor is not None:
-            rest = warm[~out]
-            result |= (warm[out] < rest.min()) | (warm[out] > rest.max())
-    return result
-
-
-def _scale_of(residual: Float[np.ndarray, " t"]) -> float:
+def scale_of(residual: Float[np.ndarray, " t"]) -> float:
     """Return the scale of residuals that a few wild ones do not change."""
     middle = 1.4826 * float(np.median(np.abs(residual)))
     return max(middle, 1e-9, 1e-6 * float(np.ptp(residual)))

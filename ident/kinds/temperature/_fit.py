@@ -1,22 +1,15 @@
 """The temperature estimator: errors over position and temperature in, the line out."""
 
+import itertools
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
 from ...core import FitError, Regression, one_blas_thread
-from ._choice import choose_shape, find_lags, find_meeting
-from ._line import (
-    Data,
-    Line,
-    Pair,
-    Shape,
-    complete_rows,
-    fit_line,
-    laid_out,
-    ordered_data,
-)
+from ._choice import Contest
+from ._line import Data, Line, Pair, Shape, complete_data, fit_line, laid_out
 from ._types import (
     Confusion,
     Effect,
@@ -24,11 +17,12 @@ from ._types import (
     Law,
     LawScore,
     Meeting,
-    SensorLog,
     TemperatureFit,
     ThermalReadings,
 )
 
+LawKey = Literal["constant", "linear"] | int
+"""A law over the temperature, or its number of nodes."""
 _LAWS = {"constant": 1, "linear": 2}
 _FEW = 20
 """Readings below which no lag is looked for."""
@@ -42,10 +36,9 @@ def fit_temperature(
     *,
     offset_sensor: int | None = 0,
     coefficient_sensor: int | None = 0,
-    law: str | tuple[str | int, str | int] = "auto",
-    reference: float | str = "intersection",
-    lag: str | float = "auto",
-    log: SensorLog | None = None,
+    law: Literal["auto"] | tuple[LawKey, LawKey] = "auto",
+    reference: float | Literal["intersection"] = "intersection",
+    lag: float | Literal["auto", "none"] = "auto",
     loss: str = "student",
 ) -> TemperatureFit:
     r"""Fit $e = o(T_1) + c(T_2)(s - s_0)$ to errors at positions and temperatures.
@@ -67,190 +60,132 @@ def fit_temperature(
             positions where they meet nowhere.
         lag: ``"auto"`` estimates a first-order lag of the structure behind each sensor and
             applies it where it predicts better; ``"none"``; or the time constant in s.
-        log: Temperatures on the clock of the readings, denser than these; None = those of
-            the readings.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
 
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    sensors = offset_sensor, coefficient_sensor
-    keep = complete_rows(readings, *sensors, log is None)
-    data, rows = ordered_data(readings, keep, sensors, log)
-    place, wanted = _place(data, reference)
-    thin = data.thinned()
-    lags, late = _lags(thin, lag, place, loss)
-    shape, scores, scale = _shape(thin, law, place, lags, loss)
+    data, rows = complete_data(readings, (offset_sensor, coefficient_sensor))
+    contest = Contest.of(data, loss)
+    place, wanted = 0.0, False
+    if not isinstance(reference, str):
+        place = reference
+    elif coefficient_sensor is not None:
+        place, wanted = float(data.position.min() + data.position.max()) / 2.0, True
+    lags, late = _lags(contest, lag, place)
+    shape, scores, scale = _shape(contest, law, place, lags)
     # A law that does not follow its sensor has no lag.
-    follows = [shape.offset > 1, shape.coefficient > 1]
+    follows = [shape[0] > 1, shape[1] > 1]
     if data.sensors[0] == data.sensors[1]:
         follows = [any(follows)] * 2
     lags = (lags[0] * follows[0], lags[1] * follows[1])
     line = laid_out(data.structure(lags), shape, place, lags)
     if line is None:
-        msg = f"too few readings between {max(shape.offset, shape.coefficient)} nodes."
+        msg = f"too few readings between {max(shape)} nodes."
         raise FitError(msg)
     free = [group for group in data.lag_groups if lags[group[0]] > 0 and lag == "auto"]
     if free:
-        line, _ = fit_line(line, thin, loss, False, free, quick=True)
+        line, _ = fit_line(line, contest.data, loss, False, free, quick=True)
     line, found = fit_line(line, data, loss, False, free)
     _refuse_undetermined(line, found)
     meeting: Meeting = "given"
     unsure = None
     if wanted:
-        met, meeting, unsure = find_meeting(line, found, data, scale, loss, free)
+        met, meeting, unsure = contest.meeting(line, found, data, scale, free)
         line, found = (line, found) if met is None else met
         _refuse_undetermined(line, found)
-    return _result(
-        readings, keep, rows, data, line, found,
-        scores, free, meeting, unsure, late,
-    )  # fmt: skip
-
-
-def _place(data: Data, reference: float | str) -> tuple[float, bool]:
-    """Return where to begin, and whether the intersection is wanted."""
-    if not isinstance(reference, str):
-        return float(reference), False
-    if reference != "intersection":
-        msg = f"reference: found {reference!r}, expected 'intersection' or a position in mm."
-        raise FitError(msg)
-    if data.sensors[1] is None:
-        return 0.0, False
-    return 0.5 * float(data.position.min() + data.position.max()), True
-
-
-def _lags(
-    data: Data, lag: str | float, place: float, loss: str
-) -> tuple[Pair, tuple[bool, bool]]:
-    """Return time constants in s, and which sensors are late."""
-    own = [sensor is not None for sensor in data.sensors]
-    if lag == "auto" and len(data.error) >= _FEW:
-        return find_lags(data, place, loss)
-    if lag in ("auto", "none"):
-        return (0.0, 0.0), (False, False)
-    if isinstance(lag, str) or not 0 <= lag < np.inf:
-        msg = f"lag: found {lag!r}, expected 'auto', 'none' or a time in s."
-        raise FitError(msg)
-    return (float(lag) * own[0], float(lag) * own[1]), (False, False)
-
-
-def _shape(
-    data: Data,
-    law: str | tuple[str | int, str | int],
-    place: float,
-    lags: Pair,
-    loss: str,
-) -> tuple[Shape, tuple[LawScore, ...], float | None]:
-    """Return the law, those it was compared with, and the scale of their residuals."""
-    if law == "auto":
-        shape, scores, score = choose_shape(data, place, lags, loss)
-        return shape, scores, score.scale
-    if isinstance(law, str):
-        msg = (
-            f"law: found {law!r}, expected 'auto' or a pair for offset and coefficient."
-        )
-        raise FitError(msg)
-    counts = []
-    for each, sensor in zip(law, data.sensors, strict=True):
-        count = _LAWS.get(each, 0) if isinstance(each, str) else each
-        if count < 1:
-            msg = f"law: found {each!r}, expected 'constant', 'linear' or a number of nodes."
-            raise FitError(msg)
-        counts.append(1 if sensor is None else count)
-    return Shape(counts[0], 0 if data.sensors[1] is None else counts[1]), (), None
-
-
-def _refuse_undetermined(line: Line, found: Regression) -> None:
-    """Refuse a law of which the kept readings do not determine every value."""
-    lacking = [
-        name
-        for name, each in zip(line.names(), found.undetermined, strict=False)
-        if each
-    ]
-    if lacking:
-        msg = (
-            f"the readings that agree with each other do not determine {', '.join(lacking)}: "
-            f"{int(found.wild.sum())} wild ones are left out."
-        )
-        raise FitError(msg)
-
-
-def _result(
-    readings: ThermalReadings,
-    keep: Bool[np.ndarray, " t"],
-    rows: Int[np.ndarray, " r"],
-    data: Data,
-    line: Line,
-    found: Regression,
-    scores: tuple[LawScore, ...],
-    free: Sequence[tuple[int, ...]],
-    meeting: Meeting,
-    unsure: float | None,
-    late: tuple[bool, bool],
-) -> TemperatureFit:
-    """Return the fit in the order of the rows that were handed in."""
-    deviation = found.standard_deviation
-    size, count = line.shape.size, line.shape.offset
-    offset, coefficient = (
+    count, whole = line.shape[0], len(readings.error)
+    theta, columns = data.structure(line.lags), line.columns_of(data)
+    deviation, further = np.split(found.standard_deviation, [len(line.value)])
+    laws = [
         Law(sensor or 0, nodes, line.value[part], deviation[part])
         for sensor, nodes, part in zip(
-            data.sensors, line.nodes, (slice(0, count), slice(count, size)), strict=True
+            data.sensors, line.nodes, (slice(count), slice(count, None)), strict=True
         )
-    )
-    theta = data.structure(line.lags)
-    columns = line.columns(theta, data.position)
-    wild = np.zeros(len(keep), bool)
-    wild[rows[found.wild]] = True
-    residual: Float[np.ndarray, " t"] = np.full(len(keep), np.nan)
-    residual[rows] = data.error - columns @ line.value
+    ]
+    used, wild = np.zeros(whole, bool), np.zeros(whole, bool)
+    residual: Float[np.ndarray, " t"] = np.full(whole, np.nan)
     temperature = np.full(readings.temperature.shape, np.nan)
+    used[rows], wild[rows] = True, found.wild
+    residual[rows] = data.error - columns @ line.value
     for sensor, values in zip(data.sensors, theta, strict=True):
         if sensor is not None:
             temperature[rows, sensor] = values
-    names = [*line.names(), *["reference position"] * (meeting == "met")]
-    names += ["time constant"] * len(free)
     return TemperatureFit(
-        offset=offset,
-        coefficient=coefficient if len(coefficient.value) else None,
+        offset=laws[0],
+        coefficient=laws[1] if line.shape[1] else None,
         reference=line.reference,
-        reference_deviation=float(deviation[size]) if meeting == "met" else None,
+        reference_deviation=float(further[0]) if meeting == "met" else None,
         meeting=meeting,
-        lags=_reported_lags(data, line, deviation, free, late),
-        names=tuple(names),
+        lags=_reported_lags(data, line, found, free, late),
+        names=tuple(line.names(meeting == "met", len(free))),
         covariance=found.covariance,
         noise=found.noise,
-        independent=float(found.independent[:size].min()),
-        used=keep,
+        independent=float(found.independent[: len(line.value)].min()),
+        used=used,
         wild=wild,
         residual=residual,
         temperature=temperature,
         scores=scores,
         confounded=_confusions(data, line),
-        support=tuple(
-            int(each) for each in (np.abs(columns[~found.wild]) > 0).sum(axis=0)
-        ),
+        support=tuple((np.abs(columns[~found.wild]) > 0).sum(axis=0).tolist()),
         converged=found.converged,
         meeting_deviation=unsure,
     )
 
 
+def _lags(
+    contest: Contest, lag: float | Literal["auto", "none"], place: float
+) -> tuple[Pair, tuple[bool, bool]]:
+    """Return time constants in s, and which sensors are late."""
+    if lag == "auto" and len(contest.data.error) >= _FEW:
+        return contest.lags(place)
+    given = 0.0 if isinstance(lag, str) else lag
+    one, other = (given * (sensor is not None) for sensor in contest.data.sensors)
+    return (one, other), (False, False)
+
+
+def _shape(
+    contest: Contest,
+    law: Literal["auto"] | tuple[LawKey, LawKey],
+    place: float,
+    lags: Pair,
+) -> tuple[Shape, tuple[LawScore, ...], float | None]:
+    """Return the law, those it was compared with, and the scale of their residuals."""
+    if law == "auto":
+        return contest.shape(place, lags)
+    one, other = (_LAWS[each] if isinstance(each, str) else each for each in law)
+    moved = [sensor is not None for sensor in contest.data.sensors]
+    return (one if moved[0] else 1, other if moved[1] else 0), (), None
+
+
+def _refuse_undetermined(line: Line, found: Regression) -> None:
+    """Refuse a law of which the kept readings do not determine every value."""
+    lacking = itertools.compress(line.names(), found.undetermined)
+    if words := ", ".join(lacking):
+        msg = (
+            f"the readings that agree with each other do not determine {words}: "
+            f"{int(found.wild.sum())} wild ones are left out."
+        )
+        raise FitError(msg)
+
+
 def _reported_lags(
     data: Data,
     line: Line,
-    deviation: Float[np.ndarray, " k"],
+    found: Regression,
     free: Sequence[tuple[int, ...]],
     late: tuple[bool, bool],
 ) -> tuple[Lag, ...]:
     """Return the lag of each sensor with its 95 % interval; logarithms come last."""
+    logs = found.standard_deviation[len(found.coefficients) - len(free) :]
+    own = dict(zip(free, logs.tolist(), strict=True))
     result = []
     for group in data.lag_groups:
         sensor, constant = data.sensors[group[0]], line.lags[group[0]]
         assert sensor is not None  # those without have no group
-        interval = (constant, constant)
-        if group in free:
-            own = deviation[len(deviation) - len(free) + list(free).index(group)]
-            factor = float(np.exp(min(1.96 * own, 50.0)))
-            interval = (constant / factor, constant * factor)
+        factor = float(np.exp(min(1.96 * own.get(group, 0.0), 50.0)))
+        interval = (constant / factor, constant * factor)
         behind = any(late[number] for number in group)
         result.append(Lag(sensor, constant, interval, constant > 0, behind))
     return tuple(result)
@@ -269,20 +204,16 @@ def _confusions(data: Data, line: Line) -> tuple[Confusion, ...]:
     product = (slope - slope.mean()) * away
     effects: dict[Effect, Float[np.ndarray, " t"]] = {}
     if data.sensors[0] is not None:
-        effects["offset"] = offset
-    effects |= {"slope": away, "slope change": product}
+        effects["offset"] = offset - offset.mean()
+    effects |= {"slope": away, "slope change": product - product.mean()}
     result = []
-    level = float(
-        np.sqrt(product.mean() ** 2 / max(float(np.mean(product**2)), 1e-300))
-    )
+    level = abs(product.mean()) / np.sqrt(max(float(np.mean(product**2)), 1e-300))
     if level > _ALIKE:
         # As warm as it is far out: the change of the slope is the same number everywhere.
-        result.append(Confusion("level", "slope change", level))
-    for i, (first, one) in enumerate(effects.items()):
-        for second, other in list(effects.items())[i + 1 :]:
-            both = one - one.mean(), other - other.mean()
-            size = float(np.linalg.norm(both[0]) * np.linalg.norm(both[1]))
-            correlation = float(both[0] @ both[1]) / size if size > 0 else 0.0
-            if abs(correlation) > _ALIKE:
-                result.append(Confusion(first, second, correlation))
+        result.append(Confusion("level", "slope change", float(level)))
+    for (first, one), (second, other) in itertools.combinations(effects.items(), 2):
+        size = float(np.linalg.norm(one) * np.linalg.norm(other))
+        correlation = float(one @ other) / size if size > 0 else 0.0
+        if abs(correlation) > _ALIKE:
+            result.append(Confusion(first, second, correlation))
     return tuple(result)

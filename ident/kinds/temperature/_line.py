@@ -4,11 +4,11 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ...core import FitError, Regression, node_shares, regress, regress_curve
 from ._structure import Clocked, clocked, missed_temperatures
-from ._types import SensorLog, ThermalReadings
+from ._types import ThermalReadings
 
 LEAST_RANGE = 0.5
 """Range of a sensor in K below which no law is determined."""
@@ -22,20 +22,9 @@ _REACH = 1e3
 """Distance of the reference in measured ranges that is looked at."""
 
 Pair = tuple[float, float]
+Shape = tuple[int, int]
+"""Nodes of offset and coefficient: 0 none, 1 constant, 2 linear, more piecewise linear."""
 Structure = tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]
-
-
-@dataclasses.dataclass(frozen=True)
-class Shape:
-    """Number of nodes of offset and coefficient: 1 constant, 2 linear, more piecewise."""
-
-    offset: int
-    coefficient: int = 0
-
-    @property
-    def size(self) -> int:
-        """Number of parameters."""
-        return self.offset + self.coefficient
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,9 +34,10 @@ class Data:
     Attributes:
         error: In mm.
         position: In mm.
-        time: In s, on the clock of the log.
+        time: In s.
         logs: Of the sensor of offset and coefficient; None = has none.
         sensors: Their numbers.
+        rows: Which row of the logs each reading is.
     """
 
     error: Float[np.ndarray, " t"]
@@ -55,13 +45,12 @@ class Data:
     time: Float[np.ndarray, " t"]
     logs: tuple[Clocked | None, Clocked | None]
     sensors: tuple[int | None, int | None]
+    rows: Int[np.ndarray, " t"]
 
     def structure(self, lags: Pair) -> Structure:
         """Return the structure temperatures for offset and coefficient in °C."""
         one, other = (
-            np.zeros(len(self.time))
-            if log is None
-            else log.structure_at(self.time, lag)
+            np.zeros(len(self.time)) if log is None else log.structure(lag)[self.rows]
             for log, lag in zip(self.logs, lags, strict=True)
         )
         return one, other
@@ -90,17 +79,11 @@ class Data:
 
     def thinned(self) -> "Data":
         """Return every n-th reading so that choices cost the same for logs of any length."""
-        step = -(-len(self.error) // _MANY)
-        return self.take(np.arange(len(self.error)) % step == 0)
-
-    def take(self, keep: Bool[np.ndarray, " t"]) -> "Data":
-        """Return the readings for which ``keep`` is true; the logs stay whole."""
-        return dataclasses.replace(
-            self,
-            error=self.error[keep],
-            position=self.position[keep],
-            time=self.time[keep],
+        keep = slice(None, None, -(-len(self.error) // _MANY))
+        error, position, time, rows = (
+            each[keep] for each in (self.error, self.position, self.time, self.rows)
         )
+        return Data(error, position, time, self.logs, self.sensors, rows)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +98,7 @@ class Line:
     @property
     def shape(self) -> Shape:
         """Number of nodes of both laws."""
-        return Shape(len(self.nodes[0]), len(self.nodes[1]))
+        return len(self.nodes[0]), len(self.nodes[1])
 
     def columns(
         self, theta: Structure, position: Float[np.ndarray, " t"]
@@ -127,45 +110,39 @@ class Line:
             parts.append(node_shares(theta[1], self.nodes[1]) * away)
         return np.hstack(parts)
 
-    def predict(self, data: Data) -> Float[np.ndarray, " t"]:
-        """Return the error in mm."""
-        theta = data.structure(self.lags)
-        return np.asarray(self.columns(theta, data.position) @ self.value)
+    def columns_of(self, data: Data) -> Float[np.ndarray, "t k"]:
+        """Return the columns of readings behind the lags of this line."""
+        return self.columns(data.structure(self.lags), data.position)
 
-    def names(self) -> tuple[str, ...]:
-        """Return the node values in words."""
-        words = []
-        for effect, nodes in zip(("offset", "coefficient"), self.nodes, strict=True):
-            for node in nodes:
-                where = "" if len(nodes) == 1 else f" at {node:.4g} °C"
-                words.append(effect + where)
-        return tuple(words)
+    def names(self, met: bool = False, lags: int = 0) -> list[str]:
+        """Return what is fitted in words: node values, the reference, lags."""
+        words = [
+            effect + ("" if len(nodes) == 1 else f" at {node:.4g} °C")
+            for effect, nodes in zip(("offset", "coefficient"), self.nodes, strict=True)
+            for node in nodes
+        ]
+        return [*words, *["reference position"] * met, *["time constant"] * lags]
 
 
 def laid_out(
     theta: Structure, shape: Shape, reference: float, lags: Pair
 ) -> Line | None:
-    """Return a line with its nodes over temperatures in °C; None where they are too few."""
-    first = _nodes(theta[0], shape.offset)
-    second = _nodes(theta[1], shape.coefficient) if shape.coefficient else np.zeros(0)
-    if first is None or second is None:
-        return None
-    return Line((first, second), np.zeros(shape.size), reference, lags)
+    """Return a line with equidistant nodes over temperatures in °C.
 
-
-def _nodes(
-    temperature: Float[np.ndarray, " t"], count: int
-) -> Float[np.ndarray, " n"] | None:
-    """Return equidistant nodes in °C; None where two of them have too few readings between."""
-    low, high = float(temperature.min()), float(temperature.max())
-    if count == 1:
-        return np.array([0.5 * (low + high)])
-    nodes = np.linspace(low, high, count)
-    if not high > low:
-        return None
-    if count > 2 and np.histogram(temperature, nodes)[0].min() < _LEAST:
-        return None
-    return nodes
+    None where two of them have too few readings between.
+    """
+    nodes = []
+    for temperature, count in zip(theta, shape, strict=True):
+        low, high = float(temperature.min()), float(temperature.max())
+        line = np.linspace(low, high, count)
+        if count == 1:
+            line = np.array([0.5 * (low + high)])
+        elif count and not high > low:
+            return None
+        elif count > 2 and np.histogram(temperature, line)[0].min() < _LEAST:
+            return None
+        nodes.append(line)
+    return Line((nodes[0], nodes[1]), np.zeros(sum(shape)), reference, lags)
 
 
 def fit_line(
@@ -190,129 +167,79 @@ def fit_line(
         Line and regression; its coefficients are node values, then the reference in mm and
         the logarithms of the lags, as far as they are free.
     """
-    names = [*line.names(), *["reference position"] * free_reference]
-    names += ["time constant"] * len(free_lags)
-    if not free_reference and not free_lags:
-        columns = line.columns(data.structure(line.lags), data.position)
-        found = regress(
-            columns, data.error, time=data.time, names=names, loss=loss, quick=quick
-        )
-        return dataclasses.replace(line, value=found.coefficients), found
+    names = line.names(free_reference, len(free_lags))
     span = max(float(np.ptp(data.position)), 1e-9)
-    ends = np.log(data.lag_range) if free_lags else np.zeros(2)
-    start, width, low, high = [], [], [], []
-    if free_reference:
-        start, width = [line.reference], [1e-3 * span]
-        low, high = [start[0] - _REACH * span], [start[0] + _REACH * span]
+    far = _REACH * span
+    start, widths = [line.reference] * free_reference, [1e-3 * span] * free_reference
+    ends = [(line.reference - far, line.reference + far)] * free_reference
     for group in free_lags:
-        start.append(float(np.clip(np.log(line.lags[group[0]]), ends[0], ends[1])))
-        width.append(_STEP)
-        low.append(float(ends[0]))
-        high.append(float(ends[1]))
+        start.append(float(np.log(line.lags[group[0]])))
+        widths.append(_STEP)
+        low, high = np.log(data.lag_range)
+        ends.append((float(low), float(high)))
 
     def at(shapes: Float[np.ndarray, " s"]) -> Line:
         lags = list(line.lags)
-        logs = shapes[len(shapes) - len(free_lags) :]
-        for group, log in zip(free_lags, logs, strict=True):
+        for group, log in zip(free_lags, shapes[int(free_reference) :], strict=True):
             for number in group:
                 lags[number] = float(np.exp(log))
         place = float(shapes[0]) if free_reference else line.reference
         return dataclasses.replace(line, reference=place, lags=(lags[0], lags[1]))
 
-    def columns_at(shapes: Float[np.ndarray, " s"]) -> Float[np.ndarray, "t k"]:
-        trial = at(shapes)
-        return trial.columns(data.structure(trial.lags), data.position)
-
-    shapes, found = regress_curve(
-        columns_at,
-        data.error,
-        np.array(start),
-        width=np.array(width),
-        bounds=(np.array(low), np.array(high)),
-        time=data.time,
-        names=names,
-        loss=loss,
-        quick=quick,
-    )
-    value = found.coefficients[: line.shape.size]
+    shapes = np.array(start)
+    if not start:
+        found = regress(
+            line.columns_of(data), data.error, time=data.time, names=names, loss=loss,
+            quick=quick,
+        )  # fmt: skip
+    else:
+        low, high = np.array(ends).T
+        shapes, found = regress_curve(
+            lambda trial: at(trial).columns_of(data), data.error,
+            np.clip(shapes, low, high), width=np.array(widths), bounds=(low, high),
+            time=data.time, names=names, loss=loss, quick=quick,
+        )  # fmt: skip
+    value = found.coefficients[: sum(line.shape)]
     return dataclasses.replace(at(shapes), value=value), found
 
 
-def complete_rows(
-    readings: ThermalReadings,
-    offset_sensor: int | None,
-    coefficient_sensor: int | None,
-    own_log: bool,
-) -> Bool[np.ndarray, " t"]:
-    """Return the rows of which nothing is missing, after the arguments are checked."""
-    sensors = readings.temperature.shape[1]
-    used = [s for s in (offset_sensor, coefficient_sensor) if s is not None]
-    if not used:
-        msg = "no sensor is given, expected one for the offset or for the coefficient."
-        raise FitError(msg)
-    for sensor in used:
-        if not 0 <= sensor < sensors:
-            msg = (
-                f"found sensor {sensor + 1} of {sensors}, expected one that was logged."
-            )
-            raise FitError(msg)
-    if coefficient_sensor is not None and readings.position is None:
-        msg = (
-            "a coefficient needs the position of every reading; without positions only "
-            "the offset can be fitted."
-        )
-        raise FitError(msg)
-    keep = np.isfinite(readings.error)
-    for values in (readings.position, readings.time):
-        if values is not None:
-            keep &= np.isfinite(values)
-    for sensor in used if own_log else ():
-        keep &= ~missed_temperatures(readings.temperature[:, sensor])
-    return np.asarray(keep)
-
-
-def ordered_data(
-    readings: ThermalReadings,
-    keep: Bool[np.ndarray, " t"],
-    sensors: tuple[int | None, int | None],
-    log: SensorLog | None,
+def complete_data(
+    readings: ThermalReadings, sensors: tuple[int | None, int | None]
 ) -> tuple[Data, Int[np.ndarray, " r"]]:
     """Return the complete readings in order of time, and the rows where they stood.
+
+    Args:
+        readings: As they were handed in.
+        sensors: Of offset and coefficient; None = has none.
 
     Raises:
         FitError: If they cannot tell what is asked for.
     """
+    whole = len(readings.error)
+    position = np.zeros(whole) if readings.position is None else readings.position
+    clock = np.arange(whole, dtype=float) if readings.time is None else readings.time
+    keep = np.isfinite(readings.error) & np.isfinite(position) & np.isfinite(clock)
+    for sensor in sensors:
+        if sensor is not None:
+            keep &= ~missed_temperatures(readings.temperature[:, sensor])
     rows = np.flatnonzero(keep)
-    clock = (
-        np.arange(len(keep), dtype=float) if readings.time is None else readings.time
-    )
     rows = rows[np.argsort(clock[rows], kind="stable")]
-    position = readings.position
-
-    def behind(sensor: int | None) -> Clocked | None:
-        if sensor is None:
-            return None
-        if log is None:
-            return clocked(clock[rows], readings.temperature[rows, sensor])
-        values = log.temperature[:, sensor]
-        missed = missed_temperatures(values)
-        return clocked(log.time, np.where(missed, np.nan, values))
-
-    data = Data(
-        readings.error[rows],
-        np.zeros(len(rows)) if position is None else position[rows],
-        clock[rows],
-        (behind(sensors[0]), behind(sensors[1])),
-        sensors,
+    one, other = (
+        None
+        if sensor is None
+        else clocked(clock[rows], readings.temperature[rows, sensor])
+        for sensor in sensors
     )
-    inside = np.asarray(np.isfinite(data.structure((0.0, 0.0))).all(axis=0))
-    keep[rows[~inside]] = False
-    data = data.take(inside)
-    _check(data, len(readings.error))
-    return data, rows[inside]
+    data = Data(
+        readings.error[rows], position[rows], clock[rows], (one, other), sensors,
+        np.arange(len(rows)),
+    )  # fmt: skip
+    _check(data, whole)
+    return data, rows
 
 
 def _check(data: Data, whole: int) -> None:
+    """Refuse readings that show no law."""
     count = len(data.error)
     if count < _LEAST:
         msg = f"{count} of {whole} readings are complete, expected at least {_LEAST}."

@@ -84,15 +84,6 @@ class Clocked:
             result[self.known] = self._behind(lag)[self.back]
         return result
 
-    def structure_at(
-        self, time: Float[np.ndarray, " n"], lag: float
-    ) -> Float[np.ndarray, " n"]:
-        """Return the temperature of the structure in °C at instants; NaN outside the log."""
-        if not len(self.clock):
-            return np.full(len(time), np.nan)
-        ends = {"left": np.nan, "right": np.nan}
-        return np.asarray(np.interp(time, self.clock, self._behind(lag), **ends))
-
     def _behind(self, lag: float) -> Float[np.ndarray, " l"]:
         """Return the structure at the instants of the sensor.
 

@@ -4,16 +4,9 @@ import dataclasses
 import math
 from typing import Literal
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ....models import (
-    AbstractParameter,
-    ConstantParameter,
-    TemperatureCurve,
-    TemperatureLine,
-)
 from ...core import DriftNoise, node_shares
 
 Effect = Literal["level", "offset", "slope", "slope change"]
@@ -51,19 +44,6 @@ class ThermalReadings:
             None if position is None else position[keep],
             None if time is None else time[keep],
         )
-
-
-@dataclasses.dataclass(frozen=True)
-class SensorLog:
-    """Temperatures on a clock of their own, denser than the readings of the error.
-
-    Attributes:
-        time: Ascending, in s.
-        temperature: Of each sensor in °C, shape ``(l, s)``; NaN = missed.
-    """
-
-    time: Float[np.ndarray, " l"]
-    temperature: Float[np.ndarray, "l s"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -209,9 +189,14 @@ class TemperatureFit:
         return self.meeting == "met"
 
     @property
-    def determined(self) -> bool:
-        """Whether the readings tell all effects apart."""
-        return not self.confounded
+    def _laws(self) -> list[tuple[Law, slice]]:
+        """The laws, and where their nodes stand in the covariance."""
+        count = len(self.offset.value)
+        laws = [(self.offset, slice(0, count))]
+        if self.coefficient is not None:
+            end = count + len(self.coefficient.value)
+            laws.append((self.coefficient, slice(count, end)))
+        return laws
 
     @property
     def slope(self) -> tuple[float, float]:
@@ -220,11 +205,9 @@ class TemperatureFit:
         if count == 1:
             return 0.0, 0.0
         span = float(self.offset.temperature[-1] - self.offset.temperature[0])
-        pick = np.zeros(len(self.covariance))
-        pick[0], pick[count - 1] = -1.0 / span, 1.0 / span
-        return self.offset.slope, math.sqrt(
-            max(float(pick @ self.covariance @ pick), 0)
-        )
+        ends = self.covariance[np.ix_([0, count - 1], [0, count - 1])]
+        rise = float(ends[0, 0] + ends[1, 1] - 2.0 * ends[0, 1])
+        return self.offset.slope, math.sqrt(max(rise, 0.0)) / span
 
     def predict(
         self,
@@ -245,58 +228,30 @@ class TemperatureFit:
         position, which belong to the tables of the axis. Outside the measured temperatures
         the nearest is taken. The deviations become those of the difference.
         """
-        count = len(self.offset.value)
-        covariance = self.covariance.copy()
-        laws, first = [], 0
-        for law in (self.offset, self.coefficient):
-            if law is None:
-                continue
-            size = len(law.value)
-            here = node_shares(np.array([temperature]), law.temperature)[0]
-            move = np.eye(len(covariance))
-            move[first : first + size, first : first + size] -= here[None, :]
-            covariance = move @ covariance @ move.T
-            laws.append(dataclasses.replace(law, value=law.value - here @ law.value))
-            first += size
+        here = np.array([temperature])
+        move = np.eye(len(self.covariance))
+        for law, part in self._laws:
+            move[part, part] -= node_shares(here, law.temperature)
+        covariance = move @ self.covariance @ move.T
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        offset = dataclasses.replace(laws[0], standard_deviation=deviation[:count])
-        coefficient = None
-        if self.coefficient is not None:
-            coefficient = dataclasses.replace(
-                laws[1], standard_deviation=deviation[count:first]
+        laws = [
+            dataclasses.replace(
+                law, value=law.value - law.at(here), standard_deviation=deviation[part]
             )
+            for law, part in self._laws
+        ]
+        coefficient = laws[1] if len(laws) > 1 else None
         return dataclasses.replace(
-            self, offset=offset, coefficient=coefficient, covariance=covariance
+            self, offset=laws[0], coefficient=coefficient, covariance=covariance
         )
 
     def deviation_at(
         self, temperature: Float[np.ndarray, " t"]
     ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
         """Return the deviations of offset (mm) and coefficient (mm/mm) at temperatures."""
-        found, first = [np.zeros(len(temperature)), np.zeros(len(temperature))], 0
-        for number, law in enumerate((self.offset, self.coefficient)):
-            if law is None:
-                continue
-            part = slice(first, first + len(law.value))
+        result = np.zeros((2, len(temperature)))
+        for row, (law, part) in zip(result, self._laws, strict=False):
             share = node_shares(temperature, law.temperature)
-            variance = np.einsum(
-                "ni,ij,nj->n", share, self.covariance[part, part], share
-            )
-            found[number], first = np.sqrt(np.maximum(variance, 0.0)), part.stop
-        return found[0], found[1]
-
-    def compensation(self, sign: int = 1, cycles: int = 0) -> TemperatureLine:
-        """Return the line that takes this error away.
-
-        Args:
-            sign: Offset per Δs (`Conventions.temperature_sign`).
-            cycles: Of the sin² filter.
-        """
-        curves: list[AbstractParameter] = [
-            TemperatureCurve.of(law.temperature, -sign * law.value, law.sensor)
-            for law in (self.offset, self.coefficient)
-            if law is not None
-        ]
-        slope = curves[1] if len(curves) > 1 else ConstantParameter(jnp.zeros(()))
-        place = ConstantParameter(jnp.asarray(self.reference))
-        return TemperatureLine(place, curves[0], slope, cycles, float(sign))
+            variance = ((share @ self.covariance[part, part]) * share).sum(axis=1)
+            row[:] = np.sqrt(np.maximum(variance, 0.0))
+        return result[0], result[1]

@@ -236,7 +236,7 @@ def test_at_delay_gain_the_delay_cannot_be_told_and_is_warned_of() -> None:
 
 
 def test_the_travel_in_which_the_play_is_taken_up_is_reported() -> None:
-    fit = fit_backlash_trace(*trace(4, 0.015, uptake=1.0), reach=6.0, skip=1.5)
+    fit = fit_backlash_trace(*trace(4, 0.015, uptake=1.0), reach=6.0)
     assert fit.take_up is not None
     # Nine tenths of 1 mm, in bins of 0.3 mm.
     assert 0.6 <= fit.take_up <= 1.5
