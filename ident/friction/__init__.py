@@ -13,7 +13,7 @@ Read in this order:
 - `_simulate`: a drive under a measured force, with its sensitivities; `_shooting`: the problem
   of simulated positions and its solvers; `_output_error`: `fit_output_error`.
 - `_reversal`: `fit_reversal`, how friction changes over where an axis reverses.
-- `_knots`, `_polyline`: `place_knots`, the entries of a friction list, and their search.
+- `_knots`: `place_knots`, the entries of a friction list, by dynamic programming.
 """
 
 from ._choice import (
