@@ -76,21 +76,18 @@ def place_knots(
     ascend = bool(np.all(np.diff(velocity, prepend=0.0) > 0))
     finite = bool(np.isfinite([current, weight]).all())
     counts = bool(np.all(weight >= 0) and np.any(weight > 0))
-    msg, count = "", len(velocity)
-    if entries < 3:
-        msg = f"found {entries} entries, expected at least 3 for a friction table"
-    elif count < 2:
-        msg = f"found {count} speeds, expected at least 2 for a friction table"
-    elif not ascend:
-        msg = "found speeds that do not ascend from above 0, expected them to"
-    elif not finite:
-        msg = "found gaps in the friction curve, expected numbers"
-    elif not counts:
-        msg = "found no speed that counts, expected weights of 0 or more"
-    elif not unit > 0:
-        msg = f"found {unit:g} per list unit, expected more than 0"
-    if msg:
-        raise FitError(msg)
+    count = len(velocity)
+    for found, words in (
+        (entries < 3, f"{entries} entries, expected at least 3 for a friction table"),
+        (count < 2, f"{count} speeds, expected at least 2 for a friction table"),
+        (not ascend, "speeds that do not ascend from above 0, expected them to"),
+        (not finite, "gaps in the friction curve, expected numbers"),
+        (not counts, "no speed that counts, expected weights of 0 or more"),
+        (not unit > 0, f"{unit:g} per list unit, expected more than 0"),
+    ):
+        if found:
+            msg = "found " + words
+            raise FitError(msg)
     low = max(1, round(velocity[0] * _PER_MM))
     high = max(low + 1, math.ceil(velocity[-1] * _PER_MM - 1e-6))
     beyond = max(high + 1, math.ceil(1.05 * (reach or velocity[-1]) * _PER_MM))
@@ -102,7 +99,8 @@ def place_knots(
     # Where nobody measured, no more than at the slowest speed that was driven.
     if places[0] < curve.place[0] and heights[0] > curve.height[0]:
         heights[0] = math.floor(curve.height[0])
-    rms = unit * curve.rms(places, heights)
+    error = np.interp(curve.place, places, heights) - curve.height
+    rms = unit * float(np.sqrt(curve.weight @ error**2))
     places = np.concatenate([np.ones(before), places, [beyond]])
     heights = np.concatenate([heights[:1]] * before + [heights, heights[-1:]])
     wide, high_by = np.diff(places), np.diff(heights)
@@ -128,11 +126,6 @@ class _Curve:
     def at(self, place: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
         """Return the height of the curve at places."""
         return np.asarray(np.interp(place, self.place, self.height))
-
-    def rms(self, places: np.ndarray, heights: np.ndarray) -> float:
-        """Return the weighted root mean square distance of a polyline."""
-        error = np.interp(self.place, places, heights) - self.height
-        return float(np.sqrt(self.weight @ error**2))
 
     def heights(self, places: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Return the heights at which a polyline with these knots follows the curve best."""
@@ -216,7 +209,10 @@ def _finer(
     rounding. Where it is flat both whole heights are candidates.
     """
     heights, count = np.round(curve.heights(places)), len(places)
-    typical, slope = curve.rms(places, heights), np.gradient(curve.height, curve.place)
+    typical = np.sqrt(
+        curve.misfit(places[:-1], places[1:], heights[:-1], heights[1:]).sum()
+    )
+    slope = np.gradient(curve.height, curve.place)
     for reach in _REACHES:
         gap = reach * np.diff(places, prepend=places[0], append=places[-1])[:, None]
         near = places[:, None] + _STEPS * np.where(_STEPS > 0, gap[1:], gap[:-1])

@@ -47,8 +47,8 @@ _ROWS = 5000
 """Steps from which the covariance is made at most: every second one, third one, ..."""
 _SLOW = 0.1
 """Share of the highest speed below which a piece of recording is taken to begin at rest."""
-_INERTIA = 1e3
-"""Largest factor between the inertia and that of the guess."""
+_INERTIA = (1e-3, 1e3)
+"""Least and largest inertia, as multiples of that of the guess."""
 _LEVEL = 10.0
 """Largest friction, as a multiple of the largest force of the recording."""
 _EDGE = 1e-4
@@ -108,16 +108,13 @@ def fit_output_error(
             " solver 'ipopt', the only one that keeps inequalities."
         )
         raise FitError(msg)
-    kept = tuple(constraints)
     runs = _Runs.of(guess, samples)
-    task = _Task(runs, guess, 0.0, trust, solver, kept)
+    task = _Task(runs, guess, 0.0, trust, solver, tuple(constraints))
     start = _approached(task, samples)
     # A fit without the guess shows how large errors are; as many as they keep their sign
     # for count as one.
-    rough = dataclasses.replace(task, solver="optimistix", constraints=())
-    found = jnp.asarray(rough.solved(start, ROUGHLY)[0])
-    residual = np.asarray(residual_of(found, rough.problem))
-    error = residual[: len(runs.run)][runs.compared]
+    found = jnp.asarray(solve(task.problem, start, ROUGHLY)[0])
+    error = np.asarray(residual_of(found, task.problem))[: len(runs.run)][runs.compared]
     turns = int((np.diff(np.sign(error - error.mean())) != 0).sum())
     variance = float(error @ error) / (turns + 1)
     return dataclasses.replace(task, variance=variance).fit(start)
@@ -161,8 +158,7 @@ def laws_held_out(
             other = whole
         law = other if other.has_law else whole
         inertia, offset = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
-        one = WindowLaw(law.structure, law.factors, law.shape, inertia, offset)
-        found.append(one)
+        found.append(WindowLaw(law.structure, law.factors, law.shape, inertia, offset))
     return tuple(found)
 
 
@@ -290,12 +286,6 @@ class _Task:
         )
         return Problem(runs.excitation, *jax.tree.map(jnp.asarray, arrays))
 
-    def solved(
-        self, start: Float[np.ndarray, " 10"], tolerance: float
-    ) -> tuple[Float[np.ndarray, " 10"], int, bool]:
-        """Return where the solver ends from a start, its steps, and whether it converged."""
-        return solve(self.problem, start, tolerance, self.solver, self.constraints)
-
     def _root(self) -> Float[np.ndarray, "10 10"]:
         """Return the root of the precision of the guess, in the unit of position errors."""
         covariance = self.guess.state_covariance
@@ -317,10 +307,7 @@ class _Task:
             if name in equation.structure.shapes:
                 low[place], high[place] = next(shapes)
             elif name == "inertia":
-                low[place], high[place] = (
-                    guess[place] / _INERTIA,
-                    guess[place] * _INERTIA,
-                )
+                low[place], high[place] = guess[place] * np.array(_INERTIA)
             else:
                 signed = name == "offset" or "non-negative" in self.constraints
                 per = float(equation.speed.max()) if name.startswith("viscous") else 1.0
@@ -333,7 +320,9 @@ class _Task:
         Raises:
             FitError: If it finds nothing that can be simulated.
         """
-        values, steps, converged = self.solved(start, TOLERANCE)
+        values, steps, converged = solve(
+            self.problem, start, TOLERANCE, self.solver, self.constraints
+        )
         left, slopes = (
             np.asarray(each) for each in linearised(jnp.asarray(values), self.problem)
         )
@@ -401,13 +390,9 @@ def _approached(task: _Task, samples: DriveSamples) -> Float[np.ndarray, " 10"]:
     guess, count = task.guessed, min(_PIECES, len(task.runs.run) // _SHORTEST)
     if count <= task.runs.run[-1] + 1:
         return guess
-    short = dataclasses.replace(
-        task,
-        runs=_Runs.of(task.guess, samples, windows=count),
-        solver="optimistix",
-        constraints=(),
-    )
-    near = short.solved(guess, ROUGHLY)[0]
+    runs = _Runs.of(task.guess, samples, windows=count)
+    short = dataclasses.replace(task, runs=runs, constraints=())
+    near = solve(short.problem, guess, ROUGHLY)[0]
 
     def cost(values: Float[np.ndarray, " 10"]) -> float:
         return float(np.linalg.norm(residual_of(jnp.asarray(values), task.problem)))

@@ -295,8 +295,8 @@ def solve(
     problem: Problem,
     start: Float[np.ndarray, " 10"],
     tolerance: float,
-    solver: Solver,
-    constraints: Sequence[Constraint],
+    solver: Solver = "optimistix",
+    constraints: Sequence[Constraint] = (),
 ) -> tuple[Float[np.ndarray, " 10"], int, bool]:
     """Return where a solver ends, its steps, and whether it converged.
 
