@@ -10,8 +10,9 @@ Read in this order:
 - `_determined`, `_result`: what the data do not tell; `FrictionFit` with parameters and σ.
 - `_inverse`: `fit_inverse`, all of that in one call.
 - `_choice`: `choose_law`, which kind of law predicts windows held out.
-- `_simulate`: a drive under a measured force, with its sensitivities, and the problem of its
-  positions with both solvers; `_output_error`: `fit_output_error`.
+- `_simulate`: a drive under a measured force, with its sensitivities, the problem of its
+  positions with both solvers, and what a controller gives around reversals; `_output_error`:
+  `fit_output_error`.
 - `_reversal`: `fit_reversal`, how friction changes over where an axis reverses.
 - `_knots`: `place_knots`, the entries of a friction list, by dynamic programming.
 """

@@ -10,21 +10,18 @@ of a Stribeck curve, leaves a linear problem in the $c_j$ (variable projection).
 import dataclasses
 from collections.abc import Callable
 from functools import cached_property, lru_cache
-from typing import final
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import least_squares
 
-from ...models import FrictionCompensation, StribeckFriction
 from ..core import FitError, one_blas_thread
 from ._equation import Known
 from ._samples import DriveSamples, check_samples
-from ._simulate import padded
+from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
+    KNOTS,
     AbstractStructure,
     KnotTable,
     Stribeck,
@@ -32,9 +29,6 @@ from ._structures import (
     range_of,
 )
 
-_ANY_LAW = StribeckFriction(*np.ones(5))
-LOOKAHEADS = 5
-"""How many look-aheads the controller has: 0 to 4 cycles."""
 _FARTHEST, _NOTHING = 0.02, 1e-6
 """mm: no friction takes longer to build up, however soft the drive, and below is none."""
 _DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 6)])
@@ -43,7 +37,6 @@ _MOST_DELAY = 30
 """Largest delay that is tried, in cycles."""
 _MARGIN = 10
 """Cycles that are looked at beyond those that look-ahead and delay touch."""
-_KNOTS = 20
 _REVERSALS = 64
 """Reversals that are looked at closely, at most; samples around others are left out."""
 _CLOSE, _TRIALS = 3, 15
@@ -62,10 +55,8 @@ class ReversalFit:
     """What reversals show of the friction around them.
 
     Attributes:
-        lookahead: Cycles before the reversal over which the current falls
-            (P-COMP-00044).
-        position_delay: Distance in mm after it over which the current rises
-            (P-COMP-00043).
+        lookahead: Cycles before the reversal over which the current falls (P-COMP-00044).
+        position_delay: Distance in mm after it over which the current rises (P-COMP-00043).
         delay_cycles: Cycles that all of it comes later (P-COMP-00058).
         position_delay_sd: Standard deviation of the distance in mm.
         lookahead_probability: That `lookahead` is the right one of 0 to 4.
@@ -73,7 +64,6 @@ class ReversalFit:
         noise: Standard deviation of what is left around reversals, in load units.
         before: The same with neither look-ahead, nor distance, nor delay.
         reversals: How many there are.
-        undetermined: What the recording cannot tell: name → reason.
         missing: What look-ahead, distance and delay take from that friction per sample, in
             load units. Added to the load, it leaves what steady friction gives.
     """
@@ -87,8 +77,31 @@ class ReversalFit:
     noise: float
     before: float
     reversals: int
-    undetermined: dict[str, str]
     missing: Float[np.ndarray, " t"]
+
+    @property
+    def undetermined(self) -> dict[str, str]:
+        """What the recording cannot tell: name → reason."""
+        reasons: dict[str, str] = {}
+        if self.reversals < _FEW:
+            names = ("reversal_lookahead", "position_delay", "delay_cycles")
+            words = f"only {self.reversals} reversals were recorded"
+            reasons = dict.fromkeys(names, words)
+        for name, cycles, probability in (
+            ("reversal_lookahead", self.lookahead, self.lookahead_probability),
+            ("delay_cycles", self.delay_cycles, self.delay_probability),
+        ):
+            if probability < 0.5:
+                reasons[name] = (
+                    f"{cycles} cycles fit best, others nearly as well (probability"
+                    f" {probability:.0%})"
+                )
+        if self.delay_cycles == _MOST_DELAY:
+            words = f"it is {_MOST_DELAY} cycles, the most tried, or more"
+            reasons["delay_cycles"] = words
+        if self.position_delay >= 0.98 * _FARTHEST:
+            reasons["position_delay"] = f"it is {1e3 * _FARTHEST:g} µm or more"
+        return reasons
 
 
 def fit_reversal(
@@ -116,7 +129,8 @@ def fit_reversal(
         FitError: If there is no reversal, or arrays differ in length or have gaps.
     """
     check_samples(samples)
-    starts, msg = _reversals(velocity), ""
+    moving, msg = np.flatnonzero(velocity != 0), ""
+    starts = moving[1:][np.diff(np.sign(velocity[moving])) != 0]
     if not len(position) == len(velocity) == len(samples.time):
         msg = (
             f"found {len(position)} positions, {len(velocity)} velocities and"
@@ -128,10 +142,10 @@ def fit_reversal(
         msg = "found no reversal in the recording, expected motion in both directions"
     if msg:
         raise FitError(msg)
-    rows, share = _rows(samples, position, starts), _share_of(position, velocity)
+    rows, share = _rows(samples, position, starts), share_of(position, velocity)
     given = known or Known(), position, velocity, *rows, share
-    moving = np.abs(samples.velocity[samples.in_motion])
-    kinds = Stribeck(True), KnotTable(True, default_knots(moving, _KNOTS))
+    speed = np.abs(samples.velocity[samples.in_motion])
+    kinds = Stribeck(True), KnotTable(True, default_knots(speed, KNOTS))
     with one_blas_thread():
         found = [
             _found(_Search(samples, structure, *given), len(starts))
@@ -150,7 +164,6 @@ class _Setting:
     shape: Float[np.ndarray, " h"]
 
 
-@final
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Search:
     """The load for every setting, and what it leaves.
@@ -245,12 +258,9 @@ class _Search:
     ) -> tuple[_Setting, float]:
         """Return the best distance and shape beside a setting, and the squares left."""
         place = int(np.searchsorted(_DISTANCES, setting.distance))
-        last = len(_DISTANCES) - 1
-        ends = _DISTANCES[max(place - 1, 0)], _DISTANCES[min(place + 1, last)]
+        ends = _DISTANCES[max(place - 1, 0)], _DISTANCES[place : place + 2][-1]
         shapes = self.structure.bounds(range_of(np.abs(self.velocity[use])))
-        low, high = (
-            np.append(end, shape) for end, shape in zip(ends, shapes, strict=True)
-        )
+        low, high = np.column_stack([ends, shapes])
         first = np.append(setting.distance, setting.shape)
         inside = 1e-3 * (high - low)
         unit = np.linalg.norm(self.solve(setting, use)[1]) or 1.0
@@ -284,51 +294,13 @@ def _least(
     return found / size, float(right @ found)
 
 
-@jax.jit
-def _shares(
-    position: Float[Array, " t"],
-    velocity: Float[Array, " t"],
-    distance: Float[Array, ""],
-) -> Float[Array, "l t"]:
-    found = []
-    for lookahead in range(LOOKAHEADS):
-        # Only its rules for the change of direction matter, not its law.
-        model = FrictionCompensation(_ANY_LAW, lookahead, distance)
-        found.append(model.shares(model.start(), position, velocity)[0])
-    return jnp.abs(jnp.stack(found))
-
-
-def _share_of(
-    position: Float[np.ndarray, " t"], velocity: Float[np.ndarray, " t"]
-) -> Callable[[float], Float[np.ndarray, "l t"]]:
-    """Return how much of the friction acts by distance, look-ahead by look-ahead."""
-    place = padded(position)
-    place[len(position) :] = position[-1]  # standing still behind the end
-    motion = jnp.asarray(place), jnp.asarray(padded(velocity))
-
-    @lru_cache(4 * len(_DISTANCES))
-    def share(distance: float) -> Float[np.ndarray, "l t"]:
-        found = _shares(*motion, jnp.asarray(distance))
-        return np.asarray(found)[:, : len(position)]
-
-    return share
-
-
-def _reversals(velocity: Float[np.ndarray, " t"]) -> Int[np.ndarray, " r"]:
-    """Return the first sample of each new direction."""
-    moving = np.flatnonzero(velocity != 0)
-    ways = np.sign(velocity[moving])
-    return np.asarray(moving[1:][ways[1:] != ways[:-1]])
-
-
 def _rows(
     samples: DriveSamples,
     position: Float[np.ndarray, " t"],
     starts: Int[np.ndarray, " r"],
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " f"]]:
     """Return the samples around reversals, and the others in motion."""
-    around = np.zeros(len(position), bool)
-    near = np.zeros(len(position), bool)
+    around, near = np.zeros((2, len(position)), bool)
     every = -(-len(starts) // _REVERSALS)
     ends = np.append(starts[1:], len(position))
     for number, (start, end) in enumerate(zip(starts, ends, strict=True)):
@@ -340,9 +312,8 @@ def _rows(
         near[own] |= number % every == 0
     good = ~samples.saturated
     good[:_MOST_DELAY] = False
-    return np.flatnonzero(near & good), np.flatnonzero(
-        good & ~around & samples.in_motion
-    )
+    far = good & ~around & samples.in_motion
+    return np.flatnonzero(near & good), np.flatnonzero(far)
 
 
 def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
@@ -368,8 +339,7 @@ def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
         best = dataclasses.replace(best, distance=0.0)
     factors, left = search.solve(best, use)
     plain = dataclasses.replace(best, lookahead=0, delay=0, distance=0.0)
-    near = keep[search.near]
-    close = np.isin(use, search.near[near])
+    close = np.isin(use, search.near)
     share = _independent(left)
     # A perfect recording leaves rounding: below it no two settings differ.
     floor = 1e-9 * float(np.abs(search.load).max())
@@ -395,15 +365,11 @@ def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
         noise=float(np.sqrt(np.mean(left[close] ** 2))),
         before=float(np.sqrt(np.mean(search.solve(plain, use)[1][close] ** 2))),
         reversals=reversals,
-        undetermined={},
         missing=steady - late,
     )
     criterion = len(use) * np.log(max(left @ left / len(use), floor**2))
     criterion += np.log(len(use)) * (len(own) + len(best.shape))
-    return (
-        dataclasses.replace(found, undetermined=_unknown(found)),
-        float(criterion),
-    )
+    return found, float(criterion)
 
 
 def _pass(
@@ -415,19 +381,14 @@ def _pass(
 ) -> tuple[_Setting, Float[np.ndarray, "l d"]]:
     """Return the best setting, and the least squares by look-ahead and delay."""
     places, squares = np.argmin(table, axis=2), np.min(table, axis=2)
-    use = np.flatnonzero(keep)
-    best, least = None, np.inf
+    use, found = np.flatnonzero(keep), []
     # Only what comes near the best deserves the last digits.
     for flat in np.argsort(squares, axis=None)[:close]:
         lookahead, delay = (int(k) for k in np.unravel_index(flat, squares.shape))
         distance = float(_DISTANCES[places[lookahead, delay]])
-        trial = _Setting(lookahead, delay, distance, shape)
-        setting, own = search.refined(trial, use)
-        squares[lookahead, delay] = own
-        if best is None or own < least:
-            best, least = setting, own
-    assert best is not None
-    return best, squares
+        found.append(search.refined(_Setting(lookahead, delay, distance, shape), use))
+        squares[lookahead, delay] = found[-1][1]
+    return min(found, key=lambda each: each[1])[0], squares
 
 
 def _independent(residual: Float[np.ndarray, " r"]) -> float:
@@ -437,26 +398,3 @@ def _independent(residual: Float[np.ndarray, " r"]) -> float:
         return 1.0
     common = float(np.clip(residual[1:] @ residual[:-1] / size, 0.0, 0.98))
     return (1 - common) / (1 + common)
-
-
-def _unknown(found: ReversalFit) -> dict[str, str]:
-    reasons: dict[str, str] = {}
-    if found.reversals < _FEW:
-        words = f"only {found.reversals} reversals were recorded"
-        reasons = dict.fromkeys(
-            ("reversal_lookahead", "position_delay", "delay_cycles"), words
-        )
-    for name, cycles, probability in (
-        ("reversal_lookahead", found.lookahead, found.lookahead_probability),
-        ("delay_cycles", found.delay_cycles, found.delay_probability),
-    ):
-        if probability < 0.5:
-            reasons[name] = (
-                f"{cycles} cycles fit best, others nearly as well (probability"
-                f" {probability:.0%})"
-            )
-    if found.delay_cycles == _MOST_DELAY:
-        reasons["delay_cycles"] = f"it is {_MOST_DELAY} cycles, the most tried, or more"
-    if found.position_delay >= 0.98 * _FARTHEST:
-        reasons["position_delay"] = f"it is {1e3 * _FARTHEST:g} µm or more"
-    return reasons

@@ -10,7 +10,8 @@ at once, and the tangents then follow a linear recursion. Differentiation throug
 cost 25 times that, and take half a minute to compile.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, Literal, final
 
 import equinox as eqx
@@ -22,7 +23,7 @@ import optimistix as optx
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from ...models import StribeckFriction
+from ...models import FrictionCompensation, StribeckFriction
 from .._limits import Change
 from ..core import least_squares_ipopt
 
@@ -52,6 +53,11 @@ _SPEEDS = 32
 _SHORTEST = 16384
 """Steps that every compiled simulation has room for."""
 _TINY = 1e-300
+LOOKAHEADS = 5
+"""How many look-aheads the controller has: 0 to 4 cycles."""
+_ANY_LAW = StribeckFriction(*np.ones(5))
+_KEPT = 32
+"""Distances whose shares are kept."""
 
 
 @final
@@ -323,3 +329,36 @@ def solve(
     given = jnp.asarray(start), problem, jnp.asarray(tolerance)
     values, steps, converged = _levenberg_marquardt(*given)
     return np.asarray(values), int(steps), bool(converged)
+
+
+@jax.jit
+def _shares(
+    position: Float[Array, " t"],
+    velocity: Float[Array, " t"],
+    distance: Float[Array, ""],
+) -> Float[Array, "l t"]:
+    found = []
+    for lookahead in range(LOOKAHEADS):
+        # Only its rules for the change of direction matter, not its law.
+        model = FrictionCompensation(_ANY_LAW, lookahead, distance)
+        found.append(model.shares(model.start(), position, velocity)[0])
+    return jnp.abs(jnp.stack(found))
+
+
+def share_of(
+    position: Float[np.ndarray, " t"], velocity: Float[np.ndarray, " t"]
+) -> Callable[[float], Float[np.ndarray, "l t"]]:
+    """Return how much of the friction a controller gives by the distance after reversals.
+
+    A row per look-ahead and an entry per cycle (`FrictionCompensation.shares`).
+    """
+    place = padded(position)
+    place[len(position) :] = position[-1]  # standing still behind the end
+    motion = jnp.asarray(place), jnp.asarray(padded(velocity))
+
+    @lru_cache(_KEPT)
+    def share(distance: float) -> Float[np.ndarray, "l t"]:
+        found = _shares(*motion, jnp.asarray(distance))
+        return np.asarray(found)[:, : len(position)]
+
+    return share
