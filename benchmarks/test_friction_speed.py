@@ -10,7 +10,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from axcomp.ident.friction import DriveSamples, Knots, choose_law, place_knots
 
 ROUNDS = 5
-CURVES, KNOTS_TIME = 40, 40e-3  # s of CPU with annotations checked; 5 ms without
+CURVES, KNOTS_TIME = 40, 40e-3  # s of CPU with annotations checked
 CHOICE_TIME = 0.25  # s of CPU with annotations checked; 25 ms without
 
 
@@ -64,9 +64,6 @@ def test_knots_of_a_list(benchmark: BenchmarkFixture) -> None:
         "cpu_s_per_list": each,
         "rms_in_units": float(np.mean(rms)),
         "worst_rms_in_units": max(rms),
-        "unrounded_rms_in_units": float(
-            np.mean([knots.unrounded_rms / knots.unit for knots in found])
-        ),
     }
     # Rounding alone would cost 0.24 units, sqrt(2/3)/sqrt(12).
     assert max(rms) <= 0.24

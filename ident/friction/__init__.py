@@ -10,10 +10,11 @@ Read in this order:
 - `_determined`, `_result`: what the data do not tell; `FrictionFit` with parameters and σ.
 - `_inverse`: `fit_inverse`, all of that in one call.
 - `_choice`: `choose_law`, which kind of law predicts windows held out.
-- `_simulate`: a drive under a measured force, with its sensitivities; `_shooting`: the problem
-  of simulated positions and its solvers; `_output_error`: `fit_output_error`.
+- `_simulate`: a drive under a measured force, with its sensitivities, the problem of its
+  positions with both solvers, and what a controller gives around reversals; `_output_error`:
+  `fit_output_error`.
 - `_reversal`: `fit_reversal`, how friction changes over where an axis reverses.
-- `_knots`, `_polyline`: `place_knots`, the entries of a friction list, and their search.
+- `_knots`: `place_knots`, the entries of a friction list, by dynamic programming.
 """
 
 from ._choice import (
@@ -28,7 +29,6 @@ from ._knots import Knots as Knots, place_knots as place_knots
 from ._output_error import (
     OutputErrorFit as OutputErrorFit,
     fit_output_error as fit_output_error,
-    free_run as free_run,
     laws_held_out as laws_held_out,
 )
 from ._result import FrictionFit as FrictionFit

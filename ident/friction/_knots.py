@@ -1,26 +1,27 @@
-"""The entries of a friction list: few knots on a curve, whole velocities, whole currents."""
+"""The entries of a friction list: few knots on a curve, whole velocities, whole currents.
+
+Found by dynamic programming, coarse to fine: lines between places all along the curve, then
+whole places and heights ever nearer to the best so far. Source: R. Bellman, R. Roth, Curve
+fitting by segmented straight lines, J. Am. Stat. Assoc. 64, 1969.
+"""
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...models import linear_weights
 from ..core import FitError
-from ._polyline import Curve, best_knots
 
 _PER_MM = 1000.0
 _PLACES = 60
-"""Places between which chords are drawn, at least; three for each knot."""
+"""Places between which lines are drawn, at least; three for each knot."""
 _STEPS = np.linspace(-1.0, 1.0, 7)
-"""Steps from a knot towards its neighbours, in shares of `_REACHES`."""
-_REACHES = (0.9, 0.9, 0.45, 0.2)
-"""Shares of the gap beside a knot in which whole numbers are looked for."""
-_LAST = (4.0, 1.0)
-"""List units of speed by which whole places are moved in the end."""
-_NEAR = (0.9, 0.4)
-_FLAT = 20.0
-"""Largest logarithm of the ratio of two gaps."""
+"""Places beside a knot that are tried at a time, in reaches."""
+_REACHES = (0.1, 0.05, 0.02, 0.01, 0.9, 0.6, 0.3, 0.15, 0.08, 0.04, 0.02)
+"""Shares of the gap beside a knot in which better places are looked for, one after another."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,14 +33,12 @@ class Knots:
         out: In list units of current.
         unit: Current that one unit of ``out`` is.
         rms: Weighted root mean square deviation from the curve, in units of current.
-        unrounded_rms: The same before rounding to whole numbers.
     """
 
     velocity: Int[np.ndarray, " k"]
     out: Int[np.ndarray, " k"]
     unit: float
     rms: float
-    unrounded_rms: float
 
     def current(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the current at speeds in mm/s, linear between knots, edges held."""
@@ -74,67 +73,162 @@ def place_knots(
         FitError: If there are fewer than 3 entries or 2 speeds, or arguments are no
             numbers or out of order.
     """
-    _refuse(velocity, current, weight, entries, unit)
+    ascend = bool(np.all(np.diff(velocity, prepend=0.0) > 0))
+    finite = bool(np.isfinite([current, weight]).all())
+    counts = bool(np.all(weight >= 0) and np.any(weight > 0))
+    count = len(velocity)
+    for found, words in (
+        (entries < 3, f"{entries} entries, expected at least 3 for a friction table"),
+        (count < 2, f"{count} speeds, expected at least 2 for a friction table"),
+        (not ascend, "speeds that do not ascend from above 0, expected them to"),
+        (not finite, "gaps in the friction curve, expected numbers"),
+        (not counts, "no speed that counts, expected weights of 0 or more"),
+        (not unit > 0, f"{unit:g} per list unit, expected more than 0"),
+    ):
+        if found:
+            msg = "found " + words
+            raise FitError(msg)
     low = max(1, round(velocity[0] * _PER_MM))
     high = max(low + 1, math.ceil(velocity[-1] * _PER_MM - 1e-6))
     beyond = max(high + 1, math.ceil(1.05 * (reach or velocity[-1]) * _PER_MM))
     before = 1 if low > 1 and entries > 3 else 0
     low = low if before else 1  # three entries: one line from 1 µm/s on
     count = min(max(2, entries - 1 - before), high - low + 1)
-    curve = Curve(velocity * _PER_MM, current / unit, weight / weight.sum())
-    best, places, heights = best_knots(curve, low, high, count)
+    curve = _Curve(velocity * _PER_MM, current / unit, weight / weight.sum())
+    places, heights = _finer(curve, _lines(curve, low, high, count))
     # Where nobody measured, no more than at the slowest speed that was driven.
     if places[0] < curve.place[0] and heights[0] > curve.height[0]:
         heights[0] = math.floor(curve.height[0])
-    rms = unit * curve.rms(places, heights)
-    places = np.concatenate([np.ones(before), places, [beyond]]).astype(np.int64)
+    error = np.interp(curve.place, places, heights) - curve.height
+    rms = unit * float(np.sqrt(curve.weight @ error**2))
+    places = np.concatenate([np.ones(before), places, [beyond]])
     heights = np.concatenate([heights[:1]] * before + [heights, heights[-1:]])
-    keep = _needed(places, heights.astype(np.int64))
-    return Knots(
-        velocity=places[keep],
-        out=heights.astype(np.int64)[keep],
-        unit=unit,
-        rms=rms,
-        unrounded_rms=unit * curve.rms(best, curve.heights(best)),
-    )
+    wide, high_by = np.diff(places), np.diff(heights)
+    needed = np.ones(len(places), bool)  # not on the straight line of its neighbours
+    # The last two stay: they say that the table is flat from there on.
+    needed[1:-2] = (high_by[1:] * wide[:-1] != high_by[:-1] * wide[1:])[:-1]
+    velocities, out = (each[needed].astype(np.int64) for each in (places, heights))
+    return Knots(velocities, out, unit, rms)
 
 
-def _refuse(
-    velocity: Float[np.ndarray, " m"],
-    current: Float[np.ndarray, " m"],
-    weight: Float[np.ndarray, " m"],
-    entries: int,
-    unit: float,
-) -> None:
-    msg = ""
-    if entries < 3:
-        msg = f"{entries} entries, expected at least 3 for a friction table"
-    elif len(velocity) < 2:
-        msg = f"{len(velocity)} speeds, expected at least 2 for a friction table"
-    elif not (velocity[0] > 0 and np.all(np.diff(velocity) > 0)):
-        msg = "speeds that do not ascend from above 0, expected them to"
-    elif not (np.isfinite(current).all() and np.isfinite(weight).all()):
-        msg = "gaps in the friction curve, expected numbers"
-    elif np.any(weight < 0) or not np.any(weight > 0):
-        msg = "no speed that counts, expected weights of 0 or more"
-    elif not unit > 0:
-        msg = f"{unit:g} per list unit, expected more than 0"
-    if msg:
-        raise FitError("found " + msg)
+class _Curve:
+    """A curve with weights, and sums that tell the misfit of any straight line at once."""
+
+    def __init__(
+        self, place: np.ndarray, height: np.ndarray, weight: np.ndarray
+    ) -> None:
+        self.place, self.height, self.weight = place, height, weight
+        self._level = float(weight @ height)
+        x, y = place / place[-1], height - self._level
+        products = np.stack([np.ones_like(x), x, x * x, y, x * y, y * y])
+        self._sums = np.pad(np.cumsum(weight * products, axis=1), ((0, 0), (1, 0)))
+
+    def at(self, place: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
+        """Return the height of the curve at places."""
+        return np.asarray(np.interp(place, self.place, self.height))
+
+    def heights(self, places: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Return the heights at which a polyline with these knots follows the curve best."""
+        first, weights = linear_weights(places, self.place)
+        root, rows = np.sqrt(self.weight), np.arange(len(first))
+        hats = np.zeros((len(first), len(places)))
+        hats[rows, first], hats[rows, first + 1] = root * weights
+        chord = self.at(places)  # stays where no point tells a height
+        inverse = np.linalg.pinv(hats.T @ hats, rcond=1e-10, hermitian=True)
+        off = hats.T @ (root * self.height - hats @ chord)
+        return np.asarray(chord + inverse @ off)
+
+    def _between(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
+        """Return sums over the points in (left, right], from the first point on."""
+        first = np.searchsorted(self.place, left, side="right")
+        first = np.where(left < self.place[0], 0, first)
+        last = np.searchsorted(self.place, right, side="right")
+        return [each[last] - each[first] for each in self._sums]
+
+    def apart(self, left: np.ndarray, right: np.ndarray) -> Float[np.ndarray, "*n"]:
+        """Return the weighted squares that the best lines leave, which need not meet."""
+        one, x, xx, y, xy, yy = self._between(left, right)
+        one = np.maximum(one, 1e-14)  # where nothing counts, nothing is left
+        spread, both, square = xx - x * x / one, xy - x * y / one, yy - y * y / one
+        gain = both**2 / np.where(spread > 1e-12 * xx, spread, np.inf)
+        return np.where(right > left, np.maximum(square - gain, 0.0), np.inf)
+
+    def misfit(
+        self, left: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray
+    ) -> Float[np.ndarray, "*n"]:
+        """Return the weighted squares that lines of given heights at their ends leave."""
+        one, x, xx, y, xy, yy = self._between(left, right)
+        width = (right - left) / self.place[-1]
+        lean = (high - low) / np.where(width > 0, width, 1.0)
+        base = low - self._level - lean * left / self.place[-1]
+        miss = yy - 2.0 * (lean * xy + base * y) + lean * (lean * xx + 2.0 * base * x)
+        return np.where(width > 0, np.maximum(miss + base * base * one, 0.0), np.inf)
 
 
-def _needed(
-    places: Int[np.ndarray, " k"], heights: Int[np.ndarray, " k"]
-) -> Int[np.ndarray, " n"]:
-    """Return the knots that are not on the straight line of their neighbours.
+def _lines(curve: _Curve, low: int, high: int, count: int) -> Float[np.ndarray, " k"]:
+    """Return the whole ends of the lines that follow the curve best and need not meet.
 
-    The last two stay: they say that the table is flat from there on.
+    Candidates lie anywhere, and more where the curve bends: straight lines follow it best
+    where their ends lie as densely as the fifth root of weight times bend squared.
     """
-    at, high = places.tolist(), heights.tolist()
-    keep = [0]
-    for k in range(1, len(at) - 1):
-        a, b = keep[-1], k + 1
-        lean = (high[k] - high[a]) * (at[b] - at[k])
-        if k == len(at) - 2 or lean != (high[b] - high[k]) * (at[k] - at[a]):
-            keep.append(k)
-    return np.array([*keep, len(at) - 1], dtype=np.int64)
+    place, gap = curve.place, np.gradient(curve.place)
+    bend = np.gradient(np.gradient(curve.height, place), place)
+    dense = np.cumsum(gap * (bend**2 * curve.weight / gap) ** 0.2)
+    evenly = np.log(place / place[0]) / np.log(place[-1] / place[0])
+    share = evenly + 3.0 * dense / max(float(dense[-1]), 1e-300)
+    among = np.linspace(share[0], share[-1], max(_PLACES, 3 * count))
+    among = np.clip(np.round(np.interp(among, share, place)), low, high)
+    among = np.unique([low, *among, high])
+    if len(among) <= count:
+        return among
+    costs = [curve.apart(among[:, None], among[None])] * (count - 1)
+    costs[0], costs[-1] = costs[0][:1], costs[-1][:, -1:]
+    return np.asarray(among[[0, *_cheapest(costs)[1:-1], -1]])
+
+
+def _cheapest(costs: Sequence[np.ndarray]) -> Int[np.ndarray, " k"]:
+    """Return the candidates on the cheapest way, by costs from one knot's to the next's."""
+    total, came = np.zeros(len(costs[0])), []
+    for cost in costs:
+        ways = total[:, None] + cost
+        came.append(np.argmin(ways, axis=0))
+        total = np.min(ways, axis=0)
+    path = [int(np.argmin(total))]
+    for before in reversed(came):
+        path.append(int(before[path[-1]]))
+    return np.array(path[::-1])
+
+
+def _finer(
+    curve: _Curve, places: Float[np.ndarray, " k"]
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return better whole places and whole heights of knots; the ends stay in place.
+
+    Candidates are what least squares wants at places beside, and a little aside. Rounding a
+    height costs most where the curve is steep; there the place moves to where nothing needs
+    rounding. Where it is flat both whole heights are candidates.
+    """
+    heights, count = np.round(curve.heights(places)), len(places)
+    typical = np.sqrt(
+        curve.misfit(places[:-1], places[1:], heights[:-1], heights[1:]).sum()
+    )
+    slope = np.gradient(curve.height, curve.place)
+    for reach in _REACHES:
+        gap = reach * np.diff(places, prepend=places[0], append=places[-1])[:, None]
+        near = places[:, None] + _STEPS * np.where(_STEPS > 0, gap[1:], gap[:-1])
+        off = (curve.heights(places) - curve.at(places))[:, None]
+        aside = max(2.0 * reach * typical, 1.0) * np.array([[-1.0], [0.0], [1.0]])
+        wanted = (curve.at(near) + off)[:, :, None, None] + aside
+        whole = np.floor(wanted) + np.array([0.0, 1.0])
+        lean = np.interp(near, curve.place, slope)
+        lean = np.where(np.abs(lean) > 1e-12, lean, 1e-12)[:, :, None, None]
+        room = np.ptp(near, axis=1)[:, None, None, None] / (2 * len(_STEPS))
+        tried = near[:, :, None, None] + np.clip((whole - wanted) / lean, -room, room)
+        x = np.column_stack([places, np.round(tried).reshape(count, -1)])
+        x = np.clip(x, places[0], places[-1])
+        x[[0, -1]] = places[[0, -1], None]
+        y = np.column_stack([heights, whole.reshape(count, -1)])
+        costs = curve.misfit(x[:-1, :, None], x[1:, None], y[:-1, :, None], y[1:, None])
+        best = np.arange(count), _cheapest(list(costs))
+        places, heights = x[best], y[best]
+    return places, heights

@@ -9,13 +9,13 @@ offset is not; `FrictionFit.gauges` says so, and the offset is chosen that makes
 """
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
-from typing import Literal
+from functools import cached_property
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..core import FitError
 from ._choice import WindowLaw
@@ -25,31 +25,32 @@ from ._inverse import equation_of, fit_inverse
 from ._result import FrictionFit, assemble
 from ._samples import DriveSamples
 from ._separable import Solution
-from ._shooting import (
+from ._simulate import (
+    COUNT,
+    PARAMETERS,
     ROUGHLY,
     TOLERANCE,
     Constraint,
-    Cut,
-    Found,
-    Shooting,
-    by_ipopt,
-    by_optimistix,
-    cut_windows,
+    Excitation,
+    Problem,
+    Solver,
     linearised,
-    make_shooting,
-    names_of,
-    start_cost,
+    padded,
+    residual_of,
+    solve,
 )
-from ._structures import CoulombViscous, Stribeck
-
-Solver = Literal["optimistix", "ipopt"]
+from ._structures import WAYS, CoulombViscous, Stribeck
 
 _PIECES, _SHORTEST = 64, 40
 """Short windows, and the least samples of each, that lead from a far start to a near one."""
-_MANY = 8
-"""Windows from which on each counts as one independent reading of the gradient."""
 _ROWS = 5000
 """Steps from which the covariance is made at most: every second one, third one, ..."""
+_SLOW = 0.1
+"""Share of the highest speed below which a piece of recording is taken to begin at rest."""
+_INERTIA = (1e-3, 1e3)
+"""Least and largest inertia, as multiples of that of the guess."""
+_LEVEL = 10.0
+"""Largest friction, as a multiple of the largest force of the recording."""
 _EDGE = 1e-4
 """Distance to a limit, as a share of the distance of both, that counts as none."""
 
@@ -61,26 +62,18 @@ class OutputErrorFit:
     Attributes:
         friction: Law, parameters and standard deviations; its residual and relative error
             are those of the force, for comparison with the inverse fit.
-        free_run: RMS of measured − simulated position over all windows in mm.
-        window_error: The same per window in mm.
-        position_error: Measured − simulated position per step in mm.
+        free_run: RMS of measured − simulated position in mm.
         cost: Half the sum of its squares in mm², and of the weighted distance to the guess.
-        first_cost: The same at the start.
         variance: Of a position error that counts as independent, in mm².
         trust: Weight of the guess.
-        solver: Which one found it.
         constraints: Inequalities that it kept.
     """
 
     friction: FrictionFit
     free_run: float
-    window_error: Float[np.ndarray, " w"]
-    position_error: Float[np.ndarray, " t"]
     cost: float
-    first_cost: float
     variance: float
     trust: float
-    solver: Solver
     constraints: tuple[Constraint, ...]
 
 
@@ -88,8 +81,6 @@ def fit_output_error(
     guess: FrictionFit,
     samples: DriveSamples,
     *,
-    windows: int = 1,
-    free_start: bool = False,
     trust: float = 0.01,
     solver: Solver = "optimistix",
     constraints: Sequence[Constraint] = (),
@@ -98,10 +89,7 @@ def fit_output_error(
 
     Args:
         guess: The fit to start from; its kind of law and what it took as known are kept.
-        samples: The recording, with positions.
-        windows: Stretches simulated on their own; 1 = the whole recording as one free run.
-        free_start: Whether position and velocity at the start of each window are fitted,
-            which slow disturbances ask for; else they are as measured.
+        samples: The recording, with positions; each piece is a free run.
         trust: Weight of what the guess knew: 1 as its covariance says, 0 = not at all. A free
             run sees some combinations of parameters much better than forces do, and others
             hardly; at 0 the cost has many bottoms along one valley, as the axis sticks a
@@ -120,21 +108,16 @@ def fit_output_error(
             " solver 'ipopt', the only one that keeps inequalities."
         )
         raise FitError(msg)
-    _refuse_unsimulated(guess, samples)
-    count = len(samples.time) - 1
-    if not 1 <= windows <= max(count // 20, 1):
-        msg = f"windows: found {windows}, expected 1 to {max(count // 20, 1)}."
-        raise FitError(msg)
-    equation = equation_of(samples, guess.structure, guess.known, guess.decimate)
-    cut = cut_windows(samples, windows)
-    shooting = make_shooting(equation, cut, _values(guess), constraints)
-    shooting = _approached(equation, cut, guess, shooting)
-    # A power of two: fewer compilations.
-    room = 1 << (cut.windows - 1).bit_length() if free_start else 0
-    starts = np.zeros((room, 2))
-    variance = _variance(shooting, cut, starts)
-    asked = _Asked(equation, cut, guess, variance, trust, solver, tuple(constraints))
-    return asked.fit(shooting, starts)
+    runs = _Runs.of(guess, samples)
+    task = _Task(runs, guess, 0.0, trust, solver, tuple(constraints))
+    start = _approached(task, samples)
+    # A fit without the guess shows how large errors are; as many as they keep their sign
+    # for count as one.
+    found = jnp.asarray(solve(task.problem, start, ROUGHLY)[0])
+    error = np.asarray(residual_of(found, task.problem))[: len(runs.run)][runs.compared]
+    turns = int((np.diff(np.sign(error - error.mean())) != 0).sum())
+    variance = float(error @ error) / (turns + 1)
+    return dataclasses.replace(task, variance=variance).fit(start)
 
 
 def laws_held_out(
@@ -156,6 +139,8 @@ def laws_held_out(
         loss: Of the inverse fits, as for `fit_inverse`.
     """
     whole, found = fit.friction, []
+    # Both solvers end in the same optimum; only inequalities need the slower one.
+    solver: Solver = "ipopt" if fit.constraints else "optimistix"
     for number in range(int(window.max()) + 1):
         rows = window != number
         try:
@@ -166,163 +151,140 @@ def laws_held_out(
                 loss=loss,
                 decimate=whole.decimate,
             )
-            _refuse_unsimulated(guess, samples)
-            equation = equation_of(
-                samples, guess.structure, whole.known, whole.decimate
-            )
-            cut = cut_windows(samples, 1, rows)
-            # Both solvers end in the same optimum; only inequalities need the slower one.
-            solver: Solver = "ipopt" if fit.constraints else "optimistix"
-            options = (fit.variance, fit.trust, solver, fit.constraints)
-            asked = _Asked(equation, cut, guess, *options)
-            shooting = make_shooting(equation, cut, _values(guess), fit.constraints)
-            other = asked.fit(shooting, np.zeros((0, 2))).friction
+            runs = _Runs.of(guess, samples, rows)
+            task = _Task(runs, guess, fit.variance, fit.trust, solver, fit.constraints)
+            other = task.fit(task.guessed).friction
         except FitError:
             other = whole
-        found.append(_window_law(other if other.has_law else whole))
+        law = other if other.has_law else whole
+        inertia, offset = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
+        found.append(WindowLaw(law.structure, law.factors, law.shape, inertia, offset))
     return tuple(found)
 
 
-def _window_law(fit: FrictionFit) -> WindowLaw:
-    inertia, offset = (fit.parameters.get(name, 0.0) for name in ("inertia", "offset"))
-    return WindowLaw(fit.structure, fit.factors, fit.shape, inertia, offset)
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Runs:
+    """A recording as free runs, step by step; a step leads from a sample to the next.
 
-
-def free_run(
-    fit: FrictionFit, samples: DriveSamples, windows: int = 1
-) -> Float[np.ndarray, " t"]:
-    """Return measured − simulated position per step in mm, each window from its measured start.
-
-    Args:
-        fit: The law, with inertia and offset.
-        samples: A recording, the one fitted or another.
-        windows: Stretches simulated on their own.
-
-    Raises:
-        FitError: If the law cannot be simulated or the recording holds no positions.
+    Attributes:
+        equation: That of its forces, under a law that can be simulated.
+        excitation: What drives the axis, padded.
+        target: Position at the end of each step, from that at the start of its run.
+        compared: Steps within one piece, of rows that count.
+        run: Number of the run of each step.
     """
-    _refuse_unsimulated(fit, samples)
-    equation = equation_of(samples, fit.structure, fit.known, fit.decimate)
-    cut = cut_windows(samples, windows)
-    shooting = make_shooting(equation, cut, _values(fit), ())
-    residual, _, _ = linearised(shooting, shooting.guess, jnp.zeros((0, 2)))
-    return np.asarray(residual)[: len(cut.window)]
-
-
-def _refuse_unsimulated(guess: FrictionFit, samples: DriveSamples) -> None:
-    """Refuse a law that cannot be simulated, or a recording without positions.
-
-    Raises:
-        FitError: Naming what is missing.
-    """
-    structure = guess.structure
-    if not guess.has_law or "inertia" in guess.undetermined:
-        names = ", ".join(guess.undetermined)
-        msg = f"output error: the fit to start from does not know {names}."
-        raise FitError(msg)
-    if not isinstance(structure, CoulombViscous | Stribeck) or samples.loads:
-        msg = (
-            f"output error: found {structure.words}"
-            + (" with further loads" if samples.loads else "")
-            + ", expected Coulomb + viscous or Stribeck friction without them."
-        )
-        raise FitError(msg)
-    if samples.position is None:
-        msg = "output error: the recording holds no positions."
-        raise FitError(msg)
-    if guess.known.inertia is None and samples.acceleration is None:
-        msg = "output error: expected a known inertia, or accelerations to start from."
-        raise FitError(msg)
-
-
-def _values(fit: FrictionFit) -> Float[np.ndarray, " p"]:
-    return np.concatenate([fit.state, fit.shape])
-
-
-def _approached(
-    equation: Equation, cut: Cut, guess: FrictionFit, shooting: Shooting
-) -> Shooting:
-    """Return the problem with a better start, where short windows show one.
-
-    A long run is full of kinks, as the axis sticks sooner or later and never where it did;
-    short windows from measured starts are nearly smooth, and lead close from far away.
-    """
-    count = min(_PIECES, len(cut.window) // _SHORTEST)
-    if count <= cut.windows:
-        return shooting
-    short = cut_windows(equation.samples, count)
-    near = by_optimistix(
-        make_shooting(equation, short, _values(guess), ()), np.zeros((0, 2)), ROUGHLY
-    )
-    margin = 1e-6 * (shooting.high - shooting.low)
-    start = jnp.clip(near.values, shooting.low + margin, shooting.high - margin)
-    other = dataclasses.replace(shooting, start=start)
-    return other if start_cost(other) < start_cost(shooting) else shooting
-
-
-def _variance(shooting: Shooting, cut: Cut, starts: Float[np.ndarray, "w 2"]) -> float:
-    """Return the variance in mm² of a position error that counts as independent.
-
-    A fit without the guess shows how large errors are; as many as they keep their sign for
-    count as one.
-    """
-    found = by_optimistix(shooting, starts, ROUGHLY)
-    error = found.residual[: len(cut.window)][cut.compared]
-    turns = int((np.diff(np.sign(error - error.mean())) != 0).sum())
-    return float(error @ error) / (turns + 1)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Asked:
-    """A fit that is asked for: recording, guess, and options of `OutputErrorFit`."""
 
     equation: Equation
-    cut: Cut
+    excitation: Excitation
+    target: Float[np.ndarray, " t"]
+    compared: Bool[np.ndarray, " t"]
+    run: Int[np.ndarray, " t"]
+
+    @classmethod
+    def of(
+        cls,
+        guess: FrictionFit,
+        samples: DriveSamples,
+        rows: Bool[np.ndarray, " t"] | None = None,
+        windows: int = 1,
+    ) -> "_Runs":
+        """Return the runs of a recording; each piece, and each stretch of rows, begins anew.
+
+        Args:
+            guess: A fit whose law can be simulated.
+            samples: The recording.
+            rows: Samples that count; all where left out.
+            windows: Stretches of equal length that begin anew as well.
+
+        Raises:
+            FitError: If the law cannot be simulated or the recording has no positions.
+        """
+        structure = guess.structure
+        msg = ""
+        if not guess.has_law or "inertia" in guess.undetermined:
+            names = ", ".join(guess.undetermined)
+            msg = f"output error: the fit to start from does not know {names}."
+        elif not isinstance(structure, CoulombViscous | Stribeck) or samples.loads:
+            msg = (
+                f"output error: found {structure.words}"
+                + (" with further loads" if samples.loads else "")
+                + ", expected Coulomb + viscous or Stribeck friction without them."
+            )
+        elif samples.position is None:
+            msg = "output error: the recording holds no positions."
+        elif guess.known.inertia is None and samples.acceleration is None:
+            msg = "output error: expected a known inertia, or accelerations to start from."
+        if msg:
+            raise FitError(msg)
+        assert samples.position is not None
+        equation = equation_of(samples, structure, guess.known, guess.decimate)
+        count, piece = len(samples.time) - 1, samples.piece
+        use = np.ones(count + 1, bool) if rows is None else rows
+        begins = np.diff(np.arange(count) * windows // count, prepend=-1) > 0
+        begins[1:] |= (np.diff(piece[:-1]) > 0) | (use[1:-1] > use[:-2])
+        run = np.cumsum(begins) - 1
+        # What begins slowly began at rest: what a filter makes of the very edge is less
+        # reliable than that, and an error of the first velocity moves the whole free run.
+        velocity = samples.velocity.copy()
+        first = np.flatnonzero(np.diff(piece, prepend=-1))
+        slow = np.abs(velocity[first]) < _SLOW * np.abs(velocity).max()
+        velocity[first[slow]] = 0.0
+        force = guess.known.gain * samples.current[:-1]
+        excitation = Excitation(
+            jnp.asarray(padded(force)),
+            jnp.asarray(padded(begins)),
+            jnp.asarray(padded(velocity[:-1])),
+            jnp.asarray(samples.cycle),
+        )
+        return cls(
+            equation,
+            excitation,
+            samples.position[1:] - samples.position[:-1][begins][run],
+            (piece[1:] == piece[:-1]) & use[1:] & use[:-1],
+            run,
+        )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Task:
+    """A fit that is asked for: runs, guess, and options of `OutputErrorFit`."""
+
+    runs: _Runs
     guess: FrictionFit
     variance: float
     trust: float
     solver: Solver
     constraints: tuple[Constraint, ...]
 
-    def fit(
-        self, shooting: Shooting, starts: Float[np.ndarray, "w 2"]
-    ) -> OutputErrorFit:
-        """Return what the solver finds.
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is fitted: factors, then shape."""
+        structure = self.guess.structure
+        return (*self.runs.equation.fixed_names, *structure.names, *structure.shapes)
 
-        Raises:
-            FitError: If it finds nothing that can be simulated.
-        """
-        shooting = dataclasses.replace(shooting, root=jnp.asarray(self._root()))
-        if self.solver == "ipopt":
-            found = by_ipopt(shooting, starts, self.constraints)
-        else:
-            found = by_optimistix(shooting, starts, TOLERANCE)
-        if not np.isfinite(found.cost):
-            msg = f"output error: {self.solver} found no law that can be simulated."
-            raise FitError(msg)
-        window, error = self.cut.window, found.residual[: len(self.cut.window)]
-        squares = np.bincount(window, error**2, self.cut.windows)
-        counts = np.bincount(window, self.cut.compared, self.cut.windows)
-        missing = {
-            name: reason
-            for name, reason in self.guess.undetermined.items()
-            if name not in self.guess.names
-        }
-        solution = self._solution(shooting, found)
-        return OutputErrorFit(
-            friction=assemble(
-                self.equation, solution, missing, f"output error ({self.solver})"
-            ),
-            free_run=float(np.sqrt(squares.sum() / counts.sum())),
-            window_error=np.sqrt(squares / np.maximum(counts, 1)),
-            position_error=error,
-            cost=found.cost,
-            first_cost=float(start_cost(shooting)),
-            variance=self.variance,
-            trust=self.trust,
-            solver=self.solver,
-            constraints=self.constraints,
+    @property
+    def guessed(self) -> Float[np.ndarray, " 10"]:
+        """Values of the guess."""
+        values = np.concatenate([self.guess.state, self.guess.shape])
+        return np.pad(values, (0, COUNT - len(values)))
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The problem in arrays: the parameters as functions of what is fitted."""
+        structure, known, runs = self.guess.structure, self.guess.known, self.runs
+        constant, mixing = np.zeros(COUNT), np.zeros((COUNT, COUNT))
+        constant[0], constant[1] = known.inertia or 0.0, known.offset or 0.0
+        if isinstance(structure, Stribeck) and structure.exponent is not None:
+            constant[9] = np.log(structure.exponent)
+        for place, name in enumerate(self.names):
+            ways = [name] if name in PARAMETERS else [name + way for way in WAYS]
+            mixing[[PARAMETERS.index(each) for each in ways], place] = 1.0
+        arrays = (
+            *(padded(runs.target), padded(runs.compared)),
+            *(constant, mixing, self._limits(), self.guessed, self._root()),
+            np.abs(runs.equation.samples.velocity).max(),
         )
+        return Problem(runs.excitation, *jax.tree.map(jnp.asarray, arrays))
 
     def _root(self) -> Float[np.ndarray, "10 10"]:
         """Return the root of the precision of the guess, in the unit of position errors."""
@@ -331,78 +293,108 @@ class _Asked:
         values, ways = np.linalg.eigh(covariance / spread / spread[:, None])
         seen = values > 1e-10 * values.max()
         weight = self.trust * self.variance / np.where(seen, values, np.inf)
-        root = np.zeros((10, 10))
+        root = np.zeros((COUNT, COUNT))
         root[: len(values), : len(values)] = np.sqrt(weight)[:, None] * ways.T / spread
         return root
 
-    def _solution(self, shooting: Shooting, found: Found) -> Solution:
-        """Return where the solver ended as a solution of the equation of forces."""
-        equation, size = self.equation, len(names_of(self.equation))
+    def _limits(self) -> tuple[Float[np.ndarray, " 10"], Float[np.ndarray, " 10"]]:
+        """Return limits: nothing but the offset may push, and nothing weighs nothing."""
+        equation, guess = self.runs.equation, self.guessed
+        low, high = np.full(COUNT, -1.0), np.ones(COUNT)
+        largest = _LEVEL * float(np.abs(self.runs.excitation.force).max())
+        shapes = iter(equation.structure.bounds(equation.speed_range).T)
+        for place, name in enumerate(self.names):
+            if name in equation.structure.shapes:
+                low[place], high[place] = next(shapes)
+            elif name == "inertia":
+                low[place], high[place] = guess[place] * np.array(_INERTIA)
+            else:
+                signed = name == "offset" or "non-negative" in self.constraints
+                per = float(equation.speed.max()) if name.startswith("viscous") else 1.0
+                low[place], high[place] = -largest / per * signed, largest / per
+        return low, high
+
+    def fit(self, start: Float[np.ndarray, " 10"]) -> OutputErrorFit:
+        """Return what the solver finds.
+
+        Raises:
+            FitError: If it finds nothing that can be simulated.
+        """
+        values, steps, converged = solve(
+            self.problem, start, TOLERANCE, self.solver, self.constraints
+        )
+        left, slopes = (
+            np.asarray(each) for each in linearised(jnp.asarray(values), self.problem)
+        )
+        error, cost = left[: len(self.runs.run)], 0.5 * float(left @ left)
+        if not np.isfinite(cost):
+            msg = f"output error: {self.solver} found no law that can be simulated."
+            raise FitError(msg)
+        equation, size = self.runs.equation, len(self.names)
         count = size - len(equation.structure.shapes)
-        factors, shape = found.values[:count], found.values[count:size]
+        factors, shape = values[:count], values[count:size]
         design, used = equation.design(shape), equation.usable
         residual = equation.target - design @ factors
-        covariance, lag = self._covariance(found, size)
         tangents = equation.tangents(shape, factors)
         full = np.concatenate([design, tangents], axis=1)[used]
-        low, high = np.asarray(shooting.low), np.asarray(shooting.high)
+        thin = max(1, len(error) // _ROWS)
+        scores = (slopes[: len(error), :size] * error[:, None])[::thin]
+        inner, lag = score_covariance(scores, self.runs.run[::thin])
+        # The guess came from the same samples: it narrows nothing, and only keeps the
+        # inverse finite.
+        matrix = slopes[:, :size].T @ slopes[:, :size]
+        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        scaled = matrix / np.outer(scale, scale)
+        inverse = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
+        inverse = thin * inverse / np.outer(scale, scale)
+        low, high = (np.asarray(each) for each in self.problem.limits)
         edge = _EDGE * (high - low)
-        outside = (found.values < low + edge) | (found.values > high - edge)
-        return Solution(
+        solution = Solution(
             factors=factors,
             shape=shape,
-            covariance=covariance,
+            covariance=np.asarray(inverse @ inner @ inverse.T),
             null=np.zeros((count, 0)),
             column_size=np.sqrt(np.mean(full**2, axis=0)),
             residual=residual,
             share=used.astype(float),
             # Of Gaussian noise this is the standard deviation.
             scale=1.4826 * float(np.median(np.abs(residual[used]))),
-            lag=lag,
-            passes=found.steps,
-            converged=found.converged,
-            at_bound=outside[count:size],
+            lag=thin * lag,
+            passes=steps,
+            converged=converged,
+            at_bound=((values < low + edge) | (values > high - edge))[count:size],
             smoothness=0.0,
         )
-
-    def _covariance(
-        self, found: Found, size: int
-    ) -> tuple[Float[np.ndarray, "p p"], int]:
-        """Return the covariance of what was fitted, and the lag of errors that resemble.
-
-        The guess came from the same samples: it narrows nothing, and only keeps the inverse
-        finite.
-        """
-        cut, steps = self.cut, len(self.cut.window)
-        slopes = found.slopes[:steps, :size].copy()
-        if len(found.starts):
-            _project_starts(slopes, found.start_slopes[:steps], cut)
-        scores = slopes * found.residual[:steps, None]
-        if cut.windows >= _MANY:
-            sums = np.stack(
-                [np.bincount(cut.window, each, cut.windows) for each in scores.T]
-            )
-            inner, lag = sums @ sums.T * cut.windows / (cut.windows - 1), 0
-        else:
-            thin = max(1, steps // _ROWS)
-            inner, lag = score_covariance(scores[::thin], cut.window[::thin])
-            inner, lag = thin**2 * inner, thin * lag
-        held = found.slopes[steps:, :size]
-        matrix = slopes.T @ slopes + held.T @ held
-        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        inverse = np.linalg.pinv(
-            matrix / np.outer(scale, scale), rcond=1e-10, hermitian=True
+        missing = {
+            name: reason
+            for name, reason in self.guess.undetermined.items()
+            if name not in self.guess.names
+        }
+        method = f"output error ({self.solver})"
+        return OutputErrorFit(
+            friction=assemble(equation, solution, missing, method),
+            free_run=float(np.sqrt(error @ error / self.runs.compared.sum())),
+            cost=cost,
+            variance=self.variance,
+            trust=self.trust,
+            constraints=self.constraints,
         )
-        inverse = inverse / np.outer(scale, scale)
-        return np.asarray(inverse @ inner @ inverse.T), lag
 
 
-def _project_starts(
-    slopes: Float[np.ndarray, "t p"], start_slopes: Float[np.ndarray, " t"], cut: Cut
-) -> None:
-    """Take from the slopes what the fitted start of each window stands in for."""
-    bounds = np.append(np.flatnonzero(cut.begins), len(slopes))
-    for begin, end in itertools.pairwise(bounds):
-        at = slice(begin, end)
-        starts = np.stack([cut.compared[at].astype(float), start_slopes[at]], axis=1)
-        slopes[at] -= starts @ np.linalg.lstsq(starts, slopes[at], rcond=None)[0]
+def _approached(task: _Task, samples: DriveSamples) -> Float[np.ndarray, " 10"]:
+    """Return a better start than the guess, where short windows show one.
+
+    A long run is full of kinks, as the axis sticks sooner or later and never where it did;
+    short windows from measured starts are nearly smooth, and lead close from far away.
+    """
+    guess, count = task.guessed, min(_PIECES, len(task.runs.run) // _SHORTEST)
+    if count <= task.runs.run[-1] + 1:
+        return guess
+    runs = _Runs.of(task.guess, samples, windows=count)
+    short = dataclasses.replace(task, runs=runs, constraints=())
+    near = solve(short.problem, guess, ROUGHLY)[0]
+
+    def cost(values: Float[np.ndarray, " 10"]) -> float:
+        return float(np.linalg.norm(residual_of(jnp.asarray(values), task.problem)))
+
+    return near if cost(near) < cost(guess) else guess

@@ -8,23 +8,20 @@ of a Stribeck curve, leaves a linear problem in the $c_j$ (variable projection).
 """
 
 import dataclasses
-from collections.abc import Sequence
-from functools import cached_property
-from typing import final
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import least_squares
 
-from ...models import FrictionCompensation, StribeckFriction
 from ..core import FitError, one_blas_thread
 from ._equation import Known
 from ._samples import DriveSamples, check_samples
-from ._simulate import padded
+from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
+    KNOTS,
     AbstractStructure,
     KnotTable,
     Stribeck,
@@ -32,15 +29,14 @@ from ._structures import (
     range_of,
 )
 
-LOOKAHEADS = 5
-"""How many look-aheads the controller has: 0 to 4 cycles."""
 _FARTHEST, _NOTHING = 0.02, 1e-6
 """mm: no friction takes longer to build up, however soft the drive, and below is none."""
 _DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 6)])
 """Where the search for the distance starts, in mm."""
+_MOST_DELAY = 30
+"""Largest delay that is tried, in cycles."""
 _MARGIN = 10
 """Cycles that are looked at beyond those that look-ahead and delay touch."""
-_KNOTS = 20
 _REVERSALS = 64
 """Reversals that are looked at closely, at most; samples around others are left out."""
 _CLOSE, _TRIALS = 3, 15
@@ -59,10 +55,8 @@ class ReversalFit:
     """What reversals show of the friction around them.
 
     Attributes:
-        lookahead: Cycles before the reversal over which the current falls
-            (P-COMP-00044).
-        position_delay: Distance in mm after it over which the current rises
-            (P-COMP-00043).
+        lookahead: Cycles before the reversal over which the current falls (P-COMP-00044).
+        position_delay: Distance in mm after it over which the current rises (P-COMP-00043).
         delay_cycles: Cycles that all of it comes later (P-COMP-00058).
         position_delay_sd: Standard deviation of the distance in mm.
         lookahead_probability: That `lookahead` is the right one of 0 to 4.
@@ -70,7 +64,6 @@ class ReversalFit:
         noise: Standard deviation of what is left around reversals, in load units.
         before: The same with neither look-ahead, nor distance, nor delay.
         reversals: How many there are.
-        undetermined: What the recording cannot tell: name → reason.
         missing: What look-ahead, distance and delay take from that friction per sample, in
             load units. Added to the load, it leaves what steady friction gives.
     """
@@ -84,8 +77,31 @@ class ReversalFit:
     noise: float
     before: float
     reversals: int
-    undetermined: dict[str, str]
     missing: Float[np.ndarray, " t"]
+
+    @property
+    def undetermined(self) -> dict[str, str]:
+        """What the recording cannot tell: name → reason."""
+        reasons: dict[str, str] = {}
+        if self.reversals < _FEW:
+            names = ("reversal_lookahead", "position_delay", "delay_cycles")
+            words = f"only {self.reversals} reversals were recorded"
+            reasons = dict.fromkeys(names, words)
+        for name, cycles, probability in (
+            ("reversal_lookahead", self.lookahead, self.lookahead_probability),
+            ("delay_cycles", self.delay_cycles, self.delay_probability),
+        ):
+            if probability < 0.5:
+                reasons[name] = (
+                    f"{cycles} cycles fit best, others nearly as well (probability"
+                    f" {probability:.0%})"
+                )
+        if self.delay_cycles == _MOST_DELAY:
+            words = f"it is {_MOST_DELAY} cycles, the most tried, or more"
+            reasons["delay_cycles"] = words
+        if self.position_delay >= 0.98 * _FARTHEST:
+            reasons["position_delay"] = f"it is {1e3 * _FARTHEST:g} µm or more"
+        return reasons
 
 
 def fit_reversal(
@@ -93,56 +109,47 @@ def fit_reversal(
     position: Float[np.ndarray, " t"],
     velocity: Float[np.ndarray, " t"],
     *,
-    structures: Sequence[AbstractStructure] | None = None,
     known: Known | None = None,
-    template: FrictionCompensation | None = None,
-    most_delay: int = 30,
 ) -> ReversalFit:
     """Find how the friction current changes over where the axis reverses, and the law with it.
 
-    Every look-ahead and delay is tried at some distances; distance and shape are then
-    searched for those that come near the best. Samples beyond 6 standard deviations are left
-    out, and what successive residuals have in common counts in the uncertainty.
+    A Stribeck curve and a table per direction are tried, and the one taken that leaves least
+    (Bayesian information criterion). Every look-ahead and delay is tried at some distances;
+    distance and shape are then searched for those that come near the best. Samples beyond 6
+    standard deviations are left out, and what successive residuals have in common counts in
+    the uncertainty.
 
     Args:
         samples: The recording, one sample per cycle of the controller.
         position: Commanded, in mm.
         velocity: Commanded, in mm/s.
-        structures: Kinds of law, of which the one that leaves least is taken (Bayesian
-            information criterion); a Stribeck curve and a table, per direction, if left out.
         known: Gain, and what of inertia and offset need not be fitted.
-        template: Compensation with the controller's rules for open points; those that
-            are assumed if left out. Its law and numbers do not matter.
-        most_delay: Largest delay that is tried, in cycles.
 
     Raises:
         FitError: If there is no reversal, or arrays differ in length or have gaps.
     """
     check_samples(samples)
+    moving, msg = np.flatnonzero(velocity != 0), ""
+    starts = moving[1:][np.diff(np.sign(velocity[moving])) != 0]
     if not len(position) == len(velocity) == len(samples.time):
         msg = (
             f"found {len(position)} positions, {len(velocity)} velocities and"
             f" {len(samples.time)} samples, expected as many of each"
         )
-        raise FitError(msg)
-    if not all(np.isfinite(each).all() for each in (position, velocity)):
+    elif not (np.isfinite(position).all() and np.isfinite(velocity).all()):
         msg = "found gaps in the recording, expected numbers"
-        raise FitError(msg)
-    starts = _reversals(velocity)
-    if not len(starts):
+    elif not len(starts):
         msg = "found no reversal in the recording, expected motion in both directions"
+    if msg:
         raise FitError(msg)
-    if template is None:
-        template = FrictionCompensation(StribeckFriction(*np.ones(5)))
-    near, far = _rows(samples, position, starts, most_delay)
-    if structures is None:
-        moving = np.abs(samples.velocity[samples.in_motion])
-        structures = Stribeck(True), KnotTable(True, default_knots(moving, _KNOTS))
-    given = known or Known(), template, position, velocity, near, far, most_delay
+    rows, share = _rows(samples, position, starts), share_of(position, velocity)
+    given = known or Known(), position, velocity, *rows, share
+    speed = np.abs(samples.velocity[samples.in_motion])
+    kinds = Stribeck(True), KnotTable(True, default_knots(speed, KNOTS))
     with one_blas_thread():
         found = [
             _found(_Search(samples, structure, *given), len(starts))
-            for structure in structures
+            for structure in kinds
         ]
     return min(found, key=lambda each: each[1])[0]
 
@@ -157,7 +164,6 @@ class _Setting:
     shape: Float[np.ndarray, " h"]
 
 
-@final
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Search:
     """The load for every setting, and what it leaves.
@@ -165,17 +171,17 @@ class _Search:
     Attributes:
         near: Samples that look-ahead, distance or delay can touch.
         far: Others in motion, where only the delay acts.
+        share: How much of the friction acts by distance, look-ahead by look-ahead.
     """
 
     samples: DriveSamples
     structure: AbstractStructure
     known: Known
-    template: FrictionCompensation
     position: Float[np.ndarray, " t"]
     velocity: Float[np.ndarray, " t"]
     near: Int[np.ndarray, " n"]
     far: Int[np.ndarray, " f"]
-    most: int
+    share: Callable[[float], Float[np.ndarray, "l t"]]
 
     @cached_property
     def load(self) -> Float[np.ndarray, " t"]:
@@ -204,48 +210,18 @@ class _Search:
         return np.stack([*columns, *samples.loads.values()], axis=1)
 
     @cached_property
-    def shares(self) -> dict[float, Float[np.ndarray, "l t"]]:
-        """How much of the friction acts, by distance: look-ahead by look-ahead."""
-        return {}
-
-    def share(self, distance: float) -> Float[np.ndarray, "l t"]:
-        """Return how much of the friction acts, look-ahead by look-ahead."""
-        if distance not in self.shares:
-            if len(self.shares) > 4 * len(_DISTANCES):
-                self.shares.clear()
-            found = np.asarray(
-                _shares(self.template, *self.motion, jnp.asarray(distance))
-            )
-            self.shares[distance] = np.abs(found[:, : len(self.position)])
-        return self.shares[distance]
-
-    @cached_property
-    def motion(self) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-        """Position and velocity, standing still behind the end."""
-        place = padded(self.position)
-        place[len(self.position) :] = self.position[-1]
-        return jnp.asarray(place), jnp.asarray(padded(self.velocity))
-
-    def columns(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "t k"]:
-        """Return the columns of steady friction."""
-        kept = self.shaped.get(shape.tobytes())
-        if kept is None:
-            self.shaped.clear()
-            kept = self.structure.columns(self.velocity, shape)
-            self.shaped[shape.tobytes()] = kept
-        return kept
-
-    @cached_property
-    def shaped(self) -> dict[bytes, Float[np.ndarray, "t k"]]:
-        """The columns that were asked for last, by their shape."""
-        return {}
+    def columns(self) -> Callable[[tuple[float, ...]], Float[np.ndarray, "t k"]]:
+        """The columns of steady friction by their shape."""
+        return lru_cache(2)(
+            lambda shape: self.structure.columns(self.velocity, np.array(shape))
+        )
 
     def solve(
         self, setting: _Setting, use: Int[np.ndarray, " r"]
     ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " r"]]:
         """Return the factors of all columns, and what they leave of some samples."""
         before = use - setting.delay
-        own = self.columns(setting.shape)[before]
+        own = self.columns(tuple(setting.shape))[before]
         own = self.share(setting.distance)[setting.lookahead, before, None] * own
         design, load = np.concatenate([own, self.beside[use]], axis=1), self.load[use]
         gram = design.T @ design
@@ -260,12 +236,12 @@ class _Search:
     ) -> Float[np.ndarray, "l d s"]:
         """Return the sums of squares by look-ahead, delay and distance."""
         near, far = self.near[keep[self.near]], self.far[keep[self.far]]
-        columns, beside = self.columns(shape), self.beside
+        columns, beside = self.columns(tuple(shape)), self.beside
         split = columns.shape[1]
         load = self.load
         total = float(load[near] @ load[near] + load[far] @ load[far])
-        found = np.empty((LOOKAHEADS, self.most + 1, len(_DISTANCES)))
-        for delay in range(self.most + 1):
+        found = np.empty((LOOKAHEADS, _MOST_DELAY + 1, len(_DISTANCES)))
+        for delay in range(_MOST_DELAY + 1):
             away = np.concatenate([columns[far - delay], beside[far]], axis=1)
             gram, moment = away.T @ away, away.T @ load[far]
             own = np.concatenate([columns[near - delay], beside[near]], axis=1)
@@ -282,12 +258,9 @@ class _Search:
     ) -> tuple[_Setting, float]:
         """Return the best distance and shape beside a setting, and the squares left."""
         place = int(np.searchsorted(_DISTANCES, setting.distance))
-        last = len(_DISTANCES) - 1
-        ends = _DISTANCES[max(place - 1, 0)], _DISTANCES[min(place + 1, last)]
+        ends = _DISTANCES[max(place - 1, 0)], _DISTANCES[place : place + 2][-1]
         shapes = self.structure.bounds(range_of(np.abs(self.velocity[use])))
-        low, high = (
-            np.append(end, shape) for end, shape in zip(ends, shapes, strict=True)
-        )
+        low, high = np.column_stack([ends, shapes])
         first = np.append(setting.distance, setting.shape)
         inside = 1e-3 * (high - low)
         unit = np.linalg.norm(self.solve(setting, use)[1]) or 1.0
@@ -321,52 +294,26 @@ def _least(
     return found / size, float(right @ found)
 
 
-@eqx.filter_jit
-def _shares(
-    template: FrictionCompensation,
-    position: Float[Array, " t"],
-    velocity: Float[Array, " t"],
-    distance: Float[Array, ""],
-) -> Float[Array, "l t"]:
-    found = []
-    for lookahead in range(LOOKAHEADS):
-        model = dataclasses.replace(
-            template, reversal_lookahead=lookahead, position_delay=distance
-        )
-        found.append(model.shares(model.start(), position, velocity)[0])
-    return jnp.stack(found)
-
-
-def _reversals(velocity: Float[np.ndarray, " t"]) -> Int[np.ndarray, " r"]:
-    """Return the first sample of each new direction."""
-    moving = np.flatnonzero(velocity != 0)
-    ways = np.sign(velocity[moving])
-    return np.asarray(moving[1:][ways[1:] != ways[:-1]])
-
-
 def _rows(
     samples: DriveSamples,
     position: Float[np.ndarray, " t"],
     starts: Int[np.ndarray, " r"],
-    most_delay: int,
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " f"]]:
     """Return the samples around reversals, and the others in motion."""
-    around = np.zeros(len(position), bool)
-    near = np.zeros(len(position), bool)
+    around, near = np.zeros((2, len(position)), bool)
     every = -(-len(starts) // _REVERSALS)
     ends = np.append(starts[1:], len(position))
     for number, (start, end) in enumerate(zip(starts, ends, strict=True)):
         away = np.abs(position[start:end] - position[max(start - 1, 0)])
         reach = int(np.searchsorted(np.maximum.accumulate(away), 1.5 * _FARTHEST))
         first = max(start - 2 * LOOKAHEADS - _MARGIN, 0)
-        own = slice(first, start + reach + most_delay + _MARGIN)
+        own = slice(first, start + reach + _MOST_DELAY + _MARGIN)
         around[own] = True
         near[own] |= number % every == 0
     good = ~samples.saturated
-    good[:most_delay] = False
-    return np.flatnonzero(near & good), np.flatnonzero(
-        good & ~around & samples.in_motion
-    )
+    good[:_MOST_DELAY] = False
+    far = good & ~around & samples.in_motion
+    return np.flatnonzero(near & good), np.flatnonzero(far)
 
 
 def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
@@ -392,15 +339,18 @@ def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
         best = dataclasses.replace(best, distance=0.0)
     factors, left = search.solve(best, use)
     plain = dataclasses.replace(best, lookahead=0, delay=0, distance=0.0)
-    near = keep[search.near]
-    close = np.isin(use, search.near[near])
+    close = np.isin(use, search.near)
     share = _independent(left)
     # A perfect recording leaves rounding: below it no two settings differ.
     floor = 1e-9 * float(np.abs(search.load).max())
     noise = max(float(np.sqrt(np.mean(left**2))), floor)
+    step = max(1e-3 * best.distance, 1e-6)
+    ends = max(best.distance - step, 0.0), best.distance + step
+    moved = [search.solve(dataclasses.replace(best, distance=d), use)[1] for d in ends]
+    slope = float(np.linalg.norm(moved[1] - moved[0])) / (ends[1] - ends[0])
     odds = np.exp(-0.5 * share * (squares - squares.min()) / noise**2)
     odds /= odds.sum()
-    columns = search.columns(best.shape)
+    columns = search.columns(tuple(best.shape))
     own = factors[: columns.shape[1]]
     steady, place = columns @ own, np.arange(len(keep)) - best.delay
     acts = search.share(best.distance)[best.lookahead, np.maximum(place, 0)]
@@ -409,21 +359,17 @@ def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
         lookahead=best.lookahead,
         position_delay=best.distance,
         delay_cycles=best.delay,
-        position_delay_sd=_distance_sd(search, best, use, noise) / np.sqrt(share),
+        position_delay_sd=noise / slope / np.sqrt(share) if slope > 0 else np.inf,
         lookahead_probability=float(odds.sum(axis=1)[best.lookahead]),
         delay_probability=float(odds.sum(axis=0)[best.delay]),
         noise=float(np.sqrt(np.mean(left[close] ** 2))),
         before=float(np.sqrt(np.mean(search.solve(plain, use)[1][close] ** 2))),
         reversals=reversals,
-        undetermined={},
         missing=steady - late,
     )
     criterion = len(use) * np.log(max(left @ left / len(use), floor**2))
     criterion += np.log(len(use)) * (len(own) + len(best.shape))
-    return (
-        dataclasses.replace(found, undetermined=_unknown(found, search.most)),
-        float(criterion),
-    )
+    return found, float(criterion)
 
 
 def _pass(
@@ -435,34 +381,14 @@ def _pass(
 ) -> tuple[_Setting, Float[np.ndarray, "l d"]]:
     """Return the best setting, and the least squares by look-ahead and delay."""
     places, squares = np.argmin(table, axis=2), np.min(table, axis=2)
-    use = np.flatnonzero(keep)
-    best, least = None, np.inf
+    use, found = np.flatnonzero(keep), []
     # Only what comes near the best deserves the last digits.
     for flat in np.argsort(squares, axis=None)[:close]:
         lookahead, delay = (int(k) for k in np.unravel_index(flat, squares.shape))
         distance = float(_DISTANCES[places[lookahead, delay]])
-        trial = _Setting(lookahead, delay, distance, shape)
-        setting, own = search.refined(trial, use)
-        squares[lookahead, delay] = own
-        if best is None or own < least:
-            best, least = setting, own
-    assert best is not None
-    return best, squares
-
-
-def _distance_sd(
-    search: _Search, best: _Setting, use: Int[np.ndarray, " r"], sd: float
-) -> float:
-    """Return the standard deviation of the distance in mm from its slope, law fitted."""
-    step = max(1e-3 * best.distance, 1e-6)
-    low, high = max(best.distance - step, 0.0), best.distance + step
-    ends = [
-        search.solve(dataclasses.replace(best, distance=each), use)[1]
-        for each in (low, high)
-    ]
-    slope = (ends[1] - ends[0]) / (high - low)
-    information = float(slope @ slope)
-    return sd / np.sqrt(information) if information > 0 else float("inf")
+        found.append(search.refined(_Setting(lookahead, delay, distance, shape), use))
+        squares[lookahead, delay] = found[-1][1]
+    return min(found, key=lambda each: each[1])[0], squares
 
 
 def _independent(residual: Float[np.ndarray, " r"]) -> float:
@@ -472,27 +398,3 @@ def _independent(residual: Float[np.ndarray, " r"]) -> float:
         return 1.0
     common = float(np.clip(residual[1:] @ residual[:-1] / size, 0.0, 0.98))
     return (1 - common) / (1 + common)
-
-
-def _unknown(found: ReversalFit, most_delay: int) -> dict[str, str]:
-    reasons: dict[str, str] = {}
-    if found.reversals < _FEW:
-        words = f"only {found.reversals} reversals were recorded"
-        reasons = dict.fromkeys(
-            ("reversal_lookahead", "position_delay", "delay_cycles"), words
-        )
-    if found.lookahead_probability < 0.5:
-        reasons["reversal_lookahead"] = (
-            f"{found.lookahead} cycles fit best, others nearly as well (probability"
-            f" {found.lookahead_probability:.0%})"
-        )
-    if found.delay_probability < 0.5:
-        reasons["delay_cycles"] = (
-            f"{found.delay_cycles} cycles fit best, others nearly as well (probability"
-            f" {found.delay_probability:.0%})"
-        )
-    if found.delay_cycles == most_delay:
-        reasons["delay_cycles"] = f"it is {most_delay} cycles, the most tried, or more"
-    if found.position_delay >= 0.98 * _FARTHEST:
-        reasons["position_delay"] = f"it is {1e3 * _FARTHEST:g} µm or more"
-    return reasons

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...data.signals import median, quantile
+from ...data.signals import find_saturation, median, quantile
 from ..core import FitError
 
 _JUMP = 0.5
@@ -18,8 +18,6 @@ _DIRECTION = 0.01
 """Share of the samples in motion that a direction needs to count as recorded."""
 _TOUCHES = 0.05
 """Smallest current, as a share of the median one, that counts as coming down to 0."""
-_SATURATED = 5
-"""Successive samples at the very same extreme current that count as saturation."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,8 +77,8 @@ class DriveSamples:
 
     @cached_property
     def saturated(self) -> Bool[np.ndarray, " t"]:
-        """Which samples stand at the limit of the drive."""
-        return _saturated(self.current)
+        """Which samples stand at the limit of the drive, which is not 0."""
+        return np.asarray(find_saturation(self.current).rows & (self.current != 0))
 
     @cached_property
     def directions(self) -> tuple[bool, bool]:
@@ -132,43 +130,13 @@ class DriveSamples:
 
     def take(self, keep: Bool[np.ndarray, " t"]) -> "DriveSamples":
         """Return the samples for which ``keep`` is true; gaps in time part the pieces."""
-
-        def cut(values: np.ndarray | None) -> np.ndarray | None:
-            return None if values is None else values[keep]
-
-        return DriveSamples(
-            self.time[keep],
-            self.velocity[keep],
-            self.current[keep],
-            cut(self.acceleration),
-            cut(self.instrument_velocity),
-            cut(self.instrument_acceleration),
-            {name: values[keep] for name, values in self.loads.items()},
-            cut(self.moving),
-            cut(self.position),
-            self.unit,
-        )
-
-
-def _saturated(current: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
-    """Return which samples stand at the limit of the drive.
-
-    A measured current hardly repeats itself to the last digit at its very extreme: five in a
-    row that do are a limit. A recording whose values all repeat (coarse steps) has runs of
-    equal values elsewhere too, and is left alone.
-    """
-    same = np.diff(current) == 0
-    result = np.zeros(current.shape, bool)
-    start = np.flatnonzero(np.concatenate([[True], ~same]))
-    length = np.diff(np.append(start, len(current)))
-    for extreme in (current.max(), current.min()):
-        at = (current[start] == extreme) & (length >= _SATURATED)
-        elsewhere = (current[start] != extreme) & (length >= _SATURATED)
-        if extreme == 0 or elsewhere.sum() > at.sum():
-            continue
-        for first, count in zip(start[at], length[at], strict=True):
-            result[first : first + count] = True
-    return result
+        cut = {
+            field.name: values[keep]
+            for field in dataclasses.fields(self)
+            if isinstance(values := getattr(self, field.name), np.ndarray)
+        }
+        loads = {name: values[keep] for name, values in self.loads.items()}
+        return dataclasses.replace(self, loads=loads, **cut)
 
 
 def check_samples(samples: DriveSamples) -> None:

@@ -10,20 +10,54 @@ at once, and the tangents then follow a linear recursion. Differentiation throug
 cost 25 times that, and take half a minute to compile.
 """
 
-from typing import final
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, Literal, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import lineax as lx
 import numpy as np
+import optimistix as optx
 from jax import lax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
-from ...models import StribeckFriction
+from ...models import FrictionCompensation, StribeckFriction
+from .._limits import Change
+from ..core import least_squares_ipopt
 
+Solver = Literal["optimistix", "ipopt"]
+Constraint = Literal["non-negative"]
+
+PARAMETERS = (
+    "inertia",
+    "offset",
+    *("coulomb_positive", "coulomb_negative"),
+    *("viscous_positive", "viscous_negative"),
+    *("drop_positive", "drop_negative"),
+    *("stribeck_velocity", "stribeck_shape"),
+)
+"""What every drive is made of, the last two as logarithms; shared, known or fitted."""
+COUNT = len(PARAMETERS)
+TOLERANCE, ROUGHLY = 3e-3, 0.1
+"""Change of the residuals, relative to their size, at which a search ends.
+
+The relative gain of cost is its square: 1e-5, and 1e-2 where only a start is sought.
+"""
+_IPOPT_TOLERANCE = 1e-3
+"""IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
+_STEPS, _IPOPT_STEPS = 80, 50
+_SPEEDS = 32
+"""Speeds per direction at which an inequality on friction is kept."""
 _SHORTEST = 16384
 """Steps that every compiled simulation has room for."""
 _TINY = 1e-300
+LOOKAHEADS = 5
+"""How many look-aheads the controller has: 0 to 4 cycles."""
+_ANY_LAW = StribeckFriction(*np.ones(5))
+_KEPT = 32
+"""Distances whose shares are kept."""
 
 
 @final
@@ -166,3 +200,165 @@ def _half_step(
     back = left * back_rate / (1.0 + left * jnp.where(forward, viscous[1], viscous[0]))
     turned = jnp.where(back_rate > 0, -back, 0.0)
     return sign * jnp.where(goes_on, onward, turned)
+
+
+@final
+class Problem(eqx.Module):
+    """The problem as arrays: lengths padded, room for all parameters whatever is fitted.
+
+    So recordings and laws share compiled functions. Positions are in mm.
+
+    Attributes:
+        excitation: What drives the axis, run by run.
+        target: Position at the end of each step, from that at the start of its run.
+        compared: Steps whose end is compared.
+        constant: The parameters where nothing is fitted.
+        mixing: Their derivatives by what is fitted.
+        limits: Least and largest values.
+        guess: Values that `root` is about.
+        root: Root of the precision of the guess, in mm per unit of a value.
+        fastest: Highest speed driven in mm/s.
+    """
+
+    excitation: Excitation
+    target: Float[Array, " t"]
+    compared: Bool[Array, " t"]
+    constant: Float[Array, " 10"]
+    mixing: Float[Array, "10 10"]
+    limits: tuple[Float[Array, " 10"], Float[Array, " 10"]]
+    guess: Float[Array, " 10"]
+    root: Float[Array, "10 10"]
+    fastest: Float[Array, ""]
+
+    def drive(self, values: Float[Array, " 10"]) -> Drive:
+        """Return the drive that fitted values stand for."""
+        full = self.constant + self.mixing @ values
+        coulomb, viscous, drop = full[2:4], full[4:6], full[6:8]
+        velocity, exponent = jnp.exp(full[8:])
+        law = StribeckFriction(coulomb, coulomb + drop, velocity, exponent, viscous)
+        return Drive(full[0], full[1], law)
+
+
+def _residual(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " r"]:
+    """Return measured − simulated positions, then how far the values are from the guess."""
+    error = problem.target - travel(problem.drive(values), problem.excitation)
+    left = jnp.where(problem.compared, error, 0.0)
+    return jnp.concatenate([left, problem.root @ (values - problem.guess)])
+
+
+def _levels(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " g"]:
+    """Return friction of both directions at speeds from rest to the highest one driven."""
+    law = problem.drive(values).law
+    share = jnp.concatenate([jnp.zeros(1), jnp.geomspace(1e-4, 1.0, _SPEEDS - 1)])
+    speed, ahead = problem.fastest * share, jnp.ones(_SPEEDS)
+    return jnp.concatenate([law.level(speed, ahead), law.level(speed, -ahead)])
+
+
+residual_of = eqx.filter_jit(_residual)
+
+
+@eqx.filter_jit
+def linearised(
+    values: Float[Array, " 10"], problem: Problem
+) -> tuple[Float[Array, " r"], Float[Array, "r 10"]]:
+    residual, along = jax.linearize(lambda x: _residual(x, problem), values)
+    slopes: Array = jax.vmap(along, out_axes=1)(jnp.eye(COUNT))
+    return residual, slopes
+
+
+@eqx.filter_jit
+def _levenberg_marquardt(
+    start: Float[Array, " 10"], problem: Problem, tolerance: Float[Array, ""]
+) -> tuple[Float[Array, " 10"], Int[Array, ""], Bool[Array, ""]]:
+    first = jnp.asarray(True)
+    change = Change.of(
+        lambda x: _residual(x, problem), start, problem.limits, first, True
+    )
+    root_count = jnp.sqrt(jnp.sum(problem.compared))
+
+    def residual(free: Array, given: tuple[Change, Problem]) -> Array:
+        change, problem = given
+        return _residual(change.values(free), problem) * root_count / change.length
+
+    # A traced tolerance: a rough search shares the compilation of a fine one.
+    limit: Any = tolerance
+    solver: Any = optx.LevenbergMarquardt(
+        limit, limit, norm=optx.rms_norm, linear_solver=lx.QR()
+    )
+    found: Any = optx.least_squares(
+        residual,
+        solver,
+        jnp.zeros_like(start),
+        (change, problem),
+        max_steps=_STEPS,
+        throw=False,
+    )
+    converged = jnp.asarray(found.result == optx.RESULTS.successful)
+    return change.values(found.value), found.stats["num_steps"], converged
+
+
+def solve(
+    problem: Problem,
+    start: Float[np.ndarray, " 10"],
+    tolerance: float,
+    solver: Solver = "optimistix",
+    constraints: Sequence[Constraint] = (),
+) -> tuple[Float[np.ndarray, " 10"], int, bool]:
+    """Return where a solver ends, its steps, and whether it converged.
+
+    Args:
+        problem: What is to be solved.
+        start: Where the search begins.
+        tolerance: Of optimistix: `TOLERANCE` or `ROUGHLY`.
+        solver: Which one.
+        constraints: Inequalities to keep, by IPOPT.
+    """
+    if solver == "ipopt":
+        low, high = (np.asarray(each) for each in problem.limits)
+        found = least_squares_ipopt(
+            _residual,
+            start,
+            problem,
+            lower=low,
+            upper=high,
+            inequality=_levels if "non-negative" in constraints else None,
+            tolerance=_IPOPT_TOLERANCE,
+            max_steps=_IPOPT_STEPS,
+        )
+        return found.values, found.steps, found.converged
+    given = jnp.asarray(start), problem, jnp.asarray(tolerance)
+    values, steps, converged = _levenberg_marquardt(*given)
+    return np.asarray(values), int(steps), bool(converged)
+
+
+@jax.jit
+def _shares(
+    position: Float[Array, " t"],
+    velocity: Float[Array, " t"],
+    distance: Float[Array, ""],
+) -> Float[Array, "l t"]:
+    found = []
+    for lookahead in range(LOOKAHEADS):
+        # Only its rules for the change of direction matter, not its law.
+        model = FrictionCompensation(_ANY_LAW, lookahead, distance)
+        found.append(model.shares(model.start(), position, velocity)[0])
+    return jnp.abs(jnp.stack(found))
+
+
+def share_of(
+    position: Float[np.ndarray, " t"], velocity: Float[np.ndarray, " t"]
+) -> Callable[[float], Float[np.ndarray, "l t"]]:
+    """Return how much of the friction a controller gives by the distance after reversals.
+
+    A row per look-ahead and an entry per cycle (`FrictionCompensation.shares`).
+    """
+    place = padded(position)
+    place[len(position) :] = position[-1]  # standing still behind the end
+    motion = jnp.asarray(place), jnp.asarray(padded(velocity))
+
+    @lru_cache(_KEPT)
+    def share(distance: float) -> Float[np.ndarray, "l t"]:
+        found = _shares(*motion, jnp.asarray(distance))
+        return np.asarray(found)[:, : len(position)]
+
+    return share
