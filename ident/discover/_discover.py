@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 
 from ..core import one_blas_thread, regress
 from ._axis import examine_axis
+from ._columns import Columns
 from ._data import (
     AxisSummary,
     DiscoverError,
@@ -16,8 +17,8 @@ from ._data import (
     Rejected,
     Unexplained,
 )
-from ._heat import evidence_of
-from ._select import Columns, Selection, Worth, select_terms
+from ._doubts import evidence_of
+from ._select import Selection, Worth, select_terms
 from ._terms import Kind, Term
 from ._view import friction_terms, view_of
 
@@ -99,18 +100,15 @@ def examine_drive(observed: Observed, axis: str) -> Discovery:
     if isinstance(rows, str):
         why = f"could not be looked for: {rows}"
         return Discovery((), rejected=(Rejected("friction", axis, (), None, why),))
-    columns = Columns(view_of(observed, axis, rows, "current"), _WORTH, drifting=False)
+    columns = Columns(view_of(observed, axis, rows, "current"), drifting=False)
     terms, slow = friction_terms(columns.view)
-    evidence = evidence_of(columns, terms)
+    evidence = evidence_of(columns, terms, _WORTH)
     terms.append(max(slow, key=lambda each: evidence((each,))))
-    chosen = select_terms(columns, terms)
+    chosen = select_terms(columns, terms, _WORTH)
     current = columns.view.data.current[axis]
     size = float(np.sqrt(np.mean(current**2)))
     summary = AxisSummary(axis, "current", len(current), size, chosen.noise, "")
-    parts = {
-        term: chosen.part(g)
-        for term, g in zip(chosen.terms, chosen.index(chosen.terms), strict=True)
-    }
+    parts = {term: chosen.part(term) for term in chosen.terms}
     law = [term for term in parts if term.facts.compensation == "friction"]
     whole = np.asarray(np.sum([parts[term] for term in law], axis=0))
     unexplained = list(_doubts(chosen, axis, bool(law), [*parts.values()], current))

@@ -1,12 +1,13 @@
 """What stays when all that was found is taken off: drifts, fine periods, structure."""
 
-import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from jaxtyping import Float
 
-from ._features import smooth
+from ..core import node_shares
+from ._columns import smooth
+from ._data import Drift, Unexplained
+from ._doubts import SLIGHT, SLIGHT_SHARE
 from ._select import Selection
 
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 20)
@@ -21,130 +22,159 @@ _COARSE = 24
 """Periods per travel up to which the features hold them."""
 _FINEST = 0.25
 """Cycles per bin up to which a period is looked for."""
+_MOST_NODES = 1000
+"""Entries of a table over one position that every build has."""
 _STRUCTURE = 1.15
 """Scatter, relative to that of neighbouring readings, at which something is left."""
 _ENOUGH, _PAIRS = 1000, 300
 """Readings, and neighbours among them, from which on that is told."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Wander:
-    """A slow change of one measurement that nothing that was found explains.
-
-    Attributes:
-        source: Number of the measurement.
-        pieces: Straight pieces in time that follow it.
-        rms: In mm or ° about its mean.
-    """
-
-    source: int
-    pieces: int
-    rms: float
+def amount(found: Selection, rms: float) -> str:
+    """Return a length or angle as a person writes it."""
+    view = found.view
+    return f"{1e3 * rms:.2g} {'µm' if view.data.unit(view.axis) == 'mm' else 'm°'}"
 
 
-def find_wander(found: Selection) -> Iterator[Wander]:
+def stays(
+    found: Selection,
+    what: str,
+    masters: Sequence[str],
+    rms: float,
+    sentence: str,
+    share: float | None = None,
+    known: bool = True,
+) -> Unexplained:
+    """Return what stays: no compensation holds it, or several could (``known`` false)."""
+    view = found.view
+    if share is None:
+        share = min(rms**2 / found.square, 1.0)
+    return Unexplained(
+        view.axis, what, tuple(dict.fromkeys(masters)), rms, share,
+        view.data.unit(view.axis),
+        "the kernel cannot express this" if known else "the data cannot tell", sentence,
+    )  # fmt: skip
+
+
+def drifts(found: Selection) -> Iterator[Drift]:
     """Yield the drift of each measurement of an axis in which there is one.
 
     How large it is, the evidence says; its pieces are the fewest that follow it.
     """
-    view, drift = found.view, found.columns.drift
-    if view.data.time is None or not drift.shape[1]:
+    view, course, time = found.view, found.drift, found.view.data.time
+    if time is None or not found.columns.drift.shape[1]:
         return
-    course = found.part(len(found.design.slices) - 1)
-    for rows in view.sources():
-        clock = view.data.time[rows]
-        rms = float(np.std(course[rows]))
+    for rows in view.sources:
+        clock, rms = time[rows], float(np.std(course[rows]))
         # Runs have an offset each, which a fit allows for.
         several = len(np.unique(view.data.run[rows])) > 1
         if several or not np.ptp(clock) > 0 or rms <= _WORTH * found.noise:
             continue
-        share = (clock - clock.min()) / np.ptp(clock)
         pieces = _PIECES[-1]
         for pieces in _PIECES:
-            hats = _hats(share, pieces)
-            left = course[rows] - hats @ np.linalg.lstsq(hats, course[rows])[0]
+            knots = np.linspace(clock.min(), clock.max(), pieces + 1)
+            lines = node_shares(clock, knots)
+            left = course[rows] - lines @ np.linalg.lstsq(lines, course[rows])[0]
             if float(np.std(left)) <= _WORTH * found.noise:
                 break
-        yield Wander(int(view.data.source[rows[0]]), pieces, rms)
+        yield _drift(found, int(view.data.source[rows[0]]), pieces, rms)
 
 
-def _hats(place: Float[np.ndarray, " n"], pieces: int) -> Float[np.ndarray, "n k"]:
-    """Return the values at the knots of a line of so many pieces over 0 to 1."""
-    knots = np.arange(pieces + 1) / pieces
-    return np.maximum(1.0 - np.abs(place[:, None] - knots) * pieces, 0.0)
+def _drift(found: Selection, source: int, pieces: int, rms: float) -> Drift:
+    """Return a slow change in time, and whether it is much for an instrument."""
+    axis = found.view.axis
+    follow = f"{pieces} straight pieces follow it."
+    if pieces == 1:
+        follow = "one straight piece follows it."
+    sentence = (
+        f"Beside what was found the error of {axis} wanders in time by"
+        f" {amount(found, rms)} rms, as the zero of an instrument does: {follow}"
+    )
+    if rms >= max(SLIGHT * found.noise, SLIGHT_SHARE * np.sqrt(found.square)):
+        sentence += (
+            " That is much for an instrument: something may have warmed whose"
+            " temperature was not recorded, or cannot be told from this."
+        )
+    return Drift(axis, source, pieces, rms, found.view.data.unit(axis), sentence)
 
 
-@dataclasses.dataclass(frozen=True)
-class Ripple:
-    """A periodic error.
-
-    Attributes:
-        master: Axis over whose position it repeats.
-        period: In mm or °.
-        amplitude: In mm or °.
-        nodes: Entries that a table over the travel needs for it, six per period.
-    """
-
-    master: str
-    period: float
-    amplitude: float
-    nodes: int
-
-
-def find_ripples(found: Selection) -> list[Ripple]:
-    """Return the strongest periodic error over each position that a table is too coarse for."""
-    ripples = (_ripple_over(found, name) for name in found.view.span)
-    return [each for each in ripples if each is not None]
-
-
-def _ripple_over(found: Selection, axis: str) -> Ripple | None:
+def ripples(found: Selection) -> Iterator[Unexplained]:
+    """Yield the strongest periodic error over each position that a table is too coarse for."""
     view = found.view
+    for master, (low, high) in view.span.items():
+        turns, amplitude = _ripple(found, master)
+        if not turns:
+            continue
+        own, unit = master == view.axis, view.data.unit(view.axis)
+        # Six entries per period follow it.
+        nodes = int(np.ceil(6.0 * turns)) + 1
+        remedy = f"more than the {_MOST_NODES} that a list has by default."
+        if nodes <= _MOST_NODES:
+            kind = "leadscrew" if own else "cross"
+            remedy = f"so a {kind} table of that many would hold it."
+        rms = amplitude / float(np.sqrt(2.0))
+        sentence = (
+            f"The error of {view.axis} repeats every {(high - low) / turns:.4g} {unit} of"
+            f" {master} ({amount(found, rms)} rms), finer than a table that follows"
+            f" the rest: it takes {nodes} nodes, {remedy}"
+        )
+        what = f"periodic error of {view.axis} over {master}"
+        yield stays(found, what, () if own else (master,), rms, sentence)
+
+
+def _ripple(found: Selection, axis: str) -> tuple[float, float]:
+    """Return periods per travel and amplitude in mm or ° of a fine period; 0 where none."""
+    view, none = found.view, (0.0, 0.0)
     u = view.scaled(axis)
     known = np.isfinite(u)
     last = min(int(_FINEST * _BINS), view.places(axis) // 4)
     if view.places(axis) < 8 * _COARSE or last <= _COARSE + 1:
-        return None
+        return none
     u, block = u[known], view.block[known]
     left = np.clip(found.residual[known], -4.0 * found.noise, 4.0 * found.noise)
     # Where places lie in rows, what is slow over them would show as fine lines.
     slow = np.stack([wave(u) for wave in smooth(2 * _COARSE)], axis=1)
     left = left - slow @ np.linalg.lstsq(slow, left)[0]
     bins = np.minimum((u * _BINS).astype(np.int64), _BINS - 1)
-
-    def line_of(rows: np.ndarray) -> np.ndarray:
-        return np.fft.rfft(np.bincount(bins[rows], left[rows], _BINS))
-
-    whole, total = line_of(known[known]), float(left @ left)
+    # What is there is there in either half of the recording, with the same phase.
+    halves = [block % 2 == k for k in (0, 1)]
+    lines = [np.fft.rfft(np.bincount(bins[h], left[h], _BINS)) for h in halves]
+    whole, total = lines[0] + lines[1], float(left @ left)
     power = np.abs(whole[_COARSE + 1 : last]) ** 2
     at = _COARSE + 1 + int(np.argmax(power))
     if not power.max() >= total * np.log((last - _COARSE - 1) / _CHANCE) > 0:
-        return None
-    # What is there is there in either half of the recording, with the same phase.
-    halves = [block % 2 == k for k in (0, 1)]
-    values = [2.0 * line_of(half)[at] / max(int(half.sum()), 1) for half in halves]
+        return none
+    values = [
+        2.0 * line[at] / max(int(half.sum()), 1)
+        for line, half in zip(lines, halves, strict=True)
+    ]
     amplitude = 2.0 * float(abs(whole[at])) / len(u)
     agreement = float(np.real(values[0] * np.conj(values[1])))
     if amplitude / np.sqrt(2.0) < found.least or agreement < 0.25 * amplitude**2:
-        return None
+        return none
     tried = at + np.linspace(-1.0, 1.0, 41)
     fits = [abs(left @ np.exp(-2j * np.pi * each * u)) for each in tried]
-    turns = float(tried[int(np.argmax(fits))])
-    low, high = view.span[axis]
-    return Ripple(axis, (high - low) / turns, amplitude, int(np.ceil(6.0 * turns)) + 1)
+    return float(tried[int(np.argmax(fits))]), amplitude
 
 
-def structure_left(found: Selection, ripples: Sequence[Ripple]) -> float:
-    """Return the rms of what is left beyond the scatter of neighbours; 0 where it is slight."""
+def structure_left(
+    found: Selection, periods: Sequence[Unexplained]
+) -> Iterator[Unexplained]:
+    """Yield what is left beyond the scatter of neighbours, unless it is slight."""
     view = found.view
     if view.data.time is None or len(view.error) < _ENOUGH:
-        return 0.0
+        return
     step, same = np.diff(view.data.clock), np.diff(view.data.source) == 0
     near = same & (step <= np.median(step[same]))
     apart = np.diff(found.residual)[near]
     if len(apart) < _PAIRS:
-        return 0.0
+        return
     white = 1.4826 * float(np.median(np.abs(apart))) / np.sqrt(2.0)
-    known = sum(0.5 * each.amplitude**2 for each in ripples)
+    known = sum(each.rms**2 for each in periods)
     extra = float(np.sqrt(max(found.noise**2 - white**2 - known, 0.0)))
-    slight = np.hypot(white, extra) < _STRUCTURE * white or extra < 3.0 * found.least
-    return 0.0 if slight else extra
+    if np.hypot(white, extra) >= _STRUCTURE * white and extra >= 3.0 * found.least:
+        text = (
+            f"Another {amount(found, extra)} rms of the error of {view.axis} is no"
+            " scatter of single readings, and nothing that was recorded explains it."
+        )
+        yield stays(found, f"rest of the error of {view.axis}", (), extra, text)

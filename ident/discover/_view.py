@@ -2,7 +2,8 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -16,7 +17,6 @@ _STILL = 1e-6
 """mm or °: a position that changes by less is constant."""
 _BLOCKS = 40
 """Pieces of a recording that resamples draw from."""
-
 _NEAR = 100
 """Readings shortly after reversals, from which on their course can be seen."""
 _CLOSE = 0.05
@@ -35,7 +35,6 @@ class AxisView:
         axis: Its name.
         data: Those rows of the recording, thinned.
         error: In mm, ° or the unit of the current, without the median of each measurement.
-        block: Number of the piece of the recording that a row belongs to.
         span: First and last position, by axis that moves.
         distance: mm or ° that the axis has gone since its last reversal, or None.
         modulo: Axes that go round within the range that was measured.
@@ -44,7 +43,6 @@ class AxisView:
     axis: str
     data: Observed
     error: Float[np.ndarray, " t"]
-    block: Int[np.ndarray, " t"]
     span: Mapping[str, tuple[float, float]]
     distance: Float[np.ndarray, " t"] | None
     modulo: frozenset[str]
@@ -60,13 +58,34 @@ class AxisView:
 
     def places(self, axis: str) -> int:
         """Return at how many different places of an axis there are readings."""
-        known = self.data.position[axis]
+        known = self.data.position.get(axis, np.zeros(0))
         return len(np.unique(np.round(known[np.isfinite(known)], 4)))
 
+    @cached_property
     def sources(self) -> list[Int[np.ndarray, " n"]]:
-        """Return the rows of each measurement."""
+        """The rows of each measurement."""
         numbers = np.unique(self.data.source)
         return [np.flatnonzero(self.data.source == number) for number in numbers]
+
+    @cached_property
+    def block(self) -> Int[np.ndarray, " t"]:
+        """The piece of each row: runs where there are many, else stretches of them."""
+        own = np.stack([self.data.source, self.data.run])
+        runs = np.unique(own, axis=1, return_inverse=True)[1].reshape(-1)
+        count = int(runs.max(initial=0)) + 1
+        if count >= _BLOCKS // 2:
+            return np.asarray(runs * min(_BLOCKS, count) // count)
+        pieces = max(1, min(_BLOCKS, len(self.data) // 4))
+        return np.arange(len(self.data)) * pieces // len(self.data)
+
+    @cached_property
+    def shows_reversals(self) -> bool:
+        """Whether readings show how an error builds up after a reversal."""
+        if self.distance is None or not self.moves(self.axis):
+            return False
+        low, high = self.span[self.axis]
+        near = (self.distance > 0) & (self.distance < _CLOSE * (high - low))
+        return bool(near.sum() >= _NEAR)
 
     def centred(self, columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "t k"]:
         """Return columns without their mean in each measurement; 0 where not known.
@@ -76,7 +95,7 @@ class AxisView:
         """
         known = np.asarray(np.isfinite(columns).all(axis=1))
         result = np.where(known[:, None], columns, 0.0)
-        for rows in self.sources():
+        for rows in self.sources:
             mine = rows[known[rows]]
             if mine.size:
                 result[mine] -= result[mine].mean(axis=0)
@@ -104,25 +123,22 @@ def view_of(
         finite = values[np.isfinite(values)]
         if not finite.size or float(np.ptp(finite)) <= _STILL:
             continue
-        low, high = float(finite.min()), float(finite.max())
-        if name in data.modulo:
-            start, end = data.modulo[name]
-            if high - low > 0.8 * (end - start):
-                low, high = start, end
-                round_about.add(name)
-        span[name] = (low, high)
+        span[name] = float(finite.min()), float(finite.max())
+        start, end = data.modulo.get(name, (-np.inf, np.inf))
+        if span[name][1] - span[name][0] > 0.8 * (end - start):
+            span[name] = start, end
+            round_about.add(name)
     distance = _distance(observed, axis)
     error: Float[np.ndarray, " t"] = getattr(data, channel)[axis].copy()
     view = AxisView(
         axis=axis,
         data=data,
         error=error,
-        block=_blocks(data),
         span=span,
         distance=None if distance is None else distance[rows],
         modulo=frozenset(round_about),
     )
-    for own in view.sources():
+    for own in view.sources:
         error[own] -= np.median(error[own])
     return view
 
@@ -137,17 +153,6 @@ def _thinned(rows: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
     return np.asarray(rows[np.unique(np.minimum(at, len(rows) - 1))])
 
 
-def _blocks(data: Observed) -> Int[np.ndarray, " t"]:
-    """Return the piece of each row: runs where there are many, else stretches of them."""
-    runs = np.unique(np.stack([data.source, data.run]), axis=1, return_inverse=True)[1]
-    runs = runs.reshape(-1)
-    count = int(runs.max(initial=0)) + 1
-    if count >= _BLOCKS // 2:
-        return (runs * min(_BLOCKS, count) // count).astype(np.int64)
-    pieces = max(1, min(_BLOCKS, len(data) // 4))
-    return np.arange(len(data)) * pieces // len(data)
-
-
 def _distance(observed: Observed, axis: str) -> Float[np.ndarray, " t"] | None:
     """Return the way since the last reversal of an axis, on all rows that there are."""
     if axis not in observed.direction or axis not in observed.position:
@@ -155,13 +160,12 @@ def _distance(observed: Observed, axis: str) -> Float[np.ndarray, " t"] | None:
     known = np.isfinite(observed.position[axis] + observed.direction[axis])
     order = np.lexsort((observed.clock, observed.run, observed.source))
     order = order[known[order]]
-    if not len(order):
-        return None
     place, way = observed.position[axis][order], observed.direction[axis][order]
     own = observed.run[order]
+    number = np.arange(len(order))
     turned = np.ones(len(order), dtype=bool)
     turned[1:] = (way[1:] != way[:-1]) | (own[1:] != own[:-1])
-    first = np.maximum.accumulate(np.where(turned, np.arange(len(order)), 0))
+    first = np.maximum.accumulate(np.where(turned, number, 0))
     # The reversal itself lies between this row and the one before it.
     start = np.maximum(first - 1, 0)
     start = np.where(own[start] != own[first], first, start)
@@ -193,146 +197,135 @@ class Candidates:
     absent: tuple[tuple[str, tuple[str, ...], str], ...]
 
 
-def candidates_of(view: AxisView, axes: tuple[str, ...]) -> Candidates:
+def candidates_of(view: AxisView, axes: Sequence[str]) -> Candidates:
     """Return what the recording of an axis could show.
 
     Args:
         view: The readings.
         axes: All axes of the machine, moved or not.
     """
-    axis, data = view.axis, view.data
+    axis = view.axis
     others = [name for name in axes if name != axis]
     moved = [name for name in others if view.moves(name)]
     terms: list[Term] = []
     absent: list[tuple[str, tuple[str, ...], str]] = []
-    turning = moving(data.direction.get(axis))
-    if view.moves(axis):
-        terms.append(Term(Kind.OWN, axis))
-    else:
-        absent.append(("leadscrew", (), _unmoved(view, axis)))
-    if turning:
-        terms.append(Term(Kind.REVERSAL, axis))
-        if view.moves(axis) and view.places(axis) > 2:
-            terms.append(Term(Kind.OWN_REVERSAL, axis))
-    else:
-        why = f"{axis} was read from one direction only"
-        if axis not in data.direction:
-            why = f"the direction of {axis} is not known"
-        absent.append(("backlash", (), why))
-    terms += [Term(Kind.LINE, axis, (name,)) for name in moved]
-    absent += [
-        ("cross", (name,), _unmoved(view, name)) for name in others if name not in moved
-    ]
-    for pair in itertools.combinations(moved, 2):
-        turns = [name for name in pair if name in data.modulo]
-        if turns:
-            why = (
-                f"{turns[0]} goes round, and planes are fitted over axes with two ends"
-            )
-            absent.append(("plane", pair, why))
-        else:
-            terms.append(Term(Kind.SURFACE, axis, pair))
-    for name in others:
-        if moving(data.acceleration.get(name)):
-            terms.append(Term(Kind.PUSH, axis, (name,)))
-            if moving(data.velocity.get(name)):
-                terms.append(Term(Kind.PUSH_WAY, axis, (name,)))
-            terms += [Term(Kind.PUSH_PLACE, axis, (name, place)) for place in view.span]
-        else:
-            why = f"no acceleration of {name} was recorded, nor time to derive it from"
-            if name in data.acceleration:
-                why = f"{name} did not accelerate"
-            absent.append(("crosstalk", (name,), why))
-    heat = tuple(_heat(view)) if axis not in data.rotary else ()
+    for kind in _kinds("error"):
+        masters: list[tuple[str, ...]] = [()]
+        if kind is Kind.SURFACE:
+            masters = list(itertools.combinations(moved, 2))
+        elif kind is Kind.PUSH_PLACE:
+            masters = list(itertools.product(others, view.span))
+        elif "first" in {owner for _, owner, _ in kind.value.factors}:
+            masters = [(name,) for name in others]
+        for term in (Term(kind, axis, each) for each in masters):
+            why = _lacking(view, term)
+            if not why:
+                terms.append(term)
+            elif term.facts.compensation is not None:
+                absent.append((term.facts.compensation, term.masters, why))
+    heat = tuple(_warm(view)) if axis not in view.data.rotary else ()
     if not heat:
-        why = (
-            "no temperature changed"
-            if data.temperature
-            else "no temperature was recorded"
-        )
-        if axis in data.rotary:
+        why = "no temperature was recorded"
+        if view.data.temperature:
+            why = "no temperature changed"
+        if axis in view.data.rotary:
             why = f"{axis} is rotary, and the unit of its coefficient is not defined"
         absent.append(("temperature", (), why))
-    terms += _beyond_kernel(view, moved)
     return Candidates(tuple(terms), heat, tuple(absent))
 
 
-def _unmoved(view: AxisView, axis: str) -> str:
-    if axis not in view.data.position:
-        return f"the position of {axis} was not recorded"
-    return f"{axis} did not move"
+def _kinds(part: str) -> Iterator[Kind]:
+    return (kind for kind in Kind if kind.value.part == part)
 
 
-def _heat(view: AxisView) -> Iterator[Term]:
+_CHANNELS = {
+    "line": "position",
+    "middle": "position",
+    "way": "direction",
+    "push": "acceleration",
+    "pull": "acceleration",
+    "sign": "velocity",
+    "speed": "velocity",
+}
+"""What must have been recorded, and have changed, for a factor."""
+_LACKING = {
+    "position": ("the position of {} was not recorded", "{} did not move"),
+    "direction": (
+        "the direction of {} is not known",
+        "{} was read from one direction only",
+    ),
+    "velocity": (
+        "no velocity of {} was recorded, nor time to derive it from",
+        "{} went at one velocity only",
+    ),
+    "acceleration": (
+        "no acceleration of {} was recorded, nor time to derive it from",
+        "{} did not accelerate",
+    ),
+}
+
+
+def _lacking(view: AxisView, term: Term) -> str:
+    """Return why a recording cannot show a term, or nothing."""
+    turning = [name for name in term.masters if name in view.data.modulo]
+    if term.kind is Kind.SURFACE and turning:
+        return f"{turning[0]} goes round, and planes are fitted over axes with two ends"
+    if term.kind is Kind.OWN_REVERSAL and view.places(term.axis) < 3:
+        return f"{term.axis} was read at two places only"
+    if term.kind is Kind.MEMORY and not view.shows_reversals:
+        return f"{term.axis} was seldom read shortly after a reversal"
+    for name, owner, _ in term.facts.factors:
+        channel, whose = _CHANNELS.get(name), term.owners[owner]
+        if channel is None:
+            continue
+        values = getattr(view.data, channel).get(whose)
+        there = view.moves(whose) if channel == "position" else moving(values)
+        if not there:
+            return _LACKING[channel][values is not None].format(whose)
+    return ""
+
+
+def _warm(view: AxisView) -> Iterator[Term]:
+    """Yield temperature terms, for lags that the time of the recording could show."""
     time = view.data.time
     longest = 0.0 if time is None else 0.25 * float(time[-1] - time[0])
     kinds = HEAT if view.moves(view.axis) else HEAT[:1]
-    for sensor, values in view.data.temperature.items():
-        if moving(values):
-            for lag in _LAGS:
-                if lag <= longest:
-                    yield from (
-                        Term(kind, view.axis, (), sensor, lag) for kind in kinds
-                    )
-
-
-def _beyond_kernel(view: AxisView, moved: list[str]) -> Iterator[Term]:
-    data, axis = view.data, view.axis
-    if moving(data.velocity.get(axis)):
-        yield Term(Kind.SPEED, axis)
-    if moving(data.acceleration.get(axis)):
-        yield Term(Kind.PULL, axis)
-    if moving(data.direction.get(axis)) and _near_reversals(view) >= _NEAR:
-        yield Term(Kind.MEMORY, axis)
-    for name in moved:
-        if moving(data.velocity.get(name)):
-            yield Term(Kind.SPEED_OTHER, axis, (name,))
-        if moving(data.direction.get(name)):
-            yield Term(Kind.REVERSAL_OTHER, axis, (name,))
-        if view.moves(axis):
-            yield Term(Kind.OWN_LINE, axis, (name,))
-
-
-def _near_reversals(view: AxisView) -> int:
-    """Return how many readings show how an error builds up after a reversal."""
-    if view.distance is None or not view.moves(view.axis):
-        return 0
-    low, high = view.span[view.axis]
-    near = (view.distance > 0) & (view.distance < _CLOSE * (high - low))
-    return int(near.sum())
+    sensors = [name for name, each in view.data.temperature.items() if moving(each)]
+    for sensor, lag, kind in itertools.product(sensors, _LAGS, kinds):
+        if lag <= longest:
+            yield Term(kind, view.axis, (), sensor, lag)
 
 
 def late_terms(
-    view: AxisView, axes: tuple[str, ...], chosen: list[Term]
+    view: AxisView, axes: Sequence[str], chosen: Sequence[Term]
 ) -> Iterator[Term]:
     """Yield what makes sense only once other terms are there.
 
     A crosstalk that two positions adapt, growth with time, and growth with a temperature
     across the axis.
     """
+    axis = view.axis
     adapted = [term.masters[0] for term in chosen if term.kind is Kind.PUSH_PLACE]
     for master in dict.fromkeys(adapted):
         for pair in itertools.combinations(view.span, 2):
-            yield Term(Kind.PUSH_PLACES, view.axis, (master, *pair))
-    if view.moves(view.axis):
-        yield Term(Kind.GROWTH, view.axis)
-    heat = next((term for term in chosen if term.kind in HEAT), None)
-    if heat is not None:
+            yield Term(Kind.PUSH_PLACES, axis, (master, *pair))
+    if view.moves(axis):
+        yield Term(Kind.GROWTH, axis)
+    for heat in [term for term in chosen if term.kind in HEAT][:1]:
         for name in axes:
-            if name != view.axis and view.moves(name):
-                yield Term(Kind.HEAT_LINE, view.axis, (name,), heat.sensor, heat.lag)
+            if name != axis and view.moves(name):
+                yield Term(Kind.HEAT_LINE, axis, (name,), heat.sensor, heat.lag)
 
 
 def friction_terms(view: AxisView) -> tuple[list[Term], list[Term]]:
     """Return what the current of a drive may be made of, and Stribeck laws of some speeds."""
-    axis = view.axis
-    plain = [Kind.INERTIA, Kind.COULOMB, Kind.VISCOUS, Kind.DRAG, Kind.VISCOUS_WAY]
-    if view.moves(axis):
-        plain += [Kind.LOAD_PLACE, Kind.COULOMB_PLACE]
-    terms = [Term(kind, axis) for kind in plain]
+    axis, warm = view.axis, view.data.temperature
+    apart = (Kind.COULOMB_HEAT, Kind.STRIBECK)
+    terms = [Term(kind, axis) for kind in _kinds("current") if kind not in apart]
+    terms = [term for term in terms if not _lacking(view, term)]
     terms += [
         Term(Kind.COULOMB_HEAT, axis, (), name)
-        for name, values in view.data.temperature.items()
+        for name, values in warm.items()
         if moving(values)
     ]
     return terms, [Term(Kind.STRIBECK, axis, lag=knee) for knee in _KNEES]
