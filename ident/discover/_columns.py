@@ -17,7 +17,7 @@ from jaxtyping import Float
 from ..kinds.temperature import clocked
 from ._data import Observed
 from ._terms import Kind, Term
-from ._view import AxisView
+from ._view import AxisView, some_of
 
 _DECAY = 1.5
 """A smooth error has less of fine structure: amplitudes fall as the 1.5th power."""
@@ -29,6 +29,8 @@ _EARLY = 0.35
 """Share of the full acceleration at which a table may have its entry."""
 _MEMORY = (0.002, 0.01, 0.05)
 """Shares of the travel over which an error may build up after a reversal."""
+_KNEES = (0.01, 0.03, 0.08, 0.2)
+"""Stribeck velocities, as shares of the fastest speed."""
 _BEND = 0.3
 """Size of a curved part of a temperature law, beside its straight part."""
 _REFERENCE = 20.0
@@ -99,7 +101,7 @@ def _line(view: AxisView, term: Term, axis: str, most: int) -> Factor:
     elif len(term.facts.factors) > 1:
         rows //= 4
     count = max(1, min(most, view.places(axis) - 1, rows))
-    return view.scaled(axis), smooth(count, axis in view.modulo)
+    return view.scaled(axis), smooth(count, view.goes_round(axis))
 
 
 def _scaled(values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
@@ -130,14 +132,18 @@ def _push(view: AxisView, term: Term, axis: str, most: int) -> Factor:
     return values / full, [law(sign, share) for sign in (1.0, -1.0) for share in shares]
 
 
+def _decay(share: float, power: int) -> Function:
+    return lambda gone: np.exp(-((gone / share) ** power))
+
+
 def _memory(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    assert view.distance is not None  # the candidates have seen to it
     low, high = view.span[axis]
+    return view.distance / (high - low), [_decay(each, 1) for each in _MEMORY]
 
-    def decay(share: float) -> Function:
-        return lambda gone: np.exp(-gone / share)
 
-    return view.distance / (high - low), [decay(share) for share in _MEMORY]
+def _slow(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+    speed = np.abs(view.data.velocity[axis])
+    return speed / np.nanmax(speed), [_decay(each, 2) for each in _KNEES]
 
 
 def _heat(view: AxisView, term: Term, sensor: str, most: int) -> Factor:
@@ -160,12 +166,6 @@ def _heat(view: AxisView, term: Term, sensor: str, most: int) -> Factor:
     rest = middle**2 if heated else 1.0
     bent: Function = lambda warm: _BEND * ((warm - middle) ** 2 - rest)  # noqa: E731
     return (body - zero) / spread, [_SAME, bent][:most]
-
-
-def _slow(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    velocity = view.data.velocity[axis]
-    knee = term.lag * float(np.nanmax(np.abs(velocity)))
-    return _scaled(np.sign(velocity) * np.exp(-((velocity / knee) ** 2))), [_SAME]
 
 
 _FACTORS: Mapping[str, Callable[[AxisView, Term, str, int], Factor]] = {
@@ -255,12 +255,11 @@ class Columns:
 
     Attributes:
         view: The readings.
-        drifting: Whether the instrument may drift.
         weight: How much each reading counts, as far as is known.
     """
 
-    def __init__(self, view: AxisView, drifting: bool = True) -> None:
-        self.view, self.drifting = view, drifting
+    def __init__(self, view: AxisView) -> None:
+        self.view = view
         self._known: dict[Term, np.ndarray] = {}
         self.weight = weights_of_unknown(view.error)
 
@@ -293,7 +292,7 @@ class Columns:
 
     @cached_property
     def drift(self) -> Float[np.ndarray, "t d"]:
-        """Drifts of those measurements in which positions do not explain them.
+        """Drifts of instruments, of measurements in which positions do not explain them.
 
         Where each place is visited once, a drift cannot be told from an error of position:
         what there is, is taken for the latter.
@@ -301,12 +300,12 @@ class Columns:
         kinds = (Kind.OWN, Kind.LINE, Kind.REVERSAL)
         places = [block for term, block in self._known.items() if term.kind in kinds]
         result = [np.zeros((len(self.view.data), 0))]
-        for rows in self.view.sources if self.drifting else ():
+        for rows in self.view.sources if self.view.channel == "error" else ():
             own = slow_functions(self.view.data.clock[rows])
             slow = np.zeros((len(self.view.data), own.shape[1]))
             slow[rows] = own
             slow = self.view.centred(slow)
-            some = np.random.default_rng(3).permutation(rows)[:_MOST]
+            some = rows[some_of(len(rows), _MOST)]
             if places and own.shape[1]:
                 beside = np.concatenate([block[some] for block in places], axis=1)
                 if np.any(followed(slow[some, :2], beside) > _PLACED):

@@ -178,20 +178,21 @@ class Groups:
         chance = columns * self.noise**2
         return float(self.without(groups).left - self.left - chance)
 
-    def evidence_gain(self, group: int, nuisance: int, least: float) -> float:
-        """Return twice the log evidence that a group adds to the others that are present.
+    def with_and_without(
+        self, group: int, nuisance: int, least: float
+    ) -> tuple["Groups", "Groups"]:
+        """Return the likeliest variances with a group, and without it.
 
         Args:
             group: What is judged.
-            nuisance: First group of what stands in for it, such as a drift: its variances
-                are estimated anew with it and without.
+            nuisance: First group of what stands in for it, such as a drift: these are
+                estimated anew with it and without.
             least: Contribution below which a group counts as absent.
         """
         variance = self.variance.copy()
         variance[nuisance:] = self.size**2
         both = dataclasses.replace(self, variance=variance)
-        found = [each.estimated(least) for each in (both, both.without([group]))]
-        return 2.0 * (found[0].evidence - found[1].evidence)
+        return both.estimated(least), both.without([group]).estimated(least)
 
 
 def robust_groups(

@@ -1,18 +1,49 @@
-"""What stays when all that was found is taken off: drifts, fine periods, structure."""
+"""What the data cannot tell apart: sensor and lag, a temperature or a drift, substitutes."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from ..core import node_shares
-from ._columns import smooth
-from ._data import Drift, Unexplained
-from ._doubts import SLIGHT, SLIGHT_SHARE
-from ._select import Selection
+from ._columns import Design, followed, slow_functions, smooth, weights_of_unknown
+from ._data import Drift, Unexplained, Verdict
+from ._evidence import Groups, gram_of, robust_groups
+from ._select import BEYOND_CHANCE, Selection
+from ._terms import HEAT, PUSHES, Kind, Need, Term
+from ._view import some_of
 
+_INSTEAD = 0.95
+"""Share of what a temperature explains, at which a drift in its place is as good."""
+_ALIKE = 0.9
+"""Share of a drift from which on a temperature that changes like it may be its cause."""
+_SMOOTH = 3
+"""Degree of the smoothest drifts, which a warm-up looks like."""
+_SLIGHT, _SLIGHT_SHARE = 2.0, 0.1
+"""A slow change of that many standard deviations, or of that share of the rms of the error,
+is a drift like that of any instrument."""
+_AS_WELL = 0.95
+"""Share of what a compensation explains, at which a substitute is as good."""
+_PARTLY = 0.3
+"""The same, where the substitute cannot be seen beside all that was found."""
+_HIDDEN = 0.05
+"""Share of a feature that is left beside all that was found; below it is not seen."""
+_ROWS = 6_000
+_LOOSE = 10.0
+"""Size of a substitute's coefficients, relative to the error: free."""
+_SAME_COURSE = 0.999
+"""Correlation of two sensors from which on either does for the other."""
+_CONTAINED = {
+    Kind.REVERSAL: (Kind.OWN_REVERSAL, Kind.MEMORY),
+    Kind.LINE: (Kind.SURFACE,),
+    Kind.PUSH: PUSHES,
+    Kind.PUSH_PLACE: PUSHES,
+}
+"""Terms that a richer one may imitate; the simpler one is taken."""
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 20)
 """Straight pieces that a drift may have."""
-_WORTH = 0.25
+_FOLLOWED = 0.25
 """Of the scatter of a reading: what is smaller is left where it is."""
 _BINS = 4096
 """Places along a position between which readings are not told apart."""
@@ -30,10 +61,210 @@ _ENOUGH, _PAIRS = 1000, 300
 """Readings, and neighbours among them, from which on that is told."""
 
 
+@dataclasses.dataclass(frozen=True)
+class AgainstDrift:
+    """A temperature effect compared with a drift of the instrument in its place.
+
+    Attributes:
+        gain: Twice the log evidence that the temperature adds beside the drift.
+        instead: Share of the temperature effect that a smooth drift follows.
+        alike: Share of the drift, estimated without it, that the temperature follows.
+        rms: Of the temperature effect without any drift, in the unit of the error.
+        slight: It is small enough to be a drift like any other.
+    """
+
+    gain: float
+    instead: float
+    alike: float
+    rms: float
+    slight: bool
+
+    @property
+    def known(self) -> bool:
+        """Whether the readings show that it is the temperature."""
+        return self.gain >= BEYOND_CHANCE and self.instead < _INSTEAD
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it may be the temperature as well as the drift, and is no small thing."""
+        likely = max(self.instead - _INSTEAD, self.alike - _ALIKE) >= 0.0
+        return likely and not self.known and not self.slight
+
+
+def against_drift(
+    clock: Float[np.ndarray, " t"],
+    heat: Float[np.ndarray, "t h"],
+    error: Float[np.ndarray, " t"],
+    beside: Float[np.ndarray, "t b"],
+    slow: Float[np.ndarray, "t s"] | None = None,
+) -> AgainstDrift | None:
+    """Return whether an error follows a temperature or a drift; `discover` and `fit` ask it.
+
+    Args:
+        clock: Instant of each reading.
+        heat: What the temperature may do to the error: functions of it, or of it and a
+            position.
+        error: Readings in any unit, all else that is known of it taken off.
+        beside: Of what else the error may have a part: zeros, a line over the position.
+        slow: What the drift may do, of each measurement for itself; None = one measurement.
+
+    Returns:
+        What the temperature is against the drift; None for readings too few to have one.
+    """
+    slow = slow_functions(clock) if slow is None else slow
+    if not slow.shape[1]:
+        return None
+    error = error - np.median(error)
+    parts = [heat - heat.mean(axis=0), slow - slow.mean(axis=0), beside]
+    sizes = [np.maximum(np.sqrt(np.mean(part**2, axis=0)), 1e-12) for part in parts]
+    parts = [part / size for part, size in zip(parts, sizes, strict=True)]
+    whole, first = Design.of((), parts), weights_of_unknown(error)
+    least = 1e-3 * (float(np.quantile(np.abs(error), 0.95)) or 1.0)
+    found, weight = robust_groups(whole.columns, whole.slices, error, first, least)
+    both, alone = found.with_and_without(0, 1, least)
+    # Set free, without any drift: the temperature takes all that it can.
+    free, root = np.concatenate([parts[0], parts[2]], axis=1), np.sqrt(weight)
+    full = np.linalg.lstsq(free * root[:, None], error * root)[0]
+    warm = parts[0] @ full[whole.slices[0]]
+    course = parts[1] @ alone.values[whole.slices[1]]
+    share = 2.0 * (clock - clock.min()) / (float(np.ptp(clock)) or 1.0) - 1.0
+    rms, size = float(np.std(warm)), float(np.std(error[weight > 0]))
+    return AgainstDrift(
+        gain=2.0 * (both.evidence - alone.evidence),
+        instead=float(followed(warm, np.vander(share, _SMOOTH + 1))),
+        alike=float(followed(course, parts[0])),
+        rms=rms,
+        slight=rms < max(_SLIGHT * found.noise, _SLIGHT_SHARE * size),
+    )
+
+
+def heat_or_drift(heat: str, axis: str) -> tuple[str, str]:
+    """Return what the data cannot tell apart, and what to do: for `discover` and `fit`."""
+    wiggle = "Let the temperature rise and fall while measuring, more than once."
+    return f"{heat} or drift of the instrument at {axis}", wiggle
+
+
+@dataclasses.dataclass(frozen=True)
+class Confusion:
+    """What the data cannot tell.
+
+    Attributes:
+        others: What explains the same as a compensation, by compensation.
+        hidden: Terms that could not be seen beside what was found.
+        drift: What temperatures are against a drift in their place, by their terms.
+    """
+
+    others: dict[Need, list[Term]]
+    hidden: tuple[Term, ...]
+    drift: dict[tuple[Term, ...], AgainstDrift]
+
+
+def look_for_confusion(
+    found: Selection, needs: Sequence[Need], heat: Sequence[Term]
+) -> Confusion:
+    """Return which compensations something else would replace.
+
+    Args:
+        found: The selection of the axis.
+        needs: Compensations made of it.
+        heat: Temperature terms of all sensors and some lags.
+    """
+    drift, columns = {}, found.columns
+    if heat and columns.drift.shape[1]:
+        warm = [each.terms for each in needs if each.compensation == "temperature"]
+        shifts = [term for term in heat if term.kind is Kind.HEAT_OFFSET]
+        # Where no temperature was found, the offset that changes most like the drift.
+        like = max(shifts, key=lambda each: followed(found.drift, columns.of(each)))
+        terms = warm[0] if warm else (like,)
+        rest = [found.part(term) for term in found.terms if term not in terms]
+        against = against_drift(
+            columns.view.data.clock,
+            np.concatenate([columns.of(term) for term in terms], axis=1),
+            np.asarray(columns.view.error - np.sum(rest, axis=0)),
+            np.concatenate([columns.zeros, columns.runs], axis=1),
+            columns.drift,
+        )
+        if against is not None:
+            drift[terms] = against
+    others, hidden = _substitutes(found, needs) if needs else ({}, [])
+    return Confusion(others, tuple(hidden), drift)
+
+
+def _substitutes(
+    found: Selection, needs: Sequence[Need]
+) -> tuple[dict[Need, list[Term]], list[Term]]:
+    """Return what explains the same as a compensation, and what cannot be seen."""
+    columns, design = found.columns, found.design
+    others = [term for term in found.looked if term not in found.terms]
+    rows = some_of(len(columns.view.error), _ROWS)
+    kept = np.flatnonzero(found.groups.variance > 0).tolist()
+    blocks = [design.columns[rows, design.slices[g]] for g in kept]
+    blocks += [columns.of(_changing(term))[rows] for term in others]
+    whole = Design.of((), blocks)
+    weight = columns.weight[rows]
+    gram = gram_of(whole.columns, columns.view.error[rows], weight)
+    loose = Groups.of(gram, float(weight.sum()), whole.slices)
+    variance = _LOOSE * loose.variance
+    variance[: len(kept)] = found.groups.variance[kept]
+    loose = dataclasses.replace(loose, variance=variance, noise=found.groups.noise)
+    every = range(len(kept))
+    beside = loose.only(every)
+    hidden: list[Term] = []
+    for k, term in enumerate(others, len(kept)):
+        own = loose.slices[k]
+        left = np.trace(beside.reduced(own)[:-1, :-1])
+        if left < _HIDDEN * np.trace(loose.gram[own, own]):
+            hidden.append(term)
+    result: dict[Need, list[Term]] = {}
+    for need in needs:
+        mine = [k for k in every if kept[k] in found.index(need.terms)]
+        rest = [k for k in every if k not in mine]
+        gain = max(beside.gain(mine), 1e-300)
+        for k, term in enumerate(others, len(kept)):
+            share = _PARTLY if term in hidden else _AS_WELL
+            if not _contained(need, term):
+                if loose.only([*rest, k]).gain([k]) >= share * gain:
+                    result.setdefault(need, []).append(term)
+    return result, hidden
+
+
+def _changing(term: Term) -> Term:
+    """Return a term without what is the same at any temperature: that is no sign of heat."""
+    if term.kind is Kind.HEAT_SLOPE:
+        return dataclasses.replace(term, kind=Kind.HEAT_CHANGE)
+    return term
+
+
+def _contained(need: Need, other: Term) -> bool:
+    """Return whether the other is only a richer form, or another sensor, of the same."""
+    if need.compensation == "temperature" and other.kind in HEAT:
+        return True
+    count = 1 if other.kind in PUSHES else 2
+    return any(
+        other.kind in _CONTAINED.get(term.kind, ())
+        and {*term.masters[:count]} <= {*other.masters[:count]}
+        for term in need.terms
+    )
+
+
+def sensors_alike(found: Selection, need: Need) -> list[str]:
+    """Return the sensors of a temperature, where others changed in the same way."""
+    warm = found.view.data.temperature
+    for sensor in dict.fromkeys(term.sensor for term in need.terms if term.sensor):
+        alike = [sensor]
+        for name, other in warm.items():
+            known = np.isfinite(warm[sensor]) & np.isfinite(other)
+            if name != sensor and known.sum() > 2:
+                same = followed(warm[sensor][known], other[known][:, None])
+                alike += [name] if same > _SAME_COURSE**2 else []
+        if len(alike) > 1:
+            return alike
+    return []
+
+
 def amount(found: Selection, rms: float) -> str:
     """Return a length or angle as a person writes it."""
-    view = found.view
-    return f"{1e3 * rms:.2g} {'µm' if view.data.unit(view.axis) == 'mm' else 'm°'}"
+    return f"{1e3 * rms:.2g} {'µm' if found.view.unit == 'mm' else 'm°'}"
 
 
 def stays(
@@ -43,17 +274,12 @@ def stays(
     rms: float,
     sentence: str,
     share: float | None = None,
-    known: bool = True,
+    verdict: Verdict = "the kernel cannot express this",
 ) -> Unexplained:
-    """Return what stays: no compensation holds it, or several could (``known`` false)."""
-    view = found.view
-    if share is None:
-        share = min(rms**2 / found.square, 1.0)
-    return Unexplained(
-        view.axis, what, tuple(dict.fromkeys(masters)), rms, share,
-        view.data.unit(view.axis),
-        "the kernel cannot express this" if known else "the data cannot tell", sentence,
-    )  # fmt: skip
+    """Return what stays: no compensation holds it, or several could."""
+    view, axes = found.view, tuple(dict.fromkeys(masters))
+    part = min(rms**2 / found.square, 1.0) if share is None else share
+    return Unexplained(view.axis, what, axes, rms, part, view.unit, verdict, sentence)
 
 
 def drifts(found: Selection) -> Iterator[Drift]:
@@ -68,34 +294,28 @@ def drifts(found: Selection) -> Iterator[Drift]:
         clock, rms = time[rows], float(np.std(course[rows]))
         # Runs have an offset each, which a fit allows for.
         several = len(np.unique(view.data.run[rows])) > 1
-        if several or not np.ptp(clock) > 0 or rms <= _WORTH * found.noise:
+        if several or not np.ptp(clock) > 0 or rms <= _FOLLOWED * found.noise:
             continue
         pieces = _PIECES[-1]
         for pieces in _PIECES:
             knots = np.linspace(clock.min(), clock.max(), pieces + 1)
             lines = node_shares(clock, knots)
             left = course[rows] - lines @ np.linalg.lstsq(lines, course[rows])[0]
-            if float(np.std(left)) <= _WORTH * found.noise:
+            if float(np.std(left)) <= _FOLLOWED * found.noise:
                 break
-        yield _drift(found, int(view.data.source[rows[0]]), pieces, rms)
-
-
-def _drift(found: Selection, source: int, pieces: int, rms: float) -> Drift:
-    """Return a slow change in time, and whether it is much for an instrument."""
-    axis = found.view.axis
-    follow = f"{pieces} straight pieces follow it."
-    if pieces == 1:
-        follow = "one straight piece follows it."
-    sentence = (
-        f"Beside what was found the error of {axis} wanders in time by"
-        f" {amount(found, rms)} rms, as the zero of an instrument does: {follow}"
-    )
-    if rms >= max(SLIGHT * found.noise, SLIGHT_SHARE * np.sqrt(found.square)):
-        sentence += (
-            " That is much for an instrument: something may have warmed whose"
-            " temperature was not recorded, or cannot be told from this."
+        follow = f"{pieces} straight pieces follow it."
+        sentence = (
+            f"Beside what was found the error of {view.axis} wanders in time by"
+            f" {amount(found, rms)} rms, as the zero of an instrument does:"
+            f" {'one straight piece follows it.' if pieces == 1 else follow}"
         )
-    return Drift(axis, source, pieces, rms, found.view.data.unit(axis), sentence)
+        if rms >= max(_SLIGHT * found.noise, _SLIGHT_SHARE * np.sqrt(found.square)):
+            sentence += (
+                " That is much for an instrument: something may have warmed whose"
+                " temperature was not recorded, or cannot be told from this."
+            )
+        source = int(view.data.source[rows[0]])
+        yield Drift(view.axis, source, pieces, rms, view.unit, sentence)
 
 
 def ripples(found: Selection) -> Iterator[Unexplained]:
@@ -105,7 +325,7 @@ def ripples(found: Selection) -> Iterator[Unexplained]:
         turns, amplitude = _ripple(found, master)
         if not turns:
             continue
-        own, unit = master == view.axis, view.data.unit(view.axis)
+        own, unit = master == view.axis, view.unit
         # Six entries per period follow it.
         nodes = int(np.ceil(6.0 * turns)) + 1
         remedy = f"more than the {_MOST_NODES} that a list has by default."

@@ -12,6 +12,7 @@ decides what is there.
 """
 
 import dataclasses
+import functools
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -22,10 +23,14 @@ from jaxtyping import Bool, Float, Int
 from ._columns import Columns, Design
 from ._evidence import Groups, gram_of, robust_groups, weights_about
 from ._terms import HEAT, Term
-from ._view import AxisView
+from ._view import AxisView, some_of
 
 _MOST = 5_000
 """Rows that a first look takes."""
+_FINER = (2.0, 2.0**0.5, 2.0**0.25, 2.0**0.125)
+"""Steps of lags about the best of the coarse ones."""
+_SOON = 15.0
+"""Lag in s that is tried beside none."""
 _PAIRS = 12
 """Complementary pairs of halves."""
 _FOLLOWS = 0.5
@@ -37,27 +42,8 @@ BEYOND_CHANCE = 50.0
 """Twice the log-likelihood that a temperature must gain over a drift in its place."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Worth:
-    """Contribution below which a term does not count: the largest of three.
-
-    Attributes:
-        unit: In the unit of the readings: half a unit of a list.
-        of_noise: Share of the noise of a reading.
-        of_size: Share of the rms of all readings.
-    """
-
-    unit: float = 5e-5
-    of_noise: float = 0.1
-    of_size: float = 0.003
-
-    def least(self, size: float, noise: float = 0.0) -> float:
-        """Return it for readings of a size and noise."""
-        return max(self.unit, self.of_noise * noise, self.of_size * size, 1e-12)
-
-
 def look_at(
-    columns: Columns, terms: Sequence[Term], worth: Worth
+    columns: Columns, terms: Sequence[Term]
 ) -> tuple[Design, Int[np.ndarray, " n"], Groups]:
     """Return a first look: what is plainly absent, and which readings are wild.
 
@@ -67,13 +53,77 @@ def look_at(
         All terms and the nuisance, the rows that were looked at, and the groups of these.
     """
     error, design = columns.view.error, columns.design(terms)
-    rows = np.sort(np.random.default_rng(1).permutation(len(error))[:_MOST])
+    rows = some_of(len(error), _MOST)
     few, weight = design.columns[rows], columns.weight[rows]
     size = float(np.sqrt(np.average(error[rows] ** 2, weights=weight)))
-    least = 0.05 * worth.least(size)
+    least = 0.05 * columns.view.least(size)
     groups, _ = robust_groups(few, design.slices, error[rows], weight, least)
     columns.weight = weights_about(error - design.columns @ groups.values)
     return design, rows, groups
+
+
+def choose_heat(
+    columns: Columns, terms: Sequence[Term], heat: Sequence[Term]
+) -> tuple[Term, ...]:
+    """Return for offset and coefficient the sensor and lag that are likeliest.
+
+    Everything else is estimated first and taken out; what is left are a few slow terms and
+    the drift, which have their variances by evidence.
+
+    Args:
+        columns: Features of the axis.
+        terms: All other candidates.
+        heat: Offset and coefficient for every sensor and some lags.
+    """
+    evidence, best = _evidence_of(columns, terms), tuple[Term, ...]()
+    for kind in (*HEAT, *HEAT):
+        others = tuple(term for term in best if term.kind is not kind)
+        tried = [(*others, term) for term in heat if term.kind is kind]
+        best = max(tried, key=evidence, default=best)
+    longest = max(term.lag for term in heat)
+    for factor in _FINER:
+        for sensor in dict.fromkeys(term.sensor for term in best):
+            lag = max(term.lag for term in best if term.sensor == sensor)
+            for other in (lag * factor, lag / factor, _SOON * (lag == 0)):
+                moved = tuple(
+                    dataclasses.replace(t, lag=other) if t.sensor == sensor else t
+                    for t in best
+                )
+                if 0 < other <= longest:
+                    best = max(best, moved, key=evidence)
+    return best
+
+
+def _evidence_of(
+    columns: Columns, terms: Sequence[Term]
+) -> Callable[[tuple[Term, ...]], float]:
+    """Return a function for the log evidence of few terms beside everything else."""
+    design, rows, groups = look_at(columns, terms)
+    slow = [len(design.slices) - 1] if columns.drift.shape[1] else []
+    index, owner = groups.without(slow).present
+    weight = columns.weight[rows]
+    root = np.sqrt(weight)[:, None]
+    # The terms that are known are taken out, their priors as readings of zero.
+    prior = np.diag(groups.noise / np.sqrt(groups.variance[owner]))
+    base = np.concatenate([design.columns[np.ix_(rows, index)] * root, prior])
+    base = np.linalg.qr(base)[0]
+
+    def beside(values: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "m k"]:
+        own = np.zeros((len(base), values.shape[1]))
+        own[: len(rows)] = values[rows] * root
+        return np.asarray(own - base @ (base.T @ own))
+
+    error, idle = beside(columns.view.error[:, None])[:, 0], beside(columns.drift)
+    block = functools.cache(lambda term: beside(columns.of(term)))
+
+    @functools.cache
+    def evidence(some: tuple[Term, ...]) -> float:
+        mine = Design.of(some, [block(term) for term in some], (idle,))
+        gram = gram_of(mine.columns, error, np.ones(len(error)))
+        found = Groups.of(gram, float(weight.sum()), mine.slices)
+        return found.estimated(1e-3 * groups.noise).evidence
+
+    return evidence
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,8 +134,8 @@ class Selection:
         columns: Features of all terms, with the readings.
         design: Columns of the terms that were not plainly absent, and of the nuisance.
         groups: With the values of the chosen terms and the nuisance.
-        frequency: How often each term was selected, 0 to 1.
-        chosen: Terms that the error consists of.
+        frequency: How often each term of the design was selected, 0 to 1.
+        terms: What the error consists of.
         least: Contribution in mm or ° rms below which a term does not count.
         looked: Every term that was looked at.
     """
@@ -94,7 +144,7 @@ class Selection:
     design: Design
     groups: Groups
     frequency: Float[np.ndarray, " g"]
-    chosen: Bool[np.ndarray, " g"]
+    terms: tuple[Term, ...]
     least: float
     looked: tuple[Term, ...]
 
@@ -102,12 +152,6 @@ class Selection:
     def view(self) -> AxisView:
         """The readings."""
         return self.columns.view
-
-    @property
-    def terms(self) -> list[Term]:
-        """The chosen ones."""
-        pairs = zip(self.design.terms, self.chosen, strict=True)
-        return [term for term, on in pairs if on]
 
     @cached_property
     def residual(self) -> Float[np.ndarray, " t"]:
@@ -130,8 +174,8 @@ class Selection:
 
     @property
     def square(self) -> float:
-        """Mean square of the error."""
-        return float(np.mean(self.clean**2)) or 1.0
+        """Mean square of the error, or of the current."""
+        return float(np.mean(self.clean**2)) + self.view.level**2 or 1.0
 
     @cached_property
     def drift(self) -> Float[np.ndarray, " t"]:
@@ -162,74 +206,58 @@ class Selection:
 
 
 def select_terms(
-    columns: Columns,
-    terms: Sequence[Term],
-    worth: Worth,
-    looked: Sequence[Term] | None = None,
+    columns: Columns, terms: Sequence[Term], looked: Sequence[Term] | None = None
 ) -> Selection:
     """Return the terms that the error (or current) of an axis consists of.
 
     Args:
         columns: Features of the axis.
         terms: Candidates.
-        worth: From which contribution on a term counts.
-        looked: Candidates of an earlier selection, whose weights of readings serve again.
+        looked: Those of an earlier selection, whose weights of readings serve again.
     """
     kept = list(terms)
     if looked is None:
-        variance = look_at(columns, terms, worth)[2].variance
+        variance = look_at(columns, terms)[2].variance
         kept = [term for term, own in zip(terms, variance, strict=False) if own > 0]
-    design, block = columns.design(kept), columns.view.block
-    every = [np.flatnonzero(block == number) for number in range(block.max() + 1)]
-    grams = np.stack(
-        [
-            gram_of(
-                design.columns[rows], columns.view.error[rows], columns.weight[rows]
-            )
-            for rows in every
-        ]
+    view, design, weight = columns.view, columns.design(kept), columns.weight
+    pieces = [np.flatnonzero(view.block == k) for k in range(view.block.max() + 1)]
+    rows = [(design.columns[own], view.error[own], weight[own]) for own in pieces]
+    grams, weights = (
+        np.stack([gram_of(*own) for own in rows]),
+        np.bincount(view.block, weight),
     )
-    weights = np.array([columns.weight[rows].sum() for rows in every])
-
-    def summed(groups: Groups, pieces: Int[np.ndarray, " k"]) -> Groups:
-        gram, weight = grams[pieces].sum(axis=0), float(weights[pieces].sum())
-        return dataclasses.replace(groups, gram=gram, weight=weight)
-
     found = Groups.of(grams.sum(axis=0), float(weights.sum()), design.slices)
     size = found.size
-    found = found.estimated(0.1 * worth.least(size))
-    least = worth.least(size, found.noise)
-    frequency = _selection_frequency(found, summed, len(every), len(kept), least)
-    chosen = _without_needless(found, design, frequency >= _STABLE, least)
+    found = found.estimated(0.1 * view.least(size))
+    least = view.least(size, found.noise)
+    frequency = _selection_frequency(found, grams, weights, len(kept), least)
+    chosen = _without_needless(found, kept, frequency >= _STABLE, least)
     variance = found.without(np.flatnonzero(~chosen).tolist()).variance
     # A drift is there again where the term that took its place is not.
     variance[len(kept) :] = size**2
     found = dataclasses.replace(found, variance=variance).estimated(0.1 * least)
-    every_term = tuple(terms if looked is None else looked)
-    return Selection(columns, design, found, frequency, chosen, least, every_term)
+    named = tuple(term for term, on in zip(kept, chosen, strict=True) if on)
+    every = tuple(terms if looked is None else looked)
+    return Selection(columns, design, found, frequency, named, least, every)
 
 
 def _selection_frequency(
     groups: Groups,
-    summed: Callable[[Groups, Int[np.ndarray, " k"]], Groups],
-    count: int,
+    grams: Float[np.ndarray, "b q q"],
+    weights: Float[np.ndarray, " b"],
     terms: int,
     least: float,
 ) -> Float[np.ndarray, " g"]:
-    """Return how often each term was selected, 0 to 1.
+    """Return how often each term was selected, 0 to 1, in halves of the pieces."""
 
-    Args:
-        groups: Variances of all terms and the nuisance.
-        summed: Returns them with the readings of some pieces of the recording.
-        count: Pieces.
-        terms: Groups that are terms.
-        least: Contribution below which a term does not count.
-    """
+    def half(pieces: Int[np.ndarray, " k"]) -> Groups:
+        gram, weight = grams[pieces].sum(axis=0), float(weights[pieces].sum())
+        return dataclasses.replace(groups, gram=gram, weight=weight)
+
     rng, hits = np.random.default_rng(0), np.zeros(terms)
     for _ in range(_PAIRS):
-        order = rng.permutation(count)
-        halves = order[: count // 2], order[count // 2 :]
-        parts = [summed(groups, np.sort(half)) for half in halves]
+        order = rng.permutation(len(grams))
+        parts = half(order[: len(grams) // 2]), half(order[len(grams) // 2 :])
         for shape, proof in (parts, parts[::-1]):
             hits += _selected(proof, shape.values, terms, least)
     return hits / (2 * _PAIRS)
@@ -270,7 +298,10 @@ def _selected(
 
 
 def _without_needless(
-    groups: Groups, design: Design, chosen: Bool[np.ndarray, " g"], least: float
+    groups: Groups,
+    terms: Sequence[Term],
+    chosen: Bool[np.ndarray, " g"],
+    least: float,
 ) -> Bool[np.ndarray, " g"]:
     """Return the terms without those whose part the others take over, simplest first."""
     keep, nuisance = chosen.copy(), len(chosen)
@@ -285,11 +316,11 @@ def _without_needless(
         for g in np.flatnonzero(keep).tolist():
             cost = float(np.sqrt(max(free.gain([g]), 0.0) / free.weight))
             idle = cost < least
-            if design.terms[g].kind in HEAT:
-                gain = here.evidence_gain(g, nuisance, 0.1 * least)
-                idle = gain < BEYOND_CHANCE
+            if terms[g].kind in HEAT:
+                both, alone = here.with_and_without(g, nuisance, 0.1 * least)
+                idle = 2.0 * (both.evidence - alone.evidence) < BEYOND_CHANCE
             if idle:
-                own = design.slices[g]
+                own = groups.slices[g]
                 needless[g] = own.stop - own.start, -cost
         if not needless:
             return keep

@@ -151,7 +151,9 @@ class Kind(enum.Enum):
         why="a friction list knows the velocity only. Record it warm.",
         part="current",
     )
-    STRIBECK = Facts("Stribeck", "slow axis 1", "friction", part="current")
+    STRIBECK = Facts(
+        "Stribeck", "sign axis 1 x slow axis 4", "friction", part="current"
+    )
 
 
 HEAT = (Kind.HEAT_OFFSET, Kind.HEAT_SLOPE)
@@ -168,8 +170,7 @@ class Term:
         masters: Other axes that it depends on; of crosstalk first the one that accelerates,
             then those whose positions adapt it.
         sensor: Temperature that it follows.
-        lag: Seconds by which it follows its sensor; of Stribeck friction its velocity, as a
-            share of the fastest.
+        lag: Seconds by which it follows its sensor.
     """
 
     kind: Kind

@@ -2,19 +2,24 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._data import Observed
+from ._data import Observed, Rejected
 from ._terms import HEAT, Kind, Term
 
 _MOST = 16_000
 """Rows that are looked at; more show nothing new of terms worth compensating."""
 _STILL = 1e-6
 """mm or °: a position that changes by less is constant."""
+_LIST_UNIT, _OF_NOISE, _OF_SIZE = 5e-5, 0.1, 0.003
+"""From which contribution to an error on a term counts: mm or °, shares of noise and rms."""
+_OF_CURRENT = 0.01
+"""The same for a current: share of its rms."""
 _BLOCKS = 40
 """Pieces of a recording that resamples draw from."""
 _NEAR = 100
@@ -23,8 +28,6 @@ _CLOSE = 0.05
 """Share of the travel that is shortly after a reversal."""
 _LAGS = (0.0, 60.0, 180.0, 600.0, 1800.0)
 """Seconds by which a structure may lag behind its sensor."""
-_KNEES = (0.01, 0.03, 0.08, 0.2)
-"""Stribeck velocities that are tried, as shares of the fastest speed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,23 +36,65 @@ class AxisView:
 
     Attributes:
         axis: Its name.
+        channel: What was measured.
         data: Those rows of the recording, thinned.
-        error: In mm, ° or the unit of the current, without the median of each measurement.
-        span: First and last position, by axis that moves.
-        distance: mm or ° that the axis has gone since its last reversal, or None.
-        modulo: Axes that go round within the range that was measured.
+        distance: mm or ° that the axis has gone since its last reversal; NaN where not known.
     """
 
     axis: str
+    channel: Literal["error", "current"]
     data: Observed
-    error: Float[np.ndarray, " t"]
-    span: Mapping[str, tuple[float, float]]
-    distance: Float[np.ndarray, " t"] | None
-    modulo: frozenset[str]
+    distance: Float[np.ndarray, " t"]
 
-    def moves(self, axis: str) -> bool:
-        """Return whether the position of an axis was recorded and changed."""
-        return axis in self.span
+    @cached_property
+    def error(self) -> Float[np.ndarray, " t"]:
+        """In mm, ° or the unit of the current, without the median of each measurement."""
+        result: Float[np.ndarray, " t"] = getattr(self.data, self.channel)[
+            self.axis
+        ].copy()
+        for own in self.sources:
+            result[own] -= np.median(result[own])
+        return result
+
+    @cached_property
+    def span(self) -> Mapping[str, tuple[float, float]]:
+        """First and last position, by axis that moves; that of an axis goes round."""
+        result: dict[str, tuple[float, float]] = {}
+        for name, values in self.data.position.items():
+            low, high = (
+                np.nanmin(values, initial=np.inf),
+                np.nanmax(values, initial=-np.inf),
+            )
+            if high - low > _STILL:
+                whole = self.data.modulo.get(name, (-np.inf, np.inf))
+                round_about = high - low > 0.8 * (whole[1] - whole[0])
+                result[name] = whole if round_about else (float(low), float(high))
+        return result
+
+    def goes_round(self, axis: str) -> bool:
+        """Return whether an axis goes round within the range that was measured."""
+        return self.span.get(axis) == self.data.modulo.get(axis, ())
+
+    @property
+    def unit(self) -> str:
+        """Unit of the error; empty for a current."""
+        return self.data.unit(self.axis) if self.channel == "error" else ""
+
+    @property
+    def level(self) -> float:
+        """Mean of a current, which is part of it; the zero of an instrument is not."""
+        if self.channel == "error":
+            return 0.0
+        return float(np.mean(self.data.current[self.axis]))
+
+    def least(self, size: float, noise: float = 0.0) -> float:
+        """Return the contribution below which a term does not count.
+
+        Half a unit of a list, a part of the noise, or of the rms of all readings.
+        """
+        if self.channel == "current":
+            return max(_OF_CURRENT * size, 1e-12)
+        return max(_LIST_UNIT, _OF_NOISE * noise, _OF_SIZE * size)
 
     def scaled(self, axis: str) -> Float[np.ndarray, " t"]:
         """Return the position of an axis from 0 to 1; NaN where it is not known."""
@@ -81,9 +126,7 @@ class AxisView:
     @cached_property
     def shows_reversals(self) -> bool:
         """Whether readings show how an error builds up after a reversal."""
-        if self.distance is None or not self.moves(self.axis):
-            return False
-        low, high = self.span[self.axis]
+        low, high = self.span.get(self.axis, (0.0, 0.0))
         near = (self.distance > 0) & (self.distance < _CLOSE * (high - low))
         return bool(near.sum() >= _NEAR)
 
@@ -103,73 +146,42 @@ class AxisView:
 
 
 def view_of(
-    observed: Observed, axis: str, kept: Bool[np.ndarray, " t"], channel: str = "error"
+    observed: Observed,
+    axis: str,
+    kept: Bool[np.ndarray, " t"],
+    channel: Literal["error", "current"] = "error",
 ) -> AxisView:
-    """Return the readings of one axis, in the order of their measuring.
-
-    Args:
-        observed: All that was measured.
-        axis: Whose readings.
-        kept: Rows to look at.
-        channel: ``error`` or ``current``.
-    """
+    """Return the kept readings of one axis, in the order of their measuring."""
     known = np.flatnonzero(kept)
     order = known[np.lexsort((observed.clock[known], observed.source[known]))]
-    rows = _thinned(order)
-    data = observed.take(rows)
-    span: dict[str, tuple[float, float]] = {}
-    round_about: set[str] = set()
-    for name, values in data.position.items():
-        finite = values[np.isfinite(values)]
-        if not finite.size or float(np.ptp(finite)) <= _STILL:
-            continue
-        span[name] = float(finite.min()), float(finite.max())
-        start, end = data.modulo.get(name, (-np.inf, np.inf))
-        if span[name][1] - span[name][0] > 0.8 * (end - start):
-            span[name] = start, end
-            round_about.add(name)
+    rows = order[some_of(len(order), _MOST)]
     distance = _distance(observed, axis)
-    error: Float[np.ndarray, " t"] = getattr(data, channel)[axis].copy()
-    view = AxisView(
-        axis=axis,
-        data=data,
-        error=error,
-        span=span,
-        distance=None if distance is None else distance[rows],
-        modulo=frozenset(round_about),
-    )
-    for own in view.sources:
-        error[own] -= np.median(error[own])
-    return view
+    return AxisView(axis, channel, observed.take(rows), distance[rows])
 
 
-def _thinned(rows: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
-    """Return evenly many rows of every stretch, drawn so that no period is favoured."""
-    if len(rows) <= _MOST:
-        return rows
-    edges = np.linspace(0, len(rows), _MOST + 1)
-    rng = np.random.default_rng(len(rows))
-    at = np.floor(edges[:-1] + np.diff(edges) * rng.random(_MOST)).astype(np.int64)
-    return np.asarray(rows[np.unique(np.minimum(at, len(rows) - 1))])
+def some_of(count: int, most: int) -> Int[np.ndarray, " n"]:
+    """Return numbers of rows, evenly many of every stretch; drawn, to favour no period."""
+    edges = np.linspace(0, count, min(count, most) + 1)
+    drawn = np.random.default_rng(count).random(len(edges) - 1)
+    return np.unique((edges[:-1] + np.diff(edges) * drawn).astype(np.int64))
 
 
-def _distance(observed: Observed, axis: str) -> Float[np.ndarray, " t"] | None:
+def _distance(observed: Observed, axis: str) -> Float[np.ndarray, " t"]:
     """Return the way since the last reversal of an axis, on all rows that there are."""
+    result = np.full(len(observed), np.nan)
     if axis not in observed.direction or axis not in observed.position:
-        return None
+        return result
     known = np.isfinite(observed.position[axis] + observed.direction[axis])
     order = np.lexsort((observed.clock, observed.run, observed.source))
     order = order[known[order]]
     place, way = observed.position[axis][order], observed.direction[axis][order]
-    own = observed.run[order]
-    number = np.arange(len(order))
+    run, number = observed.run[order], np.arange(len(order))
     turned = np.ones(len(order), dtype=bool)
-    turned[1:] = (way[1:] != way[:-1]) | (own[1:] != own[:-1])
+    turned[1:] = (way[1:] != way[:-1]) | (run[1:] != run[:-1])
     first = np.maximum.accumulate(np.where(turned, number, 0))
     # The reversal itself lies between this row and the one before it.
     start = np.maximum(first - 1, 0)
-    start = np.where(own[start] != own[first], first, start)
-    result = np.full(len(observed), np.nan)
+    start = np.where(run[start] != run[first], first, start)
     result[order] = np.abs(place - place[start])
     return result
 
@@ -189,53 +201,64 @@ class Candidates:
     Attributes:
         terms: Of compensations and of what the controller has none for.
         heat: Temperature terms, of which one sensor and lag is chosen each.
-        absent: Compensations that nothing recorded could show: name, masters and reason.
+        absent: Compensations that nothing recorded could show.
     """
 
     terms: tuple[Term, ...]
     heat: tuple[Term, ...]
-    absent: tuple[tuple[str, tuple[str, ...], str], ...]
+    absent: tuple[Rejected, ...]
 
 
 def candidates_of(view: AxisView, axes: Sequence[str]) -> Candidates:
-    """Return what the recording of an axis could show.
+    """Return what the recording of an axis could show, of all axes, moved or not."""
+    axis, terms, absent = view.axis, list[Term](), list[Rejected]()
 
-    Args:
-        view: The readings.
-        axes: All axes of the machine, moved or not.
-    """
-    axis = view.axis
-    others = [name for name in axes if name != axis]
-    moved = [name for name in others if view.moves(name)]
-    terms: list[Term] = []
-    absent: list[tuple[str, tuple[str, ...], str]] = []
-    for kind in _kinds("error"):
-        masters: list[tuple[str, ...]] = [()]
-        if kind is Kind.SURFACE:
-            masters = list(itertools.combinations(moved, 2))
-        elif kind is Kind.PUSH_PLACE:
-            masters = list(itertools.product(others, view.span))
-        elif "first" in {owner for _, owner, _ in kind.value.factors}:
-            masters = [(name,) for name in others]
-        for term in (Term(kind, axis, each) for each in masters):
-            why = _lacking(view, term)
-            if not why:
-                terms.append(term)
-            elif term.facts.compensation is not None:
-                absent.append((term.facts.compensation, term.masters, why))
+    def miss(name: str | None, masters: tuple[str, ...], why: str) -> None:
+        if name is not None:
+            why = f"could not be looked for: {why}"
+            absent.append(Rejected(name, axis, masters, None, why))
+
+    for term in _tried(view, "error", [name for name in axes if name != axis]):
+        why = _lacking(view, term)
+        if why:
+            miss(term.facts.compensation, term.masters, why)
+        else:
+            terms.append(term)
     heat = tuple(_warm(view)) if axis not in view.data.rotary else ()
-    if not heat:
-        why = "no temperature was recorded"
-        if view.data.temperature:
-            why = "no temperature changed"
-        if axis in view.data.rotary:
-            why = f"{axis} is rotary, and the unit of its coefficient is not defined"
-        absent.append(("temperature", (), why))
+    if axis in view.data.rotary:
+        why = f"{axis} is rotary, and the unit of its coefficient is not defined"
+        miss("temperature", (), why)
+    elif not heat:
+        why = "changed" if view.data.temperature else "was recorded"
+        miss("temperature", (), f"no temperature {why}")
     return Candidates(tuple(terms), heat, tuple(absent))
 
 
-def _kinds(part: str) -> Iterator[Kind]:
-    return (kind for kind in Kind if kind.value.part == part)
+def friction_terms(view: AxisView) -> list[Term]:
+    """Return what the current of a drive may be made of."""
+    return [term for term in _tried(view, "current", []) if not _lacking(view, term)]
+
+
+def _tried(view: AxisView, part: str, others: Sequence[str]) -> Iterator[Term]:
+    """Yield all terms of the kinds of a part, from all other axes and by all sensors."""
+    moved = [name for name in others if name in view.span]
+    for kind in (kind for kind in Kind if kind.value.part == part):
+        owners = {owner for _, owner, _ in kind.value.factors}
+        masters: Iterable[tuple[str, ...]] = [()]
+        if kind is Kind.SURFACE:
+            masters = itertools.combinations(moved, 2)
+        elif kind is Kind.PUSH_PLACE:
+            masters = itertools.product(others, view.span)
+        elif "first" in owners:
+            masters = [(name,) for name in others]
+        sensors = _changing(view) if "sensor" in owners else [None]
+        for each, sensor in itertools.product(masters, sensors):
+            yield Term(kind, view.axis, each, sensor)
+
+
+def _changing(view: AxisView) -> list[str]:
+    """Return the sensors whose temperature changed."""
+    return [name for name, each in view.data.temperature.items() if moving(each)]
 
 
 _CHANNELS = {
@@ -254,10 +277,7 @@ _LACKING = {
         "the direction of {} is not known",
         "{} was read from one direction only",
     ),
-    "velocity": (
-        "no velocity of {} was recorded, nor time to derive it from",
-        "{} went at one velocity only",
-    ),
+    "velocity": ("no velocity of {} was recorded", "{} went at one velocity only"),
     "acceleration": (
         "no acceleration of {} was recorded, nor time to derive it from",
         "{} did not accelerate",
@@ -279,7 +299,7 @@ def _lacking(view: AxisView, term: Term) -> str:
         if channel is None:
             continue
         values = getattr(view.data, channel).get(whose)
-        there = view.moves(whose) if channel == "position" else moving(values)
+        there = whose in view.span if channel == "position" else moving(values)
         if not there:
             return _LACKING[channel][values is not None].format(whose)
     return ""
@@ -289,9 +309,8 @@ def _warm(view: AxisView) -> Iterator[Term]:
     """Yield temperature terms, for lags that the time of the recording could show."""
     time = view.data.time
     longest = 0.0 if time is None else 0.25 * float(time[-1] - time[0])
-    kinds = HEAT if view.moves(view.axis) else HEAT[:1]
-    sensors = [name for name, each in view.data.temperature.items() if moving(each)]
-    for sensor, lag, kind in itertools.product(sensors, _LAGS, kinds):
+    kinds = HEAT if view.axis in view.span else HEAT[:1]
+    for sensor, lag, kind in itertools.product(_changing(view), _LAGS, kinds):
         if lag <= longest:
             yield Term(kind, view.axis, (), sensor, lag)
 
@@ -309,23 +328,9 @@ def late_terms(
     for master in dict.fromkeys(adapted):
         for pair in itertools.combinations(view.span, 2):
             yield Term(Kind.PUSH_PLACES, axis, (master, *pair))
-    if view.moves(axis):
+    if axis in view.span:
         yield Term(Kind.GROWTH, axis)
     for heat in [term for term in chosen if term.kind in HEAT][:1]:
         for name in axes:
-            if name != axis and view.moves(name):
+            if name != axis and name in view.span:
                 yield Term(Kind.HEAT_LINE, axis, (name,), heat.sensor, heat.lag)
-
-
-def friction_terms(view: AxisView) -> tuple[list[Term], list[Term]]:
-    """Return what the current of a drive may be made of, and Stribeck laws of some speeds."""
-    axis, warm = view.axis, view.data.temperature
-    apart = (Kind.COULOMB_HEAT, Kind.STRIBECK)
-    terms = [Term(kind, axis) for kind in _kinds("current") if kind not in apart]
-    terms = [term for term in terms if not _lacking(view, term)]
-    terms += [
-        Term(Kind.COULOMB_HEAT, axis, (), name)
-        for name, values in warm.items()
-        if moving(values)
-    ]
-    return terms, [Term(Kind.STRIBECK, axis, lag=knee) for knee in _KNEES]
