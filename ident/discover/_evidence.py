@@ -87,10 +87,6 @@ class Groups:
         variance[groups] = 0.0
         return dataclasses.replace(self, variance=variance)
 
-    def only(self, groups: Sequence[int]) -> "Groups":
-        """Return the same with all but some groups absent."""
-        return self.without(~np.isin(np.arange(len(self.slices)), groups))
-
     def estimated(self, least: float) -> "Groups":
         """Return the variances that make what was measured likeliest.
 

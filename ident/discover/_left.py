@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ..core import node_shares
 from ._columns import Design, followed, slow_functions, smooth, weights_of_unknown
 from ._data import Drift, Unexplained, Verdict
 from ._evidence import Groups, gram_of, robust_groups
@@ -194,37 +193,34 @@ def _substitutes(
     found: Selection, needs: Sequence[Need]
 ) -> tuple[dict[Need, list[Term]], list[Term]]:
     """Return what explains the same as a compensation, and what cannot be seen."""
-    columns, design = found.columns, found.design
+    columns, own, count = found.columns, found.groups.variance, len(found.terms)
     others = [term for term in found.looked if term not in found.terms]
+    loose_ones = range(count, count + len(others))
+    whole = columns.design([*found.terms, *map(_changing, others)])
     rows = some_of(len(columns.view.error), _ROWS)
-    kept = np.flatnonzero(found.groups.variance > 0).tolist()
-    blocks = [design.columns[rows, design.slices[g]] for g in kept]
-    blocks += [columns.of(_changing(term))[rows] for term in others]
-    whole = Design.of((), blocks)
-    weight = columns.weight[rows]
-    gram = gram_of(whole.columns, columns.view.error[rows], weight)
+    error, weight = columns.view.error[rows], columns.weight[rows]
+    gram = gram_of(whole.columns[rows], error, weight)
     loose = Groups.of(gram, float(weight.sum()), whole.slices)
     variance = _LOOSE * loose.variance
-    variance[: len(kept)] = found.groups.variance[kept]
+    variance[:count] = own[found.index(found.terms)]
+    variance[loose_ones.stop :] = own[len(found.design.terms) :]
     loose = dataclasses.replace(loose, variance=variance, noise=found.groups.noise)
-    every = range(len(kept))
-    beside = loose.only(every)
+    beside = loose.without(loose_ones)
     hidden: list[Term] = []
-    for k, term in enumerate(others, len(kept)):
-        own = loose.slices[k]
-        left = np.trace(beside.reduced(own)[:-1, :-1])
-        if left < _HIDDEN * np.trace(loose.gram[own, own]):
+    for k, term in zip(loose_ones, others, strict=True):
+        here = whole.slices[k]
+        left = np.trace(beside.reduced(here)[:-1, :-1])
+        if left < _HIDDEN * np.trace(gram[here, here]):
             hidden.append(term)
     result: dict[Need, list[Term]] = {}
     for need in needs:
-        mine = [k for k in every if kept[k] in found.index(need.terms)]
-        rest = [k for k in every if k not in mine]
+        mine = [found.terms.index(term) for term in need.terms]
         gain = max(beside.gain(mine), 1e-300)
-        for k, term in enumerate(others, len(kept)):
+        for k, term in zip(loose_ones, others, strict=True):
+            instead = loose.without([*({*mine, *loose_ones} - {k})])
             share = _PARTLY if term in hidden else _AS_WELL
-            if not _contained(need, term):
-                if loose.only([*rest, k]).gain([k]) >= share * gain:
-                    result.setdefault(need, []).append(term)
+            if not _contained(need, term) and instead.gain([k]) >= share * gain:
+                result.setdefault(need, []).append(term)
     return result, hidden
 
 
@@ -299,7 +295,8 @@ def drifts(found: Selection) -> Iterator[Drift]:
         pieces = _PIECES[-1]
         for pieces in _PIECES:
             knots = np.linspace(clock.min(), clock.max(), pieces + 1)
-            lines = node_shares(clock, knots)
+            every = np.eye(pieces + 1)
+            lines = np.stack([np.interp(clock, knots, one) for one in every], axis=1)
             left = course[rows] - lines @ np.linalg.lstsq(lines, course[rows])[0]
             if float(np.std(left)) <= _FOLLOWED * found.noise:
                 break
