@@ -78,10 +78,6 @@ def smooth(count: int, periodic: bool = False) -> list[Function]:
 
     A straight line and cosines, or cosines and sines of a turn, scaled as smooth errors are:
     large scale first.
-
-    Args:
-        count: How many functions.
-        periodic: 0 and 1 are the same place.
     """
     if not periodic:
         return [_STRAIGHT, *(_wave(k, 0.5 * k, 0.0) for k in range(1, count))]

@@ -30,7 +30,7 @@ from ._left import (
 )
 from ._select import Selection, choose_heat, select_terms
 from ._terms import HEAT, Kind, Need, Term, compose
-from ._view import Candidates, candidates_of, friction_terms, late_terms, view_of
+from ._view import candidates_of, friction_terms, late_terms, view_of
 
 _LEAST = 20
 """Readings of an axis, below which nothing can be told from chance."""
@@ -115,10 +115,10 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discov
     """Return which compensations the measured error of an axis, one of all, asks for."""
     kept = np.isfinite(observed.error[axis])
     view = view_of(observed, axis, kept)
-    candidates, columns = candidates_of(view, axes), Columns(view)
-    terms = candidates.terms
-    if candidates.heat:
-        terms += choose_heat(columns, terms, candidates.heat)
+    terms, heat, absent = candidates_of(view, axes)
+    columns = Columns(view)
+    if heat:
+        terms += choose_heat(columns, terms, heat)
     found = select_terms(columns, terms)
     more = list(late_terms(view, axes, found.terms))
     if more:
@@ -128,10 +128,10 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discov
     turning = [name for name in axes if view.goes_round(name)]
     composed = compose({t: found.size_of([t])[0] for t in found.terms}, turning)
     needs = [need for need in composed if need.compensation is not None]
-    confusion = look_for_confusion(found, needs, candidates.heat)
+    confusion = look_for_confusion(found, needs, heat)
     doubts = list(_doubts(found, confusion, needs))
     doubtful = {need for need, _ in doubts}
-    rejected = list(_rejected(found, candidates, needs, confusion))
+    rejected = [*_rejected(found, needs, confusion), *absent]
     for need in needs:
         drift = confusion.drift.get(need.terms)
         if drift is not None and drift.slight and not drift.known:
@@ -225,10 +225,7 @@ def _remedy(need: Need, others: Sequence[Term]) -> str:
 
 
 def _rejected(
-    found: Selection,
-    candidates: Candidates,
-    needs: Sequence[Need],
-    confusion: Confusion,
+    found: Selection, needs: Sequence[Need], confusion: Confusion
 ) -> Iterator[Rejected]:
     """Yield the compensations that are not there, and why each is not."""
     axis, names = found.view.axis, {need.compensation for need in needs}
@@ -257,7 +254,6 @@ def _rejected(
         reasons.setdefault((name, term.masters, term.sensor), reason)
     for (name, masters, sensor), reason in reasons.items():
         yield Rejected(name, axis, masters, sensor, reason)
-    yield from candidates.absent
 
 
 def examine_drive(observed: Observed, axis: str) -> Discovery:

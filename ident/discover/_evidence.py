@@ -25,8 +25,6 @@ _CHANGE = 5e-3
 """Relative change of every contribution at which the search ends."""
 _WARM = 4
 """Steps before anything is taken as absent."""
-_PASSES = 3
-"""Robust passes: scale and tails of the noise from the residuals, then all variances."""
 
 
 def gram_of(
@@ -75,11 +73,10 @@ class Groups:
     @cached_property
     def present(self) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
         """Columns of the groups that are present, and the group of each."""
-        here = np.flatnonzero(self.variance > 0).tolist()
-        columns = [np.arange(self.slices[g].start, self.slices[g].stop) for g in here]
-        owners = [np.full(len(own), g) for own, g in zip(columns, here, strict=True)]
-        none = np.zeros(0, dtype=np.int64)
-        return np.concatenate([none, *columns]), np.concatenate([none, *owners])
+        sizes = [each.stop - each.start for each in self.slices]
+        owner = np.repeat(np.arange(len(sizes)), sizes)
+        index = np.flatnonzero(self.variance[owner] > 0)
+        return index, owner[index]
 
     def without(self, groups: Sequence[int] | Bool[np.ndarray, " g"]) -> "Groups":
         """Return the same with some groups absent."""
@@ -90,36 +87,28 @@ class Groups:
     def estimated(self, least: float) -> "Groups":
         """Return the variances that make what was measured likeliest.
 
-        Args:
-            least: Contribution below which a group counts as absent; what is absent stays so.
+        Groups that are absent stay so, as do those whose contribution falls below the least.
         """
-        count, groups = max(self.weight, 1.0), len(self.slices)
-        square = max(float(self.gram[-1, -1]), 1e-24)
-        found, rms = self, np.zeros(groups)
+        count, square = max(self.weight, 1.0), max(float(self.gram[-1, -1]), 1e-24)
+        found, groups, rms = self, len(self.slices), np.zeros(len(self.slices))
         for step in range(_STEPS):
             index, owner = found.present
-            own = found.variance[owner]
             if not index.size:
                 return dataclasses.replace(found, noise=float(np.sqrt(square / count)))
-            precision = self.gram[np.ix_(index, index)] / found.noise**2
-            precision[np.diag_indices(len(index))] += 1.0 / own
-            factor = np.linalg.cholesky(precision)
-            right = self.gram[index, -1] / found.noise**2
-            part = cho_solve((factor, True), right)
-            spread = np.diag(_INVERSE(factor, lower=True)[0])
-            free = np.bincount(owner, 1.0 - spread / own, groups)
-            variance = np.bincount(owner, part**2, groups) / np.maximum(free, 1e-9)
-            # Coefficients of the residual: minus the values, and 1 of the error.
-            values = np.zeros(len(self.gram))
-            values[index], values[-1] = -part, 1.0
-            power = [values[s] @ self.gram[s, s] @ values[s] for s in self.slices]
+            inverse = np.diag(_INVERSE(found._factor[0], lower=True)[0])
+            used = 1.0 - found.noise**2 * inverse / found.variance[owner]
+            free, part = np.bincount(owner, used, groups), found.values
+            square_of = np.bincount(owner, part[index] ** 2, groups)
+            variance = square_of / np.maximum(free, 1e-9)
+            power = [part[s] @ self.gram[s, s] @ part[s] for s in self.slices]
             before, rms = rms, np.sqrt(np.maximum(power, 0.0) / count)
             absent = ~(variance > 0) | ((step >= _WARM) & (rms < least))
             variance[absent] = rms[absent] = 0.0
-            values[index[absent[owner]]] = 0.0
-            left = float(values @ self.gram @ values)
-            left = max(left, 1e-12 * square) / max(count - float(free.sum()), 1.0)
-            noise = float(np.sqrt(left))
+            # Coefficients of the residual: minus the values, and 1 of the error.
+            residual = np.append(-part, 1.0)
+            residual[index[absent[owner]]] = 0.0
+            left = max(float(residual @ self.gram @ residual), 1e-12 * square)
+            noise = float(np.sqrt(left / max(count - float(free.sum()), 1.0)))
             found = dataclasses.replace(found, variance=variance, noise=noise)
             change = np.abs(rms - before)
             if step > _WARM and np.all(change <= _CHANGE * np.maximum(rms, least)):
@@ -152,11 +141,11 @@ class Groups:
     def evidence(self) -> float:
         """Logarithm of the marginal likelihood, up to a constant."""
         index, owner = self.present
-        matrix = self.gram[np.ix_(index, index)] * self.variance[owner] / self.noise**2
-        matrix[np.diag_indices(len(index))] += 1.0
-        spread = float(np.linalg.slogdet(matrix)[1])
-        fit = self.weight * np.log(self.noise**2) + self.left / self.noise**2
-        return float(-0.5 * (fit + spread))
+        result = self.weight * np.log(self.noise**2) + self.left / self.noise**2
+        if index.size:
+            ratio = self.variance[owner] / self.noise**2
+            result += np.sum(np.log(np.diag(self._factor[0]) ** 2 * ratio))
+        return float(-0.5 * result)
 
     def reduced(self, keep: slice) -> Float[np.ndarray, "k k"]:
         """Return the products of some columns and the error, all present groups taken out."""
@@ -179,11 +168,8 @@ class Groups:
     ) -> tuple["Groups", "Groups"]:
         """Return the likeliest variances with a group, and without it.
 
-        Args:
-            group: What is judged.
-            nuisance: First group of what stands in for it, such as a drift: these are
-                estimated anew with it and without.
-            least: Contribution below which a group counts as absent.
+        What may stand in for it, the groups from that of the nuisance on, such as a drift,
+        are estimated anew with it and without.
         """
         variance = self.variance.copy()
         variance[nuisance:] = self.size**2
@@ -200,26 +186,16 @@ def robust_groups(
 ) -> tuple[Groups, Float[np.ndarray, " t"]]:
     """Return groups whose variances no wild reading decides, and the weights of readings.
 
-    Args:
-        columns: Of all groups.
-        slices: Columns of each group.
-        error: Readings.
-        weight: To begin with.
-        least: Contribution below which a group counts as absent.
+    Weights come from the residuals of a first pass; contributions below the least count as
+    absent.
     """
-    found: Groups | None = None
-    for turn in range(_PASSES):
-        gram = gram_of(columns, error, weight)
-        begun = Groups.of(gram, float(weight.sum()), slices)
-        if found is not None and turn > 1:
-            # Only now: what wild readings have hidden at first is looked for anew.
-            begun = dataclasses.replace(
-                begun, variance=found.variance, noise=found.noise
-            )
-        found = begun.estimated(least)
-        weight = weights_about(error - columns @ found.values)
-    assert found is not None  # there is at least one pass
-    return found, weight
+    found = Groups.of(gram_of(columns, error, weight), float(weight.sum()), slices)
+    found = found.estimated(least)
+    # What wild readings have hidden at first is looked for anew.
+    weight = weights_about(error - columns @ found.values)
+    found = Groups.of(gram_of(columns, error, weight), float(weight.sum()), slices)
+    found = found.estimated(least)
+    return found, weights_about(error - columns @ found.values)
 
 
 def weights_about(residual: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:

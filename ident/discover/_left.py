@@ -46,6 +46,8 @@ _FOLLOWED = 0.25
 """Of the scatter of a reading: what is smaller is left where it is."""
 _BINS = 4096
 """Places along a position between which readings are not told apart."""
+_PADDED = 16
+"""Parts of a cycle per travel to which a period is told."""
 _CHANCE = 1e-4
 """Probability that noise alone shows a line as strong, over all periods."""
 _COARSE = 24
@@ -161,13 +163,7 @@ class Confusion:
 def look_for_confusion(
     found: Selection, needs: Sequence[Need], heat: Sequence[Term]
 ) -> Confusion:
-    """Return which compensations something else would replace.
-
-    Args:
-        found: The selection of the axis.
-        needs: Compensations made of it.
-        heat: Temperature terms of all sensors and some lags.
-    """
+    """Return what would replace the compensations that were found, or may be a drift."""
     drift, columns = {}, found.columns
     if heat and columns.drift.shape[1]:
         warm = [each.terms for each in needs if each.compensation == "temperature"]
@@ -355,23 +351,20 @@ def _ripple(found: Selection, axis: str) -> tuple[float, float]:
     bins = np.minimum((u * _BINS).astype(np.int64), _BINS - 1)
     # What is there is there in either half of the recording, with the same phase.
     halves = [block % 2 == k for k in (0, 1)]
-    lines = [np.fft.rfft(np.bincount(bins[h], left[h], _BINS)) for h in halves]
-    whole, total = lines[0] + lines[1], float(left @ left)
-    power = np.abs(whole[_COARSE + 1 : last]) ** 2
-    at = _COARSE + 1 + int(np.argmax(power))
-    if not power.max() >= total * np.log((last - _COARSE - 1) / _CHANCE) > 0:
+    sums = [np.bincount(bins[half], left[half], _BINS) for half in halves]
+    lines = [np.fft.rfft(each, _PADDED * _BINS) for each in sums]
+    first, power = _PADDED * (_COARSE + 1), np.abs(lines[0] + lines[1]) ** 2
+    at = first + int(np.argmax(power[first : _PADDED * last]))
+    chance = float(left @ left) * np.log((last - _COARSE - 1) / _CHANCE)
+    if not power[at] >= chance > 0:
         return none
-    values = [
-        2.0 * line[at] / max(int(half.sum()), 1)
-        for line, half in zip(lines, halves, strict=True)
-    ]
-    amplitude = 2.0 * float(abs(whole[at])) / len(u)
-    agreement = float(np.real(values[0] * np.conj(values[1])))
+    counts = [max(int(half.sum()), 1) for half in halves]
+    ends = [2.0 * line[at] / n for line, n in zip(lines, counts, strict=True)]
+    amplitude = 2.0 * float(np.sqrt(power[at])) / len(u)
+    agreement = float(np.real(ends[0] * np.conj(ends[1])))
     if amplitude / np.sqrt(2.0) < found.least or agreement < 0.25 * amplitude**2:
         return none
-    tried = at + np.linspace(-1.0, 1.0, 41)
-    fits = [abs(left @ np.exp(-2j * np.pi * each * u)) for each in tried]
-    return float(tried[int(np.argmax(fits))]), amplitude
+    return at / _PADDED, amplitude
 
 
 def structure_left(

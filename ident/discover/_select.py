@@ -45,12 +45,9 @@ BEYOND_CHANCE = 50.0
 def look_at(
     columns: Columns, terms: Sequence[Term]
 ) -> tuple[Design, Int[np.ndarray, " n"], Groups]:
-    """Return a first look: what is plainly absent, and which readings are wild.
+    """Return a first look at some rows: all columns, these rows, and variances of the groups.
 
-    The weights of all readings about it go to the columns.
-
-    Returns:
-        All terms and the nuisance, the rows that were looked at, and the groups of these.
+    It shows what is plainly absent; the weights of all readings about it go to the columns.
     """
     error, design = columns.view.error, columns.design(terms)
     rows = some_of(len(error), _MOST)
@@ -65,15 +62,10 @@ def look_at(
 def choose_heat(
     columns: Columns, terms: Sequence[Term], heat: Sequence[Term]
 ) -> tuple[Term, ...]:
-    """Return for offset and coefficient the sensor and lag that are likeliest.
+    """Return for offset and coefficient the sensor and lag, of some, that are likeliest.
 
-    Everything else is estimated first and taken out; what is left are a few slow terms and
+    All other terms are estimated first and taken out; what is left are a few slow terms and
     the drift, which have their variances by evidence.
-
-    Args:
-        columns: Features of the axis.
-        terms: All other candidates.
-        heat: Offset and coefficient for every sensor and some lags.
     """
     evidence, best = _evidence_of(columns, terms), tuple[Term, ...]()
     for kind in (*HEAT, *HEAT):
@@ -208,12 +200,9 @@ class Selection:
 def select_terms(
     columns: Columns, terms: Sequence[Term], looked: Sequence[Term] | None = None
 ) -> Selection:
-    """Return the terms that the error (or current) of an axis consists of.
+    """Return the terms, of candidates, that the error (or current) of an axis consists of.
 
-    Args:
-        columns: Features of the axis.
-        terms: Candidates.
-        looked: Those of an earlier selection, whose weights of readings serve again.
+    Where others have been looked for already, the weights of readings serve again.
     """
     kept = list(terms)
     if looked is None:

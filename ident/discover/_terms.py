@@ -19,7 +19,7 @@ class Facts:
         words: Name of a term in a sentence, to be filled in.
         functions: Factors whose products are its features, each as ``name owner most``: what
             it is of (the axis, the sensor, the first master, …) and how many functions there
-            are at most.
+            are at most, one where nothing is said.
         compensation: As the job file calls it; None where the controller has none.
         why: What is to be said where the controller has none, or a list cannot hold it.
         part: Of what it is a term; ``late``: of an error in which others were found.
@@ -34,16 +34,16 @@ class Facts:
     @property
     def factors(self) -> list[tuple[str, str, int]]:
         """Name, owner and largest number of functions of each factor."""
-        parts = [each.split() for each in self.functions.split(" x ")]
-        return [(name, owner, int(most)) for name, owner, most in parts]
+        parts = [f"{each} 1".split() for each in self.functions.split(" x ")]
+        return [(name, owner, int(most)) for name, owner, most, *_ in parts]
 
 
 class Kind(enum.Enum):
     """How a term depends on what was recorded."""
 
     OWN = Facts("leadscrew of {axis}", "line axis 48", "leadscrew")
-    REVERSAL = Facts("backlash of {axis}", "way axis 1", "backlash")
-    OWN_REVERSAL = Facts("bilateral leadscrew of {axis}", "way axis 1 x line axis 24")
+    REVERSAL = Facts("backlash of {axis}", "way axis", "backlash")
+    OWN_REVERSAL = Facts("bilateral leadscrew of {axis}", "way axis x line axis 24")
     LINE = Facts("cross of {axis} over {first}", "line first 48", "cross")
     SURFACE = Facts(
         "plane of {axis} over {all}", "line first 10 x line second 10", "plane"
@@ -56,18 +56,18 @@ class Kind(enum.Enum):
     )
     HEAT_SLOPE = Facts(
         "temperature coefficient of {axis} by {sensor}",
-        "middle axis 1 x heat sensor 2",
+        "middle axis x heat sensor 2",
         "temperature",
         part="heat",
     )
     HEAT_CHANGE = Facts(
         "temperature coefficient of {axis} by {sensor}",
-        "middle axis 1 x heat sensor 2",
+        "middle axis x heat sensor 2",
         part="heat",
     )
     PUSH = Facts("crosstalk of {axis} from {first}", "push first 4", "crosstalk")
     PUSH_WAY = Facts(
-        "crosstalk of {axis} from {first} by direction", "sign first 1 x push first 4"
+        "crosstalk of {axis} from {first} by direction", "sign first x push first 4"
     )
     PUSH_PLACE = Facts(
         "crosstalk of {axis} from {first}, adapted to {rest}",
@@ -80,29 +80,29 @@ class Kind(enum.Enum):
     )
     SPEED = Facts(
         "error of {axis} that follows its velocity",
-        "speed axis 1 x aging axis 2",
+        "speed axis x aging axis 2",
         why="as a delay between instrument and encoder does: following error and delay are"
         " never compensated. Align the clocks, or measure at standstill.",
     )
     PULL = Facts(
         "error of {axis} that follows its own acceleration",
-        "pull axis 1",
+        "pull axis",
         why="as a yielding drive does: crosstalk needs another axis as master.",
     )
     MEMORY = Facts(
         "error of {axis} that builds up after its reversal",
-        "way axis 1 x memory axis 3",
+        "way axis x memory axis 3",
         why="like a spring that winds up: hysteresis with memory, where the controller"
         " knows the direction only.",
     )
     SPEED_OTHER = Facts(
         "error of {axis} that follows the velocity of {first}",
-        "speed first 1",
+        "speed first",
         why="and the controller has no compensation over a velocity.",
     )
     REVERSAL_OTHER = Facts(
         "jump of {axis} where {first} reverses",
-        "way first 1",
+        "way first",
         why="and backlash follows the direction of its own axis only.",
     )
     OWN_LINE = Facts(
@@ -112,24 +112,24 @@ class Kind(enum.Enum):
     )
     GROWTH = Facts(
         "error of {axis} over {axis} that grows with time",
-        "middle axis 1 x time axis 1",
+        "middle axis x time axis",
         part="late",
         why="as heat makes it: no recorded temperature follows it. Record the temperature"
         " of scale and screw.",
     )
     HEAT_LINE = Facts(
         "error of {axis} over {first} that grows with {sensor}",
-        "middle first 1 x heat sensor 1",
+        "middle first x heat sensor",
         part="late",
         why="and temperature compensation is along the own axis only.",
     )
-    INERTIA = Facts("inertia of {axis}", "pull axis 1", part="current")
-    COULOMB = Facts("Coulomb", "sign axis 1", "friction", part="current")
-    VISCOUS = Facts("viscous", "speed axis 1", "friction", part="current")
-    DRAG = Facts("square of the velocity", "drag axis 1", "friction", part="current")
+    INERTIA = Facts("inertia of {axis}", "pull axis", part="current")
+    COULOMB = Facts("Coulomb", "sign axis", "friction", part="current")
+    VISCOUS = Facts("viscous", "speed axis", "friction", part="current")
+    DRAG = Facts("square of the velocity", "drag axis", "friction", part="current")
     VISCOUS_WAY = Facts(
         "direction-dependent viscous friction of {axis}",
-        "magnitude axis 1",
+        "magnitude axis",
         why="a friction list has one curve for both directions.",
         part="current",
     )
@@ -141,19 +141,17 @@ class Kind(enum.Enum):
     )
     COULOMB_PLACE = Facts(
         "position-dependent friction of {axis}",
-        "sign axis 1 x line axis 12",
+        "sign axis x line axis 12",
         why="a friction list knows the velocity only.",
         part="current",
     )
     COULOMB_HEAT = Facts(
         "friction of {axis} that changes with {sensor}",
-        "sign axis 1 x heat sensor 1",
+        "sign axis x heat sensor",
         why="a friction list knows the velocity only. Record it warm.",
         part="current",
     )
-    STRIBECK = Facts(
-        "Stribeck", "sign axis 1 x slow axis 4", "friction", part="current"
-    )
+    STRIBECK = Facts("Stribeck", "sign axis x slow axis 4", "friction", part="current")
 
 
 HEAT = (Kind.HEAT_OFFSET, Kind.HEAT_SLOPE)
@@ -227,11 +225,9 @@ class Need:
 
 
 def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[Need]:
-    """Return the fewest compensations that hold all chosen terms of an axis, and the rest.
+    """Return the fewest compensations that hold terms of these sizes, and what none holds.
 
-    Args:
-        sizes: Contribution of each chosen term, mm or ° rms.
-        turning: Axes that go round, over which there is no plane.
+    There is no plane over axes that are turning.
     """
     return [
         *_along_itself(sizes),

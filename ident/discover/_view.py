@@ -114,12 +114,7 @@ class AxisView:
 
     @cached_property
     def block(self) -> Int[np.ndarray, " t"]:
-        """The piece of each row: runs where there are many, else stretches of them."""
-        own = np.stack([self.data.source, self.data.run])
-        runs = np.unique(own, axis=1, return_inverse=True)[1].reshape(-1)
-        count = int(runs.max(initial=0)) + 1
-        if count >= _BLOCKS // 2:
-            return np.asarray(runs * min(_BLOCKS, count) // count)
+        """The piece of the recording that each row belongs to."""
         pieces = max(1, min(_BLOCKS, len(self.data) // 4))
         return np.arange(len(self.data)) * pieces // len(self.data)
 
@@ -194,23 +189,15 @@ def moving(values: Float[np.ndarray, " t"] | None) -> bool:
     return bool(finite.size > 0 and np.ptp(finite) > 0)
 
 
-@dataclasses.dataclass(frozen=True)
-class Candidates:
-    """Terms that are looked for in the error of one axis.
+def candidates_of(
+    view: AxisView, axes: Sequence[str]
+) -> tuple[list[Term], list[Term], list[Rejected]]:
+    """Return what the recording of an axis could show, of all axes, moved or not.
 
-    Attributes:
-        terms: Of compensations and of what the controller has none for.
-        heat: Temperature terms, of which one sensor and lag is chosen each.
-        absent: Compensations that nothing recorded could show.
+    Returns:
+        Terms of compensations and of what the controller has none for; temperature terms, of
+        which one sensor and lag is chosen each; compensations that cannot be looked for.
     """
-
-    terms: tuple[Term, ...]
-    heat: tuple[Term, ...]
-    absent: tuple[Rejected, ...]
-
-
-def candidates_of(view: AxisView, axes: Sequence[str]) -> Candidates:
-    """Return what the recording of an axis could show, of all axes, moved or not."""
     axis, terms, absent = view.axis, list[Term](), list[Rejected]()
 
     def miss(name: str | None, masters: tuple[str, ...], why: str) -> None:
@@ -224,14 +211,14 @@ def candidates_of(view: AxisView, axes: Sequence[str]) -> Candidates:
             miss(term.facts.compensation, term.masters, why)
         else:
             terms.append(term)
-    heat = tuple(_warm(view)) if axis not in view.data.rotary else ()
+    heat = [] if axis in view.data.rotary else list(_warm(view))
     if axis in view.data.rotary:
         why = f"{axis} is rotary, and the unit of its coefficient is not defined"
         miss("temperature", (), why)
     elif not heat:
         why = "changed" if view.data.temperature else "was recorded"
         miss("temperature", (), f"no temperature {why}")
-    return Candidates(tuple(terms), heat, tuple(absent))
+    return terms, heat, absent
 
 
 def friction_terms(view: AxisView) -> list[Term]:
