@@ -41,8 +41,6 @@ _PLACED = 0.9
 """Share of a drift that positions explain, from which on it cannot be told from them."""
 _MOST = 5_000
 """Rows that show whether they do."""
-_OUTER = 0.95
-"""Quantile of the readings that is their scale before anything is known of them."""
 
 Function = Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]]
 Factor = tuple[Float[np.ndarray, " t"], list[Function]]
@@ -212,12 +210,6 @@ def followed(
     return np.asarray(np.where(whole > 0, share, 0.0))
 
 
-def weights_of_unknown(error: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-    """Return how much readings count before anything is known: none may decide alone."""
-    outer = float(np.quantile(np.abs(error), _OUTER)) or 1.0
-    return np.asarray(1.0 / (1.0 + (error / outer) ** 2))
-
-
 @dataclasses.dataclass(frozen=True)
 class Design:
     """Columns of terms and nuisance side by side.
@@ -257,7 +249,7 @@ class Columns:
     def __init__(self, view: AxisView) -> None:
         self.view = view
         self._known: dict[Term, np.ndarray] = {}
-        self.weight = weights_of_unknown(view.error)
+        self.weight = np.ones(len(view.error))
 
     def of(self, term: Term) -> Float[np.ndarray, "t k"]:
         """Return the columns of a term."""

@@ -132,12 +132,11 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discov
     doubts = list(_doubts(found, confusion, needs))
     doubtful = {need for need, _ in doubts}
     rejected = [*_rejected(found, needs, confusion), *absent]
-    for need in needs:
-        drift = confusion.drift.get(need.terms)
-        if drift is not None and drift.slight and not drift.known:
-            doubtful.add(need)
-            why = "no more than a drift of the instrument, which changes alike"
-            rejected.append(Rejected("temperature", axis, (), need.sensor, why))
+    drift, warm = confusion.drift, [n for n in needs if n.terms == confusion.heat]
+    if drift is not None and drift.slight and not drift.known:
+        doubtful.update(warm)
+        why = "no more than a drift of the instrument, which changes alike"
+        rejected += [Rejected("temperature", axis, (), n.sensor, why) for n in warm]
     sure = [need for need in needs if need not in doubtful]
     wanders, periods = tuple(drifts(found)), list(ripples(found))
     # A fit of a group knows of the drift, even if it is the only one.
@@ -197,11 +196,11 @@ def _doubts(
         masters = [*need.masters, *(name for each in others for name in each.masters)]
         rms, remedy = found.size_of(need.terms)[0], _remedy(need, others)
         yield need, cannot_tell(names, masters, rms, remedy)
-    for terms, drift in confusion.drift.items():
-        named = next((each for each in needs if each.terms == terms), None)
-        if drift.doubtful and named not in confusion.others:
-            what, remedy = heat_or_drift(terms[0].words, found.view.axis)
-            yield named, cannot_tell([what], (), drift.rms, remedy)
+    drift, heat = confusion.drift, confusion.heat
+    named = next((each for each in needs if each.terms == heat), None)
+    if drift is not None and drift.doubtful and named not in confusion.others:
+        what, remedy = heat_or_drift(heat[0].words, found.view.axis)
+        yield named, cannot_tell([what], (), drift.rms, remedy)
     for need in needs:
         alike = sensors_alike(found, need)
         if alike and need not in confusion.others:
@@ -233,8 +232,8 @@ def _rejected(
     held = {term for need in needs for term in need.terms}
     held |= {term for others in confusion.others.values() for term in others}
     often = dict(zip(found.design.terms, found.frequency.tolist(), strict=True))
-    slow = [terms for terms, each in confusion.drift.items()
-            if not each.known and each.alike >= _ALIKE]  # fmt: skip
+    drift = confusion.drift
+    likely = drift is not None and not drift.known and drift.alike >= _ALIKE
     reasons: dict[tuple[str, tuple[str, ...], str | None], str] = {}
     for term in found.looked:
         name, share = term.facts.compensation, often.get(term, 0.0)
@@ -243,7 +242,7 @@ def _rejected(
         if name == "crosstalk" and term.masters[0] in pushing:
             continue
         reason = "nothing of it in the error"
-        if any(term in terms for terms in slow):
+        if likely and term in confusion.heat:
             reason = "a drift of the instrument explains the same"
         elif term in confusion.hidden:
             reason = "cannot be seen beside what was found: they change together"

@@ -9,7 +9,7 @@ no more. All of it rests on weighted products of columns and readings, which add
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import final
 
@@ -20,6 +20,8 @@ from scipy.linalg import cho_factor, cho_solve, get_lapack_funcs
 from ..core import choose_loss
 
 (_INVERSE,) = get_lapack_funcs(["potri"], dtype=np.float64)
+_OUTER = 0.95
+"""Quantile of the readings that is their scale before anything is known of them."""
 _STEPS = 40
 _CHANGE = 5e-3
 """Relative change of every contribution at which the search ends."""
@@ -181,21 +183,28 @@ def robust_groups(
     columns: Float[np.ndarray, "t p"],
     slices: Sequence[slice],
     error: Float[np.ndarray, " t"],
-    weight: Float[np.ndarray, " t"],
-    least: float,
-) -> tuple[Groups, Float[np.ndarray, " t"]]:
-    """Return groups whose variances no wild reading decides, and the weights of readings.
+    least: Callable[[float], float],
+) -> Groups:
+    """Return groups whose variances no wild reading decides.
 
-    Weights come from the residuals of a first pass; contributions below the least count as
-    absent.
+    Contributions below the least, of the size of the readings, count as absent.
     """
-    found = Groups.of(gram_of(columns, error, weight), float(weight.sum()), slices)
-    found = found.estimated(least)
+    # Before anything is known, no reading may decide alone.
+    outer = float(np.quantile(np.abs(error), _OUTER)) or 1.0
+    weight = 1.0 / (1.0 + (error / outer) ** 2)
+
+    def estimated() -> Groups:
+        begun = Groups.of(gram_of(columns, error, weight), float(weight.sum()), slices)
+        return begun.estimated(least(begun.size))
+
     # What wild readings have hidden at first is looked for anew.
-    weight = weights_about(error - columns @ found.values)
-    found = Groups.of(gram_of(columns, error, weight), float(weight.sum()), slices)
-    found = found.estimated(least)
-    return found, weights_about(error - columns @ found.values)
+    weight = weights_about(error - columns @ estimated().values)
+    return estimated()
+
+
+def scatter_of(residual: Float[np.ndarray, " t"]) -> float:
+    """Return the standard deviation that the middle half of residuals has."""
+    return choose_loss("gauss", residual - np.median(residual), 1.0, 1e-12).scale
 
 
 def weights_about(residual: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:

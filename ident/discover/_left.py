@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ._columns import Design, followed, slow_functions, smooth, weights_of_unknown
+from ._columns import Design, followed, slow_functions, smooth
 from ._data import Drift, Unexplained, Verdict
-from ._evidence import Groups, gram_of, robust_groups
+from ._evidence import Groups, gram_of, robust_groups, scatter_of, weights_about
 from ._select import BEYOND_CHANCE, Selection
 from ._terms import HEAT, PUSHES, Kind, Need, Term
 from ._view import some_of
@@ -17,6 +17,8 @@ _INSTEAD = 0.95
 """Share of what a temperature explains, at which a drift in its place is as good."""
 _ALIKE = 0.9
 """Share of a drift from which on a temperature that changes like it may be its cause."""
+_LEAST = 1e-3
+"""Share of the readings from which on a drift or a temperature is there."""
 _SMOOTH = 3
 """Degree of the smoothest drifts, which a warm-up looks like."""
 _SLIGHT, _SLIGHT_SHARE = 2.0, 0.1
@@ -117,23 +119,24 @@ def against_drift(
         return None
     error = error - np.median(error)
     parts = [heat - heat.mean(axis=0), slow - slow.mean(axis=0), beside]
-    sizes = [np.maximum(np.sqrt(np.mean(part**2, axis=0)), 1e-12) for part in parts]
-    parts = [part / size for part, size in zip(parts, sizes, strict=True)]
-    whole, first = Design.of((), parts), weights_of_unknown(error)
-    least = 1e-3 * (float(np.quantile(np.abs(error), 0.95)) or 1.0)
-    found, weight = robust_groups(whole.columns, whole.slices, error, first, least)
-    both, alone = found.with_and_without(0, 1, least)
+    whole = Design.of((), parts)
+    size_of = np.sqrt(np.mean(whole.columns**2, axis=0))
+    columns = whole.columns / np.maximum(size_of, 1e-12)
+    found = robust_groups(columns, whole.slices, error, lambda size: _LEAST * size)
+    both, alone = found.with_and_without(0, 1, _LEAST * found.size)
+    weight = weights_about(error - columns @ found.values)
+    heated, drifting, _ = whole.slices
     # Set free, without any drift: the temperature takes all that it can.
-    free, root = np.concatenate([parts[0], parts[2]], axis=1), np.sqrt(weight)
+    free, root = np.delete(columns, drifting, axis=1), np.sqrt(weight)
     full = np.linalg.lstsq(free * root[:, None], error * root)[0]
-    warm = parts[0] @ full[whole.slices[0]]
-    course = parts[1] @ alone.values[whole.slices[1]]
+    warm = columns[:, heated] @ full[heated]
+    course = columns[:, drifting] @ alone.values[drifting]
     share = 2.0 * (clock - clock.min()) / (float(np.ptp(clock)) or 1.0) - 1.0
     rms, size = float(np.std(warm)), float(np.std(error[weight > 0]))
     return AgainstDrift(
         gain=2.0 * (both.evidence - alone.evidence),
         instead=float(followed(warm, np.vander(share, _SMOOTH + 1))),
-        alike=float(followed(course, parts[0])),
+        alike=float(followed(course, columns[:, heated])),
         rms=rms,
         slight=rms < max(_SLIGHT * found.noise, _SLIGHT_SHARE * size),
     )
@@ -152,37 +155,38 @@ class Confusion:
     Attributes:
         others: What explains the same as a compensation, by compensation.
         hidden: Terms that could not be seen beside what was found.
-        drift: What temperatures are against a drift in their place, by their terms.
+        heat: Temperature terms that were found or are likest to a drift.
+        drift: What they are against a drift in their place; None where there is none.
     """
 
     others: dict[Need, list[Term]]
-    hidden: tuple[Term, ...]
-    drift: dict[tuple[Term, ...], AgainstDrift]
+    hidden: list[Term]
+    heat: tuple[Term, ...] = ()
+    drift: AgainstDrift | None = None
 
 
 def look_for_confusion(
     found: Selection, needs: Sequence[Need], heat: Sequence[Term]
 ) -> Confusion:
     """Return what would replace the compensations that were found, or may be a drift."""
-    drift, columns = {}, found.columns
-    if heat and columns.drift.shape[1]:
-        warm = [each.terms for each in needs if each.compensation == "temperature"]
-        shifts = [term for term in heat if term.kind is Kind.HEAT_OFFSET]
-        # Where no temperature was found, the offset that changes most like the drift.
-        like = max(shifts, key=lambda each: followed(found.drift, columns.of(each)))
-        terms = warm[0] if warm else (like,)
-        rest = [found.part(term) for term in found.terms if term not in terms]
-        against = against_drift(
-            columns.view.data.clock,
-            np.concatenate([columns.of(term) for term in terms], axis=1),
-            np.asarray(columns.view.error - np.sum(rest, axis=0)),
-            np.concatenate([columns.zeros, columns.runs], axis=1),
-            columns.drift,
-        )
-        if against is not None:
-            drift[terms] = against
     others, hidden = _substitutes(found, needs) if needs else ({}, [])
-    return Confusion(others, tuple(hidden), drift)
+    columns = found.columns
+    if not heat or not columns.drift.shape[1]:
+        return Confusion(others, hidden)
+    shifts = [term for term in heat if term.kind is Kind.HEAT_OFFSET]
+    # Where no temperature was found, the offset that changes most like the drift.
+    like = max(shifts, key=lambda each: followed(found.drift, columns.of(each)))
+    warm = [each.terms for each in needs if each.compensation == "temperature"]
+    terms = warm[0] if warm else (like,)
+    rest = [found.part(term) for term in found.terms if term not in terms]
+    drift = against_drift(
+        columns.view.data.clock,
+        np.concatenate([columns.of(term) for term in terms], axis=1),
+        np.asarray(columns.view.error - np.sum(rest, axis=0)),
+        np.concatenate([columns.zeros, columns.runs], axis=1),
+        columns.drift,
+    )
+    return Confusion(others, hidden, terms, drift)
 
 
 def _substitutes(
@@ -379,7 +383,7 @@ def structure_left(
     apart = np.diff(found.residual)[near]
     if len(apart) < _PAIRS:
         return
-    white = 1.4826 * float(np.median(np.abs(apart))) / np.sqrt(2.0)
+    white = scatter_of(apart) / float(np.sqrt(2.0))
     known = sum(each.rms**2 for each in periods)
     extra = float(np.sqrt(max(found.noise**2 - white**2 - known, 0.0)))
     if np.hypot(white, extra) >= _STRUCTURE * white and extra >= 3.0 * found.least:

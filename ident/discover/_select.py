@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._columns import Columns, Design
-from ._evidence import Groups, gram_of, robust_groups, weights_about
+from ._evidence import Groups, gram_of, robust_groups, scatter_of, weights_about
 from ._terms import HEAT, Term
 from ._view import AxisView, some_of
 
@@ -51,10 +51,12 @@ def look_at(
     """
     error, design = columns.view.error, columns.design(terms)
     rows = some_of(len(error), _MOST)
-    few, weight = design.columns[rows], columns.weight[rows]
-    size = float(np.sqrt(np.average(error[rows] ** 2, weights=weight)))
-    least = 0.05 * columns.view.least(size)
-    groups, _ = robust_groups(few, design.slices, error[rows], weight, least)
+    groups = robust_groups(
+        design.columns[rows],
+        design.slices,
+        error[rows],
+        lambda size: 0.05 * columns.view.least(size),
+    )
     columns.weight = weights_about(error - design.columns @ groups.values)
     return design, rows, groups
 
@@ -152,9 +154,8 @@ class Selection:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of a reading about all chosen terms, as its middle half has it."""
-        away = np.abs(self.residual - np.median(self.residual))
-        return 1.4826 * float(np.median(away)) or 1e-12
+        """Standard deviation of a reading about all chosen terms."""
+        return scatter_of(self.residual)
 
     @cached_property
     def clean(self) -> Float[np.ndarray, " t"]:

@@ -49,26 +49,22 @@ class AxisView:
     @cached_property
     def error(self) -> Float[np.ndarray, " t"]:
         """In mm, ° or the unit of the current, without the median of each measurement."""
-        result: Float[np.ndarray, " t"] = getattr(self.data, self.channel)[
-            self.axis
-        ].copy()
+        result = np.array(getattr(self.data, self.channel)[self.axis])
         for own in self.sources:
             result[own] -= np.median(result[own])
         return result
 
     @cached_property
     def span(self) -> Mapping[str, tuple[float, float]]:
-        """First and last position, by axis that moves; that of an axis goes round."""
+        """First and last position, by axis that moves; a whole turn of one that goes round."""
         result: dict[str, tuple[float, float]] = {}
         for name, values in self.data.position.items():
-            low, high = (
-                np.nanmin(values, initial=np.inf),
-                np.nanmax(values, initial=-np.inf),
-            )
-            if high - low > _STILL:
-                whole = self.data.modulo.get(name, (-np.inf, np.inf))
-                round_about = high - low > 0.8 * (whole[1] - whole[0])
-                result[name] = whole if round_about else (float(low), float(high))
+            known = values[np.isfinite(values)]
+            if known.size and float(np.ptp(known)) > _STILL:
+                start, end = self.data.modulo.get(name, (-np.inf, np.inf))
+                round_about = float(np.ptp(known)) > 0.8 * (end - start)
+                ends = float(known.min()), float(known.max())
+                result[name] = (start, end) if round_about else ends
         return result
 
     def goes_round(self, axis: str) -> bool:
