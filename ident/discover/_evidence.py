@@ -60,12 +60,17 @@ class Groups:
 
     @classmethod
     def of(
-        cls, gram: Float[np.ndarray, "q q"], weight: float, slices: Sequence[slice]
+        cls,
+        columns: Float[np.ndarray, "t p"],
+        slices: Sequence[slice],
+        error: Float[np.ndarray, " t"],
+        weight: Float[np.ndarray, " t"],
     ) -> "Groups":
         """Return groups that are all there, of variances to begin with."""
-        size = float(np.sqrt(max(float(gram[-1, -1]), 1e-24) / max(weight, 1.0)))
+        gram, total = gram_of(columns, error, weight), float(weight.sum())
+        size = float(np.sqrt(max(float(gram[-1, -1]), 1e-24) / max(total, 1.0)))
         variance = np.full(len(slices), size**2)
-        return cls(gram, weight, tuple(slices), variance, 0.3 * size)
+        return cls(gram, total, tuple(slices), variance, 0.3 * size)
 
     @property
     def size(self) -> float:
@@ -194,7 +199,7 @@ def robust_groups(
     weight = 1.0 / (1.0 + (error / outer) ** 2)
 
     def estimated() -> Groups:
-        begun = Groups.of(gram_of(columns, error, weight), float(weight.sum()), slices)
+        begun = Groups.of(columns, slices, error, weight)
         return begun.estimated(least(begun.size))
 
     # What wild readings have hidden at first is looked for anew.

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ._columns import Design, followed, slow_functions, smooth
 from ._data import Drift, Unexplained, Verdict
-from ._evidence import Groups, gram_of, robust_groups, scatter_of, weights_about
+from ._evidence import Groups, robust_groups, scatter_of, weights_about
 from ._select import BEYOND_CHANCE, Selection
 from ._terms import HEAT, PUSHES, Kind, Need, Term
 from ._view import some_of
@@ -199,8 +199,7 @@ def _substitutes(
     whole = columns.design([*found.terms, *map(_changing, others)])
     rows = some_of(len(columns.view.error), _ROWS)
     error, weight = columns.view.error[rows], columns.weight[rows]
-    gram = gram_of(whole.columns[rows], error, weight)
-    loose = Groups.of(gram, float(weight.sum()), whole.slices)
+    loose = Groups.of(whole.columns[rows], whole.slices, error, weight)
     variance = _LOOSE * loose.variance
     variance[:count] = own[found.index(found.terms)]
     variance[loose_ones.stop :] = own[len(found.design.terms) :]
@@ -210,7 +209,7 @@ def _substitutes(
     for k, term in zip(loose_ones, others, strict=True):
         here = whole.slices[k]
         left = np.trace(beside.reduced(here)[:-1, :-1])
-        if left < _HIDDEN * np.trace(gram[here, here]):
+        if left < _HIDDEN * np.trace(loose.gram[here, here]):
             hidden.append(term)
     result: dict[Need, list[Term]] = {}
     for need in needs:

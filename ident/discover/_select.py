@@ -113,8 +113,8 @@ def _evidence_of(
     @functools.cache
     def evidence(some: tuple[Term, ...]) -> float:
         mine = Design.of(some, [block(term) for term in some], (idle,))
-        gram = gram_of(mine.columns, error, np.ones(len(error)))
-        found = Groups.of(gram, float(weight.sum()), mine.slices)
+        found = Groups.of(mine.columns, mine.slices, error, np.ones(len(error)))
+        found = dataclasses.replace(found, weight=float(weight.sum()))
         return found.estimated(1e-3 * groups.noise).evidence
 
     return evidence
@@ -209,18 +209,12 @@ def select_terms(
     if looked is None:
         variance = look_at(columns, terms)[2].variance
         kept = [term for term, own in zip(terms, variance, strict=False) if own > 0]
-    view, design, weight = columns.view, columns.design(kept), columns.weight
-    pieces = [np.flatnonzero(view.block == k) for k in range(view.block.max() + 1)]
-    rows = [(design.columns[own], view.error[own], weight[own]) for own in pieces]
-    grams, weights = (
-        np.stack([gram_of(*own) for own in rows]),
-        np.bincount(view.block, weight),
-    )
-    found = Groups.of(grams.sum(axis=0), float(weights.sum()), design.slices)
+    view, design = columns.view, columns.design(kept)
+    found = Groups.of(design.columns, design.slices, view.error, columns.weight)
     size = found.size
     found = found.estimated(0.1 * view.least(size))
     least = view.least(size, found.noise)
-    frequency = _selection_frequency(found, grams, weights, len(kept), least)
+    frequency = _selection_frequency(columns, design, found, least)
     chosen = _without_needless(found, kept, frequency >= _STABLE, least)
     variance = found.without(np.flatnonzero(~chosen).tolist()).variance
     # A drift is there again where the term that took its place is not.
@@ -232,22 +226,23 @@ def select_terms(
 
 
 def _selection_frequency(
-    groups: Groups,
-    grams: Float[np.ndarray, "b q q"],
-    weights: Float[np.ndarray, " b"],
-    terms: int,
-    least: float,
+    columns: Columns, design: Design, groups: Groups, least: float
 ) -> Float[np.ndarray, " g"]:
-    """Return how often each term was selected, 0 to 1, in halves of the pieces."""
+    """Return how often each term was selected, 0 to 1, in halves of the recording."""
+    error, weight, block = columns.view.error, columns.weight, columns.view.block
+    count, terms = int(block.max()) + 1, len(design.terms)
+    rows = [np.flatnonzero(block == k) for k in range(count)]
+    grams = np.stack([gram_of(design.columns[r], error[r], weight[r]) for r in rows])
+    weights = np.bincount(block, weight)
 
     def half(pieces: Int[np.ndarray, " k"]) -> Groups:
-        gram, weight = grams[pieces].sum(axis=0), float(weights[pieces].sum())
-        return dataclasses.replace(groups, gram=gram, weight=weight)
+        gram, total = grams[pieces].sum(axis=0), float(weights[pieces].sum())
+        return dataclasses.replace(groups, gram=gram, weight=total)
 
     rng, hits = np.random.default_rng(0), np.zeros(terms)
     for _ in range(_PAIRS):
-        order = rng.permutation(len(grams))
-        parts = half(order[: len(grams) // 2]), half(order[len(grams) // 2 :])
+        order = rng.permutation(count)
+        parts = half(order[: count // 2]), half(order[count // 2 :])
         for shape, proof in (parts, parts[::-1]):
             hits += _selected(proof, shape.values, terms, least)
     return hits / (2 * _PAIRS)
