@@ -13,6 +13,7 @@ decides what is there.
 
 import dataclasses
 import functools
+import itertools
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -75,16 +76,13 @@ def choose_heat(
         tried = [(*others, term) for term in heat if term.kind is kind]
         best = max(tried, key=evidence, default=best)
     longest = max(term.lag for term in heat)
-    for factor in _FINER:
-        for sensor in dict.fromkeys(term.sensor for term in best):
-            lag = max(term.lag for term in best if term.sensor == sensor)
-            for other in (lag * factor, lag / factor, _SOON * (lag == 0)):
-                moved = tuple(
-                    dataclasses.replace(t, lag=other) if t.sensor == sensor else t
-                    for t in best
-                )
-                if 0 < other <= longest:
-                    best = max(best, moved, key=evidence)
+    for factor, kind in itertools.product(_FINER, HEAT):
+        others = tuple(term for term in best if term.kind is not kind)
+        for term in (term for term in best if term.kind is kind):
+            lags = term.lag * factor, term.lag / factor, _SOON * (term.lag == 0.0)
+            inside = [each for each in lags if 0.0 < each <= longest]
+            moved = [(*others, dataclasses.replace(term, lag=lag)) for lag in inside]
+            best = max([best, *moved], key=evidence)
     return best
 
 

@@ -299,8 +299,12 @@ def _by_heat(sizes: Mapping[Term, float]) -> Iterator[Need]:
         "offset" if term.kind is Kind.HEAT_OFFSET else "coefficient": term.sensor
         for term in terms
     }
-    slow = [f"{t.sensor} by about {_time(t.lag)}" for t in terms if t.lag > 0]
-    words = f"It lags behind {' and '.join(dict.fromkeys(slow))}." if slow else ""
+    lags = dict[str | None, float]()
+    for term in terms:
+        # The larger one of two tells more of the lag.
+        lags.setdefault(term.sensor, term.lag)
+    slow = [f"{name} by about {_time(lag)}" for name, lag in lags.items() if lag > 0]
+    words = f"It lags behind {' and '.join(slow)}." if slow else ""
     one = terms[0].sensor if len(set(sensors.values())) == 1 else None
     keys: dict[str, object] = {"sensors": sensors}
     if one is not None and "coefficient" in sensors:
