@@ -4,10 +4,9 @@
 of each axis, and names those that come back in resamples; `Observed` is what it takes. It knows
 no files. To be read in this order: `_data` (readings in, findings out), `_terms` (what an error
 may depend on, and which compensations hold it), `_view` (readings of one axis, and what they could
-show), `_features` (columns of terms, by libraries of pysindy), `_evidence` (how large each term
-is), `_select` (which terms are there, by optimisers of pysindy), `_heat` (sensor and lag; a
-temperature against a drift), `_confusion` (what explains the same), `_left` (what stays), `_axis`
-and `_discover` (the whole, for an axis and a drive).
+show), `_columns` (features of terms, by libraries of pysindy), `_evidence` (how large each term
+is), `_select` (which terms are there, by optimisers of pysindy; sensor and lag), `_left` (what
+the data cannot tell apart, and what stays), `_discover` (the whole, for an axis and a drive).
 """
 
 from ._data import (
@@ -22,7 +21,7 @@ from ._data import (
     stack as stack,
 )
 from ._discover import discover as discover
-from ._heat import (
+from ._left import (
     AgainstDrift as AgainstDrift,
     against_drift as against_drift,
     heat_or_drift as heat_or_drift,

@@ -1,7 +1,7 @@
 """What goes in and what comes out: readings of a machine, and what they ask for."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -110,37 +110,32 @@ def stack(parts: Iterable[Observed]) -> Observed:
     if not every:
         where, expected = "job", "at least one"
         raise DiscoverError(where, "no measurement", expected)
-    merged: dict[str, dict[str, np.ndarray]] = {}
-    for channel in _CHANNELS:
-        parts_of = [(getattr(part, channel), len(part)) for part in every]
-        names = dict.fromkeys(name for part, _ in parts_of for name in part)
-        merged[channel] = {
+    owner = np.repeat(np.arange(len(every)), [len(part) for part in every])
+
+    def joined(channel: str) -> dict[str, np.ndarray]:
+        names = dict.fromkeys(name for part in every for name in getattr(part, channel))
+        return {
             name: np.concatenate(
-                [part.get(name, np.full(size, np.nan)) for part, size in parts_of]
+                [getattr(p, channel).get(name, np.full(len(p), np.nan)) for p in every]
             )
             for name in names
         }
-    runs, sources, times = [], [], []
-    first_run = first_source = 0
-    start = 0.0
+
+    def numbered(labels: Sequence[np.ndarray]) -> Int[np.ndarray, " t"]:
+        pairs = np.stack([owner, np.concatenate(labels)])
+        return np.unique(pairs, axis=1, return_inverse=True)[1].reshape(-1)
+
+    clocks, start = [], 0.0
     for part in every:
-        run = np.unique(part.run, return_inverse=True)[1].reshape(-1)
-        source = np.unique(part.source, return_inverse=True)[1].reshape(-1)
-        runs.append(run + first_run)
-        sources.append(source + first_source)
-        first_run += int(run.max(initial=-1)) + 1
-        first_source += int(source.max(initial=-1)) + 1
-        clock = part.clock
-        times.append(clock - clock.min(initial=np.inf if len(clock) else 0.0) + start)
-        start = float(times[-1].max(initial=start)) + 1.0
-    known = all(part.time is not None for part in every)
+        clocks.append(part.clock - part.clock.min(initial=np.inf) + start)
+        start = float(clocks[-1].max(initial=start)) + 1.0
     return Observed(
-        time=np.concatenate(times) if known else None,
-        run=np.concatenate(runs).astype(np.int64),
-        source=np.concatenate(sources).astype(np.int64),
+        time=None if any(p.time is None for p in every) else np.concatenate(clocks),
+        run=numbered([part.run for part in every]),
+        source=numbered([part.source for part in every]),
         rotary=frozenset().union(*(part.rotary for part in every)),
         modulo={key: span for part in every for key, span in part.modulo.items()},
-        **merged,
+        **{channel: joined(channel) for channel in _CHANNELS},
     )
 
 

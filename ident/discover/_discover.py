@@ -1,12 +1,13 @@
 """Which compensations a machine asks for, axis by axis and drive by drive."""
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from ..core import one_blas_thread, regress
-from ._axis import examine_axis
+from ._columns import Columns
 from ._data import (
     AxisSummary,
     DiscoverError,
@@ -16,19 +17,36 @@ from ._data import (
     Rejected,
     Unexplained,
 )
-from ._heat import evidence_of
-from ._select import Columns, Selection, Worth, select_terms
-from ._terms import Kind, Term
-from ._view import friction_terms, view_of
+from ._left import (
+    Confusion,
+    amount,
+    drifts,
+    heat_or_drift,
+    look_for_confusion,
+    ripples,
+    sensors_alike,
+    stays,
+    structure_left,
+)
+from ._select import Selection, choose_heat, select_terms
+from ._terms import HEAT, Kind, Need, Term, compose
+from ._view import candidates_of, friction_terms, late_terms, view_of
 
 _LEAST = 20
 """Readings of an axis, below which nothing can be told from chance."""
+_UNSURE = 0.3
+"""Share of the resamples from which on a term is named though it is not taken."""
+_WORTH_WORDS = 0.5
+"""Standard deviations of a reading below which what stays is not spoken of: such as what is
+left of a delay that was taken off."""
+_ALIKE = 0.9
+"""Share of a drift that a temperature follows, from which on it is no sign of the latter."""
+_SINGLE = ("temperature", "leadscrew", "backlash", "plane")
+"""Compensations that an axis has once: where one is found, others of it are not spoken of."""
 _SLOW = 2e-3
 """Share of the fastest speed below which friction is not kinetic."""
 _MOVING = 200
 """Readings of a moving drive, below which its friction is not looked for."""
-_WORTH = Worth(unit=0.0, of_noise=0.0, of_size=0.01)
-"""Share of the rms of the current from which on a term counts."""
 _EVEN = 0.05
 """Spread of the speeds, relative to their mean, below which there is but one."""
 
@@ -55,14 +73,12 @@ def discover(
     Raises:
         DiscoverError: If there is no error and no current of any axis, or too little.
     """
+    channels: tuple[Literal["error", "current"], ...] = ("error", "current")
     counts = {
-        (channel, axis): int(np.isfinite(values[axis]).sum())
-        for channel, values in (
-            ("error", observed.error),
-            ("current", observed.current),
-        )
+        (channel, axis): int(np.isfinite(getattr(observed, channel)[axis]).sum())
+        for channel in channels
         for axis in axes
-        if axis in values
+        if axis in getattr(observed, channel)
     }
     if not any(counts.values()):
         expected = "an error or a current of at least one axis"
@@ -88,70 +104,198 @@ def discover(
     )
 
 
-def examine_drive(observed: Observed, axis: str) -> Discovery:
-    """Return which laws of friction the current of an axis shows.
+def _summary(found: Selection, rows: Bool[np.ndarray, " t"]) -> AxisSummary:
+    view, rms = found.view, float(np.sqrt(found.square))
+    return AxisSummary(
+        view.axis, view.channel, int(rows.sum()), rms, found.noise, view.unit
+    )
 
-    Args:
-        observed: All that was measured.
-        axis: With a measured current.
-    """
+
+def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discovery:
+    """Return which compensations the measured error of an axis, one of all, asks for."""
+    kept = np.isfinite(observed.error[axis])
+    view = view_of(observed, axis, kept)
+    terms, heat, absent = candidates_of(view, axes)
+    columns = Columns(view)
+    if heat:
+        terms += choose_heat(columns, terms, heat)
+    found = select_terms(columns, terms)
+    more = list(late_terms(view, axes, found.terms))
+    if more:
+        second = select_terms(columns, [*found.terms, *more], terms)
+        if any(term in more for term in second.terms):
+            found = second
+    turning = [name for name in axes if view.goes_round(name)]
+    composed = compose({t: found.size_of([t])[0] for t in found.terms}, turning)
+    needs = [need for need in composed if need.compensation is not None]
+    confusion = look_for_confusion(found, needs, heat)
+    doubts = list(_doubts(found, confusion, needs))
+    doubtful = {need for need, _ in doubts}
+    rejected = [*_rejected(found, needs, confusion), *absent]
+    drift, warm = confusion.drift, [n for n in needs if n.terms == confusion.heat]
+    if drift is not None and drift.slight and not drift.known:
+        doubtful.update(warm)
+        why = "no more than a drift of the instrument, which changes alike"
+        rejected += [Rejected("temperature", axis, (), n.sensor, why) for n in warm]
+    sure = [need for need in needs if need not in doubtful]
+    wanders, periods = tuple(drifts(found)), list(ripples(found))
+    # A fit of a group knows of the drift, even if it is the only one.
+    group = axis if len(sure) > 1 or wanders else None
+    named = sorted(
+        (_found(found, each, group) for each in sure), key=lambda e: -e.share
+    )
+    unexplained = [each for _, each in doubts]
+    for need in composed:
+        rms, share = found.size_of(need.terms)
+        if need.compensation is None and rms > _WORTH_WORDS * found.noise:
+            text = f"{need.words.removesuffix('.')} ({amount(found, rms)} rms)."
+            what = need.terms[0].words
+            unexplained.append(stays(found, what, need.masters, rms, text, share))
+    unexplained += [*periods, *structure_left(found, periods)]
+    summary = _summary(found, kept)
+    return Discovery(
+        (summary,), tuple(named), tuple(rejected), tuple(unexplained), wanders
+    )
+
+
+def _found(found: Selection, need: Need, group: str | None) -> Found:
+    """Return a compensation that the error asks for."""
+    name, axis = str(need.compensation), found.view.axis
+    rms, share = found.size_of(need.terms)
+    over = f" over {' and '.join(need.masters)}" if need.masters else ""
+    if name == "crosstalk":
+        over = f" from {need.masters[0]}"
+    sentence = f"{name} of {axis}{over}: {amount(found, rms)} rms,"
+    sentence += f" {share:.0%} of the error. {need.words}"
+    return Found(
+        name, axis, need.masters, need.sensor, share, rms,
+        found.stability_of(need.terms), found.view.unit, dict(need.keys), group,
+        sentence.strip(),
+    )  # fmt: skip
+
+
+def _doubts(
+    found: Selection, confusion: Confusion, needs: Sequence[Need]
+) -> Iterator[tuple[Need | None, Unexplained]]:
+    """Yield what several could explain, with the compensation that it would be."""
+
+    def cannot_tell(
+        names: Sequence[str], masters: Sequence[str], rms: float, remedy: str
+    ) -> Unexplained:
+        what = " or ".join(names)
+        text = f"The data cannot tell: {what} ({amount(found, rms)} rms). {remedy}"
+        return stays(found, what, masters, rms, text, verdict="the data cannot tell")
+
+    for need, others in confusion.others.items():
+        names = [need.terms[0].words, *(each.words for each in others)]
+        lines = [each for each in others if each.kind is Kind.LINE]
+        if need.compensation == "plane" and lines:
+            # A plane gives way to the lines that suffice.
+            inside = [term for term in need.terms if term.kind is Kind.LINE]
+            names = [term.words for term in dict.fromkeys([*inside, *lines])]
+        masters = [*need.masters, *(name for each in others for name in each.masters)]
+        rms, remedy = found.size_of(need.terms)[0], _remedy(need, others)
+        yield need, cannot_tell(names, masters, rms, remedy)
+    drift, heat = confusion.drift, confusion.heat
+    named = next((each for each in needs if each.terms == heat), None)
+    if drift is not None and drift.doubtful and named not in confusion.others:
+        what, remedy = heat_or_drift(heat[0].words, found.view.axis)
+        yield named, cannot_tell([what], (), drift.rms, remedy)
+    for need in needs:
+        alike = sensors_alike(found, need)
+        if alike and need not in confusion.others:
+            names = [f"temperature of {found.view.axis} by {name}" for name in alike]
+            remedy = f"{' and '.join(alike)} changed alike; measure once while they do"
+            rms, _ = found.size_of(need.terms)
+            yield need, cannot_tell(names, (), rms, f"{remedy} not, as after a pause.")
+
+
+def _remedy(need: Need, others: Sequence[Term]) -> str:
+    axis = need.terms[0].axis
+    if Kind.SPEED in {each.kind for each in others}:
+        return f"Measure {axis} at another feed too, or at standstill."
+    if need.compensation == "temperature" or others[0].kind in HEAT:
+        return "Measure once more at another temperature, in another order of places."
+    axes = {*(need.masters or (axis,)), *others[0].masters}
+    names = " and ".join(sorted(axes))
+    if len(axes) > 1:
+        return f"{names} went together; move them one without the other."
+    return f"Measure with other motions of {names}."
+
+
+def _rejected(
+    found: Selection, needs: Sequence[Need], confusion: Confusion
+) -> Iterator[Rejected]:
+    """Yield the compensations that are not there, and why each is not."""
+    axis, names = found.view.axis, {need.compensation for need in needs}
+    pushing = {need.masters[0] for need in needs if need.compensation == "crosstalk"}
+    held = {term for need in needs for term in need.terms}
+    held |= {term for others in confusion.others.values() for term in others}
+    often = dict(zip(found.design.terms, found.frequency.tolist(), strict=True))
+    drift = confusion.drift
+    likely = drift is not None and not drift.known and drift.alike >= _ALIKE
+    reasons: dict[tuple[str, tuple[str, ...], str | None], str] = {}
+    for term in found.looked:
+        name, share = term.facts.compensation, often.get(term, 0.0)
+        if name is None or term in held or (name in _SINGLE and name in names):
+            continue
+        if name == "crosstalk" and term.masters[0] in pushing:
+            continue
+        reason = "nothing of it in the error"
+        if likely and term in confusion.heat:
+            reason = "a drift of the instrument explains the same"
+        elif term in confusion.hidden:
+            reason = "cannot be seen beside what was found: they change together"
+        elif share >= _UNSURE:
+            reason = f"seen in {share:.0%} of the resamples only"
+        elif share > 0:
+            reason = "smaller than what is worth a compensation"
+        reasons.setdefault((name, term.masters, term.sensor), reason)
+    for (name, masters, sensor), reason in reasons.items():
+        yield Rejected(name, axis, masters, sensor, reason)
+
+
+def examine_drive(observed: Observed, axis: str) -> Discovery:
+    """Return which laws of friction the measured current of an axis shows."""
     rows = _moving_rows(observed, axis)
     if isinstance(rows, str):
         why = f"could not be looked for: {rows}"
         return Discovery((), rejected=(Rejected("friction", axis, (), None, why),))
-    columns = Columns(view_of(observed, axis, rows, "current"), _WORTH, drifting=False)
-    terms, slow = friction_terms(columns.view)
-    evidence = evidence_of(columns, terms)
-    terms.append(max(slow, key=lambda each: evidence((each,))))
-    chosen = select_terms(columns, terms)
-    current = columns.view.data.current[axis]
-    size = float(np.sqrt(np.mean(current**2)))
-    summary = AxisSummary(axis, "current", len(current), size, chosen.noise, "")
-    parts = {
-        term: chosen.part(g)
-        for term, g in zip(chosen.terms, chosen.index(chosen.terms), strict=True)
-    }
-    law = [term for term in parts if term.facts.compensation == "friction"]
-    whole = np.asarray(np.sum([parts[term] for term in law], axis=0))
-    unexplained = list(_doubts(chosen, axis, bool(law), [*parts.values()], current))
-    found = []
+    columns = Columns(view_of(observed, axis, rows, "current"))
+    chosen = select_terms(columns, friction_terms(columns.view))
+    law = [term for term in chosen.terms if term.facts.compensation == "friction"]
+    unexplained = list(_untold_friction(chosen, bool(law)))
+    found: tuple[Found, ...] = ()
     if law and not unexplained:
-        rms, share = _size(whole, current)
+        rms, share = chosen.size_of(law)
         sentence = (
             f"friction of {axis}: {', '.join(term.words for term in law)};"
             f" {rms:.3g} rms, {share:.0%} of the current."
         )
-        found = [
-            Found(
-                "friction", axis, (), None, share, rms, chosen.stability_of(law), "", {},
-                None, sentence,
-            )
-        ]  # fmt: skip
-    for term, part in parts.items():
+        stability = chosen.stability_of(law)
+        found = (
+            Found("friction", axis, (), None, share, rms, stability, "", {}, None, sentence),
+        )  # fmt: skip
+    for term in chosen.terms:
         if term.facts.why:
-            rms, share = _size(part, current)
-            text = term.start
-            if term.kind is Kind.VISCOUS_WAY:
-                text += _steeper(chosen, term, current)
-            unexplained.append(
-                Unexplained(
-                    axis, term.words, (), rms, share, "", "the kernel cannot express this",
-                    f"{text}: {term.facts.why}",
-                )
-            )  # fmt: skip
+            rms, share = chosen.size_of([term])
+            steeper = _steeper(chosen, term) if term.kind is Kind.VISCOUS_WAY else ""
+            text = f"{term.start}{steeper}: {term.facts.why}"
+            unexplained.append(stays(chosen, term.words, (), rms, text, share))
     nothing = Rejected("friction", axis, (), None, "nothing of it in the current")
     return Discovery(
-        (summary,), tuple(found), () if law else (nothing,), tuple(unexplained)
+        (_summary(chosen, rows),), found, () if law else (nothing,), tuple(unexplained)
     )
 
 
-def _steeper(chosen: Selection, term: Term, current: Float[np.ndarray, " t"]) -> str:
-    """Return by how much one direction is steeper, all laws of one column beside it."""
-    blocks = [chosen.columns.of(each) for each in chosen.terms]
-    own = chosen.columns.of(term)
-    laws = [block for block in blocks if block.shape[1] == 1 and block is not own]
-    fit = regress(np.hstack([own, *laws, np.ones((len(own), 1))]), current, quick=True)
-    size = float(np.sqrt(np.mean(chosen.view.data.velocity[term.axis] ** 2)))
+def _steeper(chosen: Selection, term: Term) -> str:
+    """Return by how much one direction is steeper, the laws of all velocities beside it."""
+    blocks = [chosen.columns.of(each) for each in chosen.terms if each is not term]
+    laws = [block for block in blocks if block.shape[1] == 1]
+    own, data = chosen.columns.of(term), chosen.view.data
+    columns = np.hstack([own, *laws, np.ones((len(own), 1))])
+    fit = regress(columns, data.current[term.axis], quick=True)
+    size = float(np.sqrt(np.mean(data.velocity[term.axis] ** 2)))
     slope = float(fit.coefficients[0]) / size
     way = "forwards" if slope > 0 else "backwards"
     return f", steeper {way} by {2.0 * abs(slope):.3g} per unit of velocity"
@@ -173,27 +317,12 @@ def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
     return np.asarray(rows)
 
 
-def _size(
-    part: Float[np.ndarray, " t"], whole: Float[np.ndarray, " t"]
-) -> tuple[float, float]:
-    """Return the rms of a part of the current, and its share of the mean square."""
-    share = float(np.mean(part * whole)) / (float(np.mean(whole**2)) or 1.0)
-    return float(np.sqrt(np.mean(part**2))), float(np.clip(share, 0.0, 1.0))
-
-
-def _doubts(
-    chosen: Selection,
-    axis: str,
-    law: bool,
-    parts: Sequence[Float[np.ndarray, " t"]],
-    current: Float[np.ndarray, " t"],
-) -> Iterator[Unexplained]:
-    """Yield what the motion cannot tell apart."""
+def _untold_friction(chosen: Selection, law: bool) -> Iterator[Unexplained]:
+    """Yield what the motion of a drive cannot tell apart."""
+    axis = chosen.view.axis
     velocity = chosen.view.data.velocity[axis]
     speeds = np.abs(velocity)
     cruise = speeds[speeds > 0.5 * speeds.max()]
-    sizes = [_size(part, current) for part in parts]
-    rms, share = (max((each[k] for each in sizes), default=0.0) for k in (0, 1))
     one_speed = np.mean(speeds > 0.9 * speeds.max()) > 0.97
     if len(np.unique(np.sign(velocity))) < 2:
         what = f"friction or constant load of {axis}"
@@ -203,5 +332,7 @@ def _doubts(
         why = f"which moves at {np.mean(cruise):.3g}/s only. Record other speeds too."
     else:
         return
-    sentence = f"The data cannot tell: {what}, {why}"
-    yield Unexplained(axis, what, (), rms, share, "", "the data cannot tell", sentence)
+    sizes = [chosen.size_of([term]) for term in chosen.terms]
+    rms, share = (max((each[k] for each in sizes), default=0.0) for k in (0, 1))
+    text = f"The data cannot tell: {what}, {why}"
+    yield stays(chosen, what, (), rms, text, share, "the data cannot tell")

@@ -1,4 +1,4 @@
-"""What stays when all that was found is taken off: drifts, fine periods, structure."""
+"""What the data cannot tell apart: sensor and lag, a temperature or a drift, substitutes."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
@@ -6,21 +6,58 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ._features import smooth
-from ._select import Selection
+from ._columns import Design, followed, slow_functions, smooth
+from ._data import Drift, Unexplained, Verdict
+from ._evidence import Groups, robust_groups, scatter_of, weights_about
+from ._select import BEYOND_CHANCE, Selection
+from ._terms import HEAT, PUSHES, Kind, Need, Term
+from ._view import some_of
 
+_INSTEAD = 0.95
+"""Share of what a temperature explains, at which a drift in its place is as good."""
+_ALIKE = 0.9
+"""Share of a drift from which on a temperature that changes like it may be its cause."""
+_LEAST = 1e-3
+"""Share of the readings from which on a drift or a temperature is there."""
+_SMOOTH = 3
+"""Degree of the smoothest drifts, which a warm-up looks like."""
+_SLIGHT, _SLIGHT_SHARE = 2.0, 0.1
+"""A slow change of that many standard deviations, or of that share of the rms of the error,
+is a drift like that of any instrument."""
+_AS_WELL = 0.95
+"""Share of what a compensation explains, at which a substitute is as good."""
+_PARTLY = 0.3
+"""The same, where the substitute cannot be seen beside all that was found."""
+_HIDDEN = 0.05
+"""Share of a feature that is left beside all that was found; below it is not seen."""
+_ROWS = 6_000
+_LOOSE = 10.0
+"""Size of a substitute's coefficients, relative to the error: free."""
+_SAME_COURSE = 0.999
+"""Correlation of two sensors from which on either does for the other."""
+_CONTAINED = {
+    Kind.REVERSAL: (Kind.OWN_REVERSAL, Kind.MEMORY),
+    Kind.LINE: (Kind.SURFACE,),
+    Kind.PUSH: PUSHES,
+    Kind.PUSH_PLACE: PUSHES,
+}
+"""Terms that a richer one may imitate; the simpler one is taken."""
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 20)
 """Straight pieces that a drift may have."""
-_WORTH = 0.25
+_FOLLOWED = 0.25
 """Of the scatter of a reading: what is smaller is left where it is."""
 _BINS = 4096
 """Places along a position between which readings are not told apart."""
+_PADDED = 16
+"""Parts of a cycle per travel to which a period is told."""
 _CHANCE = 1e-4
 """Probability that noise alone shows a line as strong, over all periods."""
 _COARSE = 24
 """Periods per travel up to which the features hold them."""
 _FINEST = 0.25
 """Cycles per bin up to which a period is looked for."""
+_MOST_NODES = 1000
+"""Entries of a table over one position that every build has."""
 _STRUCTURE = 1.15
 """Scatter, relative to that of neighbouring readings, at which something is left."""
 _ENOUGH, _PAIRS = 1000, 300
@@ -28,123 +65,329 @@ _ENOUGH, _PAIRS = 1000, 300
 
 
 @dataclasses.dataclass(frozen=True)
-class Wander:
-    """A slow change of one measurement that nothing that was found explains.
+class AgainstDrift:
+    """A temperature effect compared with a drift of the instrument in its place.
 
     Attributes:
-        source: Number of the measurement.
-        pieces: Straight pieces in time that follow it.
-        rms: In mm or ° about its mean.
+        gain: Twice the log evidence that the temperature adds beside the drift.
+        instead: Share of the temperature effect that a smooth drift follows.
+        alike: Share of the drift, estimated without it, that the temperature follows.
+        rms: Of the temperature effect without any drift, in the unit of the error.
+        slight: It is small enough to be a drift like any other.
     """
 
-    source: int
-    pieces: int
+    gain: float
+    instead: float
+    alike: float
     rms: float
+    slight: bool
+
+    @property
+    def known(self) -> bool:
+        """Whether the readings show that it is the temperature."""
+        return self.gain >= BEYOND_CHANCE and self.instead < _INSTEAD
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it may be the temperature as well as the drift, and is no small thing."""
+        likely = max(self.instead - _INSTEAD, self.alike - _ALIKE) >= 0.0
+        return likely and not self.known and not self.slight
 
 
-def find_wander(found: Selection) -> Iterator[Wander]:
+def against_drift(
+    clock: Float[np.ndarray, " t"],
+    heat: Float[np.ndarray, "t h"],
+    error: Float[np.ndarray, " t"],
+    beside: Float[np.ndarray, "t b"],
+    slow: Float[np.ndarray, "t s"] | None = None,
+) -> AgainstDrift | None:
+    """Return whether an error follows a temperature or a drift; `discover` and `fit` ask it.
+
+    Args:
+        clock: Instant of each reading.
+        heat: What the temperature may do to the error: functions of it, or of it and a
+            position.
+        error: Readings in any unit, all else that is known of it taken off.
+        beside: Of what else the error may have a part: zeros, a line over the position.
+        slow: What the drift may do, of each measurement for itself; None = one measurement.
+
+    Returns:
+        What the temperature is against the drift; None for readings too few to have one.
+    """
+    slow = slow_functions(clock) if slow is None else slow
+    if not slow.shape[1]:
+        return None
+    error = error - np.median(error)
+    parts = [heat - heat.mean(axis=0), slow - slow.mean(axis=0), beside]
+    whole = Design.of((), parts)
+    size_of = np.sqrt(np.mean(whole.columns**2, axis=0))
+    columns = whole.columns / np.maximum(size_of, 1e-12)
+    found = robust_groups(columns, whole.slices, error, lambda size: _LEAST * size)
+    both, alone = found.with_and_without(0, 1, _LEAST * found.size)
+    weight = weights_about(error - columns @ found.values)
+    heated, drifting, _ = whole.slices
+    # Set free, without any drift: the temperature takes all that it can.
+    free, root = np.delete(columns, drifting, axis=1), np.sqrt(weight)
+    full = np.linalg.lstsq(free * root[:, None], error * root)[0]
+    warm = columns[:, heated] @ full[heated]
+    course = columns[:, drifting] @ alone.values[drifting]
+    share = 2.0 * (clock - clock.min()) / (float(np.ptp(clock)) or 1.0) - 1.0
+    rms, size = float(np.std(warm)), float(np.std(error[weight > 0]))
+    return AgainstDrift(
+        gain=2.0 * (both.evidence - alone.evidence),
+        instead=float(followed(warm, np.vander(share, _SMOOTH + 1))),
+        alike=float(followed(course, columns[:, heated])),
+        rms=rms,
+        slight=rms < max(_SLIGHT * found.noise, _SLIGHT_SHARE * size),
+    )
+
+
+def heat_or_drift(heat: str, axis: str) -> tuple[str, str]:
+    """Return what the data cannot tell apart, and what to do: for `discover` and `fit`."""
+    wiggle = "Let the temperature rise and fall while measuring, more than once."
+    return f"{heat} or drift of the instrument at {axis}", wiggle
+
+
+@dataclasses.dataclass(frozen=True)
+class Confusion:
+    """What the data cannot tell.
+
+    Attributes:
+        others: What explains the same as a compensation, by compensation.
+        hidden: Terms that could not be seen beside what was found.
+        heat: Temperature terms that were found or are likest to a drift.
+        drift: What they are against a drift in their place; None where there is none.
+    """
+
+    others: dict[Need, list[Term]]
+    hidden: list[Term]
+    heat: tuple[Term, ...] = ()
+    drift: AgainstDrift | None = None
+
+
+def look_for_confusion(
+    found: Selection, needs: Sequence[Need], heat: Sequence[Term]
+) -> Confusion:
+    """Return what would replace the compensations that were found, or may be a drift."""
+    others, hidden = _substitutes(found, needs) if needs else ({}, [])
+    columns = found.columns
+    if not heat or not columns.drift.shape[1]:
+        return Confusion(others, hidden)
+    shifts = [term for term in heat if term.kind is Kind.HEAT_OFFSET]
+    # Where no temperature was found, the offset that changes most like the drift.
+    like = max(shifts, key=lambda each: followed(found.drift, columns.of(each)))
+    warm = [each.terms for each in needs if each.compensation == "temperature"]
+    terms = warm[0] if warm else (like,)
+    rest = [found.part(term) for term in found.terms if term not in terms]
+    drift = against_drift(
+        columns.view.data.clock,
+        np.concatenate([columns.of(term) for term in terms], axis=1),
+        np.asarray(columns.view.error - np.sum(rest, axis=0)),
+        np.concatenate([columns.zeros, columns.runs], axis=1),
+        columns.drift,
+    )
+    return Confusion(others, hidden, terms, drift)
+
+
+def _substitutes(
+    found: Selection, needs: Sequence[Need]
+) -> tuple[dict[Need, list[Term]], list[Term]]:
+    """Return what explains the same as a compensation, and what cannot be seen."""
+    columns, own, count = found.columns, found.groups.variance, len(found.terms)
+    others = [term for term in found.looked if term not in found.terms]
+    loose_ones = range(count, count + len(others))
+    whole = columns.design([*found.terms, *map(_changing, others)])
+    rows = some_of(len(columns.view.error), _ROWS)
+    error, weight = columns.view.error[rows], columns.weight[rows]
+    loose = Groups.of(whole.columns[rows], whole.slices, error, weight)
+    variance = _LOOSE * loose.variance
+    variance[:count] = own[found.index(found.terms)]
+    variance[loose_ones.stop :] = own[len(found.design.terms) :]
+    loose = dataclasses.replace(loose, variance=variance, noise=found.groups.noise)
+    beside = loose.without(loose_ones)
+    hidden: list[Term] = []
+    for k, term in zip(loose_ones, others, strict=True):
+        here = whole.slices[k]
+        left = np.trace(beside.reduced(here)[:-1, :-1])
+        if left < _HIDDEN * np.trace(loose.gram[here, here]):
+            hidden.append(term)
+    result: dict[Need, list[Term]] = {}
+    for need in needs:
+        mine = [found.terms.index(term) for term in need.terms]
+        gain = max(beside.gain(mine), 1e-300)
+        for k, term in zip(loose_ones, others, strict=True):
+            instead = loose.without([*({*mine, *loose_ones} - {k})])
+            share = _PARTLY if term in hidden else _AS_WELL
+            if not _contained(need, term) and instead.gain([k]) >= share * gain:
+                result.setdefault(need, []).append(term)
+    return result, hidden
+
+
+def _changing(term: Term) -> Term:
+    """Return a term without what is the same at any temperature: that is no sign of heat."""
+    if term.kind is Kind.HEAT_SLOPE:
+        return dataclasses.replace(term, kind=Kind.HEAT_CHANGE)
+    return term
+
+
+def _contained(need: Need, other: Term) -> bool:
+    """Return whether the other is only a richer form, or another sensor, of the same."""
+    if need.compensation == "temperature" and other.kind in HEAT:
+        return True
+    count = 1 if other.kind in PUSHES else 2
+    return any(
+        other.kind in _CONTAINED.get(term.kind, ())
+        and {*term.masters[:count]} <= {*other.masters[:count]}
+        for term in need.terms
+    )
+
+
+def sensors_alike(found: Selection, need: Need) -> list[str]:
+    """Return the sensors of a temperature, where others changed in the same way."""
+    warm = found.view.data.temperature
+    for sensor in dict.fromkeys(term.sensor for term in need.terms if term.sensor):
+        alike = [sensor]
+        for name, other in warm.items():
+            known = np.isfinite(warm[sensor]) & np.isfinite(other)
+            if name != sensor and known.sum() > 2:
+                same = followed(warm[sensor][known], other[known][:, None])
+                alike += [name] if same > _SAME_COURSE**2 else []
+        if len(alike) > 1:
+            return alike
+    return []
+
+
+def amount(found: Selection, rms: float) -> str:
+    """Return a length or angle as a person writes it."""
+    return f"{1e3 * rms:.2g} {'µm' if found.view.unit == 'mm' else 'm°'}"
+
+
+def stays(
+    found: Selection,
+    what: str,
+    masters: Sequence[str],
+    rms: float,
+    sentence: str,
+    share: float | None = None,
+    verdict: Verdict = "the kernel cannot express this",
+) -> Unexplained:
+    """Return what stays: no compensation holds it, or several could."""
+    view, axes = found.view, tuple(dict.fromkeys(masters))
+    part = min(rms**2 / found.square, 1.0) if share is None else share
+    return Unexplained(view.axis, what, axes, rms, part, view.unit, verdict, sentence)
+
+
+def drifts(found: Selection) -> Iterator[Drift]:
     """Yield the drift of each measurement of an axis in which there is one.
 
     How large it is, the evidence says; its pieces are the fewest that follow it.
     """
-    view, drift = found.view, found.columns.drift
-    if view.data.time is None or not drift.shape[1]:
+    view, course, time = found.view, found.drift, found.view.data.time
+    if time is None or not found.columns.drift.shape[1]:
         return
-    course = found.part(len(found.design.slices) - 1)
-    for rows in view.sources():
-        clock = view.data.time[rows]
-        rms = float(np.std(course[rows]))
+    for rows in view.sources:
+        clock, rms = time[rows], float(np.std(course[rows]))
         # Runs have an offset each, which a fit allows for.
         several = len(np.unique(view.data.run[rows])) > 1
-        if several or not np.ptp(clock) > 0 or rms <= _WORTH * found.noise:
+        if several or not np.ptp(clock) > 0 or rms <= _FOLLOWED * found.noise:
             continue
-        share = (clock - clock.min()) / np.ptp(clock)
         pieces = _PIECES[-1]
         for pieces in _PIECES:
-            hats = _hats(share, pieces)
-            left = course[rows] - hats @ np.linalg.lstsq(hats, course[rows])[0]
-            if float(np.std(left)) <= _WORTH * found.noise:
+            knots = np.linspace(clock.min(), clock.max(), pieces + 1)
+            every = np.eye(pieces + 1)
+            lines = np.stack([np.interp(clock, knots, one) for one in every], axis=1)
+            left = course[rows] - lines @ np.linalg.lstsq(lines, course[rows])[0]
+            if float(np.std(left)) <= _FOLLOWED * found.noise:
                 break
-        yield Wander(int(view.data.source[rows[0]]), pieces, rms)
+        follow = f"{pieces} straight pieces follow it."
+        sentence = (
+            f"Beside what was found the error of {view.axis} wanders in time by"
+            f" {amount(found, rms)} rms, as the zero of an instrument does:"
+            f" {'one straight piece follows it.' if pieces == 1 else follow}"
+        )
+        if rms >= max(_SLIGHT * found.noise, _SLIGHT_SHARE * np.sqrt(found.square)):
+            sentence += (
+                " That is much for an instrument: something may have warmed whose"
+                " temperature was not recorded, or cannot be told from this."
+            )
+        source = int(view.data.source[rows[0]])
+        yield Drift(view.axis, source, pieces, rms, view.unit, sentence)
 
 
-def _hats(place: Float[np.ndarray, " n"], pieces: int) -> Float[np.ndarray, "n k"]:
-    """Return the values at the knots of a line of so many pieces over 0 to 1."""
-    knots = np.arange(pieces + 1) / pieces
-    return np.maximum(1.0 - np.abs(place[:, None] - knots) * pieces, 0.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class Ripple:
-    """A periodic error.
-
-    Attributes:
-        master: Axis over whose position it repeats.
-        period: In mm or °.
-        amplitude: In mm or °.
-        nodes: Entries that a table over the travel needs for it, six per period.
-    """
-
-    master: str
-    period: float
-    amplitude: float
-    nodes: int
-
-
-def find_ripples(found: Selection) -> list[Ripple]:
-    """Return the strongest periodic error over each position that a table is too coarse for."""
-    ripples = (_ripple_over(found, name) for name in found.view.span)
-    return [each for each in ripples if each is not None]
-
-
-def _ripple_over(found: Selection, axis: str) -> Ripple | None:
+def ripples(found: Selection) -> Iterator[Unexplained]:
+    """Yield the strongest periodic error over each position that a table is too coarse for."""
     view = found.view
+    for master, (low, high) in view.span.items():
+        turns, amplitude = _ripple(found, master)
+        if not turns:
+            continue
+        own, unit = master == view.axis, view.unit
+        # Six entries per period follow it.
+        nodes = int(np.ceil(6.0 * turns)) + 1
+        remedy = f"more than the {_MOST_NODES} that a list has by default."
+        if nodes <= _MOST_NODES:
+            kind = "leadscrew" if own else "cross"
+            remedy = f"so a {kind} table of that many would hold it."
+        rms = amplitude / float(np.sqrt(2.0))
+        sentence = (
+            f"The error of {view.axis} repeats every {(high - low) / turns:.4g} {unit} of"
+            f" {master} ({amount(found, rms)} rms), finer than a table that follows"
+            f" the rest: it takes {nodes} nodes, {remedy}"
+        )
+        what = f"periodic error of {view.axis} over {master}"
+        yield stays(found, what, () if own else (master,), rms, sentence)
+
+
+def _ripple(found: Selection, axis: str) -> tuple[float, float]:
+    """Return periods per travel and amplitude in mm or ° of a fine period; 0 where none."""
+    view, none = found.view, (0.0, 0.0)
     u = view.scaled(axis)
     known = np.isfinite(u)
     last = min(int(_FINEST * _BINS), view.places(axis) // 4)
     if view.places(axis) < 8 * _COARSE or last <= _COARSE + 1:
-        return None
+        return none
     u, block = u[known], view.block[known]
     left = np.clip(found.residual[known], -4.0 * found.noise, 4.0 * found.noise)
     # Where places lie in rows, what is slow over them would show as fine lines.
     slow = np.stack([wave(u) for wave in smooth(2 * _COARSE)], axis=1)
     left = left - slow @ np.linalg.lstsq(slow, left)[0]
     bins = np.minimum((u * _BINS).astype(np.int64), _BINS - 1)
-
-    def line_of(rows: np.ndarray) -> np.ndarray:
-        return np.fft.rfft(np.bincount(bins[rows], left[rows], _BINS))
-
-    whole, total = line_of(known[known]), float(left @ left)
-    power = np.abs(whole[_COARSE + 1 : last]) ** 2
-    at = _COARSE + 1 + int(np.argmax(power))
-    if not power.max() >= total * np.log((last - _COARSE - 1) / _CHANCE) > 0:
-        return None
     # What is there is there in either half of the recording, with the same phase.
     halves = [block % 2 == k for k in (0, 1)]
-    values = [2.0 * line_of(half)[at] / max(int(half.sum()), 1) for half in halves]
-    amplitude = 2.0 * float(abs(whole[at])) / len(u)
-    agreement = float(np.real(values[0] * np.conj(values[1])))
+    sums = [np.bincount(bins[half], left[half], _BINS) for half in halves]
+    lines = [np.fft.rfft(each, _PADDED * _BINS) for each in sums]
+    first, power = _PADDED * (_COARSE + 1), np.abs(lines[0] + lines[1]) ** 2
+    at = first + int(np.argmax(power[first : _PADDED * last]))
+    chance = float(left @ left) * np.log((last - _COARSE - 1) / _CHANCE)
+    if not power[at] >= chance > 0:
+        return none
+    counts = [max(int(half.sum()), 1) for half in halves]
+    ends = [2.0 * line[at] / n for line, n in zip(lines, counts, strict=True)]
+    amplitude = 2.0 * float(np.sqrt(power[at])) / len(u)
+    agreement = float(np.real(ends[0] * np.conj(ends[1])))
     if amplitude / np.sqrt(2.0) < found.least or agreement < 0.25 * amplitude**2:
-        return None
-    tried = at + np.linspace(-1.0, 1.0, 41)
-    fits = [abs(left @ np.exp(-2j * np.pi * each * u)) for each in tried]
-    turns = float(tried[int(np.argmax(fits))])
-    low, high = view.span[axis]
-    return Ripple(axis, (high - low) / turns, amplitude, int(np.ceil(6.0 * turns)) + 1)
+        return none
+    return at / _PADDED, amplitude
 
 
-def structure_left(found: Selection, ripples: Sequence[Ripple]) -> float:
-    """Return the rms of what is left beyond the scatter of neighbours; 0 where it is slight."""
+def structure_left(
+    found: Selection, periods: Sequence[Unexplained]
+) -> Iterator[Unexplained]:
+    """Yield what is left beyond the scatter of neighbours, unless it is slight."""
     view = found.view
     if view.data.time is None or len(view.error) < _ENOUGH:
-        return 0.0
+        return
     step, same = np.diff(view.data.clock), np.diff(view.data.source) == 0
     near = same & (step <= np.median(step[same]))
     apart = np.diff(found.residual)[near]
     if len(apart) < _PAIRS:
-        return 0.0
-    white = 1.4826 * float(np.median(np.abs(apart))) / np.sqrt(2.0)
-    known = sum(0.5 * each.amplitude**2 for each in ripples)
+        return
+    white = scatter_of(apart) / float(np.sqrt(2.0))
+    known = sum(each.rms**2 for each in periods)
     extra = float(np.sqrt(max(found.noise**2 - white**2 - known, 0.0)))
-    slight = np.hypot(white, extra) < _STRUCTURE * white or extra < 3.0 * found.least
-    return 0.0 if slight else extra
+    if np.hypot(white, extra) >= _STRUCTURE * white and extra >= 3.0 * found.least:
+        text = (
+            f"Another {amount(found, extra)} rms of the error of {view.axis} is no"
+            " scatter of single readings, and nothing that was recorded explains it."
+        )
+        yield stays(found, f"rest of the error of {view.axis}", (), extra, text)

@@ -7,6 +7,8 @@ of the terms that were found.
 import dataclasses
 import enum
 from collections.abc import Collection, Iterator, Mapping
+from functools import cached_property
+from typing import Literal
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,126 +17,141 @@ class Facts:
 
     Attributes:
         words: Name of a term in a sentence, to be filled in.
-        factors: Functions whose products are its features (`_features`): name of the
-            functions, what they are of (``axis``, ``sensor``, number of a master), and how
-            many there are at most.
+        functions: Factors whose products are its features, each as ``name owner most``: what
+            it is of (the axis, the sensor, the first master, …) and how many functions there
+            are at most, one where nothing is said.
         compensation: As the job file calls it; None where the controller has none.
         why: What is to be said where the controller has none, or a list cannot hold it.
+        part: Of what it is a term; ``late``: of an error in which others were found.
     """
 
     words: str
-    factors: tuple[tuple[str, str | int, int], ...]
+    functions: str
     compensation: str | None = None
     why: str = ""
+    part: Literal["error", "heat", "late", "current"] = "error"
+
+    @property
+    def factors(self) -> list[tuple[str, str, int]]:
+        """Name, owner and largest number of functions of each factor."""
+        parts = [f"{each} 1".split() for each in self.functions.split(" x ")]
+        return [(name, owner, int(most)) for name, owner, most, *_ in parts]
 
 
 class Kind(enum.Enum):
     """How a term depends on what was recorded."""
 
-    OWN = Facts("leadscrew of {axis}", (("line", "axis", 48),), "leadscrew")
-    REVERSAL = Facts("backlash of {axis}", (("way", "axis", 1),), "backlash")
-    OWN_REVERSAL = Facts(
-        "bilateral leadscrew of {axis}", (("way", "axis", 1), ("line", "axis", 24))
-    )
-    LINE = Facts("cross of {axis} over {first}", (("line", 0, 48),), "cross")
+    OWN = Facts("leadscrew of {axis}", "line axis 48", "leadscrew")
+    REVERSAL = Facts("backlash of {axis}", "way axis", "backlash")
+    OWN_REVERSAL = Facts("bilateral leadscrew of {axis}", "way axis x line axis 24")
+    LINE = Facts("cross of {axis} over {first}", "line first 48", "cross")
     SURFACE = Facts(
-        "plane of {axis} over {both}", (("line", 0, 10), ("line", 1, 10)), "plane"
+        "plane of {axis} over {all}", "line first 10 x line second 10", "plane"
     )
     HEAT_OFFSET = Facts(
         "temperature offset of {axis} by {sensor}",
-        (("heat", "sensor", 2),),
+        "heat sensor 2",
         "temperature",
+        part="heat",
     )
     HEAT_SLOPE = Facts(
         "temperature coefficient of {axis} by {sensor}",
-        (("middle", "axis", 1), ("heated", "sensor", 2)),
+        "middle axis x heat sensor 2",
         "temperature",
+        part="heat",
     )
     HEAT_CHANGE = Facts(
         "temperature coefficient of {axis} by {sensor}",
-        (("middle", "axis", 1), ("heat", "sensor", 2)),
+        "middle axis x heat sensor 2",
+        part="heat",
     )
-    PUSH = Facts("crosstalk of {axis} from {first}", (("push", 0, 4),), "crosstalk")
+    PUSH = Facts("crosstalk of {axis} from {first}", "push first 4", "crosstalk")
     PUSH_WAY = Facts(
-        "crosstalk of {axis} from {first} by direction",
-        (("sign", 0, 1), ("push", 0, 4)),
+        "crosstalk of {axis} from {first} by direction", "sign first x push first 4"
     )
     PUSH_PLACE = Facts(
         "crosstalk of {axis} from {first}, adapted to {rest}",
-        (("push", 0, 2), ("line", 1, 4)),
+        "push first 2 x line second 4",
     )
     PUSH_PLACES = Facts(
         "crosstalk of {axis} from {first}, adapted to {rest}",
-        (("push", 0, 2), ("line", 1, 4), ("line", 2, 4)),
+        "push first 2 x line second 4 x line third 4",
+        part="late",
     )
     SPEED = Facts(
         "error of {axis} that follows its velocity",
-        (("speed", "axis", 1), ("aging", "axis", 2)),
+        "speed axis x aging axis 2",
         why="as a delay between instrument and encoder does: following error and delay are"
         " never compensated. Align the clocks, or measure at standstill.",
     )
-    SPEED_OTHER = Facts(
-        "error of {axis} that follows the velocity of {first}",
-        (("speed", 0, 1),),
-        why="and the controller has no compensation over a velocity.",
-    )
     PULL = Facts(
         "error of {axis} that follows its own acceleration",
-        (("pull", "axis", 1),),
+        "pull axis",
         why="as a yielding drive does: crosstalk needs another axis as master.",
+    )
+    MEMORY = Facts(
+        "error of {axis} that builds up after its reversal",
+        "way axis x memory axis 3",
+        why="like a spring that winds up: hysteresis with memory, where the controller"
+        " knows the direction only.",
+    )
+    SPEED_OTHER = Facts(
+        "error of {axis} that follows the velocity of {first}",
+        "speed first",
+        why="and the controller has no compensation over a velocity.",
     )
     REVERSAL_OTHER = Facts(
         "jump of {axis} where {first} reverses",
-        (("way", 0, 1),),
+        "way first",
         why="and backlash follows the direction of its own axis only.",
     )
     OWN_LINE = Facts(
         "error of {axis} over {axis} that changes with {first}",
-        (("line", "axis", 6), ("line", 0, 6)),
+        "line axis 6 x line first 6",
         why="and a plane cannot have the compensated axis as a master.",
-    )
-    MEMORY = Facts(
-        "error of {axis} that builds up after its reversal",
-        (("way", "axis", 1), ("memory", "axis", 3)),
-        why="like a spring that winds up: hysteresis with memory, where the controller"
-        " knows the direction only.",
-    )
-    HEAT_LINE = Facts(
-        "error of {axis} over {first} that grows with {sensor}",
-        (("middle", 0, 1), ("heat", "sensor", 1)),
-        why="and temperature compensation is along the own axis only.",
     )
     GROWTH = Facts(
         "error of {axis} over {axis} that grows with time",
-        (("middle", "axis", 1), ("time", "axis", 1)),
+        "middle axis x time axis",
+        part="late",
         why="as heat makes it: no recorded temperature follows it. Record the temperature"
         " of scale and screw.",
     )
-    INERTIA = Facts("inertia of {axis}", (("pull", "axis", 1),))
-    COULOMB = Facts("Coulomb", (("sign", "axis", 1),), "friction")
-    VISCOUS = Facts("viscous", (("speed", "axis", 1),), "friction")
-    DRAG = Facts("square of the velocity", (("drag", "axis", 1),), "friction")
-    STRIBECK = Facts("Stribeck", (("slow", "axis", 1),), "friction")
+    HEAT_LINE = Facts(
+        "error of {axis} over {first} that grows with {sensor}",
+        "middle first x heat sensor",
+        part="late",
+        why="and temperature compensation is along the own axis only.",
+    )
+    INERTIA = Facts("inertia of {axis}", "pull axis", part="current")
+    COULOMB = Facts("Coulomb", "sign axis", "friction", part="current")
+    VISCOUS = Facts("viscous", "speed axis", "friction", part="current")
+    DRAG = Facts("square of the velocity", "drag axis", "friction", part="current")
     VISCOUS_WAY = Facts(
         "direction-dependent viscous friction of {axis}",
-        (("magnitude", "axis", 1),),
+        "magnitude axis",
         why="a friction list has one curve for both directions.",
+        part="current",
     )
     LOAD_PLACE = Facts(
         "position-dependent load of {axis}",
-        (("line", "axis", 12),),
+        "line axis 12",
+        part="current",
         why="weight or cogging is no friction, and a list has no position.",
     )
     COULOMB_PLACE = Facts(
         "position-dependent friction of {axis}",
-        (("sign", "axis", 1), ("line", "axis", 12)),
+        "sign axis x line axis 12",
         why="a friction list knows the velocity only.",
+        part="current",
     )
     COULOMB_HEAT = Facts(
         "friction of {axis} that changes with {sensor}",
-        (("sign", "axis", 1), ("heat", "sensor", 1)),
+        "sign axis x heat sensor",
         why="a friction list knows the velocity only. Record it warm.",
+        part="current",
     )
+    STRIBECK = Facts("Stribeck", "sign axis x slow axis 4", "friction", part="current")
 
 
 HEAT = (Kind.HEAT_OFFSET, Kind.HEAT_SLOPE)
@@ -151,8 +168,7 @@ class Term:
         masters: Other axes that it depends on; of crosstalk first the one that accelerates,
             then those whose positions adapt it.
         sensor: Temperature that it follows.
-        lag: Seconds by which it follows its sensor; of Stribeck friction its velocity, as a
-            share of the fastest.
+        lag: Seconds by which it follows its sensor.
     """
 
     kind: Kind
@@ -166,14 +182,18 @@ class Term:
         """What is known of all terms of its kind."""
         return self.kind.value
 
+    @cached_property
+    def owners(self) -> Mapping[str, str]:
+        """Axes and sensor that its factors are of."""
+        masters = dict(zip(("first", "second", "third"), self.masters, strict=False))
+        return {"axis": self.axis, "sensor": self.sensor or "", **masters}
+
     @property
     def words(self) -> str:
         """Its name in a sentence."""
         return self.facts.words.format(
-            axis=self.axis,
-            sensor=self.sensor,
-            first=self.masters[0] if self.masters else "",
-            both=" and ".join(self.masters),
+            **self.owners,
+            all=" and ".join(self.masters),
             rest=" and ".join(self.masters[1:]),
         )
 
@@ -182,30 +202,21 @@ class Term:
         """Its name at the start of a sentence."""
         return self.words[0].upper() + self.words[1:]
 
-    def owner(self, whose: str | int) -> str:
-        """Return the axis or sensor that a factor is of."""
-        if isinstance(whose, int):
-            return self.masters[whose]
-        if whose == "axis":
-            return self.axis
-        assert self.sensor is not None  # candidates give every such term one
-        return self.sensor
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Need:
-    """A compensation, and the terms that it takes away.
+    """A compensation and the terms that it takes away, or terms that none takes away.
 
     Attributes:
-        compensation: As the job file calls it.
+        compensation: As the job file calls it; None where the controller has none left.
         terms: Parts of the error.
         masters: Axes that it depends on.
         sensor: The one temperature that it follows, or None.
         keys: What the job file says of it.
-        words: What is special about it, or nothing.
+        words: What is special about it, or why there is no compensation, or nothing.
     """
 
-    compensation: str
+    compensation: str | None
     terms: tuple[Term, ...]
     masters: tuple[str, ...] = ()
     sensor: str | None = None
@@ -213,44 +224,28 @@ class Need:
     words: str = ""
 
 
-@dataclasses.dataclass(frozen=True)
-class Beyond:
-    """Terms that no compensation takes away, and why."""
+def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[Need]:
+    """Return the fewest compensations that hold terms of these sizes, and what none holds.
 
-    terms: tuple[Term, ...]
-    sentence: str
-
-
-def compose(
-    sizes: Mapping[Term, float], turning: Collection[str] = ()
-) -> tuple[list[Need], list[Beyond]]:
-    """Return the fewest compensations that hold all chosen terms of an axis, and the rest.
-
-    Args:
-        sizes: Contribution of each chosen term, mm or ° rms.
-        turning: Axes that go round, over which there is no plane.
+    There is no plane over axes that are turning.
     """
-    parts = [
+    return [
         *_along_itself(sizes),
         *_over_others(sizes, turning),
         *_by_heat(sizes),
         *_by_pushes(sizes),
-        *_foreign(sizes),
+        *(_none(term, f", {term.facts.why}") for term in sizes if term.facts.why),
     ]
-    needs = [each for each in parts if isinstance(each, Need)]
-    return needs, [each for each in parts if isinstance(each, Beyond)]
+
+
+def _none(term: Term, why: str, *more: Term) -> Need:
+    return Need(None, (term, *more), term.masters, words=f"{term.start}{why}")
 
 
 def _of(sizes: Mapping[Term, float], *kinds: Kind) -> tuple[Term, ...]:
     """Return the terms of some kinds, the largest first."""
     mine = [term for term in sizes if term.kind in kinds]
     return tuple(sorted(mine, key=lambda term: -sizes[term]))
-
-
-def _foreign(sizes: Mapping[Term, float]) -> Iterator[Beyond]:
-    for term in sizes:
-        if term.facts.why:
-            yield Beyond((term,), f"{term.start}, {term.facts.why}")
 
 
 def _along_itself(sizes: Mapping[Term, float]) -> Iterator[Need]:
@@ -272,28 +267,28 @@ def _along_itself(sizes: Mapping[Term, float]) -> Iterator[Need]:
 
 def _over_others(
     sizes: Mapping[Term, float], turning: Collection[str]
-) -> Iterator[Need | Beyond]:
+) -> Iterator[Need]:
     lines, surfaces = _of(sizes, Kind.LINE), _of(sizes, Kind.SURFACE)
-    first = [line.masters[0] for line in lines[:2]]
-    if not surfaces and len(first) > 1 and not {*first} & set(turning):
-        pair = tuple(sorted(first))
+    pair = tuple(sorted(line.masters[0] for line in lines[:2]))
+    if surfaces:
+        inside = [line for line in lines if line.masters[0] in surfaces[0].masters]
+        lines = tuple(line for line in lines if line not in inside)
+        masters = surfaces[0].masters
+        keys: dict[str, object] = {"masters": list(masters)}
+        yield Need("plane", (surfaces[0], *inside), masters, keys=keys)
+    elif len(pair) > 1 and not {*pair} & {*turning}:
         words = (
             f"It is a sum of a part over {pair[0]} and one over {pair[1]}; an axis has one"
             " cross table only, so a plane holds both."
         )
         yield Need("plane", lines[:2], pair, keys={"masters": list(pair)}, words=words)
         lines = lines[2:]
-    for term in surfaces[:1]:
-        inside = tuple(line for line in lines if line.masters[0] in term.masters)
-        lines = tuple(line for line in lines if line not in inside)
-        keys: dict[str, object] = {"masters": list(term.masters)}
-        yield Need("plane", (term, *inside), term.masters, keys=keys)
     for term in surfaces[1:]:
-        yield Beyond((term,), f"{term.start}: an axis has one plane only.")
+        yield _none(term, ": an axis has one plane only.")
     for term in lines[:1]:
         yield Need("cross", (term,), term.masters, keys={"master": term.masters[0]})
     for term in lines[1:]:
-        yield Beyond((term,), f"{term.start}: an axis has one cross table only.")
+        yield _none(term, ": an axis has one cross table only.")
 
 
 def _by_heat(sizes: Mapping[Term, float]) -> Iterator[Need]:
@@ -304,8 +299,12 @@ def _by_heat(sizes: Mapping[Term, float]) -> Iterator[Need]:
         "offset" if term.kind is Kind.HEAT_OFFSET else "coefficient": term.sensor
         for term in terms
     }
-    slow = [f"{t.sensor} by about {_time(t.lag)}" for t in terms if t.lag > 0]
-    words = f"It lags behind {' and '.join(dict.fromkeys(slow))}." if slow else ""
+    lags = dict[str | None, float]()
+    for term in terms:
+        # The larger one of two tells more of the lag.
+        lags.setdefault(term.sensor, term.lag)
+    slow = [f"{name} by about {_time(lag)}" for name, lag in lags.items() if lag > 0]
+    words = f"It lags behind {' and '.join(slow)}." if slow else ""
     one = terms[0].sensor if len(set(sensors.values())) == 1 else None
     keys: dict[str, object] = {"sensors": sensors}
     if one is not None and "coefficient" in sensors:
@@ -317,16 +316,16 @@ def _time(seconds: float) -> str:
     return f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.2g} min"
 
 
-def _by_pushes(sizes: Mapping[Term, float]) -> Iterator[Need | Beyond]:
-    terms, weight = _of(sizes, *PUSHES), dict[str, float]()
+def _by_pushes(sizes: Mapping[Term, float]) -> Iterator[Need]:
+    terms, square = _of(sizes, *PUSHES), dict[str, float]()
     for term in terms:
         name = term.masters[0]
-        weight[name] = weight.get(name, 0.0) + sizes[term] ** 2
-    for k, master in enumerate(sorted(weight, key=lambda name: -weight[name])):
+        square[name] = square.get(name, 0.0) + sizes[term] ** 2
+    for k, master in enumerate(sorted(square, key=lambda name: -square[name])):
         mine = tuple(term for term in terms if term.masters[0] == master)
         if k > 0:
-            why = "an axis has one crosstalk list, with one master, only."
-            yield Beyond(mine, f"{mine[0].start}: {why}")
+            why = ": an axis has one crosstalk list, with one master, only."
+            yield _none(mine[0], why, *mine[1:])
             continue
         places = dict.fromkeys(name for term in mine for name in term.masters[1:])
         adaptation = list(places)[:2]

@@ -405,6 +405,22 @@ def test_a_warm_up_may_be_a_drift_and_a_fit_says_the_same(
     )
 
 
+def test_the_lag_behind_a_sensor_is_told(virtual: ModuleType) -> None:
+    motion = virtual.motion(1, "XY", 1800.0, ROWS)
+    body = np.asarray(motion.temperature["spindle"])
+    share = 1.0 - np.exp(-np.diff(motion.time, prepend=0.0) / 45.0)
+    late = np.empty_like(body)
+    late[0] = body[0]
+    for k in range(1, len(body)):
+        late[k] = late[k - 1] + share[k] * (body[k] - late[k - 1])
+    recorded = virtual.observe(motion, {"X": [lambda _: 2e-3 * (late - 30.0)]}, 1)
+    (one,) = discover(recorded, ("X", "Y")).found
+    assert one.keys == {"sensors": {"offset": "spindle"}}
+    # The last step of the search is 9 % wide.
+    lag = float(one.sentence.split("spindle by about ")[1].split()[0])
+    assert lag == pytest.approx(45.0, rel=0.1)
+
+
 def test_pysindy_selects_and_its_libraries_carry_the_terms(
     virtual: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,6 +56,17 @@ def test_friction_that_a_list_can_hold_is_found() -> None:
     assert not found.unexplained
 
 
+def test_a_stribeck_drop_at_low_speeds_is_named() -> None:
+    velocity = speeds(*SPEEDS)
+    place, current = drive(velocity)
+    current = current + 0.8 * np.sign(velocity) * np.exp(-((velocity / 4.0) ** 2))
+    found = recorded(velocity, 0.004, current, place)
+    (one,) = found.found
+    assert "Coulomb, viscous, Stribeck" in one.sentence
+    # 0.05 A were added; coarse velocities of the law and few readings leave a tenth more.
+    assert found.axes[0].noise == pytest.approx(0.05, rel=0.15)
+
+
 def test_friction_that_changes_with_position_is_beyond_the_kernel() -> None:
     velocity = speeds(*SPEEDS)
     place, current = drive(velocity)

@@ -1,0 +1,302 @@
+"""Columns of every term: products of functions that libraries of pysindy carry.
+
+A factor is a channel of the recording, scaled to about 1, and functions of it; the features
+of a term are all products of the functions of its factors. Their sizes are a prior: a smooth
+error of 1 mm has coefficients of about 1. Beside the terms stand the columns of what is no
+compensation's task: the zero of each measurement, offsets of runs, a drift.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from ..kinds.temperature import clocked
+from ._data import Observed
+from ._terms import Kind, Term
+from ._view import AxisView, some_of
+
+_DECAY = 1.5
+"""A smooth error has less of fine structure: amplitudes fall as the 1.5th power."""
+_EACH = 8
+"""Rows per function, at least."""
+_FULL = 0.99
+"""Quantile of the accelerations that counts as a full one."""
+_EARLY = 0.35
+"""Share of the full acceleration at which a table may have its entry."""
+_MEMORY = (0.002, 0.01, 0.05)
+"""Shares of the travel over which an error may build up after a reversal."""
+_KNEES = (0.01, 0.03, 0.08, 0.2)
+"""Stribeck velocities, as shares of the fastest speed."""
+_BEND = 0.3
+"""Size of a curved part of a temperature law, beside its straight part."""
+_REFERENCE = 20.0
+"""°C at which a temperature law corrects nothing; the nearest measured one counts."""
+_DRIFT = 20
+"""Functions of time: a drift is slower than a 10th of the record."""
+_PLACED = 0.9
+"""Share of a drift that positions explain, from which on it cannot be told from them."""
+_MOST = 5_000
+"""Rows that show whether they do."""
+
+Function = Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]]
+Factor = tuple[Float[np.ndarray, " t"], list[Function]]
+_ONE: Function = lambda values: np.ones_like(values)  # noqa: E731 (pysindy counts arguments)
+_SAME: Function = lambda values: values  # noqa: E731
+_STRAIGHT: Function = lambda u: np.sqrt(3.0) * (2.0 * u - 1.0)  # noqa: E731
+
+
+def columns_of(view: AxisView, term: Term) -> Float[np.ndarray, "t k"]:
+    """Return the features of a term, centred in each measurement; 0 where not known."""
+    from pysindy import CustomLibrary, TensoredLibrary
+
+    factors: list[Factor] = []
+    for name, owner, most in term.facts.factors:
+        whose = term.owners[owner]
+        if name in _CHANNELS:
+            factors.append((_CHANNELS[name](view.data, whose), [_SAME]))
+        else:
+            factors.append(_FACTORS[name](view, term, whose, most))
+    inputs = np.stack([channel for channel, _ in factors], axis=1)
+    known = np.isfinite(inputs).all(axis=1)
+    parts = [CustomLibrary(functions) for _, functions in factors]
+    library = TensoredLibrary(parts, [[k] for k in range(len(parts))])
+    library.fit(np.zeros((1, len(parts))))
+    result = np.full((len(inputs), library.n_output_features_), np.nan)
+    if known.any():
+        result[known] = np.asarray(library.transform(inputs[known]))
+    return view.centred(result)
+
+
+def smooth(count: int, periodic: bool = False) -> list[Function]:
+    """Return functions of a position scaled to 0 … 1, the constant left out.
+
+    A straight line and cosines, or cosines and sines of a turn, scaled as smooth errors are:
+    large scale first.
+    """
+    if not periodic:
+        return [_STRAIGHT, *(_wave(k, 0.5 * k, 0.0) for k in range(1, count))]
+    return [_wave(1 + k // 2, 1 + k // 2, 0.25 * (k % 2)) for k in range(count)]
+
+
+def _wave(order: int, turns: float, late: float) -> Function:
+    size = np.sqrt(2.0) / order**_DECAY
+    return lambda u: size * np.cos(2.0 * np.pi * (turns * u - late))
+
+
+def _line(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+    rows = len(view.data) // _EACH
+    # Several factors share the rows.
+    if term.kind in (Kind.SURFACE, Kind.OWN_LINE):
+        rows = int(np.sqrt(rows))
+    elif len(term.facts.factors) > 1:
+        rows //= 4
+    count = max(1, min(most, view.places(axis) - 1, rows))
+    return view.scaled(axis), smooth(count, view.goes_round(axis))
+
+
+def _scaled(values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    finite = values[np.isfinite(values)]
+    size = float(np.sqrt(np.mean(finite**2))) if finite.size else 1.0
+    return values / (size or 1.0)
+
+
+def _time(view: AxisView) -> Float[np.ndarray, " t"]:
+    clock = view.data.clock
+    return np.asarray((clock - clock.mean()) / (float(np.std(clock)) or 1.0))
+
+
+def _push(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+    """Return laws over an acceleration: linear to a full or an early entry, then held.
+
+    Accelerations of either sign have entries of their own.
+    """
+    values = view.data.acceleration[axis]
+    finite = np.abs(values[np.isfinite(values)])
+    busy = finite[finite > 0.05 * finite.max(initial=0.0)]
+    full = float(np.quantile(busy, _FULL)) if busy.size else 1.0
+
+    def law(sign: float, share: float) -> Function:
+        return lambda hard: np.clip(sign * hard / share, 0.0, 1.0)
+
+    shares = (1.0, _EARLY)[: most // 2]
+    return values / full, [law(sign, share) for sign in (1.0, -1.0) for share in shares]
+
+
+def _decay(share: float, power: int) -> Function:
+    return lambda gone: np.exp(-((gone / share) ** power))
+
+
+def _memory(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+    low, high = view.span[axis]
+    return view.distance / (high - low), [_decay(each, 1) for each in _MEMORY]
+
+
+def _slow(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+    speed = np.abs(view.data.velocity[axis])
+    return speed / np.nanmax(speed), [_decay(each, 2) for each in _KNEES]
+
+
+def _heat(view: AxisView, term: Term, sensor: str, most: int) -> Factor:
+    """Return laws over the temperature of the structure behind a sensor.
+
+    Laws of a coefficient are zero at the reference: what is there, is the leadscrew's;
+    others have no mean.
+    """
+    heated = term.kind is Kind.HEAT_SLOPE
+    data, body = view.data, view.data.temperature[sensor]
+    if term.lag > 0.0 and data.time is not None:
+        body = np.full(len(data), np.nan)
+        for rows in view.sources:
+            log = clocked(data.time[rows], data.temperature[sensor][rows])
+            body[rows] = log.structure(term.lag)
+    finite = body[np.isfinite(body)]
+    mean, spread = float(finite.mean()), float(np.std(finite)) or 1.0
+    zero = float(np.clip(_REFERENCE, finite.min(), finite.max())) if heated else mean
+    middle = (mean - zero) / spread
+    rest = middle**2 if heated else 1.0
+    bent: Function = lambda warm: _BEND * ((warm - middle) ** 2 - rest)  # noqa: E731
+    return (body - zero) / spread, [_SAME, bent][:most]
+
+
+_FACTORS: Mapping[str, Callable[[AxisView, Term, str, int], Factor]] = {
+    "line": _line,
+    "push": _push,
+    "memory": _memory,
+    "heat": _heat,
+    "slow": _slow,
+    "middle": lambda view, _, axis, most: (view.scaled(axis), [_STRAIGHT]),
+    "time": lambda view, _, axis, most: (_time(view), [_SAME]),
+    # A delay between instrument and encoder may change with time.
+    "aging": lambda view, _, axis, most: (_time(view), [_ONE, _SAME]),
+}
+_CHANNELS: Mapping[str, Callable[[Observed, str], Float[np.ndarray, " t"]]] = {
+    "way": lambda data, axis: np.sign(data.direction[axis]),
+    "sign": lambda data, axis: np.sign(data.velocity[axis]),
+    "speed": lambda data, axis: _scaled(data.velocity[axis]),
+    "drag": lambda data, axis: _scaled(
+        data.velocity[axis] * np.abs(data.velocity[axis])
+    ),
+    "magnitude": lambda data, axis: _scaled(np.abs(data.velocity[axis])),
+    "pull": lambda data, axis: _scaled(data.acceleration[axis]),
+}
+"""Factors that are a channel as it stands."""
+
+
+def slow_functions(clock: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:
+    """Return functions of time that a drift is made of; none for few readings."""
+    if len(clock) < 2 * _DRIFT or not np.ptp(clock) > 0:
+        return np.zeros((len(clock), 0))
+    share = (clock - clock.min()) / np.ptp(clock)
+    count = min(_DRIFT, len(clock) // 20)
+    # Of a random walk, the amplitudes fall as the first power only.
+    return np.stack(
+        [max(k, 1) ** 0.5 * wave(share) for k, wave in enumerate(smooth(count))], axis=1
+    )
+
+
+def followed(
+    courses: Float[np.ndarray, "t *c"], columns: Float[np.ndarray, "t k"]
+) -> Float[np.ndarray, "*c"]:
+    """Return the share of the square of courses that columns follow, means aside."""
+    courses = courses - courses.mean(axis=0)
+    columns = columns - columns.mean(axis=0)
+    left = courses - columns @ np.linalg.lstsq(columns, courses)[0]
+    whole = np.sum(courses**2, axis=0)
+    share = 1.0 - np.sum(left**2, axis=0) / np.where(whole > 0, whole, 1.0)
+    return np.asarray(np.where(whole > 0, share, 0.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """Columns of terms and nuisance side by side.
+
+    Attributes:
+        terms: Candidates; what comes after them is nuisance.
+        columns: Features.
+        slices: Columns of each term, then those of each group of nuisance.
+    """
+
+    terms: tuple[Term, ...]
+    columns: Float[np.ndarray, "t p"]
+    slices: tuple[slice, ...]
+
+    @classmethod
+    def of(
+        cls,
+        terms: Sequence[Term],
+        blocks: Sequence[Float[np.ndarray, "t _"]],
+        nuisance: Sequence[Float[np.ndarray, "t _"]] = (),
+    ) -> "Design":
+        """Return the columns of terms and nuisance, one behind the other."""
+        parts = [*blocks, *(part for part in nuisance if part.shape[1])]
+        ends = np.cumsum([0, *(part.shape[1] for part in parts)]).tolist()
+        slices = tuple(slice(start, end) for start, end in itertools.pairwise(ends))
+        return cls(tuple(terms), np.concatenate(parts, axis=1), slices)
+
+
+class Columns:
+    """Features of terms of one axis, each computed once, and the weights of readings.
+
+    Attributes:
+        view: The readings.
+        weight: How much each reading counts, as far as is known.
+    """
+
+    def __init__(self, view: AxisView) -> None:
+        self.view = view
+        self._known: dict[Term, np.ndarray] = {}
+        self.weight = np.ones(len(view.error))
+
+    def of(self, term: Term) -> Float[np.ndarray, "t k"]:
+        """Return the columns of a term."""
+        if term not in self._known:
+            self._known[term] = columns_of(self.view, term)
+        return self._known[term]
+
+    def design(self, terms: Sequence[Term]) -> Design:
+        """Return the columns of terms, zeros, runs and drifts."""
+        blocks = [self.of(term) for term in terms]
+        return Design.of(terms, blocks, (self.zeros, self.runs, self.drift))
+
+    @cached_property
+    def zeros(self) -> Float[np.ndarray, "t s"]:
+        """One column per measurement: the zero of its instrument."""
+        source = self.view.data.source
+        return np.asarray(source[:, None] == np.unique(source), dtype=float)
+
+    @cached_property
+    def runs(self) -> Float[np.ndarray, "t r"]:
+        """One column per run of a measurement of several."""
+        columns = [np.zeros((len(self.view.data), 0))]
+        for own in self.zeros.T:
+            numbers = np.unique(self.view.data.run[own > 0])
+            if len(numbers) > 1:
+                columns.append((self.view.data.run[:, None] == numbers) * own[:, None])
+        return self.view.centred(np.concatenate(columns, axis=1))
+
+    @cached_property
+    def drift(self) -> Float[np.ndarray, "t d"]:
+        """Drifts of instruments, of measurements in which positions do not explain them.
+
+        Where each place is visited once, a drift cannot be told from an error of position:
+        what there is, is taken for the latter.
+        """
+        kinds = (Kind.OWN, Kind.LINE, Kind.REVERSAL)
+        places = [block for term, block in self._known.items() if term.kind in kinds]
+        result = [np.zeros((len(self.view.data), 0))]
+        for rows in self.view.sources if self.view.channel == "error" else ():
+            own = slow_functions(self.view.data.clock[rows])
+            slow = np.zeros((len(self.view.data), own.shape[1]))
+            slow[rows] = own
+            slow = self.view.centred(slow)
+            some = rows[some_of(len(rows), _MOST)]
+            if places and own.shape[1]:
+                beside = np.concatenate([block[some] for block in places], axis=1)
+                if np.any(followed(slow[some, :2], beside) > _PLACED):
+                    continue
+            result.append(slow)
+        return np.concatenate(result, axis=1)
