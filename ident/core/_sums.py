@@ -7,7 +7,6 @@ of a file, over files, over workers. A group is left out by subtraction.
 import dataclasses
 import functools
 import operator
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any, final
@@ -224,30 +223,6 @@ def sums_of(
     return sums, residual
 
 
-def _by_loop(
-    stack: Stack,
-    readings: Readings,
-    theta: Vector,
-    loss: Loss,
-    full: bool,
-    design: Design | None,
-    residual: Float[np.ndarray, " t"],
-) -> Sums:
-    """Return the sums by the compiled loops, which fill in the residuals."""
-    axes = _plane_axes(stack)
-    sums = _Loop(stack)
-    if axes is not None:
-        sums.add_plane(readings, axes, theta, loss, full, residual)
-        return sums.finished(residual)
-    first = 0
-    for part in readings.chunks(_CHUNK):
-        here = slice(first, first + len(part))
-        first = here.stop
-        rows = stack.design(part) if design is None else tuple(d[here] for d in design)
-        sums.add_rows(part, rows, theta, loss, full, residual[here])
-    return sums.finished(residual)
-
-
 def _by_scipy(
     stack: Stack,
     readings: Readings,
@@ -325,76 +300,54 @@ def _gram(
     return sp.csr_array(scaled.T @ rows)
 
 
-class _Loop:
-    """Sums that the compiled loops add to."""
+def _by_loop(
+    stack: Stack,
+    readings: Readings,
+    theta: Vector,
+    loss: Loss,
+    full: bool,
+    design: Design | None,
+    residual: Float[np.ndarray, " t"],
+) -> Sums:
+    """Return the sums by the compiled loops, which fill in the residuals."""
+    from ._kernel import add_plane, add_rows, count_sizes
 
-    def __init__(self, stack: Stack) -> None:
-        table = stack.table
-        self.stack, self.sums = stack, Sums.empty(stack)
-        self.away = [] if table is None else sorted(table.away or ())
-        pairs = len(self.away) * (len(self.away) + 1) // 2
-        self.record = np.zeros((stack.band, pairs))
-
-    def add_plane(
-        self,
-        readings: Readings,
-        axes: tuple[tuple[float, ...], ...],
-        theta: Vector,
-        loss: Loss,
-        full: bool,
-        residual: Float[np.ndarray, " t"],
-    ) -> None:
-        """Add readings of a plane alone."""
-        from ._kernel import add_plane
-
-        table, sums = self.stack.table, self.sums
-        assert table is not None
+    table, sums, axes = stack.table, Sums.empty(stack), _plane_axes(stack)
+    n, offsets = stack.band, stack.offsets
+    away = [] if table is None else sorted(table.away or ())
+    pairs = [(a, b) for a in range(len(away)) for b in range(a + 1)]
+    record = np.zeros((n, len(pairs)))
+    if table is not None and axes is not None:
         transposed = len(table.nodes[0]) > len(table.nodes[1])
         names = table.inputs if transposed else table.inputs[::-1]
-        along, across = (np.asarray(readings.inputs[n], float) for n in names)
+        along, across = (np.asarray(readings.inputs[name], float) for name in names)
         add_plane(
-            along, across, readings.value, _weights(readings), axes, theta,
-            loss.numbers, full, self.record, sums.right, sums.tally, sums.support, residual,
+            along, across, readings.value, _weights(readings), axes, theta, loss.numbers,
+            full, record, sums.right, sums.tally, sums.support, residual,
         )  # fmt: skip
-
-    def add_rows(
-        self,
-        readings: Readings,
-        design: Iterable[np.ndarray],
-        theta: Vector,
-        loss: Loss,
-        full: bool,
-        residual: Float[np.ndarray, " t"],
-    ) -> None:
-        """Add readings of any stack."""
-        from ._kernel import add_rows
-
-        nodes, shares = (np.array(each, order="C") for each in design)
-        sums, own = self.sums, len(self.away)
+    first = 0
+    for part in readings.chunks(_CHUNK) if axes is None else ():
+        here = slice(first, first + len(part))
+        first = here.stop
+        rows = stack.design(part) if design is None else (each[here] for each in design)
+        nodes, shares = (np.array(each, order="C") for each in rows)
         # A record takes the corners of a cell in the order of their unknowns.
-        order = np.argsort(nodes[0, :own], kind="stable")
-        nodes[:, :own], shares[:, :own] = nodes[:, order], shares[:, order]
+        order = np.argsort(nodes[0, : len(away)], kind="stable")
+        for each in (nodes, shares):
+            each[:, : len(away)] = each[:, order]
         add_rows(
-            nodes.astype(np.int64), shares, len(self.away), readings.value, _weights(readings),
-            theta, loss.numbers, full, self.record, sums.cross, sums.border, sums.right,
-            sums.tally, sums.support, residual,
+            nodes.astype(np.int64), shares, len(away), part.value, _weights(part), theta,
+            loss.numbers, full, record, sums.cross, sums.border, sums.right, sums.tally,
+            sums.support, residual[here],
         )  # fmt: skip
-
-    def finished(self, residual: Float[np.ndarray, " t"]) -> Sums:
-        """Return the sums: products per cell as diagonals of the band."""
-        from ._kernel import count_sizes
-
-        n, offsets = self.stack.band, self.stack.offsets
-        pairs = [(a, b) for a in range(len(self.away)) for b in range(a + 1)]
-        for place, (a, b) in enumerate(pairs):
-            low, high = sorted((self.away[a], self.away[b]))
-            slot = offsets.index(high - low)
-            twice = 2.0 if a != b and low == high else 1.0
-            self.sums.diagonals[low:, slot] += twice * self.record[: n - low, place]
-        lower = self.sums.border
-        whole = lower + np.tril(lower, -1).T
-        count_sizes(residual.view(np.int64), _SHIFT, _FIRST, self.sums.histogram)
-        return dataclasses.replace(self.sums, border=whole)
+    for place, (a, b) in enumerate(pairs):
+        low, high = sorted((away[a], away[b]))
+        slot = offsets.index(high - low)
+        twice = 2.0 if a != b and low == high else 1.0
+        sums.diagonals[low:, slot] += twice * record[: n - low, place]
+    count_sizes(residual.view(np.int64), _SHIFT, _FIRST, sums.histogram)
+    whole = sums.border + np.tril(sums.border, -1).T
+    return dataclasses.replace(sums, border=whole)
 
 
 def _weights(readings: Readings) -> Float[np.ndarray, " t"]:
