@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 from ._friction import AbstractFriction
 from ._nodes import float_array, is_known
 
-_LARGEST_POWER = 6.6
-"""Logarithm of the power from which on exp(−power) is 0 in double precision."""
+_LARGEST_POWER = 5.7
+"""Logarithm of the power from which on exp(−power) is nothing beside 1. Its square is still a
+normal number: processors take a hundred times as long for smaller ones."""
 
 
 @final

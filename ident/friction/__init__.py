@@ -23,7 +23,11 @@ from ._choice import (
     choose_law as choose_law,
 )
 from ._equation import Known as Known
-from ._inverse import fit_inverse as fit_inverse, force_error as force_error
+from ._inverse import (
+    FrictionFit as FrictionFit,
+    fit_inverse as fit_inverse,
+    force_error as force_error,
+)
 from ._knots import Knots as Knots, place_knots as place_knots
 from ._output_error import (
     OutputErrorFit as OutputErrorFit,
@@ -31,7 +35,6 @@ from ._output_error import (
     free_run as free_run,
     laws_held_out as laws_held_out,
 )
-from ._result import FrictionFit as FrictionFit
 from ._reversal import ReversalFit as ReversalFit, fit_reversal as fit_reversal
 from ._samples import DriveSamples as DriveSamples
 from ._structures import (

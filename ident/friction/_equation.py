@@ -15,13 +15,16 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.signal import firwin
 
-from ._samples import DriveSamples
+from ..core import FitError
+from ._samples import DriveSamples, check_samples
 from ._structures import AbstractStructure, default_knots, range_of
 
 _REACH = 10
 """Half the length of the filter in rows."""
 _RATE = 100.0
 """Rows per s where nothing else is asked for."""
+_SHARED = ("lowpass", "load", "target", "usable", "piece", "speed", "speed_range")
+"""What equations of one recording have in common, besides columns."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,21 +85,15 @@ class Lowpass:
 
     def __call__(self, columns: Float[np.ndarray, "t c"]) -> Float[np.ndarray, "s c"]:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
-        if self.factor == 1:
-            return columns
-        if not columns.size:
-            return np.asarray(columns[self.centres])
+        if self.factor == 1 or not columns.shape[1]:
+            return columns[self.centres]
         found = [np.zeros((0, columns.shape[1]))]
-        for run in self._runs:
-            count = (run.stop - run.start - len(self._kernel)) // self.factor + 1
-            found.append(self._run(columns[run], count))
-        return np.concatenate(found)
+        return np.concatenate(found + [self._run(columns[run]) for run in self._runs])
 
-    def _run(
-        self, columns: Float[np.ndarray, "m c"], count: int
-    ) -> Float[np.ndarray, "r c"]:
-        """Return so many rows: products of pieces of column and kernel, added in place."""
+    def _run(self, columns: Float[np.ndarray, "m c"]) -> Float[np.ndarray, "r c"]:
+        """Return the rows of one piece: products of its parts and the kernel's, summed."""
         factor, parts = self.factor, 2 * _REACH + 1
+        count = (len(columns) - len(self._kernel)) // factor + 1
         kernel = np.append(self._kernel, np.zeros(factor - 1)).reshape(parts, factor)
         whole = np.zeros((columns.shape[1], (count + parts - 1) * factor))
         used = min(len(columns), whole.shape[1])
@@ -107,11 +104,6 @@ class Lowpass:
         for part, each in enumerate(products):
             rows += each[:, part : part + count]
         return rows.T
-
-
-def default_factor(cycle: float) -> int:
-    """Return the samples per row that leave about a hundred rows per second."""
-    return max(1, round(1.0 / (_RATE * cycle)))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -133,20 +125,22 @@ class Equation:
     def with_structure(self, structure: AbstractStructure) -> "Equation":
         """Return the same rows for another kind of law; what they share is kept."""
         other = dataclasses.replace(self, structure=structure)
-        for name in (
-            "lowpass",
-            "load",
-            "target",
-            "usable",
-            "piece",
-            "speed",
-            "speed_range",
-            "_still",
-        ):
+        for name in (*_SHARED, "_beside", "_steady"):
             other.__dict__[name] = getattr(self, name)
-        if structure.directional == self.structure.directional:
-            other.__dict__["_beside"] = self._beside
         return other
+
+    @cached_property
+    def noise_free(self) -> "Equation | None":
+        """The same of the motion free of noise, where one stands beside the measured one."""
+        fine = self.samples.instrument_velocity
+        if fine is None:
+            return None
+        samples = dataclasses.replace(
+            self.samples,
+            velocity=fine,
+            acceleration=self.samples.instrument_acceleration,
+        )
+        return dataclasses.replace(self, samples=samples)
 
     @cached_property
     def lowpass(self) -> Lowpass:
@@ -161,11 +155,9 @@ class Equation:
     @cached_property
     def target(self) -> Float[np.ndarray, " s"]:
         """The load without its known parts, filtered."""
-        known = np.zeros_like(self.samples.current)
+        known = np.full_like(self.samples.current, self.known.offset or 0.0)
         if self.known.inertia is not None and self.samples.acceleration is not None:
-            known = self.known.inertia * self.samples.acceleration
-        if self.known.offset is not None:
-            known = known + self.known.offset
+            known += self.known.inertia * self.samples.acceleration
         return np.asarray(self.load - self.lowpass(known[:, None])[:, 0])
 
     @cached_property
@@ -208,101 +200,101 @@ class Equation:
         names = ("inertia",) * inertia + ("offset",) * self.fits_offset
         return names + tuple(self.samples.loads)
 
-    @property
-    def has_instrument(self) -> bool:
-        """Whether a noise-free motion stands beside the measured one."""
-        return self.samples.instrument_velocity is not None
+    @cached_property
+    def beside(self) -> Float[np.ndarray, "s f"]:
+        """Columns that do not belong to friction."""
+        kept = [name in self.fixed_names for name in ("inertia", "offset")]
+        return self._beside[:, [*kept, *[True] * len(self.samples.loads)]]
 
     @cached_property
-    def _beside(self) -> list[Float[np.ndarray, "s f"]]:
-        """Columns that do not belong to friction, of the measured and noise-free motion."""
-        samples, found = self.samples, []
-        for acceleration in (samples.acceleration, samples.instrument_acceleration):
-            columns = list(samples.loads.values())
-            if self.fits_offset:
-                columns.insert(0, np.ones(len(samples.time)))
-            if "inertia" in self.fixed_names and acceleration is not None:
-                columns.insert(0, acceleration)
-            stacked = np.stack([*columns, samples.current], axis=1)[:, :-1]
-            found.append(self.lowpass(stacked))
-        return found
+    def _beside(self) -> Float[np.ndarray, "s f"]:
+        samples, even = self.samples, np.ones(len(self.samples.time))
+        push = even if samples.acceleration is None else samples.acceleration
+        return self.lowpass(np.stack([push, even, *samples.loads.values()], axis=1))
 
-    def _velocity(self, instrument: bool) -> Float[np.ndarray, " t"]:
-        fine = self.samples.instrument_velocity
-        return fine if instrument and fine is not None else self.samples.velocity
+    @cached_property
+    def _steady(self) -> dict[AbstractStructure, Float[np.ndarray, "2 s k"]]:
+        """Columns per direction that follow no shape, of all laws of the recording."""
+        return {}
 
-    def design(
-        self, shape: Float[np.ndarray, " h"], *, instrument: bool = False
-    ) -> Float[np.ndarray, "s k"]:
+    def _of_each_way(
+        self, profile: Float[np.ndarray, "t k"], signs: Float[np.ndarray, "w t"]
+    ) -> Float[np.ndarray, "w s k"]:
+        """Return columns over speed with the signs of each direction, filtered."""
+        rows = self.lowpass(np.hstack([sign[:, None] * profile for sign in signs]))
+        return np.moveaxis(rows.reshape(len(rows), len(signs), -1), 1, 0)
+
+    @cached_property
+    def steady(self) -> Float[np.ndarray, "w s k"]:
+        """Columns of friction that follow no shape; those of both directions are kept."""
+        each_way = dataclasses.replace(self.structure, directional=True)
+        if each_way not in self._steady:
+            velocity = self.samples.velocity
+            profile = each_way.steady(np.abs(velocity))
+            self._steady[each_way] = self._of_each_way(
+                profile, each_way.signs(velocity)
+            )
+        found = self._steady[each_way]
+        return found if self.structure.directional else found.sum(axis=0)[None]
+
+    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s k"]:
+        """Return the column of each direction that follows the shape; none where none does."""
+        velocity = self.samples.velocity
+        profile = self.structure.falling(np.abs(velocity), shape)
+        return self._of_each_way(profile, self.structure.signs(velocity))
+
+    def slopes(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s h"]:
+        """Return the derivatives of `falling` by the logarithms of the shape."""
+        velocity = self.samples.velocity
+        profile = self.structure.slopes(np.abs(velocity), shape)
+        return self._of_each_way(profile, self.structure.signs(velocity))
+
+    def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
         """Return all linear columns, those beside friction first.
 
         Args:
             shape: Logarithms of the law's non-linear parameters.
-            instrument: Of the noise-free motion instead of the measured one.
         """
-        kept = self._designs.get(instrument)
-        if kept is not None and np.array_equal(kept[0], shape):
-            return kept[1]
-        own = self._friction(shape, instrument)
-        found = np.concatenate([self._beside[instrument], own], axis=1)
-        self._designs[instrument] = shape, found
-        return found
-
-    def _friction(
-        self, shape: Float[np.ndarray, " h"], instrument: bool
-    ) -> Float[np.ndarray, "s k"]:
-        """Return the columns of friction; those that follow no shape are made once."""
-        velocity, structure = self._velocity(instrument), self.structure
-        if structure.shapes:
-            return self.lowpass(structure.columns(velocity, shape))
-        each_way = dataclasses.replace(structure, directional=True)
-        key = each_way, instrument
-        if key not in self._still:
-            self._still[key] = self.lowpass(each_way.columns(velocity, shape))
-        found, width = self._still[key], len(structure.factors)
-        return found if structure.directional else found[:, :width] + found[:, width:]
-
-    @cached_property
-    def _still(
-        self,
-    ) -> dict[tuple[AbstractStructure, bool], Float[np.ndarray, "s k"]]:
-        """Columns per direction of laws without a shape, for all laws of the recording."""
-        return {}
-
-    @cached_property
-    def _designs(
-        self,
-    ) -> dict[bool, tuple[Float[np.ndarray, " h"], Float[np.ndarray, "s k"]]]:
-        """The design that was asked for last, and its shape."""
-        return {}
-
-    def last_columns(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s w"]:
-        """Return the last column of each direction, which alone follows the shape."""
-        velocity = self.samples.velocity
-        signs = self.structure.signs(velocity)
-        last = self.structure.last(np.abs(velocity), shape[None])[0]
-        return self.lowpass((signs * last).T)
+        friction = np.concatenate([self.steady, self.falling(shape)], axis=2)
+        return np.hstack([self.beside, *friction])
 
     def tangents(
-        self,
-        shape: Float[np.ndarray, " h"],
-        factors: Float[np.ndarray, " k"],
-        *,
-        instrument: bool = False,
+        self, shape: Float[np.ndarray, " h"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, "s h"]:
         """Return the derivatives of the load by the logarithms of the shape."""
-        own = factors[len(self.fixed_names) :]
-        velocity = self._velocity(instrument)
-        return self.lowpass(self.structure.tangents(velocity, shape, own))
+        own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
+        return np.einsum("w,wsh->sh", own[:, -1], self.slopes(shape))
 
     @cached_property
-    def penalty(self) -> Float[np.ndarray, "b k"] | None:
-        """What of all linear factors the smoothness prior keeps small, or None."""
-        bends = self.structure.bends()
-        if bends is None:
-            return None
-        fixed, (rows, width) = len(self.fixed_names), bends.shape
-        ways = self.structure.ways
-        found = np.zeros((ways * rows, fixed + ways * width))
-        found[:, fixed:] = np.kron(np.eye(ways), bends)
+    def penalty(self) -> Float[np.ndarray, "k k"]:
+        """Precision of all linear factors under the smoothness prior at weight 1."""
+        structure, fixed = self.structure, len(self.fixed_names)
+        found = np.zeros((fixed + len(structure.names),) * 2)
+        bends = structure.bends
+        if bends is not None:
+            found[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
         return found
+
+
+def equation_of(
+    samples: DriveSamples,
+    structure: AbstractStructure,
+    known: Known | None,
+    decimate: int | None,
+) -> Equation:
+    """Return the checked equation of a recording; arguments as of `fit_inverse`.
+
+    Raises:
+        FitError: If the samples cannot be used at all.
+    """
+    check_samples(samples)
+    known = Known() if known is None else known
+    if known.gain == 0 or not np.isfinite(known.gain):
+        msg = f"gain: found {known.gain!r}, expected a number other than 0."
+        raise FitError(msg)
+    usual = max(1, round(1.0 / (_RATE * samples.cycle)))
+    factor = usual if decimate is None else decimate
+    if factor < 1:
+        msg = f"decimate: found {factor}, expected 1 or more."
+        raise FitError(msg)
+    return Equation(samples, structure, known, factor)

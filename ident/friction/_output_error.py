@@ -19,12 +19,10 @@ from jaxtyping import Float, Int
 
 from ..core import FitError
 from ._choice import WindowLaw
-from ._covariance import score_covariance
-from ._equation import Equation
-from ._inverse import equation_of, fit_inverse
-from ._result import FrictionFit, assemble
+from ._equation import Equation, equation_of
+from ._inverse import FrictionFit, assemble, fit_inverse
 from ._samples import DriveSamples
-from ._separable import Solution
+from ._separable import Solution, score_covariance
 from ._shooting import (
     ROUGHLY,
     TOLERANCE,
@@ -342,27 +340,24 @@ class _Asked:
         factors, shape = found.values[:count], found.values[count:size]
         design, used = equation.design(shape), equation.usable
         residual = equation.target - design @ factors
-        covariance, lag = self._covariance(found, size)
+        covariance, _ = self._covariance(found, size)
         tangents = equation.tangents(shape, factors)
-        full = np.concatenate([design, tangents], axis=1)[used]
         low, high = np.asarray(shooting.low), np.asarray(shooting.high)
         edge = _EDGE * (high - low)
         outside = (found.values < low + edge) | (found.values > high - edge)
         return Solution(
             factors=factors,
             shape=shape,
+            columns=np.hstack([design, tangents]),
+            prior=np.zeros((count, count)),
             covariance=covariance,
             null=np.zeros((count, 0)),
-            column_size=np.sqrt(np.mean(full**2, axis=0)),
             residual=residual,
             share=used.astype(float),
             # Of Gaussian noise this is the standard deviation.
             scale=1.4826 * float(np.median(np.abs(residual[used]))),
-            lag=lag,
-            passes=found.steps,
             converged=found.converged,
             at_bound=outside[count:size],
-            smoothness=0.0,
         )
 
     def _covariance(

@@ -267,7 +267,7 @@ def test_useless_recordings_are_refused(
 
 
 def test_unknown_loss_is_refused() -> None:
-    with pytest.raises(FitError, match="expected one of 'trim'"):
+    with pytest.raises(FitError, match="expected 'student', 'huber', 'trim' or"):
         fit_inverse(recording(1), loss="l1")
 
 
