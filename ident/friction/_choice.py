@@ -14,7 +14,6 @@ from ._samples import DriveSamples
 from ._separable import (
     Rows,
     Solution,
-    Weights,
     ridged,
     weigh,
 )
@@ -24,6 +23,7 @@ from ._structures import (
     CoulombViscous,
     KnotTable,
     Stribeck,
+    default_knots,
 )
 
 WINDOWS = 10
@@ -141,47 +141,52 @@ def choose_law(
     kinds = tuple(structures or default_structures(equation))
     with one_blas_thread():
         weights = weigh(equation, loss)
-        size = float(np.mean(equation.load[equation.usable] ** 2))
-        fits: dict[
-            AbstractStructure, tuple[Equation, Solution, dict[str, str], str]
-        ] = {}
-        held_out: dict[AbstractStructure, _HeldOut] = {}
+        found: dict[AbstractStructure, tuple[Candidate, tuple[WindowLaw, ...]]] = {}
         near: dict[tuple[str, ...], Float[np.ndarray, " h"]] = {}
+        fits: dict[AbstractStructure, FrictionFit] = {}
+        spoken, candidates = [], []
         for kind in kinds:
             # Both directions apart have nearly the shape that they have together.
             asked, solution, missing = fit_carried(
-                equation.with_structure(kind), weights, near=near.get(kind.shapes)
+                equation.with_structure(kind),
+                weights,
+                near=near.get(kind.shapes),
+                quick=True,
             )
             if len(solution.shape) == len(kind.shapes):
                 near[kind.shapes] = solution.shape
-            fits[kind] = asked, solution, missing, METHOD
+            if kind.parametric:
+                fits[kind] = assemble(asked, solution, missing, METHOD)
             # Where the data do not carry a law, the simpler one speaks for it.
-            if asked.structure not in held_out:
-                held_out[asked.structure] = _hold_out(asked, solution, weights, window)
-        candidates = tuple(
-            held_out[fits[kind][0].structure].candidate(kind, size) for kind in kinds
-        )
+            spoken.append(asked.structure)
+            if spoken[-1] not in found:
+                found[spoken[-1]] = _hold_out(asked, solution, weights.limit, window)
+            parameters = len(kind.names) + len(kind.shapes)
+            own = found[spoken[-1]][0]
+            own = dataclasses.replace(own, structure=kind, parameters=parameters)
+            candidates.append(own)
         chosen, best = _order(candidates)
+        if kinds[chosen] not in fits:
+            carried = fit_carried(equation.with_structure(kinds[chosen]), weights)
+            fits[kinds[chosen]] = assemble(*carried, METHOD)
     # Each sample belongs to the window of the nearest row.
     centres = equation.lowpass.centres
-    row = np.searchsorted(
-        0.5 * (centres[1:] + centres[:-1]), np.arange(len(samples.time))
-    )
+    between = 0.5 * (centres[1:] + centres[:-1])
     return Choice(
-        fit=assemble(*fits[kinds[chosen]]),
-        laws=tuple(assemble(*fits[kind]) for kind in kinds if kind.parametric),
+        fit=fits[kinds[chosen]],
+        laws=tuple(fits[kind] for kind in kinds if kind.parametric),
         chosen=chosen,
         best=best,
-        candidates=candidates,
+        candidates=tuple(candidates),
         windows=windows,
-        window=window[row],
-        without=held_out[fits[kinds[chosen]][0].structure].laws(),
+        window=window[np.searchsorted(between, np.arange(len(samples.time)))],
+        without=found[spoken[chosen]][1],
     )
 
 
 def default_structures(equation: Equation) -> tuple[AbstractStructure, ...]:
     """Return the kinds of law to compare: simple, Stribeck, table, alike and per direction."""
-    knots, ways = equation.knots(KNOTS), (False, True)
+    knots, ways = default_knots(equation.speed, KNOTS), (False, True)
     laws: list[AbstractStructure] = [CoulombViscous(way) for way in ways]
     laws += [Stribeck(way) for way in ways]
     if len(knots) > 2:
@@ -217,65 +222,22 @@ def _windows(equation: Equation, windows: int) -> Int[np.ndarray, " s"]:
     return np.minimum((share * windows).astype(np.int64), windows - 1)
 
 
-@dataclasses.dataclass(frozen=True)
-class _HeldOut:
-    """A law solved without each window in turn.
-
-    Attributes:
-        equation: Of the law.
-        factors: Linear factors without each window.
-        shapes: Logarithms of the shape without each window.
-        square: Mean squared error of each window.
-        fitted: Of all rows, fitted to them.
-    """
-
-    equation: Equation
-    factors: Float[np.ndarray, "w k"]
-    shapes: Float[np.ndarray, "w h"]
-    square: Float[np.ndarray, " w"]
-    fitted: float
-
-    def candidate(self, kind: AbstractStructure, size: float) -> Candidate:
-        """Return how the law predicts, speaking for a kind, relative to the load's square."""
-        square = self.square / size
-        error = float(np.sqrt(square.mean()))
-        spread = float(np.std(square, ddof=1)) / np.sqrt(len(square))
-        return Candidate(
-            structure=kind,
-            parameters=len(kind.names) + len(kind.shapes),
-            window_error=np.sqrt(square),
-            error=error,
-            standard_error=spread / (2.0 * max(error, 1e-300)),
-            fitted_error=float(np.sqrt(self.fitted / size)),
-        )
-
-    def laws(self) -> tuple[WindowLaw, ...]:
-        """Return the law without each window."""
-        structure, known = self.equation.structure, self.equation.known
-        to_offset, to_law = part_offset(self.equation)
-        found = []
-        for factors, shape in zip(self.factors, self.shapes, strict=True):
-            beside = {"inertia": known.inertia or 0.0, "offset": known.offset or 0.0}
-            beside |= dict(zip(self.equation.fixed_names, factors, strict=False))
-            if to_offset is not None:
-                beside["offset"] = to_offset @ factors
-            values = (float(beside[name]) for name in ("inertia", "offset"))
-            found.append(WindowLaw(structure, to_law @ factors, shape, *values))
-        return tuple(found)
-
-
 def _hold_out(
     equation: Equation,
     solution: Solution,
-    weights: Weights,
+    limit: float,
     window: Int[np.ndarray, " s"],
-) -> _HeldOut:
+) -> tuple[Candidate, tuple[WindowLaw, ...]]:
     """Solve a law without each window, by the sums of all rows less those of the window.
 
-    The law is taken as linear in its shape about that of all rows.
+    Args:
+        equation: Of the law.
+        solution: By all rows; the law is taken as linear in its shape about it.
+        limit: Largest error that counts: a wild row says nothing of the law.
+        window: Of each row.
     """
     own, target, shape = solution.columns, equation.target, solution.shape
-    share, size = solution.share, len(solution.factors)
+    share, size, used = solution.share, len(solution.factors), equation.usable
     rows = Rows(equation, share, shape)
     right = rows.root * np.column_stack([own, target])
     left = rows.seen(right[:, :-1])
@@ -284,19 +246,16 @@ def _hold_out(
     # Rows beside a window share samples with it by the filter.
     near = [slice(max(a - reach, 0), b + reach) for a, b in spans]
     total = left.T @ right
-    sums = np.stack([total - left[each].T @ right[each] for each in near] + [total])
+    sums = np.stack([total - left[each].T @ right[each] for each in near])
     prior = np.pad(solution.prior, (0, len(shape)))
     every = ridged(sums[:, :, :-1] + prior, sums[:, :, -1])
-    factors, shapes = every[:-1, :size], np.tile(shape, (len(spans), 1))
-    error = np.empty(len(target))
+    factors, steps = every[:, :size], every[:, size:]
     bounds = equation.structure.bounds(equation.speed_range)
-    for number, (first, last) in enumerate(spans):
-        span, step = slice(first, last), every[number, size:]
+    shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *bounds)
+    error = np.empty(len(target))
+    for number, span in enumerate(slice(*each) for each in spans):
         error[span] = target[span] - own[span] @ every[number]
-        if len(step):
-            step = np.clip(step, -_LONGEST, _LONGEST)
-            shapes[number] = np.clip(shape + step, *bounds)
-        if np.abs(step).max(initial=0.0) > _NEAR:
+        if np.abs(steps[number]).max(initial=0.0) > _NEAR:
             # Too far for tangents: factors anew at the shape they lead to.
             kept = share.copy()
             kept[near[number]] = 0.0
@@ -304,14 +263,42 @@ def _hold_out(
             normal = Rows(equation, kept, shape).normal(design, target)
             factors[number] = ridged(normal[:, :-1], normal[:, -1])
             error[span] = target[span] - design[span] @ factors[number]
-    # A wild row says nothing of the law: it counts no more than where the fit lets go.
-    used, starts, most = equation.usable, edges[:-1], weights.limit**2
-    square = used * np.minimum(error**2, most)
-    residual = (target - own @ every[-1])[used]
-    return _HeldOut(
-        equation=equation,
-        factors=factors,
-        shapes=shapes,
-        square=np.add.reduceat(square, starts) / np.add.reduceat(used * 1.0, starts),
-        fitted=float(np.minimum(residual**2, most).mean()),
+    load = float(np.mean(equation.load[used] ** 2))
+    square = used * np.minimum(error**2, limit**2)
+    square = np.add.reduceat(square, edges[:-1]) / np.add.reduceat(
+        used * load, edges[:-1]
+    )
+    mean, spread = float(square.mean()), float(np.std(square, ddof=1))
+    fitted = np.minimum(solution.residual[used] ** 2, limit**2).mean() / load
+    found = Candidate(
+        structure=equation.structure,
+        parameters=size,
+        window_error=np.sqrt(square),
+        error=float(np.sqrt(mean)),
+        standard_error=spread / float(np.sqrt(4.0 * max(mean, 1e-300) * len(square))),
+        fitted_error=float(np.sqrt(fitted)),
+    )
+    return found, _window_laws(equation, factors, shapes)
+
+
+def _window_laws(
+    equation: Equation,
+    factors: Float[np.ndarray, "w k"],
+    shapes: Float[np.ndarray, "w h"],
+) -> tuple[WindowLaw, ...]:
+    """Return the laws of linear factors as fitted and logarithms of shapes."""
+    known, names = equation.known, equation.fixed_names
+    to_offset, to_law = part_offset(equation)
+    nothing = np.zeros(len(factors))
+    inertia, offset = nothing + (known.inertia or 0.0), nothing + (known.offset or 0.0)
+    if "inertia" in names:
+        inertia = factors[:, 0]
+    if to_offset is not None:
+        offset = factors @ to_offset
+    elif "offset" in names:
+        offset = factors[:, names.index("offset")]
+    laws = zip(factors @ to_law.T, shapes, inertia, offset, strict=True)
+    return tuple(
+        WindowLaw(equation.structure, own, shape, float(push), float(load))
+        for own, shape, push, load in laws
     )

@@ -17,7 +17,7 @@ from scipy.signal import firwin
 
 from ..core import FitError
 from ._samples import DriveSamples, check_samples
-from ._structures import AbstractStructure, default_knots, range_of
+from ._structures import AbstractStructure, range_of
 
 _REACH = 10
 """Half the length of the filter in rows."""
@@ -86,7 +86,7 @@ class Lowpass:
     def __call__(self, columns: Float[np.ndarray, "t c"]) -> Float[np.ndarray, "s c"]:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
         if self.factor == 1 or not columns.shape[1]:
-            return columns[self.centres]
+            return np.asarray(columns[self.centres])
         found = [np.zeros((0, columns.shape[1]))]
         return np.concatenate(found + [self._run(columns[run]) for run in self._runs])
 
@@ -181,10 +181,6 @@ class Equation:
         """Slowest and fastest speed in mm/s (`range_of`)."""
         return range_of(self.speed)
 
-    def knots(self, count: int) -> tuple[float, ...]:
-        """Return knots in mm/s where the samples in motion are (`default_knots`)."""
-        return default_knots(self.speed, count)
-
     @property
     def fits_offset(self) -> bool:
         """Whether the offset has a column of its own.
@@ -237,16 +233,10 @@ class Equation:
         found = self._steady[each_way]
         return found if self.structure.directional else found.sum(axis=0)[None]
 
-    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s k"]:
-        """Return the column of each direction that follows the shape; none where none does."""
+    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s c"]:
+        """Return the column of each direction that follows the shape, and its derivatives."""
         velocity = self.samples.velocity
         profile = self.structure.falling(np.abs(velocity), shape)
-        return self._of_each_way(profile, self.structure.signs(velocity))
-
-    def slopes(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s h"]:
-        """Return the derivatives of `falling` by the logarithms of the shape."""
-        velocity = self.samples.velocity
-        profile = self.structure.slopes(np.abs(velocity), shape)
         return self._of_each_way(profile, self.structure.signs(velocity))
 
     def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
@@ -255,7 +245,7 @@ class Equation:
         Args:
             shape: Logarithms of the law's non-linear parameters.
         """
-        friction = np.concatenate([self.steady, self.falling(shape)], axis=2)
+        friction = np.concatenate([self.steady, self.falling(shape)[:, :, :1]], axis=2)
         return np.hstack([self.beside, *friction])
 
     def tangents(
@@ -263,7 +253,8 @@ class Equation:
     ) -> Float[np.ndarray, "s h"]:
         """Return the derivatives of the load by the logarithms of the shape."""
         own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
-        return np.einsum("w,wsh->sh", own[:, -1], self.slopes(shape))
+        slopes = self.falling(shape)[:, :, 1:]
+        return np.asarray(np.tensordot(own[:, -1], slopes, 1))
 
     @cached_property
     def penalty(self) -> Float[np.ndarray, "k k"]:

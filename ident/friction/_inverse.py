@@ -153,6 +153,7 @@ def fit_carried(
     weights: Weights,
     smoothness: float | None = None,
     near: Float[np.ndarray, " h"] | None = None,
+    quick: bool = False,
 ) -> tuple[Equation, Solution, dict[str, str]]:
     """Return equation and solution of what the data carry of a law, and what they do not.
 
@@ -161,10 +162,12 @@ def fit_carried(
         weights: Of its rows.
         smoothness: As for `fit_inverse`.
         near: Logarithms of a shape to begin with.
+        quick: The covariance of a table is left out.
     """
-    solution = fit_equation(equation, weights, smoothness, near)
-    missing: dict[str, str] = {}
     structure = equation.structure
+    quick = quick and not structure.parametric
+    solution = fit_equation(equation, weights, smoothness, near, quick)
+    missing: dict[str, str] = {}
     reason = _shape_reason(equation, solution)
     if reason is not None and _drop_reason(equation, solution) is None:
         missing["stribeck_shape"] = reason

@@ -22,24 +22,20 @@ from scipy.optimize import leastsq
 
 from ...data.signals import median
 from ..core import FitError
-from ..core._regression import iterate
+from ..core._regression import iterate, least_scale
 from ._equation import Equation
-from ._structures import KNOTS, KnotTable, Stribeck
+from ._structures import KNOTS, KnotTable, Stribeck, default_knots
 
 _WILD = 4.0
 """Error in scales beyond which a row says nothing of the law."""
-_FLOOR = 1e-9
-"""Smallest scale of residuals relative to the load."""
 _NULL = 1e-9
 """Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
 _RIDGE = 1e-12
 """Added to scaled normal matrices that are inverted as they stand."""
 _TOLERANCE = 1e-8
 """Of cost and shape at the end of a search."""
-_AWAY, _FIRST_STEP = 5.0, 0.1
-"""MINPACK bounds its first step by a share of the unknowns: so they stay away from 0."""
-_INSIDE = 0.999
-"""Share of the way from the middle of the bounds to their edge where a search may begin."""
+_FIRST_STEP = 0.1
+"""Bound of the first step, as a share of the unknowns."""
 _AT_BOUND = 0.01
 """Distance to a bound, as a share of the range, that counts as none."""
 _LARGEST_LEVERAGE = 0.9
@@ -119,7 +115,7 @@ class Weights:
             else:
                 law[:, free.fixed_names.index(name), place] = 1.0
         for each, shape in zip(law, starts, strict=True):
-            falling = structure.falling(speed, shape)
+            falling = structure.falling(speed, shape)[:, :1]
             each[fixed:, len(names) + last :: last + 1] = drop * falling
         across = np.swapaxes(law, 1, 2)
         moments = across @ self.sums[:, -1]
@@ -137,7 +133,9 @@ def weigh(equation: Equation, loss: str) -> Weights:
     Raises:
         FitError: If the loss is unknown.
     """
-    free = equation.with_structure(KnotTable(True, equation.knots(KNOTS)))
+    free = equation.with_structure(
+        KnotTable(True, default_knots(equation.speed, KNOTS))
+    )
     used = free.usable
     rows, target = free.design(np.zeros(0))[used], free.target[used]
     right = np.column_stack([rows, target])
@@ -146,14 +144,17 @@ def weigh(equation: Equation, loss: str) -> Weights:
 
     def sums(share: Float[np.ndarray, " t"]) -> Float[np.ndarray, "k k1"]:
         less = np.flatnonzero(share < 1.0)
-        return every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]
+        return np.asarray(
+            every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]
+        )
 
     def solve(
         value: Float[np.ndarray, " p"],
         pseudo: Float[np.ndarray, " t"],
         wild: Bool[np.ndarray, " t"],
     ) -> Float[np.ndarray, " p"]:
-        return value + ridged(sums(1.0 - wild)[:, :-1], rows.T @ pseudo)
+        move = ridged(sums(1.0 - wild)[:, :-1], rows.T @ pseudo)
+        return np.asarray(value + move)
 
     last, _ = iterate(
         np.zeros(size),
@@ -161,7 +162,7 @@ def weigh(equation: Equation, loss: str) -> Weights:
         solve,
         np.ones(count),
         size,
-        least_scale(equation),
+        least_scale(target),
         loss if count > 2 * size else "gauss",
     )
     ratio = (target - rows @ last.value) / last.loss.scale
@@ -170,12 +171,6 @@ def weigh(equation: Equation, loss: str) -> Weights:
     share[used] = own
     limit = np.inf if loss == "gauss" else _WILD * last.loss.scale
     return Weights(share, limit, free, sums(own))
-
-
-def least_scale(equation: Equation) -> float:
-    """Return the smallest scale of residuals to believe in."""
-    size = float(np.sqrt(np.mean(equation.load[equation.usable] ** 2)))
-    return max(_FLOOR * size, 1e-300)
 
 
 def ridged(
@@ -220,7 +215,7 @@ class Rows:
         self._basis = None
         fine = equation.noise_free
         if fine is not None:
-            seen = np.hstack([fine.design(shape), *fine.slopes(shape)])
+            seen = np.hstack([fine.design(shape), *fine.falling(shape)[:, :, 1:]])
             self._basis = _basis(self.root * seen)
 
     def seen(self, rows: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
@@ -232,7 +227,7 @@ class Rows:
     ) -> Float[np.ndarray, "k k1"]:
         """Return the sums XᵀW [X, target]."""
         rows = self.root * np.column_stack([columns, target])
-        return self.seen(rows[:, :-1]).T @ rows
+        return np.asarray(self.seen(rows[:, :-1]).T @ rows)
 
 
 def fit_equation(
@@ -240,6 +235,7 @@ def fit_equation(
     weights: Weights,
     smoothness: float | None = None,
     near: Float[np.ndarray, " h"] | None = None,
+    quick: bool = False,
 ) -> Solution:
     """Fit factors and shape of an equation to all of its usable rows.
 
@@ -248,6 +244,7 @@ def fit_equation(
         weights: Of its rows.
         smoothness: Weight of the prior of a table; by evidence where left out.
         near: Logarithms of a shape to begin with.
+        quick: The covariance is left out.
 
     Raises:
         FitError: If hardly any row is left.
@@ -279,10 +276,12 @@ def fit_equation(
     typical = median(np.abs(residual[equation.usable]))
     # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
     scale = 1.4826 * typical * float(np.sqrt(count / (count - parameters)))
-    scale = max(scale, least_scale(equation))
     columns = np.hstack([design, equation.tangents(shape, factors)])
-    seen, left = rows.seen(rows.root * columns), rows.root[:, 0] * residual
-    held = np.pad(prior, (0, shapes))
+    covariance = np.zeros((columns.shape[1],) * 2)
+    if not quick:
+        seen, left = rows.seen(rows.root * columns), rows.root[:, 0] * residual
+        held = np.pad(prior, (0, shapes))
+        covariance = _covariance(seen, left, held, equation.piece, scale)
     low, high = structure.bounds(equation.speed_range)
     edge = _AT_BOUND * (high - low)
     return Solution(
@@ -290,7 +289,7 @@ def fit_equation(
         shape=shape,
         columns=columns,
         prior=prior,
-        covariance=_covariance(seen, left, held, equation.piece, scale),
+        covariance=covariance,
         null=null,
         residual=residual,
         share=share,
@@ -303,60 +302,38 @@ def fit_equation(
 def _search(
     equation: Equation, rows: Rows, begin: Float[np.ndarray, " h"]
 ) -> tuple[Float[np.ndarray, " h"], bool]:
-    """Return the logarithms of the shape that leave the least, and whether they ended."""
-    projection = _Projection(equation, rows)
-    bounds = equation.structure.bounds(equation.speed_range)
-    middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
+    """Return the logarithms of the shape that leave the least, and whether the search ended."""
+    basis = _basis(rows.root * np.hstack([equation.beside, *equation.steady]))
+    low, high = equation.structure.bounds(equation.speed_range)
+    kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
-    def natural(free: np.ndarray) -> np.ndarray:
-        return np.asarray(middle + half * np.tanh(free - _AWAY))
+    def apart(columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
+        """Return weighted rows without what columns that follow no shape explain of them."""
+        seen = rows.seen(rows.root * columns)
+        return np.asarray(seen - basis @ (basis.T @ seen))
 
-    def slopes(free: np.ndarray) -> np.ndarray:
-        inner = half * (1.0 - np.tanh(free - _AWAY) ** 2)
-        return projection.jacobian(natural(free)) * inner
+    target = apart(equation.target[:, None])[:, 0]
+
+    def at(free: Float[np.ndarray, " h"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return what is left, and its derivative with factors following (Kaufman's part)."""
+        if free.tobytes() not in kept:
+            kept.clear()
+            own = equation.falling(np.clip(free, low, high))
+            columns = apart(own[:, :, 0].T)
+            gram = columns.T @ columns
+            factors = ridged(gram, columns.T @ target)
+            slopes = apart(np.tensordot(factors, own[:, :, 1:], 1))
+            slopes = slopes * ((free > low) & (free < high))
+            follow = [ridged(gram, each) for each in slopes.T @ columns]
+            slopes = columns @ np.stack(follow, axis=1) - slopes
+            kept[free.tobytes()] = target - columns @ factors, slopes
+        return kept[free.tobytes()]
 
     found = leastsq(
-        lambda free: projection.residual(natural(free)),
-        _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
-        Dfun=slopes, xtol=_TOLERANCE, ftol=_TOLERANCE, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
+        lambda free: at(free)[0], begin, Dfun=lambda free: at(free)[1],
+        xtol=_TOLERANCE, ftol=_TOLERANCE, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
-    return natural(found[0]), found[-1] in (1, 2, 3, 4)
-
-
-@final
-class _Projection:
-    """Rows without what the columns that follow no shape explain of them."""
-
-    def __init__(self, equation: Equation, rows: Rows) -> None:
-        self._equation, self._rows = equation, rows
-        steady = np.hstack([equation.beside, *equation.steady])
-        self._basis = _basis(rows.seen(rows.root * steady))
-        self._target = self._apart(equation.target[:, None])[:, 0]
-        self._last: tuple[bytes, tuple[np.ndarray, ...]] | None = None
-
-    def _apart(self, columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
-        seen = self._rows.seen(self._rows.root * columns)
-        return np.asarray(seen - self._basis @ (self._basis.T @ seen))
-
-    def _at(self, shape: Float[np.ndarray, " h"]) -> tuple[np.ndarray, ...]:
-        """Return a basis of the columns that follow the shape, factors, and what is left."""
-        key = shape.tobytes()
-        if self._last is None or self._last[0] != key:
-            columns = self._apart(np.hstack([*self._equation.falling(shape)]))
-            factors = ridged(columns.T @ columns, columns.T @ self._target)
-            self._last = key, (columns, factors, self._target - columns @ factors)
-        return self._last[1]
-
-    def residual(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, " s"]:
-        """Return what is left of the weighted rows."""
-        return self._at(shape)[2]
-
-    def jacobian(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s h"]:
-        """Return its derivative, the factors following (Kaufman's part of it)."""
-        columns, factors, _ = self._at(shape)
-        slopes = np.einsum("w,wsh->sh", factors, self._equation.slopes(shape))
-        slopes, basis = self._apart(slopes), _basis(columns)
-        return np.asarray(basis @ (basis.T @ slopes) - slopes)
+    return np.clip(found[0], low, high), found[-1] in (1, 2, 3, 4)
 
 
 def _smoothness(

@@ -99,7 +99,7 @@ class AbstractStructure(abc.ABC):
     @property
     def parametric(self) -> bool:
         """Whether the parameters have a meaning of their own: Coulomb level, viscosity."""
-        return True
+        return self.bends is None
 
     @property
     def shapes(self) -> tuple[str, ...]:
@@ -128,16 +128,13 @@ class AbstractStructure(abc.ABC):
 
     def falling(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
-    ) -> Float[np.ndarray, "t k"]:
-        """Return the column of one direction that follows the shape; none where none does."""
+    ) -> Float[np.ndarray, "t c"]:
+        """Return the last column of one direction and its derivatives by the shape.
+
+        The only column that follows the shape; none where none does.
+        """
         del shape
         return np.zeros((len(speed), 0))
-
-    def slopes(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
-    ) -> Float[np.ndarray, "t h"]:
-        """Return the derivatives of `falling` by the logarithms of the shape."""
-        return np.zeros((len(speed), len(shape)))
 
     @property
     def ways(self) -> int:
@@ -162,7 +159,7 @@ class AbstractStructure(abc.ABC):
     ) -> Float[np.ndarray, "t k"]:
         """Return all columns at velocities in mm/s; at rest they are 0."""
         speed = np.abs(velocity)
-        profile = np.hstack([self.steady(speed), self.falling(speed, shape)])
+        profile = np.hstack([self.steady(speed), self.falling(speed, shape)[:, :1]])
         return np.hstack([sign[:, None] * profile for sign in self.signs(velocity)])
 
     def tangents(
@@ -172,9 +169,9 @@ class AbstractStructure(abc.ABC):
         factors: Float[np.ndarray, " k"],
     ) -> Float[np.ndarray, "t h"]:
         """Return the derivative of the friction by the logarithms of the shape."""
-        last = factors.reshape(self.ways, -1)[:, -1]
-        signed = last @ self.signs(velocity)
-        return np.asarray(signed[:, None] * self.slopes(np.abs(velocity), shape))
+        last = factors.reshape(self.ways, -1)[:, -1] @ self.signs(velocity)
+        slopes = self.falling(np.abs(velocity), shape)[:, 1:]
+        return np.asarray(last[:, None] * slopes)
 
 
 @final
@@ -201,7 +198,7 @@ class CoulombViscous(AbstractStructure):
     ) -> AbstractFriction:
         """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
-        return _stribeck(coulomb, coulomb, 1.0, GAUSS, viscous)
+        return StribeckFriction(coulomb, coulomb, 1.0, GAUSS, viscous)
 
 
 @final
@@ -264,22 +261,19 @@ class Stribeck(AbstractStructure):
 
     def falling(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
-    ) -> Float[np.ndarray, "t k"]:
+    ) -> Float[np.ndarray, "t c"]:
         """See `AbstractStructure`."""
-        return stribeck_decay(speed, *self._natural(shape))[:, None]
-
-    def slopes(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
-    ) -> Float[np.ndarray, "t h"]:
-        """See `AbstractStructure`."""
-        return stribeck_slopes(speed, *self._natural(shape))[: len(shape)].T
+        natural = self._natural(shape)
+        slopes = stribeck_slopes(speed, *natural)[: len(shape)]
+        return np.stack([stribeck_decay(speed, *natural), *slopes], axis=1)
 
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
-        return _stribeck(coulomb, coulomb + drop, *self._natural(shape), viscous)
+        natural = self._natural(shape)
+        return StribeckFriction(coulomb, coulomb + drop, *natural, viscous)
 
 
 @final
@@ -297,11 +291,6 @@ class KnotTable(AbstractStructure):
     def words(self) -> str:
         """See `AbstractStructure`."""
         return f"table of {len(self.knots)} knots" + " per direction" * self.directional
-
-    @property
-    def parametric(self) -> bool:
-        """See `AbstractStructure`."""
-        return False
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -341,17 +330,6 @@ class KnotTable(AbstractStructure):
         nodes = Setpoints(jnp.asarray(self.knots))
         tables = [FrictionTable(nodes, jnp.asarray(row)) for row in factors]
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
-
-
-def _stribeck(
-    coulomb: float | Float[np.ndarray, " 2"],
-    breakaway: float | Float[np.ndarray, " 2"],
-    velocity: float,
-    exponent: float,
-    viscous: float | Float[np.ndarray, " 2"],
-) -> StribeckFriction:
-    numbers = (coulomb, breakaway, velocity, exponent, viscous)
-    return StribeckFriction(*map(jnp.asarray, numbers))
 
 
 def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:
