@@ -8,15 +8,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import FitError, one_blas_thread
-from ._equation import Equation, Known, equation_of
+from ._equation import Equation, Known, equation_of, ridged, weigh
 from ._inverse import METHOD, FrictionFit, assemble, fit_carried, part_offset
 from ._samples import DriveSamples
-from ._separable import (
-    Rows,
-    Solution,
-    ridged,
-    weigh,
-)
+from ._separable import Rows, Solution
 from ._structures import (
     KNOTS,
     AbstractStructure,

@@ -16,13 +16,25 @@ from jaxtyping import Bool, Float, Int
 from scipy.signal import firwin
 
 from ..core import FitError
+from ..core._regression import iterate, least_scale
 from ._samples import DriveSamples, check_samples
-from ._structures import AbstractStructure, range_of
+from ._structures import (
+    KNOTS,
+    AbstractStructure,
+    KnotTable,
+    Stribeck,
+    default_knots,
+    range_of,
+)
 
 _REACH = 10
 """Half the length of the filter in rows."""
 _RATE = 100.0
 """Rows per s where nothing else is asked for."""
+_WILD = 4.0
+"""Error in scales beyond which a row says nothing of the law."""
+_RIDGE = 1e-12
+"""Added to scaled normal matrices that are inverted as they stand."""
 _SHARED = ("lowpass", "load", "target", "usable", "piece", "speed", "speed_range")
 """What equations of one recording have in common, besides columns."""
 
@@ -181,19 +193,15 @@ class Equation:
         """Slowest and fastest speed in mm/s (`range_of`)."""
         return range_of(self.speed)
 
-    @property
-    def fits_offset(self) -> bool:
-        """Whether the offset has a column of its own.
-
-        Per direction it has none: it could not be told from the difference of the levels.
-        """
-        return self.known.offset is None and not self.structure.directional
-
     @cached_property
     def fixed_names(self) -> tuple[str, ...]:
-        """Names of the columns that do not belong to friction."""
+        """Names of the columns that do not belong to friction.
+
+        Per direction the offset has none: it could not be told from a difference of levels.
+        """
         inertia = self.known.inertia is None and self.samples.acceleration is not None
-        names = ("inertia",) * inertia + ("offset",) * self.fits_offset
+        offset = self.known.offset is None and not self.structure.directional
+        names = ("inertia",) * inertia + ("offset",) * offset
         return names + tuple(self.samples.loads)
 
     @cached_property
@@ -289,3 +297,105 @@ def equation_of(
         msg = f"decimate: found {factor}, expected 1 or more."
         raise FitError(msg)
     return Equation(samples, structure, known, factor)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Weights:
+    """What the rows say before any law is asked.
+
+    Attributes:
+        share: How much each row counts, 0 to 1.
+        limit: Largest error that says anything of a law.
+        free: Equation of the free table.
+        sums: Its XᵀW [X, target].
+    """
+
+    share: Float[np.ndarray, " s"]
+    limit: float
+    free: Equation
+    sums: Float[np.ndarray, "k k1"]
+
+    def start(self, equation: Equation) -> Float[np.ndarray, " h"]:
+        """Return the start of a law's shape that leaves the least, as the free table sees it."""
+        structure, free = equation.structure, self.free
+        assert isinstance(structure, Stribeck)
+        assert isinstance(free.structure, KnotTable)
+        knots = np.asarray(free.structure.knots)
+        velocity = np.concatenate([knots, -knots])
+        signs, names = np.sign(velocity), equation.fixed_names
+        fixed, own = len(free.fixed_names), len(names)
+        # Factors of the free table for each factor of the law.
+        law = np.zeros((len(self.sums), own + len(structure.names)))
+        for place, name in enumerate(names):
+            if name == "offset":
+                law[fixed:, place] = signs
+            else:
+                law[free.fixed_names.index(name), place] = 1.0
+        starts, gains = structure.starts(equation.speed_range), []
+        for shape in starts:
+            law[fixed:, own:] = signs[:, None] * structure.columns(velocity, shape)
+            sums = law.T @ self.sums
+            gains.append(sums[:, -1] @ ridged(sums[:, :-1] @ law, sums[:, -1]))
+        return np.asarray(starts[np.argmax(gains)])
+
+
+def weigh(equation: Equation, loss: str) -> Weights:
+    """Return the weights of the rows under a table per direction that can bend anywhere.
+
+    Args:
+        equation: Of any law.
+        loss: ``"trim"``, ``"student"``, ``"huber"`` or ``"gauss"``.
+
+    Raises:
+        FitError: If the loss is unknown.
+    """
+    free = equation.with_structure(
+        KnotTable(True, default_knots(equation.speed, KNOTS))
+    )
+    used = free.usable
+    rows, target = free.design(np.zeros(0))[used], free.target[used]
+    right = np.column_stack([rows, target])
+    every = rows.T @ right
+    count, size = rows.shape
+
+    def sums(share: Float[np.ndarray, " t"]) -> Float[np.ndarray, "k k1"]:
+        less = np.flatnonzero(share < 1.0)
+        return np.asarray(
+            every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]
+        )
+
+    def solve(
+        value: Float[np.ndarray, " p"],
+        pseudo: Float[np.ndarray, " t"],
+        wild: Bool[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " p"]:
+        move = ridged(sums(1.0 - wild)[:, :-1], rows.T @ pseudo)
+        return np.asarray(value + move)
+
+    last, _ = iterate(
+        np.zeros(size),
+        lambda value: target - rows @ value,
+        solve,
+        np.ones(count),
+        size,
+        least_scale(target),
+        loss if count > 2 * size else "gauss",
+    )
+    ratio = (target - rows @ last.value) / last.loss.scale
+    own = np.where(last.wild, 0.0, last.loss.share(ratio))
+    share = np.zeros(len(used))
+    share[used] = own
+    limit = np.inf if loss == "gauss" else _WILD * last.loss.scale
+    return Weights(share, limit, free, sums(own))
+
+
+def ridged(
+    matrix: Float[np.ndarray, "*w k k"], right: Float[np.ndarray, "*w k"]
+) -> Float[np.ndarray, "*w k"]:
+    """Return the solutions of normal equations; 0 where columns have no rows."""
+    size = np.sqrt(np.maximum(np.einsum("...kk->...k", matrix), 0.0))
+    size = np.where(size > 0, size, 1.0)
+    scaled = matrix / (size[..., :, None] * size[..., None, :])
+    scaled = scaled + _RIDGE * np.eye(matrix.shape[-1])
+    return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)

@@ -6,12 +6,13 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
 
 from ...models import AbstractFriction
 from ..core import one_blas_thread
-from ._equation import Equation, Known, equation_of
+from ._equation import Equation, Known, Weights, equation_of, weigh
 from ._samples import DriveSamples
-from ._separable import Solution, Weights, fit_equation, weigh
+from ._separable import Solution, fit_equation
 from ._structures import GAUSS, WAYS, AbstractStructure, CoulombViscous, Stribeck
 
 METHOD = "inverse dynamic fit"
@@ -242,31 +243,20 @@ def assemble(
     structure, fixed = equation.structure, len(equation.fixed_names)
     count, shapes = len(solution.factors), len(solution.shape)
     to_offset, to_law = part_offset(equation)
+    parted = to_offset is not None
     # The law as fitted, and all parameters as users read them, by factors and shape.
     inner = np.eye(count + shapes)[fixed:]
     inner[: count - fixed, :count] = to_law
-    state = np.concatenate([solution.factors, solution.shape])
-    law = inner @ state
-    names, sums = structure.reported
-    each_way = [name + way for way in WAYS[: structure.ways] for name in names]
-    names = (
-        *equation.fixed_names,
-        *["offset"] * (to_offset is not None),
-        *(each_way if structure.directional else names),
-        *structure.shapes,
-    )
-    jacobian = np.zeros((len(names), count + shapes))
-    jacobian[:fixed, :fixed] = np.eye(fixed)
-    if to_offset is not None:
-        jacobian[fixed, :count] = to_offset
-    own = len(names) - len(each_way) - shapes
-    jacobian[own : len(names) - shapes] = (
-        np.kron(np.eye(structure.ways), sums) @ inner[: count - fixed]
-    )
-    values = jacobian @ state
-    values[len(names) - shapes :] = np.exp(solution.shape)
-    jacobian[len(names) - shapes :, count:] = np.diag(np.exp(solution.shape))
-    parted = to_offset is not None
+    law = inner @ np.concatenate([solution.factors, solution.shape])
+    words, sums = structure.reported
+    if structure.directional:
+        words = tuple(name + way for way in WAYS for name in words)
+    names = (*equation.fixed_names, *["offset"] * parted, *words, *structure.shapes)
+    beside = [np.eye(count)[:fixed]] + ([] if to_offset is None else [to_offset])
+    linear = np.vstack([*beside, np.kron(np.eye(structure.ways), sums) @ to_law])
+    natural = np.exp(solution.shape)
+    values = np.concatenate([linear @ solution.factors, natural])
+    jacobian = block_diag(linear, np.diag(natural))
     undetermined = _undetermined(equation, solution, names, jacobian, parted)
     undetermined = dict(missing) | undetermined | dict(missing)
     open_ = np.array([name in undetermined for name in names], bool)
@@ -378,7 +368,7 @@ def _undetermined(
 def _gauges(equation: Equation, solution: Solution, parted: bool) -> tuple[str, ...]:
     """Return what is only seen together, in sentences."""
     seen, fixed = equation.samples.directions, len(equation.fixed_names)
-    if not parted and (all(seen) or not equation.fits_offset):
+    if not parted and (all(seen) or "offset" not in equation.fixed_names):
         return ()
     mean = equation.structure.levels / equation.structure.levels.sum()
     levels = solution.factors[fixed:].reshape(equation.structure.ways, -1) @ mean

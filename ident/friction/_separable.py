@@ -22,16 +22,10 @@ from scipy.optimize import leastsq
 
 from ...data.signals import median
 from ..core import FitError
-from ..core._regression import iterate, least_scale
-from ._equation import Equation
-from ._structures import KNOTS, KnotTable, Stribeck, default_knots
+from ._equation import Equation, Weights, ridged
 
-_WILD = 4.0
-"""Error in scales beyond which a row says nothing of the law."""
 _NULL = 1e-9
 """Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
-_RIDGE = 1e-12
-"""Added to scaled normal matrices that are inverted as they stand."""
 _TOLERANCE = 1e-8
 """Of cost and shape at the end of a search."""
 _FIRST_STEP = 0.1
@@ -76,112 +70,6 @@ class Solution:
     scale: float
     converged: bool
     at_bound: Bool[np.ndarray, " h"]
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Weights:
-    """What the rows say before any law is asked.
-
-    Attributes:
-        share: How much each row counts, 0 to 1.
-        limit: Largest error that says anything of a law.
-        free: Equation of the free table.
-        sums: Its XᵀW [X, target].
-    """
-
-    share: Float[np.ndarray, " s"]
-    limit: float
-    free: Equation
-    sums: Float[np.ndarray, "k k1"]
-
-    def start(self, equation: Equation) -> Float[np.ndarray, " h"]:
-        """Return the start of a law's shape that leaves the least, as the free table sees it."""
-        structure, free = equation.structure, self.free
-        assert isinstance(structure, Stribeck)
-        assert isinstance(free.structure, KnotTable)
-        speed = np.tile(free.structure.knots, 2)
-        velocity = speed * np.repeat([1.0, -1.0], len(speed) // 2)
-        names, fixed = equation.fixed_names, len(free.fixed_names)
-        starts = structure.starts(equation.speed_range)
-        # Factors of the free table for each factor of the law; only the drop changes.
-        own = np.sign(velocity)[:, None] * structure.columns(velocity, starts[0])
-        drop = own[:, (last := len(structure.factors) - 1) :: last + 1] != 0
-        law = np.zeros((len(starts), len(self.sums), len(names) + own.shape[1]))
-        law[:, fixed:, len(names) :] = own
-        for place, name in enumerate(names):
-            if name == "offset":
-                law[:, fixed:, place] = np.sign(velocity)
-            else:
-                law[:, free.fixed_names.index(name), place] = 1.0
-        for each, shape in zip(law, starts, strict=True):
-            falling = structure.falling(speed, shape)[:, :1]
-            each[fixed:, len(names) + last :: last + 1] = drop * falling
-        across = np.swapaxes(law, 1, 2)
-        moments = across @ self.sums[:, -1]
-        found = ridged(across @ (self.sums[:, :-1] @ law), moments)
-        return np.asarray(starts[np.argmax((moments * found).sum(axis=1))])
-
-
-def weigh(equation: Equation, loss: str) -> Weights:
-    """Return the weights of the rows under a table per direction that can bend anywhere.
-
-    Args:
-        equation: Of any law.
-        loss: ``"trim"``, ``"student"``, ``"huber"`` or ``"gauss"``.
-
-    Raises:
-        FitError: If the loss is unknown.
-    """
-    free = equation.with_structure(
-        KnotTable(True, default_knots(equation.speed, KNOTS))
-    )
-    used = free.usable
-    rows, target = free.design(np.zeros(0))[used], free.target[used]
-    right = np.column_stack([rows, target])
-    every = rows.T @ right
-    count, size = rows.shape
-
-    def sums(share: Float[np.ndarray, " t"]) -> Float[np.ndarray, "k k1"]:
-        less = np.flatnonzero(share < 1.0)
-        return np.asarray(
-            every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]
-        )
-
-    def solve(
-        value: Float[np.ndarray, " p"],
-        pseudo: Float[np.ndarray, " t"],
-        wild: Bool[np.ndarray, " t"],
-    ) -> Float[np.ndarray, " p"]:
-        move = ridged(sums(1.0 - wild)[:, :-1], rows.T @ pseudo)
-        return np.asarray(value + move)
-
-    last, _ = iterate(
-        np.zeros(size),
-        lambda value: target - rows @ value,
-        solve,
-        np.ones(count),
-        size,
-        least_scale(target),
-        loss if count > 2 * size else "gauss",
-    )
-    ratio = (target - rows @ last.value) / last.loss.scale
-    own = np.where(last.wild, 0.0, last.loss.share(ratio))
-    share = np.zeros(len(used))
-    share[used] = own
-    limit = np.inf if loss == "gauss" else _WILD * last.loss.scale
-    return Weights(share, limit, free, sums(own))
-
-
-def ridged(
-    matrix: Float[np.ndarray, "*w k k"], right: Float[np.ndarray, "*w k"]
-) -> Float[np.ndarray, "*w k"]:
-    """Return the solutions of normal equations; 0 where columns have no rows."""
-    size = np.sqrt(np.maximum(np.einsum("...kk->...k", matrix), 0.0))
-    size = np.where(size > 0, size, 1.0)
-    scaled = matrix / (size[..., :, None] * size[..., None, :])
-    scaled = scaled + _RIDGE * np.eye(matrix.shape[-1])
-    return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)
 
 
 def _rooted(

@@ -21,8 +21,7 @@ from ...models import (
     Setpoints,
     StribeckFriction,
     linear_weights,
-    stribeck_decay,
-    stribeck_slopes,
+    stribeck_columns,
 )
 
 WAYS = ("_positive", "_negative")
@@ -30,7 +29,7 @@ KNOTS = 20
 """Knots of a free table."""
 GAUSS = 2.0
 """Exponent of the Stribeck curve that is assumed where the data do not tell it."""
-_EXPONENTS = (0.7, 1.0, 2.0)
+_EXPONENTS = (1.0, 2.0)
 """Exponents from which the search starts."""
 _EXPONENT_RANGE = (0.3, 6.0)
 _RATIO = 2.0
@@ -86,9 +85,9 @@ class AbstractStructure(abc.ABC):
     def factors(self) -> tuple[str, ...]:
         """Names of the linear factors of one direction."""
 
-    @abc.abstractmethod
     def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
         """Return the columns of one direction that follow no shape, over speeds in mm/s."""
+        return np.stack([np.ones_like(speed), speed], axis=1)
 
     @abc.abstractmethod
     def law(
@@ -189,16 +188,13 @@ class CoulombViscous(AbstractStructure):
         """See `AbstractStructure`."""
         return ("coulomb", "viscous")
 
-    def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
-        """See `AbstractStructure`."""
-        return np.stack([np.ones_like(speed), speed], axis=1)
-
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
-        return StribeckFriction(coulomb, coulomb, 1.0, GAUSS, viscous)
+        numbers = coulomb, coulomb, 1.0, GAUSS, viscous
+        return StribeckFriction(*map(jnp.asarray, numbers))
 
 
 @final
@@ -255,25 +251,19 @@ class Stribeck(AbstractStructure):
         exponent = float(np.exp(shape[1])) if self.exponent is None else self.exponent
         return float(np.exp(shape[0])), exponent
 
-    def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
-        """See `AbstractStructure`."""
-        return np.stack([np.ones_like(speed), speed], axis=1)
-
     def falling(
         self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
     ) -> Float[np.ndarray, "t c"]:
         """See `AbstractStructure`."""
-        natural = self._natural(shape)
-        slopes = stribeck_slopes(speed, *natural)[: len(shape)]
-        return np.stack([stribeck_decay(speed, *natural), *slopes], axis=1)
+        return stribeck_columns(speed, *self._natural(shape))[: 1 + len(shape)].T
 
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
-        natural = self._natural(shape)
-        return StribeckFriction(coulomb, coulomb + drop, *natural, viscous)
+        numbers = coulomb, coulomb + drop, *self._natural(shape), viscous
+        return StribeckFriction(*map(jnp.asarray, numbers))
 
 
 @final
