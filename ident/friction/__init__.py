@@ -4,11 +4,12 @@ Read in this order:
 
 - `_samples`: `DriveSamples`, what a drive recorded.
 - `_structures`: the kinds of law, Coulomb + viscous, Stribeck, table, and their columns.
-- `_equation`: a recording as rows of a linear equation, filtered alike on both sides.
-- `_separable`: its robust fit by variable projection; `_smoothing`: how smooth a table is;
-  `_covariance`: standard deviations where neighbouring residuals resemble each other.
-- `_determined`, `_result`: what the data do not tell; `FrictionFit` with parameters and σ.
-- `_inverse`: `fit_inverse`, all of that in one call.
+- `_equation`: a recording as rows of a linear equation, filtered alike on both sides, and
+  their weights under a free table.
+- `_separable`: the fit of a law by variable projection, how smooth a table is, and standard
+  deviations where neighbouring residuals resemble each other.
+- `_inverse`: `fit_inverse`, all of that in one call, and what the data do not tell;
+  `FrictionFit` with parameters and σ.
 - `_choice`: `choose_law`, which kind of law predicts windows held out.
 - `_simulate`: a drive under a measured force, with its sensitivities; `_shooting`: the problem
   of simulated positions and its solvers; `_output_error`: `fit_output_error`.

@@ -3,7 +3,8 @@
 Both sides go through one low-pass and are thinned to about a hundred rows per second: what is
 filtered alike on both sides keeps a linear equation true, so the filter takes noise away
 without a shift or a smear that one side would see and the other not (the "parallel filter" of
-the robotics literature: Gautier, Janot and others).
+the robotics literature: Gautier, Janot and others). The rows are weighed once, under a table
+that can bend anywhere: what is wild under it is wild under any law.
 """
 
 import dataclasses
@@ -226,7 +227,8 @@ class Equation:
     ) -> Float[np.ndarray, "w s k"]:
         """Return columns over speed with the signs of each direction, filtered."""
         rows = self.lowpass(np.hstack([sign[:, None] * profile for sign in signs]))
-        return np.moveaxis(rows.reshape(len(rows), len(signs), -1), 1, 0)
+        shape = len(rows), len(signs), profile.shape[1]
+        return np.moveaxis(rows.reshape(shape), 1, 0)
 
     @cached_property
     def steady(self) -> Float[np.ndarray, "w s k"]:
@@ -248,11 +250,7 @@ class Equation:
         return self._of_each_way(profile, self.structure.signs(velocity))
 
     def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
-        """Return all linear columns, those beside friction first.
-
-        Args:
-            shape: Logarithms of the law's non-linear parameters.
-        """
+        """Return all linear columns, those beside friction first."""
         friction = np.concatenate([self.steady, self.falling(shape)[:, :, :1]], axis=2)
         return np.hstack([self.beside, *friction])
 
@@ -373,20 +371,16 @@ def weigh(equation: Equation, loss: str) -> Weights:
         move = ridged(sums(1.0 - wild)[:, :-1], rows.T @ pseudo)
         return np.asarray(value + move)
 
-    last, _ = iterate(
-        np.zeros(size),
-        lambda value: target - rows @ value,
-        solve,
-        np.ones(count),
-        size,
-        least_scale(target),
-        loss if count > 2 * size else "gauss",
-    )
-    ratio = (target - rows @ last.value) / last.loss.scale
-    own = np.where(last.wild, 0.0, last.loss.share(ratio))
-    share = np.zeros(len(used))
+    own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
+    if loss != "gauss" and count > 2 * size:
+        floor, even = least_scale(target), np.ones(count)
+        last, _ = iterate(
+            np.zeros(size), lambda x: target - rows @ x, solve, even, size, floor, loss
+        )
+        ratio = (target - rows @ last.value) / last.loss.scale
+        own = np.where(last.wild, 0.0, last.loss.share(ratio))
+        limit = _WILD * last.loss.scale
     share[used] = own
-    limit = np.inf if loss == "gauss" else _WILD * last.loss.scale
     return Weights(share, limit, free, sums(own))
 
 

@@ -256,7 +256,7 @@ def assemble(
     linear = np.vstack([*beside, np.kron(np.eye(structure.ways), sums) @ to_law])
     natural = np.exp(solution.shape)
     values = np.concatenate([linear @ solution.factors, natural])
-    jacobian = block_diag(linear, np.diag(natural))
+    jacobian = np.asarray(block_diag(linear, np.diag(natural)), float)
     undetermined = _undetermined(equation, solution, names, jacobian, parted)
     undetermined = dict(missing) | undetermined | dict(missing)
     open_ = np.array([name in undetermined for name in names], bool)

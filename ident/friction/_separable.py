@@ -1,9 +1,8 @@
-r"""The separable fit of a law: rows weighed once, linear factors eliminated, shapes searched.
+r"""The separable fit of a law: linear factors eliminated, shapes searched, rows weighed before.
 
 A friction law is never quite the truth: what it leaves is in good part its own error, and a
-loss that looked at it would weigh speeds against each other. So the weights of the rows are
-those of a table per direction that can bend anywhere: what is wild under it is wild under any
-law.
+loss that looked at it would weigh speeds against each other. So the weights of the rows stay
+those of `weigh`.
 
 Variable projection: at each trial shape the linear factors follow from least squares, so the
 search runs over Stribeck velocity and exponent only. Source: G. Golub, V. Pereyra, Separable
