@@ -27,8 +27,10 @@ _NULL = 1e-9
 """Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
 _TOLERANCE = 1e-8
 """Of cost and shape at the end of a search."""
-_FIRST_STEP = 0.1
-"""Bound of the first step, as a share of the unknowns."""
+_AWAY, _FIRST_STEP = 5.0, 0.1
+"""MINPACK bounds its first step by a share of the unknowns: so they stay away from 0."""
+_INSIDE = 0.999
+"""Share of the way from the middle of the bounds to their edge where a search may begin."""
 _AT_BOUND = 0.01
 """Distance to a bound, as a share of the range, that counts as none."""
 _LARGEST_LEVERAGE = 0.9
@@ -191,7 +193,8 @@ def _search(
 ) -> tuple[Float[np.ndarray, " h"], bool]:
     """Return the logarithms of the shape that leave the least, and whether the search ended."""
     basis = _basis(rows.root * np.hstack([equation.beside, *equation.steady]))
-    low, high = equation.structure.bounds(equation.speed_range)
+    bounds = equation.structure.bounds(equation.speed_range)
+    middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
     kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def apart(columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
@@ -205,22 +208,25 @@ def _search(
         """Return what is left, and its derivative with factors following (Kaufman's part)."""
         if free.tobytes() not in kept:
             kept.clear()
-            own = equation.falling(np.clip(free, low, high))
+            inside = np.tanh(free - _AWAY)
+            own = equation.falling(middle + half * inside)
             columns = apart(own[:, :, 0].T)
             gram = columns.T @ columns
             factors = ridged(gram, columns.T @ target)
             slopes = apart(np.tensordot(factors, own[:, :, 1:], 1))
-            slopes = slopes * ((free > low) & (free < high))
+            slopes = slopes * (half * (1.0 - inside**2))
             follow = [ridged(gram, each) for each in slopes.T @ columns]
             slopes = columns @ np.stack(follow, axis=1) - slopes
             kept[free.tobytes()] = target - columns @ factors, slopes
         return kept[free.tobytes()]
 
     found = leastsq(
-        lambda free: at(free)[0], begin, Dfun=lambda free: at(free)[1],
+        lambda free: at(free)[0],
+        _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
+        Dfun=lambda free: at(free)[1],
         xtol=_TOLERANCE, ftol=_TOLERANCE, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
-    return np.clip(found[0], low, high), found[-1] in (1, 2, 3, 4)
+    return middle + half * np.tanh(found[0] - _AWAY), found[-1] in (1, 2, 3, 4)
 
 
 def _smoothness(

@@ -29,10 +29,10 @@ KNOTS = 20
 """Knots of a free table."""
 GAUSS = 2.0
 """Exponent of the Stribeck curve that is assumed where the data do not tell it."""
-_EXPONENTS = (1.0, 2.0)
+_EXPONENTS = (0.7, 1.0, 2.0)
 """Exponents from which the search starts."""
 _EXPONENT_RANGE = (0.3, 6.0)
-_RATIO = 2.0
+_RATIO = np.sqrt(2.0)
 """Ratio of neighbouring Stribeck velocities from which the search starts."""
 _LEVELS = 400
 """Speeds at which the distribution of a recording is taken."""
