@@ -73,8 +73,7 @@ from ._friction_compensation import (
 )
 from ._friction_stribeck import (
     StribeckFriction as StribeckFriction,
-    stribeck_decay as stribeck_decay,
-    stribeck_slopes as stribeck_slopes,
+    stribeck_columns as stribeck_columns,
 )
 from ._leadscrew import Leadscrew as Leadscrew
 from ._motion import (

@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 from ._friction import AbstractFriction
 from ._nodes import float_array, is_known
 
-_LARGEST_POWER = 6.6
-"""Logarithm of the power from which on exp(−power) is 0 in double precision."""
+_LARGEST_POWER = 5.7
+"""Logarithm of the power from which on exp(−power) is nothing beside 1. Its square is still a
+normal number: processors take a hundred times as long for smaller ones."""
 
 
 @final
@@ -92,30 +93,22 @@ class StribeckFriction(AbstractFriction):
         return coulomb + excess * decay + choose(self.viscous) * speed
 
 
-def stribeck_decay(
-    speed: Float[np.ndarray, "..."],
-    velocity: float | Float[np.ndarray, "..."],
-    shape: float | Float[np.ndarray, "..."],
-) -> Float[np.ndarray, "..."]:
-    r"""Return the share of the break-away excess that is left at speeds, by NumPy.
+def stribeck_columns(
+    speed: Float[np.ndarray, " t"], velocity: float, shape: float
+) -> Float[np.ndarray, "3 t"]:
+    r"""Return the column of $s - c$ in `StribeckFriction` and its derivatives, by NumPy.
 
-    The column of $s - c$ in `StribeckFriction`: $e^{-(|v|/v_s)^\delta}$. Arguments broadcast.
+    The share of the break-away excess that is left at speeds, $e^{-(|v|/v_s)^\delta}$, then its
+    derivatives by $\ln v_s$ and $\ln \delta$.
 
     Args:
         speed: |v| in mm/s or °/s.
         velocity: Stribeck velocity $v_s$ in the same unit.
         shape: Exponent $\delta$.
     """
-    return np.asarray(_decay(np, speed, velocity, shape)[0])
-
-
-def stribeck_slopes(
-    speed: Float[np.ndarray, " t"], velocity: float, shape: float
-) -> Float[np.ndarray, "2 t"]:
-    r"""Return the derivatives of `stribeck_decay` by $\ln v_s$ and $\ln \delta$."""
     decay, power, raised = _decay(np, speed, velocity, shape)
     both = power * decay
-    return np.stack([shape * both, -raised * both])
+    return np.stack([decay, shape * both, -raised * both])
 
 
 def _decay(xp: ModuleType, speed: Any, velocity: Any, shape: Any) -> Any:

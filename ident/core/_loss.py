@@ -17,7 +17,7 @@ from scipy.special import gammaln
 
 from ._errors import FitError
 
-LOSSES = "student", "huber", "gauss"
+LOSSES = "student", "huber", "trim", "gauss"
 WILD = 7.0
 """Readings further off than this many scales carry no information on the fit at all."""
 HUBER = 1.345
@@ -85,7 +85,7 @@ def choose_loss(
     """Return the loss with its scale taken from the residuals.
 
     Args:
-        name: ``"student"``, ``"huber"`` or ``"gauss"``.
+        name: ``"student"``, ``"huber"``, ``"gauss"``, or ``"trim"``: least squares but for wild.
         residual: Residuals × √weight.
         inflation: Factor ≥ 1 that undoes the shrinkage of residuals by the fitted parameters.
         floor: Smallest scale.
@@ -97,7 +97,7 @@ def choose_loss(
         FitError: If the name is unknown.
     """
     if name not in LOSSES:
-        msg = f"loss: found {name!r}, expected 'student', 'huber' or 'gauss'."
+        msg = f"loss: found {name!r}, expected 'student', 'huber', 'trim' or 'gauss'."
         raise FitError(msg)
     size = np.abs(residual)
     total = len(size) if count is None else int(count.sum())
@@ -109,6 +109,8 @@ def choose_loss(
     robust = max(1.4826 * middle * inflation, floor)
     if name == "gauss":
         return Loss(robust)
+    if name == "trim":
+        return Loss(robust, limit=WILD, wild_from=WILD)
     if name == "huber":
         return Loss(robust, corner=HUBER, wild_from=WILD)
     # A scale from a handful of readings is uncertain itself.

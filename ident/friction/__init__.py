@@ -4,11 +4,12 @@ Read in this order:
 
 - `_samples`: `DriveSamples`, what a drive recorded.
 - `_structures`: the kinds of law, Coulomb + viscous, Stribeck, table, and their columns.
-- `_equation`: a recording as rows of a linear equation, filtered alike on both sides.
-- `_separable`: its robust fit by variable projection; `_smoothing`: how smooth a table is;
-  `_covariance`: standard deviations where neighbouring residuals resemble each other.
-- `_determined`, `_result`: what the data do not tell; `FrictionFit` with parameters and σ.
-- `_inverse`: `fit_inverse`, all of that in one call.
+- `_equation`: a recording as rows of a linear equation, filtered alike on both sides, and
+  their weights under a free table.
+- `_separable`: the fit of a law by variable projection, how smooth a table is, and standard
+  deviations where neighbouring residuals resemble each other.
+- `_inverse`: `fit_inverse`, all of that in one call, and what the data do not tell;
+  `FrictionFit` with parameters and σ.
 - `_choice`: `choose_law`, which kind of law predicts windows held out.
 - `_simulate`: a drive under a measured force, with its sensitivities, the problem of its
   positions with both solvers, and what a controller gives around reversals; `_output_error`:
@@ -24,14 +25,17 @@ from ._choice import (
     choose_law as choose_law,
 )
 from ._equation import Known as Known
-from ._inverse import fit_inverse as fit_inverse, force_error as force_error
+from ._inverse import (
+    FrictionFit as FrictionFit,
+    fit_inverse as fit_inverse,
+    force_error as force_error,
+)
 from ._knots import Knots as Knots, place_knots as place_knots
 from ._output_error import (
     OutputErrorFit as OutputErrorFit,
     fit_output_error as fit_output_error,
     laws_held_out as laws_held_out,
 )
-from ._result import FrictionFit as FrictionFit
 from ._reversal import ReversalFit as ReversalFit, fit_reversal as fit_reversal
 from ._samples import DriveSamples as DriveSamples
 from ._structures import (

@@ -3,7 +3,8 @@
 Both sides go through one low-pass and are thinned to about a hundred rows per second: what is
 filtered alike on both sides keeps a linear equation true, so the filter takes noise away
 without a shift or a smear that one side would see and the other not (the "parallel filter" of
-the robotics literature: Gautier, Janot and others).
+the robotics literature: Gautier, Janot and others). The rows are weighed once, under a table
+that can bend anywhere: what is wild under it is wild under any law.
 """
 
 import dataclasses
@@ -15,13 +16,28 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.signal import firwin
 
-from ._samples import DriveSamples
-from ._structures import AbstractStructure, default_knots, range_of
+from ..core import FitError
+from ..core._regression import iterate, least_scale
+from ._samples import DriveSamples, check_samples
+from ._structures import (
+    KNOTS,
+    AbstractStructure,
+    KnotTable,
+    Stribeck,
+    default_knots,
+    range_of,
+)
 
 _REACH = 10
 """Half the length of the filter in rows."""
 _RATE = 100.0
 """Rows per s where nothing else is asked for."""
+_WILD = 4.0
+"""Error in scales beyond which a row says nothing of the law."""
+_RIDGE = 1e-12
+"""Added to scaled normal matrices that are inverted as they stand."""
+_SHARED = ("lowpass", "load", "target", "usable", "piece", "speed", "speed_range")
+"""What equations of one recording have in common, besides columns."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,21 +98,15 @@ class Lowpass:
 
     def __call__(self, columns: Float[np.ndarray, "t c"]) -> Float[np.ndarray, "s c"]:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
-        if self.factor == 1:
-            return columns
-        if not columns.size:
+        if self.factor == 1 or not columns.shape[1]:
             return np.asarray(columns[self.centres])
         found = [np.zeros((0, columns.shape[1]))]
-        for run in self._runs:
-            count = (run.stop - run.start - len(self._kernel)) // self.factor + 1
-            found.append(self._run(columns[run], count))
-        return np.concatenate(found)
+        return np.concatenate(found + [self._run(columns[run]) for run in self._runs])
 
-    def _run(
-        self, columns: Float[np.ndarray, "m c"], count: int
-    ) -> Float[np.ndarray, "r c"]:
-        """Return so many rows: products of pieces of column and kernel, added in place."""
+    def _run(self, columns: Float[np.ndarray, "m c"]) -> Float[np.ndarray, "r c"]:
+        """Return the rows of one piece: products of its parts and the kernel's, summed."""
         factor, parts = self.factor, 2 * _REACH + 1
+        count = (len(columns) - len(self._kernel)) // factor + 1
         kernel = np.append(self._kernel, np.zeros(factor - 1)).reshape(parts, factor)
         whole = np.zeros((columns.shape[1], (count + parts - 1) * factor))
         used = min(len(columns), whole.shape[1])
@@ -107,11 +117,6 @@ class Lowpass:
         for part, each in enumerate(products):
             rows += each[:, part : part + count]
         return rows.T
-
-
-def default_factor(cycle: float) -> int:
-    """Return the samples per row that leave about a hundred rows per second."""
-    return max(1, round(1.0 / (_RATE * cycle)))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -133,20 +138,22 @@ class Equation:
     def with_structure(self, structure: AbstractStructure) -> "Equation":
         """Return the same rows for another kind of law; what they share is kept."""
         other = dataclasses.replace(self, structure=structure)
-        for name in (
-            "lowpass",
-            "load",
-            "target",
-            "usable",
-            "piece",
-            "speed",
-            "speed_range",
-            "_still",
-        ):
+        for name in (*_SHARED, "_beside", "_steady"):
             other.__dict__[name] = getattr(self, name)
-        if structure.directional == self.structure.directional:
-            other.__dict__["_beside"] = self._beside
         return other
+
+    @cached_property
+    def noise_free(self) -> "Equation | None":
+        """The same of the motion free of noise, where one stands beside the measured one."""
+        fine = self.samples.instrument_velocity
+        if fine is None:
+            return None
+        samples = dataclasses.replace(
+            self.samples,
+            velocity=fine,
+            acceleration=self.samples.instrument_acceleration,
+        )
+        return dataclasses.replace(self, samples=samples)
 
     @cached_property
     def lowpass(self) -> Lowpass:
@@ -161,11 +168,9 @@ class Equation:
     @cached_property
     def target(self) -> Float[np.ndarray, " s"]:
         """The load without its known parts, filtered."""
-        known = np.zeros_like(self.samples.current)
+        known = np.full_like(self.samples.current, self.known.offset or 0.0)
         if self.known.inertia is not None and self.samples.acceleration is not None:
-            known = self.known.inertia * self.samples.acceleration
-        if self.known.offset is not None:
-            known = known + self.known.offset
+            known += self.known.inertia * self.samples.acceleration
         return np.asarray(self.load - self.lowpass(known[:, None])[:, 0])
 
     @cached_property
@@ -189,120 +194,202 @@ class Equation:
         """Slowest and fastest speed in mm/s (`range_of`)."""
         return range_of(self.speed)
 
-    def knots(self, count: int) -> tuple[float, ...]:
-        """Return knots in mm/s where the samples in motion are (`default_knots`)."""
-        return default_knots(self.speed, count)
-
-    @property
-    def fits_offset(self) -> bool:
-        """Whether the offset has a column of its own.
-
-        Per direction it has none: it could not be told from the difference of the levels.
-        """
-        return self.known.offset is None and not self.structure.directional
-
     @cached_property
     def fixed_names(self) -> tuple[str, ...]:
-        """Names of the columns that do not belong to friction."""
+        """Names of the columns that do not belong to friction.
+
+        Per direction the offset has none: it could not be told from a difference of levels.
+        """
         inertia = self.known.inertia is None and self.samples.acceleration is not None
-        names = ("inertia",) * inertia + ("offset",) * self.fits_offset
+        offset = self.known.offset is None and not self.structure.directional
+        names = ("inertia",) * inertia + ("offset",) * offset
         return names + tuple(self.samples.loads)
 
-    @property
-    def has_instrument(self) -> bool:
-        """Whether a noise-free motion stands beside the measured one."""
-        return self.samples.instrument_velocity is not None
+    @cached_property
+    def beside(self) -> Float[np.ndarray, "s f"]:
+        """Columns that do not belong to friction."""
+        kept = [name in self.fixed_names for name in ("inertia", "offset")]
+        return self._beside[:, [*kept, *[True] * len(self.samples.loads)]]
 
     @cached_property
-    def _beside(self) -> list[Float[np.ndarray, "s f"]]:
-        """Columns that do not belong to friction, of the measured and noise-free motion."""
-        samples, found = self.samples, []
-        for acceleration in (samples.acceleration, samples.instrument_acceleration):
-            columns = list(samples.loads.values())
-            if self.fits_offset:
-                columns.insert(0, np.ones(len(samples.time)))
-            if "inertia" in self.fixed_names and acceleration is not None:
-                columns.insert(0, acceleration)
-            stacked = np.stack([*columns, samples.current], axis=1)[:, :-1]
-            found.append(self.lowpass(stacked))
-        return found
-
-    def _velocity(self, instrument: bool) -> Float[np.ndarray, " t"]:
-        fine = self.samples.instrument_velocity
-        return fine if instrument and fine is not None else self.samples.velocity
-
-    def design(
-        self, shape: Float[np.ndarray, " h"], *, instrument: bool = False
-    ) -> Float[np.ndarray, "s k"]:
-        """Return all linear columns, those beside friction first.
-
-        Args:
-            shape: Logarithms of the law's non-linear parameters.
-            instrument: Of the noise-free motion instead of the measured one.
-        """
-        kept = self._designs.get(instrument)
-        if kept is not None and np.array_equal(kept[0], shape):
-            return kept[1]
-        own = self._friction(shape, instrument)
-        found = np.concatenate([self._beside[instrument], own], axis=1)
-        self._designs[instrument] = shape, found
-        return found
-
-    def _friction(
-        self, shape: Float[np.ndarray, " h"], instrument: bool
-    ) -> Float[np.ndarray, "s k"]:
-        """Return the columns of friction; those that follow no shape are made once."""
-        velocity, structure = self._velocity(instrument), self.structure
-        if structure.shapes:
-            return self.lowpass(structure.columns(velocity, shape))
-        each_way = dataclasses.replace(structure, directional=True)
-        key = each_way, instrument
-        if key not in self._still:
-            self._still[key] = self.lowpass(each_way.columns(velocity, shape))
-        found, width = self._still[key], len(structure.factors)
-        return found if structure.directional else found[:, :width] + found[:, width:]
+    def _beside(self) -> Float[np.ndarray, "s f"]:
+        samples, even = self.samples, np.ones(len(self.samples.time))
+        push = even if samples.acceleration is None else samples.acceleration
+        return self.lowpass(np.stack([push, even, *samples.loads.values()], axis=1))
 
     @cached_property
-    def _still(
-        self,
-    ) -> dict[tuple[AbstractStructure, bool], Float[np.ndarray, "s k"]]:
-        """Columns per direction of laws without a shape, for all laws of the recording."""
+    def _steady(self) -> dict[AbstractStructure, Float[np.ndarray, "2 s k"]]:
+        """Columns per direction that follow no shape, of all laws of the recording."""
         return {}
 
-    @cached_property
-    def _designs(
-        self,
-    ) -> dict[bool, tuple[Float[np.ndarray, " h"], Float[np.ndarray, "s k"]]]:
-        """The design that was asked for last, and its shape."""
-        return {}
+    def _of_each_way(
+        self, profile: Float[np.ndarray, "t k"], signs: Float[np.ndarray, "w t"]
+    ) -> Float[np.ndarray, "w s k"]:
+        """Return columns over speed with the signs of each direction, filtered."""
+        rows = self.lowpass(np.hstack([sign[:, None] * profile for sign in signs]))
+        shape = len(rows), len(signs), profile.shape[1]
+        return np.moveaxis(rows.reshape(shape), 1, 0)
 
-    def last_columns(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s w"]:
-        """Return the last column of each direction, which alone follows the shape."""
+    @cached_property
+    def steady(self) -> Float[np.ndarray, "w s k"]:
+        """Columns of friction that follow no shape; those of both directions are kept."""
+        each_way = dataclasses.replace(self.structure, directional=True)
+        if each_way not in self._steady:
+            velocity = self.samples.velocity
+            profile = each_way.steady(np.abs(velocity))
+            self._steady[each_way] = self._of_each_way(
+                profile, each_way.signs(velocity)
+            )
+        found = self._steady[each_way]
+        return found if self.structure.directional else found.sum(axis=0)[None]
+
+    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s c"]:
+        """Return the column of each direction that follows the shape, and its derivatives."""
         velocity = self.samples.velocity
-        signs = self.structure.signs(velocity)
-        last = self.structure.last(np.abs(velocity), shape[None])[0]
-        return self.lowpass((signs * last).T)
+        profile = self.structure.falling(np.abs(velocity), shape)
+        return self._of_each_way(profile, self.structure.signs(velocity))
+
+    def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
+        """Return all linear columns, those beside friction first."""
+        friction = np.concatenate([self.steady, self.falling(shape)[:, :, :1]], axis=2)
+        return np.hstack([self.beside, *friction])
 
     def tangents(
-        self,
-        shape: Float[np.ndarray, " h"],
-        factors: Float[np.ndarray, " k"],
-        *,
-        instrument: bool = False,
+        self, shape: Float[np.ndarray, " h"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, "s h"]:
         """Return the derivatives of the load by the logarithms of the shape."""
-        own = factors[len(self.fixed_names) :]
-        velocity = self._velocity(instrument)
-        return self.lowpass(self.structure.tangents(velocity, shape, own))
+        own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
+        slopes = self.falling(shape)[:, :, 1:]
+        return np.asarray(np.tensordot(own[:, -1], slopes, 1))
 
     @cached_property
-    def penalty(self) -> Float[np.ndarray, "b k"] | None:
-        """What of all linear factors the smoothness prior keeps small, or None."""
-        bends = self.structure.bends()
-        if bends is None:
-            return None
-        fixed, (rows, width) = len(self.fixed_names), bends.shape
-        ways = self.structure.ways
-        found = np.zeros((ways * rows, fixed + ways * width))
-        found[:, fixed:] = np.kron(np.eye(ways), bends)
+    def penalty(self) -> Float[np.ndarray, "k k"]:
+        """Precision of all linear factors under the smoothness prior at weight 1."""
+        structure, fixed = self.structure, len(self.fixed_names)
+        found = np.zeros((fixed + len(structure.names),) * 2)
+        bends = structure.bends
+        if bends is not None:
+            found[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
         return found
+
+
+def equation_of(
+    samples: DriveSamples,
+    structure: AbstractStructure,
+    known: Known | None,
+    decimate: int | None,
+) -> Equation:
+    """Return the checked equation of a recording; arguments as of `fit_inverse`.
+
+    Raises:
+        FitError: If the samples cannot be used at all.
+    """
+    check_samples(samples)
+    known = Known() if known is None else known
+    if known.gain == 0 or not np.isfinite(known.gain):
+        msg = f"gain: found {known.gain!r}, expected a number other than 0."
+        raise FitError(msg)
+    usual = max(1, round(1.0 / (_RATE * samples.cycle)))
+    factor = usual if decimate is None else decimate
+    if factor < 1:
+        msg = f"decimate: found {factor}, expected 1 or more."
+        raise FitError(msg)
+    return Equation(samples, structure, known, factor)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Weights:
+    """What the rows say before any law is asked.
+
+    Attributes:
+        share: How much each row counts, 0 to 1.
+        limit: Largest error that says anything of a law.
+        free: Equation of the free table.
+        sums: Its XᵀW [X, target].
+    """
+
+    share: Float[np.ndarray, " s"]
+    limit: float
+    free: Equation
+    sums: Float[np.ndarray, "k k1"]
+
+    def start(self, equation: Equation) -> Float[np.ndarray, " h"]:
+        """Return the start of a law's shape that leaves the least, as the free table sees it."""
+        structure, free = equation.structure, self.free
+        assert isinstance(structure, Stribeck)
+        assert isinstance(free.structure, KnotTable)
+        knots = np.asarray(free.structure.knots)
+        velocity = np.concatenate([knots, -knots])
+        signs, names = np.sign(velocity), equation.fixed_names
+        fixed, own = len(free.fixed_names), len(names)
+        # Factors of the free table for each factor of the law.
+        law = np.zeros((len(self.sums), own + len(structure.names)))
+        for place, name in enumerate(names):
+            if name == "offset":
+                law[fixed:, place] = signs
+            else:
+                law[free.fixed_names.index(name), place] = 1.0
+        starts, gains = structure.starts(equation.speed_range), []
+        for shape in starts:
+            law[fixed:, own:] = signs[:, None] * structure.columns(velocity, shape)
+            sums = law.T @ self.sums
+            gains.append(sums[:, -1] @ ridged(sums[:, :-1] @ law, sums[:, -1]))
+        return np.asarray(starts[np.argmax(gains)])
+
+
+def weigh(equation: Equation, loss: str) -> Weights:
+    """Return the weights of the rows under a table per direction that can bend anywhere.
+
+    Args:
+        equation: Of any law.
+        loss: ``"trim"``, ``"student"``, ``"huber"`` or ``"gauss"``.
+
+    Raises:
+        FitError: If the loss is unknown.
+    """
+    free = equation.with_structure(
+        KnotTable(True, default_knots(equation.speed, KNOTS))
+    )
+    used = free.usable
+    rows, target = free.design(np.zeros(0))[used], free.target[used]
+    right = np.column_stack([rows, target])
+    every = rows.T @ right
+    count, size = rows.shape
+
+    def sums(share: Float[np.ndarray, " t"]) -> Float[np.ndarray, "k k1"]:
+        less = np.flatnonzero(share < 1.0)
+        return np.asarray(
+            every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]
+        )
+
+    def solve(
+        value: Float[np.ndarray, " p"],
+        pseudo: Float[np.ndarray, " t"],
+        wild: Bool[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " p"]:
+        move = ridged(sums(1.0 - wild)[:, :-1], rows.T @ pseudo)
+        return np.asarray(value + move)
+
+    own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
+    if loss != "gauss" and count > 2 * size:
+        floor, even = least_scale(target), np.ones(count)
+        last = iterate(
+            np.zeros(size), lambda x: target - rows @ x, solve, even, size, floor, loss
+        )
+        ratio = (target - rows @ last.value) / last.loss.scale
+        own = np.where(last.wild, 0.0, last.loss.share(ratio))
+        limit = _WILD * last.loss.scale
+    share[used] = own
+    return Weights(share, limit, free, sums(own))
+
+
+def ridged(
+    matrix: Float[np.ndarray, "*w k k"], right: Float[np.ndarray, "*w k"]
+) -> Float[np.ndarray, "*w k"]:
+    """Return the solutions of normal equations; 0 where columns have no rows."""
+    size = np.sqrt(np.maximum(np.einsum("...kk->...k", matrix), 0.0))
+    size = np.where(size > 0, size, 1.0)
+    scaled = matrix / (size[..., :, None] * size[..., None, :])
+    scaled = scaled + _RIDGE * np.eye(matrix.shape[-1])
+    return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)

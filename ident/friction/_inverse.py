@@ -1,17 +1,115 @@
 """Friction from any motion: current = (inertia · a + friction(v) + offset) / gain."""
 
+import dataclasses
+from collections.abc import Mapping
+from functools import cached_property
+
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
 
-from ..core import FitError, one_blas_thread
-from ._determined import drop_reason, shape_reason
-from ._equation import Equation, Known, default_factor
-from ._result import FrictionFit, assemble
-from ._samples import DriveSamples, check_samples
+from ...models import AbstractFriction
+from ..core import one_blas_thread
+from ._equation import Equation, Known, Weights, equation_of, weigh
+from ._samples import DriveSamples
 from ._separable import Solution, fit_equation
-from ._structures import GAUSS, AbstractStructure, CoulombViscous, Stribeck
+from ._structures import GAUSS, WAYS, AbstractStructure, CoulombViscous, Stribeck
 
 METHOD = "inverse dynamic fit"
+_ONE_WAY = "no motion in this direction was recorded"
+_LEVEL = "only its sum with a constant load is seen"
+_CONFUSED = "the motion does not tell it from the others"
+_VAGUE_WORDS = "its share of the current is not told apart from the others'"
+_VAGUE = 0.3
+"""Standard deviation of a column's contribution, as a share of the load, that says nothing."""
+_DROP = 3.0
+"""Standard deviations that a drop must show to be one."""
+_TOO_FAST = 0.5
+"""Stribeck velocity, as a share of the highest speed, that only a bend at speed can give."""
+_VAGUE_LOG = 0.7
+"""Standard deviation of the logarithm of a shape (a factor of two) that says nothing."""
+_IN_NULL = 1e-3
+"""Share of a parameter in a direction that no row tells, to be unknown with it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FrictionFit:
+    """A fitted friction law with what is known about it.
+
+    Loads are in the unit that ``gain`` times the current has (drive units for gain 1).
+
+    Attributes:
+        method: How it was found, in words.
+        structure: Which kind of law.
+        has_law: Whether the level of friction is told from a constant load.
+        parameters: By the names of the result file, in load units over mm/s and mm/s²; only
+            those that the data determine.
+        standard_deviations: Of the same.
+        names: Of all parameters, determined or not: the order of ``covariance``.
+        covariance: Between them; NaN where undetermined.
+        undetermined: What the data cannot say: name → reason.
+        gauges: Sentences on what can only be told together.
+        remarks: Further sentences for the report.
+        noise: Robust standard deviation of the residual.
+        relative_error: RMS of the residual over RMS of the load, over all rows in motion.
+        residual: Load − fit per row used, after filtering, in load units.
+        count: Rows that counted.
+        converged: Whether the search for the law's shape ended.
+        message: One sentence on how the fit went.
+        known: What was not fitted.
+        decimate: Samples of the recording per row.
+        state: Linear factors as fitted: inertia, offset, loads where fitted, then those of the
+            law, before a gauge parts level and offset.
+        state_covariance: Of ``state`` and ``shape``.
+        factors: Linear factors of the law, in the order of `AbstractStructure.names`.
+        shape: Logarithms of the law's non-linear parameters.
+        law_covariance: Of ``factors`` and ``shape``, for `band`.
+    """
+
+    method: str
+    structure: AbstractStructure
+    has_law: bool
+    parameters: Mapping[str, float]
+    standard_deviations: Mapping[str, float]
+    names: tuple[str, ...]
+    covariance: Float[np.ndarray, "r r"]
+    undetermined: Mapping[str, str]
+    gauges: tuple[str, ...]
+    remarks: tuple[str, ...]
+    noise: float
+    relative_error: float
+    residual: Float[np.ndarray, " t"]
+    count: int
+    converged: bool
+    message: str
+    known: Known
+    decimate: int
+    state: Float[np.ndarray, " n"]
+    state_covariance: Float[np.ndarray, "m m"]
+    factors: Float[np.ndarray, " k"]
+    shape: Float[np.ndarray, " h"]
+    law_covariance: Float[np.ndarray, "p p"]
+
+    @cached_property
+    def law(self) -> AbstractFriction | None:
+        """Current over velocity without the offset, in load units.
+
+        None where the level of friction cannot be told from a constant load.
+        """
+        if not self.has_law:
+            return None
+        factors = self.factors.reshape(self.structure.ways, -1)
+        return self.structure.law(factors, self.shape)
+
+    def band(
+        self, velocity: Float[np.ndarray, " v"]
+    ) -> tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]]:
+        """Return friction and its standard deviation at velocities in mm/s, in load units."""
+        columns = self.structure.columns(velocity, self.shape)
+        tangents = self.structure.tangents(velocity, self.shape, self.factors)
+        full = np.hstack([columns, tangents])
+        variance = np.einsum("tk,tk->t", full @ self.law_covariance, full)
+        return columns @ self.factors, np.sqrt(np.maximum(variance, 0.0))
 
 
 def fit_inverse(
@@ -26,9 +124,9 @@ def fit_inverse(
     """Fit inertia, friction law and offset to a recording of any motion.
 
     Current, acceleration and the friction computed from the velocity go through one
-    low-pass and are thinned (`Lowpass`); where the samples carry instruments the normal
-    equations are formed with them, which keeps the fit consistent under noise in velocity
-    and acceleration. Standard deviations are HAC (`score_covariance`). A Stribeck drop or
+    low-pass and are thinned (`Lowpass`); where the samples carry instruments the rows are
+    seen through them, which keeps the fit consistent under noise in velocity and
+    acceleration. Standard deviations are HAC (`score_covariance`). A Stribeck drop or
     exponent that the data do not show is left out and named, and the rest fitted without it.
 
     Args:
@@ -47,66 +145,244 @@ def fit_inverse(
     """
     equation = equation_of(samples, structure or Stribeck(), known, decimate)
     with one_blas_thread():
-        return assemble(*fit_carried(equation, loss, smoothness), METHOD)
-
-
-def equation_of(
-    samples: DriveSamples,
-    structure: AbstractStructure,
-    known: Known | None,
-    decimate: int | None,
-) -> Equation:
-    """Return the checked equation of a recording; arguments as of `fit_inverse`.
-
-    Raises:
-        FitError: If the samples cannot be used at all.
-    """
-    check_samples(samples)
-    known = Known() if known is None else known
-    if known.gain == 0 or not np.isfinite(known.gain):
-        msg = f"gain: found {known.gain!r}, expected a number other than 0."
-        raise FitError(msg)
-    factor = default_factor(samples.cycle) if decimate is None else decimate
-    if factor < 1:
-        msg = f"decimate: found {factor}, expected 1 or more."
-        raise FitError(msg)
-    return Equation(samples, structure, known, factor)
+        weights = weigh(equation, loss)
+        return assemble(*fit_carried(equation, weights, smoothness), METHOD)
 
 
 def fit_carried(
     equation: Equation,
-    loss: str,
+    weights: Weights,
     smoothness: float | None = None,
-    *,
-    begin: Float[np.ndarray, " s"] | None = None,
     near: Float[np.ndarray, " h"] | None = None,
+    quick: bool = False,
 ) -> tuple[Equation, Solution, dict[str, str]]:
     """Return equation and solution of what the data carry of a law, and what they do not.
 
     Args:
         equation: Of the law that is asked for.
-        loss: As for `fit_inverse`.
-        smoothness: Likewise.
-        begin: Weights of the rows to begin with.
+        weights: Of its rows.
+        smoothness: As for `fit_inverse`.
         near: Logarithms of a shape to begin with.
+        quick: The covariance of a table is left out.
     """
-    solution = fit_equation(equation, loss, smoothness, begin, near)
-    missing: dict[str, str] = {}
     structure = equation.structure
-    reason = shape_reason(equation, solution)
-    if reason is not None and drop_reason(equation, solution) is None:
+    quick = quick and not structure.parametric
+    solution = fit_equation(equation, weights, smoothness, near, quick)
+    missing: dict[str, str] = {}
+    reason = _shape_reason(equation, solution)
+    if reason is not None and _drop_reason(equation, solution) is None:
         missing["stribeck_shape"] = reason
         simpler = Stribeck(structure.directional, exponent=GAUSS)
         equation = equation.with_structure(simpler)
-        solution = fit_equation(equation, loss, begin=begin, near=solution.shape[:1])
-    reason = drop_reason(equation, solution)
+        solution = fit_equation(equation, weights, near=solution.shape[:1])
+    reason = _drop_reason(equation, solution)
     if reason is not None:
         names = [name for name in structure.names if name.startswith("drop")]
         names = [name.replace("drop", "breakaway") for name in names]
         missing |= dict.fromkeys([*names, *structure.shapes], reason)
         equation = equation.with_structure(CoulombViscous(structure.directional))
-        solution = fit_equation(equation, loss, begin=begin)
+        solution = fit_equation(equation, weights)
     return equation, solution, missing
+
+
+def _drop_reason(equation: Equation, solution: Solution) -> str | None:
+    """Return why the data show no Stribeck drop, or None where they do."""
+    structure, fixed = equation.structure, len(equation.fixed_names)
+    if not isinstance(structure, Stribeck):
+        return None
+    count = len(solution.factors)
+    sd = np.sqrt(np.diag(solution.covariance))
+    own, own_sd = (
+        each[fixed:count].reshape(structure.ways, -1) for each in (solution.factors, sd)
+    )
+    velocity, speeds = float(np.exp(solution.shape[0])), equation.speed
+    slowest, fastest = float(speeds.min()), float(speeds.max())
+    per = f"{equation.samples.unit}/s"
+    if (own[:, -1] <= 0).all():
+        return (
+            "friction does not fall from rest on: no Stribeck effect above "
+            f"{slowest:.3g} {per}, the slowest motion recorded"
+        )
+    if velocity > _TOO_FAST * fastest or (own[:, 0] < 0).any():
+        return (
+            f"friction bends up to the highest speeds recorded ({fastest:.3g} {per}): "
+            "that is no drop from break-away, and says nothing of one"
+        )
+    if solution.at_bound[0] or sd[count] > _VAGUE_LOG:
+        return (
+            f"the recording has too little motion in the Stribeck range (slowest "
+            f"{slowest:.3g} {per}, found {velocity:.3g} {per})"
+        )
+    if not (own[:, -1] > _DROP * own_sd[:, -1]).any():
+        return "the drop from break-away to Coulomb friction is lost in the noise"
+    return None
+
+
+def _shape_reason(equation: Equation, solution: Solution) -> str | None:
+    """Return why the data do not tell the Stribeck exponent, or None where they do."""
+    if "stribeck_shape" not in equation.structure.shapes:
+        return None
+    place = len(solution.factors) + 1
+    vague = np.sqrt(solution.covariance[place, place]) > _VAGUE_LOG
+    if solution.at_bound[1] or vague:
+        return "the data do not tell how sharply friction falls; 2 is assumed"
+    return None
+
+
+def assemble(
+    equation: Equation, solution: Solution, missing: Mapping[str, str], method: str
+) -> FrictionFit:
+    """Return the result of a fit.
+
+    Args:
+        equation: What was solved.
+        solution: Where the fit ended.
+        missing: What the data do not carry: name → reason.
+        method: How it was found, in words.
+    """
+    structure, fixed = equation.structure, len(equation.fixed_names)
+    count, shapes = len(solution.factors), len(solution.shape)
+    to_offset, to_law = part_offset(equation)
+    parted = to_offset is not None
+    # The law as fitted, and all parameters as users read them, by factors and shape.
+    inner = np.eye(count + shapes)[fixed:]
+    inner[: count - fixed, :count] = to_law
+    law = inner @ np.concatenate([solution.factors, solution.shape])
+    words, sums = structure.reported
+    if structure.directional:
+        words = tuple(name + way for way in WAYS for name in words)
+    names = (*equation.fixed_names, *["offset"] * parted, *words, *structure.shapes)
+    beside = [np.eye(count)[:fixed]] + ([] if to_offset is None else [to_offset])
+    linear = np.vstack([*beside, np.kron(np.eye(structure.ways), sums) @ to_law])
+    natural = np.exp(solution.shape)
+    values = np.concatenate([linear @ solution.factors, natural])
+    jacobian = np.asarray(block_diag(linear, np.diag(natural)), float)
+    undetermined = _undetermined(equation, solution, names, jacobian, parted)
+    undetermined = dict(missing) | undetermined | dict(missing)
+    open_ = np.array([name in undetermined for name in names], bool)
+    covariance = jacobian @ solution.covariance @ jacobian.T
+    covariance = np.where(open_[:, None] | open_[None], np.nan, covariance)
+    known = equation.known
+    given = {"inertia": known.inertia, "offset": known.offset}
+    told = [(place, name) for place, name in enumerate(names) if not open_[place]]
+    load, residual, share = (
+        each[equation.usable]
+        for each in (equation.load, solution.residual, solution.share)
+    )
+    counted = int(np.count_nonzero(share))
+    levels = [
+        name
+        for name, is_one in zip(structure.factors, structure.levels, strict=True)
+        if is_one
+    ]
+    return FrictionFit(
+        method=method,
+        structure=structure,
+        has_law=not any(name.startswith(tuple(levels)) for name in undetermined),
+        parameters={name: float(values[place]) for place, name in told}
+        | {name: value for name, value in given.items() if value is not None},
+        standard_deviations={
+            name: float(np.sqrt(covariance[place, place])) for place, name in told
+        },
+        names=names,
+        covariance=covariance,
+        undetermined=undetermined,
+        gauges=_gauges(equation, solution, parted),
+        remarks=equation.samples.oddities,
+        noise=solution.scale,
+        relative_error=float(np.linalg.norm(residual) / np.linalg.norm(load)),
+        residual=residual,
+        count=counted,
+        converged=solution.converged,
+        message=(
+            f"{structure.words}: "
+            f"{'converged' if solution.converged else 'did not converge'}, "
+            f"{len(share) - counted} of {len(share)} samples rejected as wild."
+        ),
+        known=known,
+        decimate=equation.factor,
+        state=solution.factors,
+        state_covariance=solution.covariance,
+        factors=law[: count - fixed],
+        shape=solution.shape,
+        law_covariance=inner @ solution.covariance @ inner.T,
+    )
+
+
+def part_offset(
+    equation: Equation,
+) -> tuple[Float[np.ndarray, " k"] | None, Float[np.ndarray, "f k"]]:
+    """Return maps from the linear factors as fitted to the offset, and to those of the law.
+
+    Per direction, seen in motion are level⁺ + offset and level⁻ − offset only. The offset is
+    chosen so that the mean levels of both directions are equal. Where it has a column of its
+    own or is known there is no map to it.
+    """
+    structure, fixed = equation.structure, len(equation.fixed_names)
+    unit = np.eye(fixed + len(structure.names))
+    if not structure.directional or equation.known.offset is not None:
+        return None, unit[fixed:]
+    one = structure.levels
+    both = np.concatenate([one, -one])
+    offset = np.zeros(len(unit))
+    offset[fixed:] = 0.5 * both / one.sum()
+    return offset, unit[fixed:] - np.outer(both, offset)
+
+
+def _undetermined(
+    equation: Equation,
+    solution: Solution,
+    names: tuple[str, ...],
+    jacobian: Float[np.ndarray, "r p"],
+    parted: bool,
+) -> dict[str, str]:
+    """Return what the rows do not tell: name → reason."""
+    seen, used = equation.samples.directions, equation.usable
+    count, null = len(solution.factors), solution.null
+    load = float(np.sqrt(np.mean(equation.load[used] ** 2)))
+    size = np.sqrt(np.mean(solution.columns[used] ** 2, axis=0))
+    sd = np.sqrt(np.diag(solution.covariance)) * size
+    columns = equation.fixed_names + equation.structure.names
+    vague = {
+        name.replace("drop", "breakaway")
+        for name, own in zip(columns, sd, strict=False)
+        if own > _VAGUE * load
+    }
+    size = np.where(size > 0, size, 1.0)
+    null = null / np.abs(null * size[:count, None]).max(axis=0)
+    reach = np.abs(jacobian[:, :count] @ null).max(axis=1, initial=0.0)
+    unseen = reach > _IN_NULL * np.abs(jacobian / size).max(axis=1)
+    found: dict[str, str] = {}
+    for name, gone in zip(names, unseen, strict=True):
+        if name.endswith(WAYS) and not seen[name.endswith(WAYS[1])]:
+            found[name] = _ONE_WAY
+        elif not all(seen) and (gone or (parted and name == "offset")):
+            found[name] = _LEVEL
+        elif gone:
+            found[name] = _CONFUSED
+        elif name in vague:
+            found[name] = _VAGUE_WORDS
+    return found
+
+
+def _gauges(equation: Equation, solution: Solution, parted: bool) -> tuple[str, ...]:
+    """Return what is only seen together, in sentences."""
+    seen, fixed = equation.samples.directions, len(equation.fixed_names)
+    if not parted and (all(seen) or "offset" not in equation.fixed_names):
+        return ()
+    mean = equation.structure.levels / equation.structure.levels.sum()
+    levels = solution.factors[fixed:].reshape(equation.structure.ways, -1) @ mean
+    if not parted:
+        offset = solution.factors[equation.fixed_names.index("offset")]
+        way, level = ("+", levels[0] + offset) if seen[0] else ("−", levels[0] - offset)
+        return (f"Seen is only Coulomb level {way} offset = {level:.4g}.",)
+    parts = [f"level⁺ + offset = {levels[0]:.4g}"] * seen[0]
+    parts += [f"level⁻ − offset = {levels[1]:.4g}"] * seen[1]
+    end = "; the offset is chosen so that both levels are equal." if all(seen) else "."
+    return (
+        "A constant load and a difference of the Coulomb levels of both directions cannot be "
+        f"told apart in motion: only {' and '.join(parts)} are seen{end}",
+    )
 
 
 def force_error(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " s"]:

@@ -19,12 +19,10 @@ from jaxtyping import Bool, Float, Int
 
 from ..core import FitError
 from ._choice import WindowLaw
-from ._covariance import score_covariance
-from ._equation import Equation
-from ._inverse import equation_of, fit_inverse
-from ._result import FrictionFit, assemble
+from ._equation import Equation, equation_of
+from ._inverse import FrictionFit, assemble, fit_inverse
 from ._samples import DriveSamples
-from ._separable import Solution
+from ._separable import Solution, score_covariance
 from ._simulate import (
     COUNT,
     PARAMETERS,
@@ -320,7 +318,7 @@ class _Task:
         Raises:
             FitError: If it finds nothing that can be simulated.
         """
-        values, steps, converged = solve(
+        values, _, converged = solve(
             self.problem, start, TOLERANCE, self.solver, self.constraints
         )
         left, slopes = (
@@ -336,10 +334,9 @@ class _Task:
         design, used = equation.design(shape), equation.usable
         residual = equation.target - design @ factors
         tangents = equation.tangents(shape, factors)
-        full = np.concatenate([design, tangents], axis=1)[used]
         thin = max(1, len(error) // _ROWS)
         scores = (slopes[: len(error), :size] * error[:, None])[::thin]
-        inner, lag = score_covariance(scores, self.runs.run[::thin])
+        inner, _ = score_covariance(scores, self.runs.run[::thin])
         # The guess came from the same samples: it narrows nothing, and only keeps the
         # inverse finite.
         matrix = slopes[:, :size].T @ slopes[:, :size]
@@ -352,18 +349,16 @@ class _Task:
         solution = Solution(
             factors=factors,
             shape=shape,
+            columns=np.hstack([design, tangents]),
+            prior=np.zeros((count, count)),
             covariance=np.asarray(inverse @ inner @ inverse.T),
             null=np.zeros((count, 0)),
-            column_size=np.sqrt(np.mean(full**2, axis=0)),
             residual=residual,
             share=used.astype(float),
             # Of Gaussian noise this is the standard deviation.
             scale=1.4826 * float(np.median(np.abs(residual[used]))),
-            lag=thin * lag,
-            passes=steps,
             converged=converged,
             at_bound=((values < low + edge) | (values > high - edge))[count:size],
-            smoothness=0.0,
         )
         missing = {
             name: reason

@@ -21,8 +21,7 @@ from ...models import (
     Setpoints,
     StribeckFriction,
     linear_weights,
-    stribeck_decay,
-    stribeck_slopes,
+    stribeck_columns,
 )
 
 WAYS = ("_positive", "_negative")
@@ -61,9 +60,8 @@ class DirectionalTable(AbstractFriction):
     ) -> Float[np.ndarray, " t"]:
         """Return what `level` does, computed by NumPy."""
         ahead = self.positive.numpy_level(speed, direction)
-        return np.where(
-            direction < 0, self.negative.numpy_level(speed, direction), ahead
-        )
+        back = self.negative.numpy_level(speed, direction)
+        return np.where(direction < 0, back, ahead)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,22 +85,20 @@ class AbstractStructure(abc.ABC):
     def factors(self) -> tuple[str, ...]:
         """Names of the linear factors of one direction."""
 
-    @abc.abstractmethod
-    def profile(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "t k"]:
-        """Return the columns of one direction over the speed in mm/s, without a sign."""
+    def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+        """Return the columns of one direction that follow no shape, over speeds in mm/s."""
+        return np.stack([np.ones_like(speed), speed], axis=1)
 
     @abc.abstractmethod
     def law(
-        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """Return the law for factors per direction (one row where both are alike)."""
 
     @property
     def parametric(self) -> bool:
         """Whether the parameters have a meaning of their own: Coulomb level, viscosity."""
-        return True
+        return self.bends is None
 
     @property
     def shapes(self) -> tuple[str, ...]:
@@ -110,50 +106,34 @@ class AbstractStructure(abc.ABC):
         return ()
 
     @property
-    def level_names(self) -> tuple[str, ...]:
-        """The factors that a constant in the level of friction adds to."""
-        return ("coulomb",)
+    def levels(self) -> Float[np.ndarray, " k"]:
+        """What a constant added to the level of one direction adds to its factors."""
+        return np.asarray([name == "coulomb" for name in self.factors], float)
 
-    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n s"]:
-        """Return logarithms of shapes to start from, given the range of speeds in mm/s."""
-        del speeds
-        return np.zeros((1, 0))
+    @property
+    def reported(self) -> tuple[tuple[str, ...], Float[np.ndarray, "r k"]]:
+        """Names of the parameters of one direction as users read them, by the factors."""
+        return self.factors, np.eye(len(self.factors))
 
-    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 s"]:
+    @property
+    def bends(self) -> Float[np.ndarray, "b k"] | None:
+        """What of the factors of one direction a smoothness prior keeps small, or None."""
+        return None
+
+    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 h"]:
         """Return the least and the largest logarithms that the data can tell apart."""
         del speeds
         return np.zeros((2, 0))
 
-    def last(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n s"]
-    ) -> Float[np.ndarray, "n t"]:
-        """Return the last column of `profile` for several shapes."""
-        return np.stack([self.profile(speed, shape)[:, -1] for shape in shapes])
+    def falling(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
+    ) -> Float[np.ndarray, "t c"]:
+        """Return the last column of one direction and its derivatives by the shape.
 
-    def slopes(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "s t"]:
-        """Return the derivatives of the last column of `profile` by the logarithms.
-
-        The other columns do not depend on the shape.
+        The only column that follows the shape; none where none does.
         """
         del shape
-        return np.zeros((0, len(speed)))
-
-    def bends(self) -> Float[np.ndarray, "b k"] | None:
-        """Return what of the factors of one direction a smoothness prior keeps small."""
-        return None
-
-    def reported(
-        self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
-    ) -> tuple[tuple[str, ...], Float[np.ndarray, " r"], Float[np.ndarray, "r p"]]:
-        """Return the parameters of one direction as users read them.
-
-        Returns:
-            Names, values, and derivatives by factors, then by logarithms of the shape.
-        """
-        del shape
-        return self.factors, factors, np.eye(len(factors))
+        return np.zeros((len(speed), 0))
 
     @property
     def ways(self) -> int:
@@ -174,27 +154,23 @@ class AbstractStructure(abc.ABC):
         return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
     def columns(
-        self, velocity: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
+        self, velocity: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
     ) -> Float[np.ndarray, "t k"]:
         """Return all columns at velocities in mm/s; at rest they are 0."""
-        signs = self.signs(velocity)
-        profile = self.profile(np.abs(velocity), shape)
-        return np.concatenate([sign[:, None] * profile for sign in signs], axis=1)
+        speed = np.abs(velocity)
+        profile = np.hstack([self.steady(speed), self.falling(speed, shape)[:, :1]])
+        return np.hstack([sign[:, None] * profile for sign in self.signs(velocity)])
 
     def tangents(
         self,
         velocity: Float[np.ndarray, " t"],
-        shape: Float[np.ndarray, " s"],
+        shape: Float[np.ndarray, " h"],
         factors: Float[np.ndarray, " k"],
-    ) -> Float[np.ndarray, "t s"]:
+    ) -> Float[np.ndarray, "t h"]:
         """Return the derivative of the friction by the logarithms of the shape."""
-        last = factors.reshape(self.ways, -1)[:, -1]
-        slopes = self.slopes(np.abs(velocity), shape)
-        return np.asarray(slopes * (last @ self.signs(velocity))).T
-
-    def levels(self) -> Float[np.ndarray, " k"]:
-        """Return what a constant added to the level of one direction adds to its factors."""
-        return np.asarray([name in self.level_names for name in self.factors], float)
+        last = factors.reshape(self.ways, -1)[:, -1] @ self.signs(velocity)
+        slopes = self.falling(np.abs(velocity), shape)[:, 1:]
+        return np.asarray(last[:, None] * slopes)
 
 
 @final
@@ -205,25 +181,20 @@ class CoulombViscous(AbstractStructure):
     @property
     def words(self) -> str:
         """See `AbstractStructure`."""
-        return "Coulomb + viscous" + (" per direction" if self.directional else "")
+        return "Coulomb + viscous" + " per direction" * self.directional
 
     @property
     def factors(self) -> tuple[str, ...]:
         """See `AbstractStructure`."""
         return ("coulomb", "viscous")
 
-    def profile(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "t k"]:
-        """See `AbstractStructure`."""
-        return np.stack([np.ones_like(speed), speed], axis=1)
-
     def law(
-        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
-        return _stribeck(coulomb, coulomb, 1.0, GAUSS, viscous)
+        numbers = coulomb, coulomb, 1.0, GAUSS, viscous
+        return StribeckFriction(*map(jnp.asarray, numbers))
 
 
 @final
@@ -240,7 +211,7 @@ class Stribeck(AbstractStructure):
     @property
     def words(self) -> str:
         """See `AbstractStructure`."""
-        return "Stribeck" + (" per direction" if self.directional else "")
+        return "Stribeck" + " per direction" * self.directional
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -253,8 +224,15 @@ class Stribeck(AbstractStructure):
         free = ("stribeck_velocity", "stribeck_shape")
         return free if self.exponent is None else free[:1]
 
-    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n s"]:
-        """See `AbstractStructure`: velocities in steps of √2, for each usual exponent."""
+    @property
+    def reported(self) -> tuple[tuple[str, ...], Float[np.ndarray, "r k"]]:
+        """See `AbstractStructure`: break-away is Coulomb level plus drop."""
+        sums = np.eye(3)
+        sums[2, 0] = 1.0
+        return ("coulomb", "viscous", "breakaway"), sums
+
+    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n h"]:
+        """Return logarithms of shapes to start from, given the range of speeds in mm/s."""
         low, high = self.bounds(speeds)[:, 0]
         count = max(4, 1 + int((high - low) / np.log(_RATIO)))
         grid = np.linspace(low, high, count)[1:-1]
@@ -263,57 +241,29 @@ class Stribeck(AbstractStructure):
         exponents = np.log(_EXPONENTS)
         return np.stack(np.meshgrid(grid, exponents), axis=-1).reshape(-1, 2)
 
-    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 s"]:
+    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 h"]:
         """See `AbstractStructure`."""
         velocity = np.array([0.5 * speeds[0], 2.0 * speeds[1]])
         every = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
         return np.asarray(np.log(np.stack(every, axis=1)))
 
-    def _natural(self, shape: Float[np.ndarray, " s"]) -> tuple[float, float]:
-        if self.exponent is not None:
-            return float(np.exp(shape[0])), self.exponent
-        return float(np.exp(shape[0])), float(np.exp(shape[1]))
+    def _natural(self, shape: Float[np.ndarray, " h"]) -> tuple[float, float]:
+        exponent = float(np.exp(shape[1])) if self.exponent is None else self.exponent
+        return float(np.exp(shape[0])), exponent
 
-    def profile(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "t k"]:
+    def falling(
+        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
+    ) -> Float[np.ndarray, "t c"]:
         """See `AbstractStructure`."""
-        drop = stribeck_decay(speed, *self._natural(shape))
-        return np.stack([np.ones_like(speed), speed, drop], axis=1)
-
-    def last(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n s"]
-    ) -> Float[np.ndarray, "n t"]:
-        """See `AbstractStructure`."""
-        velocity, exponent = np.exp(shapes[:, :1]), self.exponent
-        if exponent is None:
-            return stribeck_decay(speed[None], velocity, np.exp(shapes[:, 1:]))
-        return stribeck_decay(speed[None], velocity, np.full_like(velocity, exponent))
-
-    def slopes(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "s t"]:
-        """See `AbstractStructure`."""
-        return stribeck_slopes(speed, *self._natural(shape))[: len(shape)]
-
-    def reported(
-        self, factors: Float[np.ndarray, " k"], shape: Float[np.ndarray, " s"]
-    ) -> tuple[tuple[str, ...], Float[np.ndarray, " r"], Float[np.ndarray, "r p"]]:
-        """See `AbstractStructure`: break-away is Coulomb level plus drop."""
-        coulomb, viscous, drop = factors
-        natural = np.exp(shape)
-        values = np.concatenate([[coulomb, viscous, coulomb + drop], natural])
-        jacobian = np.diag(np.concatenate([np.ones(3), natural]))
-        jacobian[2, 0] = 1.0
-        return ("coulomb", "viscous", "breakaway", *self.shapes), values, jacobian
+        return stribeck_columns(speed, *self._natural(shape))[: 1 + len(shape)].T
 
     def law(
-        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
-        velocity, exponent = self._natural(shape)
-        return _stribeck(coulomb, coulomb + drop, velocity, exponent, viscous)
+        numbers = coulomb, coulomb + drop, *self._natural(shape), viscous
+        return StribeckFriction(*map(jnp.asarray, numbers))
 
 
 @final
@@ -330,13 +280,7 @@ class KnotTable(AbstractStructure):
     @property
     def words(self) -> str:
         """See `AbstractStructure`."""
-        per = " per direction" if self.directional else ""
-        return f"table of {len(self.knots)} knots{per}"
-
-    @property
-    def parametric(self) -> bool:
-        """See `AbstractStructure`."""
-        return False
+        return f"table of {len(self.knots)} knots" + " per direction" * self.directional
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -344,53 +288,38 @@ class KnotTable(AbstractStructure):
         return tuple(f"knot_{index}" for index in range(len(self.knots)))
 
     @property
-    def level_names(self) -> tuple[str, ...]:
+    def levels(self) -> Float[np.ndarray, " k"]:
         """See `AbstractStructure`."""
-        return self.factors
+        return np.ones(len(self.knots))
 
-    def profile(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "t k"]:
-        """See `AbstractStructure`: the weights of the model's table."""
-        count, rows = len(self.knots), np.arange(len(speed))
-        first, weights = linear_weights(np.asarray(self.knots), speed)
-        found = np.zeros((len(speed), count))
-        found[rows, first], found[rows, first + 1] = weights
-        return found
-
+    @property
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`: how far each knot lies off the line of its neighbours.
 
         Coulomb + viscous friction, a straight line over speed, costs nothing.
         """
-        count = len(self.knots)
-        knots = np.asarray(self.knots)
+        count, knots = len(self.knots), np.asarray(self.knots)
         share = (knots[1:-1] - knots[:-2]) / (knots[2:] - knots[:-2])
         off, rows = np.zeros((count - 2, count)), np.arange(count - 2)
         off[rows, rows], off[rows, rows + 2] = share - 1.0, -share
         off[rows, rows + 1] = 1.0
         return off
 
+    def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+        """See `AbstractStructure`: the weights of the model's table."""
+        rows = np.arange(len(speed))
+        first, weights = linear_weights(np.asarray(self.knots), speed)
+        found = np.zeros((len(speed), len(self.knots)))
+        found[rows, first], found[rows, first + 1] = weights
+        return found
+
     def law(
-        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " s"]
+        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
-        tables = [self._table(row) for row in factors]
+        nodes = Setpoints(jnp.asarray(self.knots))
+        tables = [FrictionTable(nodes, jnp.asarray(row)) for row in factors]
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
-
-    def _table(self, values: Float[np.ndarray, " k"]) -> FrictionTable:
-        return FrictionTable(Setpoints(jnp.asarray(self.knots)), jnp.asarray(values))
-
-
-def _stribeck(
-    coulomb: float | Float[np.ndarray, " 2"],
-    breakaway: float | Float[np.ndarray, " 2"],
-    velocity: float,
-    exponent: float,
-    viscous: float | Float[np.ndarray, " 2"],
-) -> StribeckFriction:
-    numbers = (coulomb, breakaway, velocity, exponent, viscous)
-    return StribeckFriction(*map(jnp.asarray, numbers))
 
 
 def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:

@@ -16,8 +16,7 @@ from axcomp.models import (
     Setpoints,
     StribeckFriction,
     sample_friction,
-    stribeck_decay,
-    stribeck_slopes,
+    stribeck_columns,
 )
 
 # [001] p.70: in 0, 316, 333 µm/s; out 0, 3722, 3884; scaling_factor 10, that is 0.01.
@@ -248,11 +247,10 @@ def test_slopes_of_the_stribeck_column_are_its_derivatives() -> None:
 
     at = np.log([3.0, 1.3])
     slopes = jax.jacfwd(decay)(jnp.asarray(at)).T
-    np.testing.assert_allclose(
-        stribeck_decay(speed, 3.0, 1.3), decay(jnp.asarray(at)), atol=1e-15
-    )
+    column, *own = stribeck_columns(speed, 3.0, 1.3)
+    np.testing.assert_allclose(column, decay(jnp.asarray(at)), atol=1e-15)
     # The same formula by hand and by JAX: rounding only.
-    np.testing.assert_allclose(stribeck_slopes(speed, 3.0, 1.3), slopes, atol=1e-14)
+    np.testing.assert_allclose(own, slopes, atol=1e-14)
 
 
 @pytest.mark.parametrize("law", [PRINTED, CURVE, DIRECTED])

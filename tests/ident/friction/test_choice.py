@@ -20,8 +20,8 @@ from axcomp.ident.friction import (
     fit_inverse,
     force_error,
 )
-from axcomp.ident.friction._covariance import score_covariance
 from axcomp.ident.friction._equation import Lowpass
+from axcomp.ident.friction._separable import score_covariance
 
 EMPS = Path(__file__).parents[3] / "../shared/data/emps/DATA_EMPS.mat"
 PUBLISHED = {  # value and standard deviation; kg → N per mm/s²

@@ -266,8 +266,13 @@ def test_useless_recordings_are_refused(
         fit_inverse(dataclasses.replace(recording(1), **change))
 
 
+def test_no_rows_behind_the_filter_are_told() -> None:
+    with pytest.raises(FitError, match="0 samples in motion are left after filtering"):
+        fit_inverse(recording(1), decimate=500)
+
+
 def test_unknown_loss_is_refused() -> None:
-    with pytest.raises(FitError, match="expected one of 'trim'"):
+    with pytest.raises(FitError, match="expected 'student', 'huber', 'trim' or"):
         fit_inverse(recording(1), loss="l1")
 
 
