@@ -18,6 +18,7 @@ from .core import FitError
 from .fit import joint
 
 Number = float | int
+Numbers = Sequence[Number] | Float[np.ndarray, " n"]
 
 _DIGITS = 10
 """Of node positions in mm or °: ``3 * 0.1`` is the reading that says 0.3."""
@@ -45,6 +46,30 @@ class AbstractEffect(abc.ABC):
     def to_joint(self) -> joint.AbstractEffect:
         """Return the effect as a joint fit takes it."""
 
+    def to_keys(self) -> dict[str, Any]:
+        """Return the keys of a fit in a job file."""
+        return _keys(self)
+
+    @property
+    def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
+        """Nodes along each master of a table; empty for what is none."""
+        return ()
+
+    def offsets(
+        self, model: Any, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """Return what a model of the controller adds in mm or °, shaped like the list.
+
+        Args:
+            model: Of this compensation.
+            places: Along each master; left out: at the nodes.
+
+        Raises:
+            FitError: If the effect is no table and no backlash.
+        """
+        msg = f"active: found {self.compensation}, expected a table or backlash"
+        raise FitError(msg)
+
     @abc.abstractmethod
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """Return the controller's model of fitted values.
@@ -63,8 +88,12 @@ class _Line(AbstractEffect):
     start: Number | None = dataclasses.field(default=None, kw_only=True)
     interval: Number | None = dataclasses.field(default=None, kw_only=True)
     points: int | None = dataclasses.field(default=None, kw_only=True)
-    setpoints: Sequence[Number] | None = dataclasses.field(default=None, kw_only=True)
+    setpoints: Numbers | None = dataclasses.field(default=None, kw_only=True)
     modulo: bool = dataclasses.field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if self.setpoints is not None:
+            object.__setattr__(self, "setpoints", tuple(map(float, self.setpoints)))
 
     @property
     def nodes(self) -> Float[np.ndarray, " n"]:
@@ -80,12 +109,26 @@ class _Line(AbstractEffect):
         )
         raise FitError(msg)
 
+    @property
+    def grid(self) -> tuple[Float[np.ndarray, " n"], ...]:
+        """See `AbstractEffect`."""
+        return (self.nodes,)
+
     def _model_nodes(self) -> Any:
         if self.setpoints is not None:
             return models.Setpoints(as_float(self.nodes))
         assert self.points is not None
         start, interval = as_float(self.start), as_float(self.interval)
         return models.EquidistantNodes(start, interval, self.points)
+
+
+def _keys(effect: Any) -> dict[str, Any]:
+    own = {
+        field.name: getattr(effect, field.name)
+        for field in dataclasses.fields(effect)
+        if getattr(effect, field.name) != field.default
+    }
+    return {"compensation": effect.compensation, **own}
 
 
 def _grid(start: Number, interval: Number, points: int) -> Float[np.ndarray, " n"]:
@@ -118,6 +161,15 @@ class Leadscrew(_Line):
         """See `AbstractEffect`."""
         return joint.LeadscrewEffect(self.axis, self.nodes, self.bilateral, self.modulo)
 
+    def offsets(
+        self, model: models.Leadscrew, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`."""
+        (place,) = places or self.grid
+        ways = (1, -1) if self.bilateral else (1,)
+        rows = [np.asarray(model.offset(place, np.full(len(place), w))) for w in ways]
+        return np.stack(rows) if self.bilateral else rows[0]
+
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """See `AbstractEffect`; entries of this list are errors."""
         pos, neg = table if self.bilateral else (table, None)
@@ -147,6 +199,16 @@ class Cross(_Line):
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
         return joint.CrossEffect(self.axis, self.master, self.nodes, self.modulo)
+
+    def to_keys(self) -> dict[str, Any]:
+        """See `AbstractEffect`; whether the master is a ring is said by its axis."""
+        return {key: value for key, value in _keys(self).items() if key != "modulo"}
+
+    def offsets(
+        self, model: models.Cross, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`."""
+        return np.asarray(model.offset(*(places or self.grid)))
 
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """See `AbstractEffect`."""
@@ -182,9 +244,22 @@ class Plane(AbstractEffect):
 
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
+        return joint.PlaneEffect(self.axis, self.masters, self.grid)
+
+    @property
+    def grid(self) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " m"]]:
+        """See `AbstractEffect`."""
         each = zip(self.start, self.interval, self.points, strict=True)
         first, second = (_grid(*axis) for axis in each)
-        return joint.PlaneEffect(self.axis, self.masters, (first, second))
+        return first, second
+
+    def offsets(
+        self, model: models.Plane, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`."""
+        first, second = np.meshgrid(*(places or self.grid))
+        rows = np.column_stack([first.ravel(), second.ravel()])
+        return np.asarray(model.offset(rows)).reshape(first.shape)
 
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """See `AbstractEffect`."""
@@ -216,6 +291,16 @@ class Backlash(AbstractEffect):
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
         return joint.BacklashEffect(self.axis, self.reference)
+
+    def to_keys(self) -> dict[str, Any]:
+        """See `AbstractEffect`; the reference is that of the controller."""
+        return {"compensation": self.compensation, "axis": self.axis}
+
+    def offsets(
+        self, model: models.Backlash, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`; the width is taken off as it stands."""
+        return -np.atleast_1d(np.asarray(model.width))
 
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """See `AbstractEffect`; the width is taken off as it stands."""
@@ -276,6 +361,16 @@ class Temperature(AbstractEffect):
             float(self.reference_temperature),
         )
 
+    def to_keys(self) -> dict[str, Any]:
+        """See `AbstractEffect`."""
+        lag = {"fit": "auto", 0.0: "none"}.get(self.lag, self.lag)
+        other = (
+            "lag",
+            "reference_temperature",
+        )  # the latter is a key of the measurement
+        own = {key: value for key, value in _keys(self).items() if key not in other}
+        return own | {"lag": lag, "reference": float(self.reference)}
+
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """See `AbstractEffect`; sensors are numbered as `TemperatureLine` wants them."""
         order = list(dict.fromkeys(self._sensors.values()))
@@ -311,10 +406,16 @@ class Crosstalk(AbstractEffect):
     acceleration: Number = dataclasses.field(kw_only=True)
     deceleration: Number = dataclasses.field(kw_only=True)
     adaptation: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
-    positions: Sequence[Sequence[Number]] | None = dataclasses.field(
+    positions: Sequence[Numbers] | Float[np.ndarray, "p k"] | None = dataclasses.field(
         default=None, kw_only=True
     )
+
     velocity_dependent: bool = dataclasses.field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if self.positions is not None:
+            rows = tuple(tuple(map(float, row)) for row in self.positions)
+            object.__setattr__(self, "positions", rows)
 
     compensation: ClassVar[str] = "crosstalk"
 
@@ -374,3 +475,7 @@ class Friction:
         """Roles of the readings that it needs."""
         kinds = ("velocity", "acceleration", "current")
         return ("time", *(f"{self.axis}.{kind}" for kind in kinds))
+
+    def to_keys(self) -> dict[str, Any]:
+        """Return the keys of a fit in a job file."""
+        return _keys(self)

@@ -6,7 +6,7 @@ The library at a glance; each name is loaded when it is first used:
   (`Leadscrew`, `Cross`, `Plane`, `Backlash`, `Temperature`, `Crosstalk`, `Friction`).
 * `fit_model`: any equinox module, by optimistix or IPOPT; `fit_linear`: a linear stack,
   differentiable to any order.
-* `load_model`, `write_lists`: lists of the controller ↔ models (`AxisModels`, `ModelUnit`).
+* `load_model`, `write`: lists of the controller ↔ models (`AxisModels`, `ModelUnit`).
 
 Three parts, imported by their own names so that a command which only reads lists never
 pays for what only a fit needs:
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
         write_lists as write_lists,
     )
 
+    write = write_lists
+
 __version__ = "0.1.0"
 
 _HOME = {
@@ -50,8 +52,9 @@ _HOME = {
     "ident._fit_model": ("fit_model",),
     "ident._library": ("Fit", "fit", "read"),
     "ident._model_fit": ("ModelFit",),
-    "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write_lists"),
+    "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write", "write_lists"),
 }  # fmt: skip
+_OTHERWISE = {"write": "write_lists"}
 _MODULES = {name: module for module, names in _HOME.items() for name in names}
 
 
@@ -60,7 +63,8 @@ def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         msg = f"module 'axcomp' has no attribute {name!r}"
         raise AttributeError(msg)
-    value = getattr(importlib.import_module(f".{_MODULES[name]}", __name__), name)
+    module = importlib.import_module(f".{_MODULES[name]}", __name__)
+    value = getattr(module, _OTHERWISE.get(name, name))
     globals()[name] = value
     return value
 
