@@ -89,8 +89,8 @@ def constrained(
     part: "Part",
     covariance: Float[np.ndarray, "p p"],
     inequality: Callable[[Any], Array],
-) -> Float[np.ndarray, " p"]:
-    """Return the most probable values of a part whose model keeps inequalities, by IPOPT.
+) -> Float[np.ndarray, "..."]:
+    """Return the most probable table of a part whose model keeps inequalities, by IPOPT.
 
     Args:
         effect: As it was stated.
@@ -108,19 +108,20 @@ def constrained(
     kept = sizes > _EMPTY * sizes.max()
     # What neither readings nor prior move stays where it is.
     span = modes[:, kept] * np.sqrt(sizes[kept])
+    along = np.stack([part.effect.table(column) for column in span.T], axis=-1)
 
     def keeps(move: Float[Array, " k"], args: Any) -> Float[Array, " g"]:
         middle, along = args
-        table = part.effect.table(middle + along @ move)
+        table = middle + along @ move
         return jnp.ravel(inequality(effect.to_model(table, -1.0, part.effect)))
 
     found = least_squares_ipopt(
         lambda move, _: move,
         np.zeros(span.shape[1]),
-        (jnp.asarray(part.values), jnp.asarray(span)),
+        (jnp.asarray(part.table), jnp.asarray(along)),
         inequality=keeps,
     )
     if not found.converged:
         msg = f"constraints of {part.name}: IPOPT ended as '{found.status}'"
         raise FitError(msg)
-    return np.asarray(part.values + span @ found.values)
+    return np.asarray(part.table + along @ found.values)

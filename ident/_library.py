@@ -293,12 +293,12 @@ def fit(
             law, sigma = choice.fit.law, choice.fit.standard_deviations
             found[name] = FittedEffect(one, law, sigma, np.array([choice.fit.count]))
             continue
-        part, values = next(parts), None
+        part = next(parts)
+        table = part.table
         if constraints and name in constraints:
             assert joint is not None
             spread = covariance_of(joint, recording, stated.place(one))
-            values = constrained(one, part, spread, constraints[name])
-        table = part.table if values is None else part.effect.table(values)
+            table = constrained(one, part, spread, constraints[name])
         if place is not None:
             model = one.to_model(table, -1.0, part.effect)
             zero = -float(np.mean(one.offsets(model, *(np.array([x]) for x in place))))
