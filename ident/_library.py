@@ -1,4 +1,4 @@
-"""What a researcher calls: read a measurement, fit a stack of effects to it."""
+"""What a researcher calls: a stack of effects fitted to readings, and what comes of it."""
 
 import dataclasses
 import tempfile
@@ -8,21 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, final
 
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ..data.measurements import (
-    ColumnSpec,
-    Measurement,
-    MissingRole,
-    derive_direction,
-    derive_error,
-    find_role,
-    measurement,
-    read_table,
-)
-from ._effects import AbstractEffect, Friction, Temperature
+from ..data.measurements import Measurement
+from ._effects import AbstractEffect, Friction
 from ._joint_covariance import constrained, covariance_of
+from ._readings import Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
 from .fit.joint import Confusion, Gauge, JointData, JointFit, fit_joint, refit_joint
@@ -31,42 +22,8 @@ from .friction import Choice, DriveSamples, Known, choose_law
 if TYPE_CHECKING:
     from .job import JobResult
 
-Roles = Mapping[str, ArrayLike]
-"""Arrays by role (``"X.position"``, ``"temperature.scale"``, ``"run"``) in mm, °, s, °C."""
-
 _FOLDS = 5
 """Blocks of consecutive readings that are held out in turn where there is one run."""
-
-
-def read(
-    path: str | Path,
-    columns: Mapping[str, str | tuple[str, str]] | None = None,
-    *,
-    axis: str | None = None,
-    masters: Sequence[str] = (),
-    increments: Mapping[str, float] | None = None,
-) -> Measurement:
-    """Return a measurement file in mm, °, s and °C.
-
-    Args:
-        path: CSV, Parquet, TwinCAT Scope text, MATLAB, ISO 230-2 runs, bed mesh, height map.
-        columns: Role → column, or (column, unit): ``{"X.error": ("dx", "um")}``. Left out:
-            the roles that the file names itself.
-        axis: Axis of a file that names roles without one.
-        masters: Axes that x and y of a mesh stand for.
-        increments: mm or ° per encoder increment by axis, for the unit ``inc``.
-
-    Raises:
-        OSError: If the file cannot be read.
-        MeasurementError: If it holds nothing usable, or a column, role or unit is not known.
-    """
-    specs = {
-        role: ColumnSpec(column) if isinstance(column, str) else ColumnSpec(*column)
-        for role, column in (columns or {}).items()
-    }
-    return measurement(
-        read_table(Path(path)), specs, axis=axis, masters=masters, increments=increments
-    )
 
 
 @final
@@ -249,7 +206,7 @@ def fit(
     if constraints and solver == "factor":
         msg = "constraints need solver='ipopt': the factor knows no inequalities."
         raise ValueError(msg)
-    given = _arrays(effects, data)
+    given = arrays_of(effects, data)
     stack = [one for one in effects if isinstance(one, AbstractEffect)]
     names = _names(effects)
     place = _datum(stack, datum)
@@ -264,7 +221,7 @@ def fit(
         )
         raise ValueError(msg)
     stated = Stated(tuple(effects), given, options, treated, tuple(active or ()), names)
-    recording = _recording(stack, _without_zero(stack, given, remove))
+    recording = recording_of(stack, without_zero_of(stack, given, remove))
     found: dict[str, FittedEffect] = {}
     noise: dict[str, float] = {}
     constant: dict[str, tuple[float, float]] = {}
@@ -367,93 +324,8 @@ def _datum(
     return place
 
 
-def _without_zero(
-    stack: Sequence[AbstractEffect],
-    given: dict[str, np.ndarray],
-    kind: Literal["none", "offset", "line"],
-) -> dict[str, np.ndarray]:
-    """Return the arrays, the errors without the zero of the instrument."""
-    result = dict(given)
-    for axis in dict.fromkeys(one.axis for one in stack) if kind != "none" else ():
-        from .job._remove import without_zero  # loads more than a fit needs
-
-        error = given[f"{axis}.error"].copy()
-        roles = [role for one in stack if one.axis == axis for role in one.roles]
-        own = dict.fromkeys(role for role in roles if role.endswith(".position"))
-        places = np.column_stack([np.zeros((len(error), 0)), *(given[r] for r in own)])
-        good = np.isfinite(error) & np.isfinite(places).all(axis=1)
-        error[good] = without_zero(error[good], places[good], kind)
-        result[f"{axis}.error"] = error
-    return result
-
-
 def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
     inertia = None if effect.inertia == "fit" else float(effect.inertia)
     velocity, acceleration, current = (given[role] for role in effect.roles[1:])
     samples = DriveSamples(given["time"], velocity, current, acceleration)
     return choose_law(samples, known=Known(inertia=inertia))
-
-
-def _arrays(
-    effects: Sequence[AbstractEffect | Friction], data: Measurement | Roles
-) -> dict[str, np.ndarray]:
-    """Return the arrays by role that the effects need, and runs and time."""
-    wanted = ["run", "time"]
-    for one in effects:
-        wanted += one.roles
-        if isinstance(one, AbstractEffect):
-            wanted.append(f"{one.axis}.error")
-    found: dict[str, np.ndarray] = {}
-    for role in dict.fromkeys(wanted):
-        if isinstance(data, Measurement):
-            values = _measured(data.with_gaps(), role)
-        else:
-            values = None if role not in data else np.asarray(data[role])
-        if values is None and role in ("run", "time") and role not in wanted[2:]:
-            continue
-        if values is None:
-            known = ", ".join(data) if isinstance(data, Mapping) else ""
-            msg = f"the effects need {role!r}, found arrays of {known}"
-            raise FitError(msg)
-        found[role] = np.asarray(values, None if role == "run" else np.float64)
-    return found
-
-
-def _measured(data: Measurement, role: str) -> np.ndarray | None:
-    """Return the values of a role; errors and directions are derived where they can be."""
-    if role in data.values:
-        return data.values[role]
-    if role in ("run", "time"):
-        return None
-    known = find_role(role)
-    if known is not None and known.axis is not None and known.kind == "direction":
-        return derive_direction(data, known.axis).astype(np.float64)
-    if known is not None and known.axis is not None and known.kind == "error":
-        return derive_error(data, known.axis)
-    raise MissingRole(str(data.source), role, "for the effects", data.values.keys())
-
-
-def _recording(
-    stack: Sequence[AbstractEffect], given: Mapping[str, np.ndarray]
-) -> JointData:
-    """Return arrays by role as a joint fit takes them.
-
-    Runs have no offset of their own beside a temperature: it could not be told from what
-    the temperature does from run to run.
-    """
-    tables: dict[str, dict[str, np.ndarray]] = {}
-    for text, values in given.items():
-        role = find_role(text)
-        if role is None:
-            msg = f"found {text!r}, expected a role such as X.position or temperature.a"
-            raise FitError(msg)
-        name = role.axis or role.sensor
-        if name is not None and role.kind != "current":
-            tables.setdefault(role.kind, {})[name] = values
-    run = None
-    if "run" in given:
-        run = np.unique(given["run"], return_inverse=True)[1].astype(np.int64)
-    heated = [one.axis for one in stack if isinstance(one, Temperature)]
-    return JointData(
-        **tables, time=given.get("time"), run=run, runs=dict.fromkeys(heated)
-    )
