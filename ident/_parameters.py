@@ -148,15 +148,21 @@ class Scaled(eqx.Module):
         limits: tuple[Float[Array, " p"], Float[Array, " p"]],
     ) -> "Scaled":
         """Return the numbers about a start, which is moved into its limits."""
-        start = jnp.clip(start, *limits)
-        length = jnp.linalg.norm(residual(start))
+        low, high = limits
+        start = jnp.clip(start, low, high)
+        off, design = residual(start), jax.jacfwd(residual)(start)
+        length = jnp.linalg.norm(off)
         length = jnp.where(length > 0, length, 1.0)
-        norms = jnp.linalg.norm(jax.jacfwd(residual)(start), axis=0)
+        norms = jnp.linalg.norm(design, axis=0)
         felt = jnp.isfinite(norms) & (norms > 0)
         natural = jnp.where(start != 0, jnp.abs(start), 1.0)
         unit = jnp.where(felt, length / jnp.where(felt, norms, 1.0), natural)
-        width = limits[1] - limits[0]
+        width = high - low
         unit = jnp.where(width > 0, jnp.minimum(unit, width), unit)
+        # What the cost pushes against its limit begins beyond it, where it has no slope.
+        slope = off @ design
+        start = jnp.where((start <= low) & (slope > 0), low - unit, start)
+        start = jnp.where((start >= high) & (slope < 0), high + unit, start)
         return cls(*jax.lax.stop_gradient((start, unit, limits, length)))
 
     def values(self, x: Float[Array, " p"]) -> Float[Array, " p"]:

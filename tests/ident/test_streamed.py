@@ -145,9 +145,7 @@ def test_who_sums_which_part_does_not_change_a_bit() -> None:
     samples = log(PLANE, 20_000)
     alone = streamed(PLANE, parts(samples, 5), loss="student")
     with ThreadPoolExecutor(3) as pool:
-        together = streamed(
-            PLANE, parts(samples, 5), loss="student", apply=pool.map
-        )
+        together = streamed(PLANE, parts(samples, 5), loss="student", apply=pool.map)
     assert np.array_equal(alone.values, together.values)
 
 
