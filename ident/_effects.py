@@ -18,13 +18,11 @@ from .core import FitError
 from .fit import joint
 
 Number = float | int
-
-_DIGITS = 10
-"""Of node positions in mm or °: ``3 * 0.1`` is the reading that says 0.3."""
+Numbers = Sequence[Number] | Float[np.ndarray, " n"]
 
 
 @dataclasses.dataclass(frozen=True)
-class AbstractEffect(abc.ABC):
+class AbstractStated(abc.ABC):
     """One compensation of one axis.
 
     Attributes:
@@ -35,15 +33,58 @@ class AbstractEffect(abc.ABC):
 
     compensation: ClassVar[str]
     """As in the job file."""
+    no_keys: ClassVar[tuple[str, ...]] = ()
+    """Fields that are no keys of a fit in a job file."""
 
     @property
     @abc.abstractmethod
     def roles(self) -> tuple[str, ...]:
         """Roles of the readings that it needs, such as ``"X.position"``."""
 
+    def to_keys(self) -> dict[str, Any]:
+        """Return the keys of a fit in a job file."""
+        own = {
+            field.name: value
+            for field in dataclasses.fields(self)
+            if (value := getattr(self, field.name)) != field.default
+        }
+        kept = {key: value for key, value in own.items() if key not in self.no_keys}
+        return {"compensation": self.compensation, **kept}
+
+
+@dataclasses.dataclass(frozen=True)
+class AbstractEffect(AbstractStated):
+    """One compensation by the position, direction, acceleration or temperature."""
+
     @abc.abstractmethod
     def to_joint(self) -> joint.AbstractEffect:
         """Return the effect as a joint fit takes it."""
+
+    @property
+    def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
+        """Nodes along each master of a table; empty for what is none."""
+        return ()
+
+    def offsets(
+        self, model: Any, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """Return what a model of the controller adds in mm or °, shaped like the list.
+
+        Args:
+            model: Of this compensation.
+            places: Along each master; left out: at the nodes.
+
+        Raises:
+            FitError: If the effect is no table and no backlash.
+        """
+        grid = places or self.grid
+        if not grid:
+            msg = f"active: found {self.compensation}, expected a table or backlash"
+            raise FitError(msg)
+        mesh = np.meshgrid(*grid)
+        rows = np.column_stack([each.ravel() for each in mesh])
+        found = model.offset(rows if len(grid) > 1 else rows[:, 0])
+        return np.asarray(found).reshape(mesh[0].shape)
 
     @abc.abstractmethod
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
@@ -54,145 +95,6 @@ class AbstractEffect(abc.ABC):
             sign: −1 for values (the controller takes the error off), +1 for deviations.
             effect: As fitted, by `to_joint`.
         """
-
-
-@dataclasses.dataclass(frozen=True)
-class _Line(AbstractEffect):
-    """A table along one axis, its nodes equidistant or one by one."""
-
-    start: Number | None = dataclasses.field(default=None, kw_only=True)
-    interval: Number | None = dataclasses.field(default=None, kw_only=True)
-    points: int | None = dataclasses.field(default=None, kw_only=True)
-    setpoints: Sequence[Number] | None = dataclasses.field(default=None, kw_only=True)
-    modulo: bool = dataclasses.field(default=False, kw_only=True)
-
-    @property
-    def nodes(self) -> Float[np.ndarray, " n"]:
-        """Positions of the nodes in mm or °."""
-        grid = (self.start, self.interval, self.points)
-        if self.setpoints is not None and grid == (None, None, None):
-            return np.asarray(self.setpoints, np.float64)
-        if self.setpoints is None and None not in grid:
-            return _grid(*grid)  # type: ignore[arg-type]
-        msg = (
-            f"{self.compensation} of {self.axis}: expected either setpoints or start, "
-            "interval and points"
-        )
-        raise FitError(msg)
-
-    def _model_nodes(self) -> Any:
-        if self.setpoints is not None:
-            return models.Setpoints(as_float(self.nodes))
-        assert self.points is not None
-        start, interval = as_float(self.start), as_float(self.interval)
-        return models.EquidistantNodes(start, interval, self.points)
-
-
-def _grid(start: Number, interval: Number, points: int) -> Float[np.ndarray, " n"]:
-    return np.round(float(start) + float(interval) * np.arange(points), _DIGITS)
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class Leadscrew(_Line):
-    """Leadscrew error table of an axis over its own position, mm or °.
-
-    ``start``, ``interval`` and ``points``, or ``setpoints``; ``modulo``: the points include
-    the repeated end.
-
-    Attributes:
-        bilateral: One table per direction of motion.
-    """
-
-    bilateral: bool = dataclasses.field(default=False, kw_only=True)
-
-    compensation: ClassVar[str] = "leadscrew"
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        way = (f"{self.axis}.direction",) if self.bilateral else ()
-        return (f"{self.axis}.position", *way)
-
-    def to_joint(self) -> joint.AbstractEffect:
-        """See `AbstractEffect`."""
-        return joint.LeadscrewEffect(self.axis, self.nodes, self.bilateral, self.modulo)
-
-    def to_model(self, table: Any, sign: float, effect: Any) -> Any:
-        """See `AbstractEffect`; entries of this list are errors."""
-        pos, neg = table if self.bilateral else (table, None)
-        return models.Leadscrew(self._model_nodes(), pos, neg, self.modulo or None)
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class Cross(_Line):
-    """Cross (sag) table of an axis over the position of another, mm or °.
-
-    ``start``, ``interval`` and ``points``, or ``setpoints``; ``modulo`` of the master.
-
-    Attributes:
-        master: Axis over whose position the table runs.
-    """
-
-    master: str = dataclasses.field(kw_only=True)
-
-    compensation: ClassVar[str] = "cross"
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return (f"{self.master}.position",)
-
-    def to_joint(self) -> joint.AbstractEffect:
-        """See `AbstractEffect`."""
-        return joint.CrossEffect(self.axis, self.master, self.nodes, self.modulo)
-
-    def to_model(self, table: Any, sign: float, effect: Any) -> Any:
-        """See `AbstractEffect`."""
-        nodes = self._model_nodes()
-        return models.Cross(
-            models.ModuloNodes(nodes) if self.modulo else nodes, sign * table
-        )
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class Plane(AbstractEffect):
-    """Plane table of an axis over the positions of two masters, mm or °.
-
-    Attributes:
-        masters: Master 1 and master 2.
-        start: Position of the first node along each.
-        interval: Distance of nodes along each.
-        points: Number of nodes along each.
-    """
-
-    masters: tuple[str, str]
-    start: tuple[Number, Number] = dataclasses.field(kw_only=True)
-    interval: tuple[Number, Number] = dataclasses.field(kw_only=True)
-    points: tuple[int, int] = dataclasses.field(kw_only=True)
-
-    compensation: ClassVar[str] = "plane"
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return tuple(f"{master}.position" for master in self.masters)
-
-    def to_joint(self) -> joint.AbstractEffect:
-        """See `AbstractEffect`."""
-        each = zip(self.start, self.interval, self.points, strict=True)
-        first, second = (_grid(*axis) for axis in each)
-        return joint.PlaneEffect(self.axis, self.masters, (first, second))
-
-    def to_model(self, table: Any, sign: float, effect: Any) -> Any:
-        """See `AbstractEffect`."""
-        return models.Plane.rectangular(
-            (float(self.start[0]), float(self.start[1])),
-            (float(self.interval[0]), float(self.interval[1])),
-            sign * table,
-        )
 
 
 @final
@@ -207,6 +109,7 @@ class Backlash(AbstractEffect):
     reference: Literal[1, -1] = 1
 
     compensation: ClassVar[str] = "backlash"
+    no_keys: ClassVar[tuple[str, ...]] = ("reference",)
 
     @property
     def roles(self) -> tuple[str, ...]:
@@ -216,6 +119,12 @@ class Backlash(AbstractEffect):
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
         return joint.BacklashEffect(self.axis, self.reference)
+
+    def offsets(
+        self, model: models.Backlash, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`; the width is taken off as it stands."""
+        return -np.atleast_1d(np.asarray(model.width))
 
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """See `AbstractEffect`; the width is taken off as it stands."""
@@ -240,10 +149,11 @@ class Temperature(AbstractEffect):
     sensors: Mapping[str, str] | None = dataclasses.field(default=None, kw_only=True)
     reference: Number = dataclasses.field(default=0.0, kw_only=True)
     lag: Number | Literal["fit"] = dataclasses.field(default=0.0, kw_only=True)
-    law: Mapping[str, str | int] = dataclasses.field(default_factory=dict, kw_only=True)
+    law: Mapping[str, str | int] | None = dataclasses.field(default=None, kw_only=True)
     reference_temperature: Number = dataclasses.field(default=20.0, kw_only=True)
 
     compensation: ClassVar[str] = "temperature"
+    no_keys: ClassVar[tuple[str, ...]] = ("reference_temperature",)
 
     def __post_init__(self) -> None:
         if (self.sensor is None) == (self.sensors is None):
@@ -271,10 +181,15 @@ class Temperature(AbstractEffect):
             self.axis,
             self._sensors,
             float(self.reference),
-            dict(self.law),
+            dict(self.law or {}),
             self.lag if isinstance(self.lag, str) else float(self.lag),
             float(self.reference_temperature),
         )
+
+    def to_keys(self) -> dict[str, Any]:
+        """See `AbstractEffect`."""
+        lag = {"fit": "auto", 0.0: "none"}.get(self.lag, self.lag)
+        return super().to_keys() | {"lag": lag, "reference": float(self.reference)}
 
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """See `AbstractEffect`; sensors are numbered as `TemperatureLine` wants them."""
@@ -311,10 +226,16 @@ class Crosstalk(AbstractEffect):
     acceleration: Number = dataclasses.field(kw_only=True)
     deceleration: Number = dataclasses.field(kw_only=True)
     adaptation: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
-    positions: Sequence[Sequence[Number]] | None = dataclasses.field(
+    positions: Sequence[Numbers] | Float[np.ndarray, "p k"] | None = dataclasses.field(
         default=None, kw_only=True
     )
+
     velocity_dependent: bool = dataclasses.field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if self.positions is not None:
+            rows = tuple(tuple(map(float, row)) for row in self.positions)
+            object.__setattr__(self, "positions", rows)
 
     compensation: ClassVar[str] = "crosstalk"
 
@@ -356,21 +277,19 @@ class Crosstalk(AbstractEffect):
 
 @final
 @dataclasses.dataclass(frozen=True)
-class Friction:
+class Friction(AbstractStated):
     """Friction law of an axis, from the current of its drive; fitted by itself.
 
     Attributes:
-        axis: Name of the axis.
         inertia: ``"fit"``, or known, in drive units per mm/s².
     """
 
-    axis: str
     inertia: Number | Literal["fit"] = "fit"
 
     compensation: ClassVar[str] = "friction"
 
     @property
     def roles(self) -> tuple[str, ...]:
-        """Roles of the readings that it needs."""
+        """See `AbstractStated`."""
         kinds = ("velocity", "acceleration", "current")
         return ("time", *(f"{self.axis}.{kind}" for kind in kinds))

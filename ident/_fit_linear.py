@@ -7,7 +7,8 @@ standard deviations there is `axcomp.fit`.
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any, NamedTuple, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -15,18 +16,33 @@ import jax.numpy as jnp
 import jax.tree_util as jtu
 import lineax as lx
 import numpy as np
+import scipy.sparse as sp
 from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from ..models import AbstractNodes, Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
+from ._linear_solver import Arrow, ArrowCholesky
 from ._parameters import Form, as_float, fitted_arrays, path_name, weights_of
-from .core import FitError, chain, one_blas_thread
+from .core import FitError, chain
 
 M = TypeVar("M")
 
 Weights = ArrayLike | tuple[ArrayLike, ArrayLike]
 """Of second differences, or of second and of fourth differences."""
+
+_MANY = 400
+"""Values of a table from which on they are a band; fewer are cheaper one by one."""
+_TOGETHER = 1 << 20
+"""Readings × products that are in memory at a time."""
+_STEPS = {
+    0: [np.zeros(0, int)],
+    1: [np.array([0]), np.array([1])],
+    2: [np.array(step) for step in ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))],
+}
+"""Steps to later nodes with which a node shares a cell, by the axes of a table."""
+_LOCAL = 1e-8
+"""Relative error of the products of a matrix that was told by a product per colour."""
 
 
 def fit_linear(
@@ -37,14 +53,16 @@ def fit_linear(
     *,
     smoothness: Weights | Mapping[str, Weights] = 0.0,
     weights: ArrayLike | None = None,
+    solver: lx.AbstractLinearSolver[Any] | None = None,
     throw: bool = True,
 ) -> M:
     r"""Return the model that minimises the penalised squares, differentiably.
 
     $\hat\theta = (X^T W X + P)^{-1} X^T W y$ with the design $X$, the derivative of the
-    predictions, and the differences of the tables as penalty $P$. The design is dense: good
-    for up to some $10^7$ numbers. Inside `jax.jit` threads of BLAS may fight on a busy
-    machine: run what was compiled under `axcomp.ident.core.one_blas_thread`.
+    predictions, and the differences of the tables as penalty $P$. The design is never
+    stored: $X^T W X$ is read off its products with some vectors, one per value of the model,
+    but for the largest table, where neighbours that no reading has in common share them.
+    So a million readings of a plane of 10⁴ nodes take 300 MB, their gradient 1 GB.
 
     Args:
         model: A model, or a tuple, list or dictionary of models: a stack. Its arrays are
@@ -57,142 +75,274 @@ def fit_linear(
             table, relative to 1/noise²; or a pair with that of fourth differences; or
             either by the path of a table in the tree (``"[0]"``, ``"screw"``).
         weights: Of the readings, relative; 0 leaves one out.
+        solver: Of the normal equations, any of lineax that takes a positive definite
+            operator; left out: `ArrowCholesky`, a band on the host.
         throw: Raise where the readings do not determine the model; else it is NaN.
 
     Returns:
         The fitted model, of the type of `model`.
 
     Raises:
-        FitError: If the readings and the penalty do not determine the model.
+        FitError: If the readings and the penalty do not determine the model, or a reading
+            of a large table touches more than one of its cells.
         ValueError: If `smoothness` names no table.
     """
     params, rest = eqx.partition(model, fitted_arrays(model, None))
     form, readings = Form.of(params), as_float(measured)
-    inputs = jax.tree.map(as_float, inputs)
-    known = weights_of(readings, weights).ravel()
-    unknown, penalties = _structure(model, form)
-    asked = smoothness if isinstance(smoothness, Mapping) else ()
-    wrong = [name for name in asked if name not in penalties]
-    if wrong:
-        msg = f"smoothness: found {', '.join(wrong)}, expected tables {list(penalties)}"
-        raise ValueError(msg)
-    named = smoothness if isinstance(smoothness, Mapping) else {}
-    every = 0.0 if isinstance(smoothness, Mapping) else smoothness
-    pairs = []
-    for name in penalties:
-        given = named.get(name, every)
-        pair = given if isinstance(given, tuple) else (given, 0.0)
-        pairs.append((as_float(pair[0]), as_float(pair[1])))
-    with one_blas_thread():
-        values, solved = _values(
-            predict,
-            form,
-            rest,
-            unknown,
-            inputs,
-            readings,
-            known,
-            list(penalties.values()),
-            pairs,
-        )
-        if not isinstance(values, Tracer):
-            values.block_until_ready()
-    if throw and not isinstance(solved, Tracer) and not bool(solved):
-        msg = (
-            "fit_linear: readings and smoothness do not determine the model; expected "
-            "readings that touch every node, or a smoothness above 0"
-        )
-        raise FitError(msg)
+    problem = _Problem(
+        predict,
+        form,
+        rest,
+        _Structure.of(model, form),
+        jax.tree.map(as_float, inputs),
+        readings.ravel(),
+        weights_of(readings, weights).ravel(),
+        _weights_by_table(model, smoothness),
+    )
+    values, solved, local = _solved(problem, solver or ArrowCholesky())
+    if throw and not isinstance(solved, Tracer):
+        if not bool(local):
+            msg = (
+                "fit_linear: found predictions that touch several cells of a large table, "
+                f"expected one each; tables of up to {_MANY} values may do so"
+            )
+            raise FitError(msg)
+        if not bool(solved):
+            msg = (
+                "fit_linear: readings and smoothness do not determine the model; expected "
+                "readings that touch every node, or a smoothness above 0"
+            )
+            raise FitError(msg)
     found: M = eqx.combine(form.tree(values), rest)
     return found
 
 
+def _weights_by_table(
+    model: Any, smoothness: Weights | Mapping[str, Weights]
+) -> tuple[tuple[Array, ...], ...]:
+    """Return the weight of second differences of each table, and of fourth where given."""
+    names = [path_name(path) for path, _ in _tables(model)]
+    named = smoothness if isinstance(smoothness, Mapping) else {}
+    wrong = [name for name in named if name not in names]
+    if wrong:
+        msg = f"smoothness: found {', '.join(wrong)}, expected tables {names}"
+        raise ValueError(msg)
+    every = 0.0 if isinstance(smoothness, Mapping) else smoothness
+    found = [named.get(name, every) for name in names]
+    pairs = [each if isinstance(each, tuple) else (each,) for each in found]
+    return tuple(tuple(as_float(weight) for weight in pair) for pair in pairs)
+
+
+@final
+class _Penalty(eqx.Module):
+    """Squared differences of the values of one array, as elements of a matrix."""
+
+    row: Int[Array, " e"]
+    column: Int[Array, " e"]
+    data: Float[Array, " e"]
+    reach: int = eqx.field(static=True)
+    """Largest distance of an element from the diagonal; 0 outside of the band."""
+
+
+@final
+class _Structure(eqx.Module):
+    """Unknowns of a stack: those of the band first, along its shorter axis."""
+
+    unknown: Int[Array, " n"]
+    """Of each number of the model; the last node of a ring is the first one again."""
+    penalties: tuple[tuple[tuple[_Penalty, ...], ...], ...]
+    """Of second and of fourth differences of each table: one per array and axis."""
+    size: int = eqx.field(static=True)
+    grid: tuple[int, ...] = eqx.field(static=True)
+    """Nodes of the table that is the band, along its longer axis first; () without."""
+
+    @classmethod
+    def of(cls, model: Any, form: Form) -> "_Structure":
+        """Return the unknowns of the fitted arrays of a model."""
+        starts = dict(zip(form.paths, np.cumsum([0, *form.sizes]), strict=False))
+        same = np.arange(sum(form.sizes))
+        arrays: list[list[tuple[np.ndarray, list[tuple[np.ndarray, bool]]]]] = []
+        for path, table in _tables(model):
+            arrays.append([])
+            for field, axes in _axes(table).items():
+                name = ".".join(filter(None, [path_name(path), field]))
+                with (
+                    jax.ensure_compile_time_eval()
+                ):  # nodes are constants under jit, too
+                    places = [np.asarray(nodes.positions) for nodes, _ in axes]
+                shape = tuple(map(len, places))
+                index = starts[name] + np.arange(math.prod(shape)).reshape(shape)
+                rings = [ring for _, ring in axes]
+                if rings[0]:
+                    same[index[-1]] = same[index[0]]
+                arrays[-1].append((index, list(zip(places, rings, strict=True))))
+        straight = [own for table in arrays for own, axes in table if not axes[0][1]]
+        band = max(straight, key=np.size, default=np.zeros(0, np.int64))
+        band = band if band.size > _MANY else np.zeros(0, np.int64)
+        if len(band) < band.size // max(len(band), 1):
+            band = band.T  # along its longer axis first
+        rest = np.setdiff1d(np.unique(same), band)
+        place = np.zeros(len(same), np.int64)
+        place[np.concatenate([band.ravel(), rest])] = np.arange(band.size + len(rest))
+        unknown = place[same]
+        penalties = tuple(
+            tuple(
+                tuple(
+                    _penalty(unknown[index], axis, *each, order, band.size)
+                    for index, axes in table
+                    for axis, each in enumerate(axes)
+                )
+                for order in (0, 1)
+            )
+            for table in arrays
+        )
+        grid = band.shape if band.size else ()
+        return cls(jnp.asarray(unknown), penalties, band.size + len(rest), grid)
+
+
+def _penalty(
+    index: np.ndarray, axis: int, places: np.ndarray, ring: bool, order: int, band: int
+) -> _Penalty:
+    """Return the differences of an order along one axis of an array of unknowns."""
+    prior = chain(places, ring)
+    gram = sp.coo_array(prior.grams[order])
+    along = np.moveaxis(index, axis, 0)[: prior.size].reshape(prior.size, -1)
+    rows, columns = (along[each] for each in gram.coords)
+    data = np.broadcast_to(gram.data[:, None], rows.shape)
+    reach = int(np.max(rows - columns, initial=0)) if index.max() < band else 0
+    row, column, values = (jnp.asarray(x.ravel()) for x in (rows, columns, data))
+    return _Penalty(row, column, values, reach)
+
+
+class _Linear(NamedTuple):
+    """A linear function of the unknowns: predictions at zero, and products."""
+
+    off: Float[Array, " t"]
+    along: Callable[[Float[Array, " u"]], Float[Array, " t"]]
+    """Design × values."""
+    spread: Callable[[Float[Array, " t"]], Float[Array, " u"]]
+    """Transposed design × weights × amounts."""
+
+    def gram(self, values: Float[Array, " u"]) -> Float[Array, " u"]:
+        """Return the information of the readings × values."""
+        return self.spread(self.along(values))
+
+
+class _Problem(eqx.Module):
+    """Penalised squares over the unknowns: the matrix by its products, the right side."""
+
+    predict: Callable[[Any, Any], Array] = eqx.field(static=True)
+    form: Form = eqx.field(static=True)
+    rest: Any
+    structure: _Structure
+    inputs: Any
+    readings: Float[Array, " t"]
+    weights: Float[Array, " t"]
+    smoothness: tuple[tuple[Array, ...], ...]
+
+    def linear(self) -> "_Linear":
+        """Return the predictions as a linear function of the unknowns."""
+
+        def predicted(values: Float[Array, " u"]) -> Float[Array, " t"]:
+            numbers = self.form.tree(values[self.structure.unknown])
+            return jnp.ravel(self.predict(eqx.combine(numbers, self.rest), self.inputs))
+
+        zero = jnp.zeros(self.structure.size)
+        off, along = jax.linearize(predicted, zero)
+        back = jax.linear_transpose(along, zero)
+        return _Linear(off, along, lambda x: back(self.weights * x)[0])
+
+    @property
+    def penalties(self) -> Iterator[tuple[Array, _Penalty]]:
+        """Weights, and what they weigh."""
+        for orders, given in zip(
+            self.structure.penalties, self.smoothness, strict=True
+        ):
+            for own, weight in zip(orders, given, strict=False):
+                yield from ((weight, each) for each in own)
+
+    def product(
+        self, linear: "_Linear", values: Float[Array, " u"]
+    ) -> Float[Array, " u"]:
+        """Return (information + penalties) × values."""
+        result = linear.gram(values)
+        for weight, own in self.penalties:
+            result = result.at[own.row].add(weight * own.data * values[own.column])
+        return result
+
+    def matrix(self) -> tuple[Arrow, Bool[Array, ""]]:
+        """Return information + penalties, and whether that is all of it."""
+        grid, size = self.structure.grid, self.structure.size
+        n, fast = math.prod(grid) if grid else 0, grid[-1] if grid else 0
+        # Nodes that are three apart have no cell in common: they share a product.
+        places = np.indices(grid).reshape(len(grid), n)
+        colour = 3 ** np.arange(len(grid)) @ (places % 3)
+        colours = 3 ** len(grid) if n else 0
+        test = np.cos(np.arange(size))
+        probes = np.zeros((colours + size - n + 1, size))
+        probes[colour, np.arange(n)] = 1.0
+        probes[colours:-1, n:] = np.eye(size - n)
+        probes[-1] = test
+        few = len(probes) * self.readings.size <= _TOGETHER
+        gram = self.linear().gram
+        each = jax.vmap(gram) if few else partial(jax.lax.map, gram)
+        found = each(jnp.asarray(probes))
+        columns, expected = found[:-1], found[-1]
+        steps = _STEPS[len(grid)]
+        reach = [each.reach for _, each in self.penalties]
+        reach += [int(step @ [fast, 1][2 - len(grid) :]) for step in steps]
+        band = jnp.zeros((n, int(max(reach)) + 1))
+        for step in steps if n else ():
+            there = places + step[:, None]
+            inside = np.all((there >= 0) & (there < np.array(grid)[:, None]), axis=0)
+            low = np.flatnonzero(inside)
+            high = np.ravel_multi_index(tuple(there[:, inside]), grid)
+            band = band.at[low, high - low].set(columns[colour[low], high])
+        rows = columns[colours:]
+        arrow = Arrow(band, rows[:, :n], rows[:, n:])
+        local = jnp.max(jnp.abs(arrow @ jnp.asarray(test) - expected), initial=0.0)
+        local = local <= _LOCAL * jnp.max(jnp.abs(expected), initial=0.0)
+        border = arrow.border
+        for weight, own in self.penalties:
+            data, first = weight * own.data, own.row >= own.column
+            if own.reach:
+                at = jnp.where(first, own.column, n), own.row - own.column
+                band = band.at[at].add(data, mode="drop")
+            else:
+                border = border.at[own.row - n, own.column - n].add(data)
+        return Arrow(band, arrow.cross, border), local
+
+
 @eqx.filter_jit
-def _values(
-    predict: Callable[[Any, Any], Array],
-    form: Form,
-    rest: Any,
-    unknown: Int[Array, " n"],
-    inputs: Any,
-    readings: Float[Array, "..."],
-    weights: Float[Array, " t"],
-    penalties: list[Float[Array, "2 p p"]],
-    pairs: list[tuple[Float[Array, ""], Float[Array, ""]]],
-) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
-    """Return the fitted arrays in a row, and whether they are determined."""
-
-    def predicted(values: Float[Array, " p"]) -> Float[Array, " t"]:
-        full = eqx.combine(form.tree(values[unknown]), rest)
-        return jnp.ravel(predict(full, inputs))
-
-    count = penalties[0].shape[1] if penalties else len(unknown)
-    off, along = jax.linearize(predicted, jnp.zeros(count))
-    design = jax.vmap(along, out_axes=1)(jnp.eye(count))
-    used = weights > 0
-    error = jnp.where(used, jnp.where(used, readings.ravel(), 0.0) - off, 0.0)
-    matrix = design.T @ (weights[:, None] * design)
-    for terms, pair in zip(penalties, pairs, strict=True):
-        matrix += pair[0] * terms[0] + pair[1] * terms[1]
-    values, solved = _solve(matrix, design.T @ (weights * error))
-    return values[unknown], solved
-
-
-def _solve(
-    matrix: Float[Array, "p p"], right: Float[Array, " p"]
-) -> tuple[Float[Array, " p"], Array]:
-    """Return the solution with a positive definite matrix, and whether there is one."""
-    size = jax.lax.stop_gradient(jnp.sqrt(jnp.diag(matrix)))
-    unit = 1.0 / jnp.where(size > 0, size, 1.0)
-    scaled = matrix * (unit[:, None] * unit[None, :])
-    # A direction without information leaves a root of rounding size.
-    least = jnp.min(jnp.diag(jnp.linalg.cholesky(jax.lax.stop_gradient(scaled))))
-    solved = least > _ROUNDING * matrix.shape[0] ** 0.5
-    operator = lx.MatrixLinearOperator(scaled, lx.positive_semidefinite_tag)
-    found = lx.linear_solve(operator, unit * right, lx.Cholesky(), throw=False)
-    return jnp.where(solved, unit * found.value, jnp.nan), solved
-
-
-_ROUNDING = float(np.sqrt(np.finfo(np.float64).eps))
+def _solved(
+    problem: _Problem, solver: lx.AbstractLinearSolver[Any]
+) -> tuple[Float[Array, " n"], Bool[Array, ""], Bool[Array, ""]]:
+    """Return the fitted arrays in a row, whether they are determined, and right."""
+    linear, used = problem.linear(), problem.weights > 0
+    right = linear.spread(
+        jnp.where(used, jnp.where(used, problem.readings, 0.0) - linear.off, 0.0)
+    )
+    operator = lx.FunctionLinearOperator(
+        partial(problem.product, linear),
+        jax.eval_shape(lambda: right),
+        lx.positive_semidefinite_tag,
+    )
+    options: dict[str, Any] = {}
+    local = jnp.asarray(True)
+    if isinstance(solver, ArrowCholesky):
+        # Derivatives are those of the operator: the factor counts as constant.
+        arrays, rest = eqx.partition(problem, eqx.is_array)
+        fixed: _Problem = eqx.combine(jax.lax.stop_gradient(arrays), rest)
+        options["matrix"], local = fixed.matrix()
+    found = lx.linear_solve(operator, right, solver, options=options, throw=False)
+    solved = jnp.all(jnp.isfinite(found.value))
+    return found.value[problem.structure.unknown], solved, local
 
 
 def _tables(model: Any) -> Iterator[tuple[Any, Any]]:
     kinds = (Leadscrew, Cross, Plane, FrictionTable)
     leaves = jtu.tree_leaves_with_path(model, is_leaf=lambda x: isinstance(x, kinds))
     return ((path, leaf) for path, leaf in leaves if isinstance(leaf, kinds))
-
-
-def _structure(
-    model: Any, form: Form
-) -> tuple[Int[Array, " n"], dict[str, Float[Array, "2 p p"]]]:
-    """Return the unknown of each number of the model, and the penalties of each table.
-
-    The last node of a ring is the first one again: they are one unknown.
-    """
-    starts = dict(zip(form.paths, np.cumsum([0, *form.sizes]), strict=False))
-    same = np.arange(sum(form.sizes))
-    found: list[tuple[str, int, np.ndarray, np.ndarray]] = []
-    for path, table in _tables(model):
-        name = path_name(path)
-        for field, axes in _axes(table).items():
-            start = starts[f"{name}.{field}" if name else field]
-            with jax.ensure_compile_time_eval():  # nodes are constants under jit, too
-                places = [np.asarray(nodes.positions) for nodes, _ in axes]
-            shape = tuple(map(len, places))
-            index = start + np.arange(math.prod(shape)).reshape(shape)
-            for axis, (place, (_, ring)) in enumerate(zip(places, axes, strict=True)):
-                along, prior = np.moveaxis(index, axis, 0), chain(place, ring)
-                if ring:
-                    same[along[-1]] = same[along[0]]
-                lines = along[: prior.size].reshape(prior.size, -1).T
-                for order, gram in enumerate(prior.grams):
-                    found.append((name, order, lines, gram.toarray()))
-    kept, unknown = np.unique(same, return_inverse=True)
-    size = len(kept)
-    penalties = {name: np.zeros((2, size, size)) for name, *_ in found}
-    for name, order, lines, gram in found:
-        own = unknown[lines]
-        np.add.at(penalties[name][order], (own[:, :, None], own[:, None, :]), gram)
-    return jnp.asarray(unknown), {k: jnp.asarray(v) for k, v in penalties.items()}
 
 
 def _axes(table: Any) -> dict[str, list[tuple[AbstractNodes, bool]]]:

@@ -7,21 +7,30 @@ from typing import Any, Literal, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import lineax as lx
 import numpy as np
 import optimistix as optx
 from jax.core import Tracer
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
-from ._limits import PASSES, Change
 from ._model_fit import STATUSES, ModelFit, covariance_of, factor, held_out_rms
-from ._parameters import Form, Pairs, as_float, fitted_arrays, weights_of
+from ._parameters import (
+    Form,
+    Pairs,
+    Scaled,
+    as_float,
+    fitted_arrays,
+    weights_of,
+)
 from .core import FitError, least_squares_ipopt, one_blas_thread
 
 M = TypeVar("M", bound=eqx.Module)
 
 _BLOCKS = 10
 """Blocks of consecutive readings that are held out in turn."""
+_RESTARTS = 4
+"""Solves with limits: what rests on one may leave it at the next."""
 _PASSES = 30
 _SAME = 1e-10
 """Passes at most, and the relative change of the noise that ends them: it weighs priors."""
@@ -66,8 +75,8 @@ def fit_model(
         measured: Readings, of any shape.
         bounds: Pair (least, largest) per array, a number or an array each; None = free.
             Either a tree shaped like the model, or a mapping of names to pairs. optimistix
-            sees them as a change of variables, $\tanh$ with unit slope at the start; what
-            rests on a limit is held there, so that both solvers end at the same optimum.
+            starts again from where numbers rest on a limit, so that both solvers end at
+            the same optimum.
         priors: Pair (mean, standard deviation) per array, in its unit; None = none.
         weights: Of the readings, relative; 0 leaves a reading out, NaN or not.
         groups: Number of the group of each reading, for `ModelFit.held_out`; left out: ten
@@ -130,7 +139,7 @@ def fit_model(
                 start, code, more = _by_ipopt(problem, start, sigma, max_steps)
             else:
                 start, code, more = _by_optimistix(
-                    problem, start, sigma, solver, max_steps, bounds is not None
+                    problem, start, sigma, solver, max_steps, _RESTARTS if bounds else 1
                 )
             before = sigma
             found = _report(problem, start, sigma, known, blocks, count)
@@ -235,11 +244,11 @@ def _by_ipopt(
     return jnp.asarray(found.values), code, jnp.asarray(found.steps)
 
 
-def _changed(
-    x: Float[Array, " p"], args: tuple[_Problem, Array, Change]
+def _scaled(
+    x: Float[Array, " p"], args: tuple[_Problem, Array, Scaled]
 ) -> Float[Array, " r"]:
-    problem, noise, change = args
-    return _full(change.values(x), (problem, noise)) / change.length
+    problem, noise, numbers = args
+    return _full(numbers.values(x), (problem, noise)) / numbers.length
 
 
 @eqx.filter_jit
@@ -249,9 +258,8 @@ def _by_optimistix(
     noise: Float[Array, ""],
     solver: Any,
     max_steps: int,
-    limited: bool,
+    passes: int,
 ) -> tuple[Float[Array, " p"], Int[Array, ""], Int[Array, ""]]:
-    passes = PASSES if limited else 1
     outcomes = {
         "converged": optx.RESULTS.successful,
         "max_steps": optx.RESULTS.nonlinear_max_steps_reached,
@@ -261,32 +269,32 @@ def _by_optimistix(
     def residual(values: Float[Array, " p"]) -> Float[Array, " r"]:
         return _full(values, (problem, noise))
 
-    def once(
-        start: Float[Array, " p"], first: Bool[Array, ""]
-    ) -> tuple[Array, tuple[Array, Array]]:
-        change = Change.of(residual, start, problem.limits, first, limited)
+    def once(start: Float[Array, " p"], _: None) -> tuple[Array, tuple[Array, Array]]:
+        numbers = Scaled.of(residual, start, problem.limits)
         found: optx.Solution[Any, Any] = optx.least_squares(
-            _changed,
+            _scaled,
             solver,
             jnp.zeros_like(start),
-            args=(problem, noise, change),
+            args=(problem, noise, numbers),
+            # What stands on a limit has no slope: the derivative is that of the others.
+            adjoint=optx.ImplicitAdjoint(lx.AutoLinearSolver(well_posed=False)),
             max_steps=max(max_steps // passes, 1),
             throw=False,
         )
-        values = change.values(found.value)
+        values = numbers.values(found.value)
         code = jnp.asarray(STATUSES.index("failed"))
         for status, outcome in outcomes.items():
             code = jnp.where(found.result == outcome, STATUSES.index(status), code)
-        if limited:
-            still = jax.lax.stop_gradient(values)
-            slope = jax.grad(lambda x: 0.5 * jnp.sum(residual(x) ** 2))(still)
-            code = jnp.where(change.at_rest(slope), code, STATUSES.index("max_steps"))
+        still = jax.lax.stop_gradient(values)
+        slope = jax.grad(lambda x: 0.5 * jnp.sum(residual(x) ** 2))(still)
+        rests = numbers.at_rest(still, slope)
+        code = jnp.where(rests, code, STATUSES.index("max_steps"))
         return values, (code, jnp.asarray(found.stats["num_steps"]))
 
-    if not limited:
-        values, (code, steps) = once(start, jnp.asarray(True))
+    if passes == 1:
+        values, (code, steps) = once(start, None)
         return values, code, steps
-    values, (codes, steps) = jax.lax.scan(once, start, jnp.arange(passes) == 0)
+    values, (codes, steps) = jax.lax.scan(once, start, length=passes)
     return values, codes[-1], jnp.sum(steps)
 
 

@@ -1,66 +1,29 @@
-"""What a researcher calls: read a measurement, fit a stack of effects to it."""
+"""What a researcher calls: a stack of effects fitted to readings, and what comes of it."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, Literal, final
 
 import numpy as np
-from jax.typing import ArrayLike
-from jaxtyping import Bool, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from ..data.measurements import (
-    ColumnSpec,
-    Measurement,
-    MissingRole,
-    derive_direction,
-    derive_error,
-    find_role,
-    measurement,
-    read_table,
-)
+from ..data.measurements import Measurement
 from ._effects import AbstractEffect, Friction
+from ._joint_covariance import constrained, covariance_of
+from ._readings import Roles, arrays_of, recording_of, without_zero_of
+from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
 from .fit.joint import Confusion, Gauge, JointData, JointFit, fit_joint, refit_joint
 from .friction import Choice, DriveSamples, Known, choose_law
 
-Roles = Mapping[str, ArrayLike]
-"""Arrays by role (``"X.position"``, ``"temperature.scale"``, ``"run"``) in mm, °, s, °C."""
+if TYPE_CHECKING:
+    from .job import JobResult
 
 _FOLDS = 5
 """Blocks of consecutive readings that are held out in turn where there is one run."""
-
-
-def read(
-    path: str | Path,
-    columns: Mapping[str, str | tuple[str, str]] | None = None,
-    *,
-    axis: str | None = None,
-    masters: Sequence[str] = (),
-    increments: Mapping[str, float] | None = None,
-) -> Measurement:
-    """Return a measurement file in mm, °, s and °C.
-
-    Args:
-        path: CSV, Parquet, TwinCAT Scope text, MATLAB, ISO 230-2 runs, bed mesh, height map.
-        columns: Role → column, or (column, unit): ``{"X.error": ("dx", "um")}``. Left out:
-            the roles that the file names itself.
-        axis: Axis of a file that names roles without one.
-        masters: Axes that x and y of a mesh stand for.
-        increments: mm or ° per encoder increment by axis, for the unit ``inc``.
-
-    Raises:
-        OSError: If the file cannot be read.
-        MeasurementError: If it holds nothing usable, or a column, role or unit is not known.
-    """
-    specs = {
-        role: ColumnSpec(column) if isinstance(column, str) else ColumnSpec(*column)
-        for role, column in (columns or {}).items()
-    }
-    return measurement(
-        read_table(Path(path)), specs, axis=axis, masters=masters, increments=increments
-    )
 
 
 @final
@@ -102,6 +65,7 @@ class Fit(Mapping[str, FittedEffect]):
         converged: Whether the iterations reached their tolerance.
         joint: The estimator's own result; None where there is friction only.
         data: The readings as it took them.
+        stated: What was asked of `fit`, for `write`.
     """
 
     effects: Mapping[str, FittedEffect]
@@ -112,6 +76,7 @@ class Fit(Mapping[str, FittedEffect]):
     converged: bool
     joint: JointFit | None
     data: JointData
+    stated: Stated
 
     def __getitem__(self, name: str) -> FittedEffect:
         return self.effects[name]
@@ -143,6 +108,59 @@ class Fit(Mapping[str, FittedEffect]):
                 error[own] = (self.data.error[axis] - predicted[axis])[own]
         return {axis: float(np.sqrt(np.nanmean(e**2))) for axis, e in off.items()}
 
+    def covariance(self, name: str) -> Float[np.ndarray, "p p"]:
+        """Return the joint covariance of the values of an effect, in the order of the list.
+
+        In mm² or °²; `covariance_of` says how. A value that the readings do not tell has
+        the variance inf, and NaN beside it.
+
+        Raises:
+            KeyError: If there is no such effect, or it is a friction.
+        """
+        effect = self.effects[name].effect
+        if self.joint is None or not isinstance(effect, AbstractEffect):
+            raise KeyError(name)
+        return covariance_of(self.joint, self.data, self.stated.place(effect))
+
+    def write(
+        self,
+        folder: str | Path,
+        lists: Mapping[int, str | Path] | None = None,
+        axes: Mapping[str, int | Mapping[str, Any]] | None = None,
+        gate: Mapping[str, float] | None = None,
+    ) -> "JobResult":
+        """Write proven lists, load sheet and ``result.json``, as ``axcomp fit`` does.
+
+        The readings and a job file go into the folder, and the job is run: fitted anew,
+        rounded to list units, read back and judged by the gate. A failed gate is no error:
+        the list then lies in ``rejected/``.
+
+        Args:
+            folder: Made where it does not exist.
+            lists: Lists that the controller has loaded, by number of the axis: the new ones
+                keep the rest of them, and what was `active` in them stays.
+            axes: Number of each axis, or its keys in a job file (``number``, ``limits``,
+                ``type``, …). With one axis and one list it may be left out.
+            gate: Limits, as in a job file.
+
+        Returns:
+            What the job found; `JobResult.passed` tells whether everything is fit for use.
+
+        Raises:
+            AxcompError: If the job cannot be run.
+        """
+        return write_job(self.stated, Path(folder), lists or {}, axes or {}, gate or {})
+
+    @cached_property
+    def verdict(self) -> dict[str, str]:
+        """What the report of a job says of each effect in a sentence, ready to act on.
+
+        The job is run on numbers of axes in alphabetical order, without their old lists.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            names = {name: k + 1 for k, name in enumerate(sorted(self.stated.axes))}
+            return verdicts_of(self.write(folder, axes=names), tuple(self.effects))
+
 
 def fit(
     effects: Sequence[AbstractEffect | Friction],
@@ -151,6 +169,11 @@ def fit(
     loss: str = "student",
     smoothness: float | int | str = "auto",
     drift: int = 0,
+    remove: Literal["none", "offset", "line"] = "none",
+    datum: float | Sequence[float] | None = None,
+    active: Mapping[str, Any] | None = None,
+    constraints: Mapping[str, Callable[[Any], Array]] | None = None,
+    solver: Literal["factor", "ipopt"] | None = None,
 ) -> Fit:
     """Fit a stack of effects to readings.
 
@@ -162,37 +185,61 @@ def fit(
         smoothness: ``"auto"``: by evidence; or the weight of the squared second differences
             of all tables, relative to 1/noise²; 0 = no prior.
         drift: Pieces of the drift of each run; 0 = an offset per run.
+        remove: Takes an arbitrary zero of the instrument off the error of each axis, its
+            mean or the line (over two masters, the plane) through it.
+        datum: Position where the error is zero, one per master; for a table alone on its
+            axis, whose values then say so.
+        active: Models that acted while measuring, by name of the effect (`load_model`
+            gives them): the new values are old + residual. Tables and backlash.
+        constraints: Values that a model keeps at or above zero, by name of the effect:
+            ``{"leadscrew": lambda m: jnp.diff(m.pos)}`` never falls. The most probable
+            values that do, at the smoothness of the fit; deviations, `joint` and
+            `held_out` stay those of the fit without.
+        solver: ``"ipopt"`` takes constraints; the factor does not. Left out: as needed.
 
     Raises:
         MissingRole: If an effect needs a role that the measurement lacks.
-        FitError: If arrays do not fit together, or do not determine the effects.
+        FitError: If arrays do not fit together, do not determine the effects, or nothing
+            keeps the constraints.
+        ValueError: If options do not fit together.
     """
-    given = _arrays(effects, data)
-    positional = [one for one in effects if isinstance(one, AbstractEffect)]
-    recording = _recording(given)
-    found: list[FittedEffect] = []
+    if constraints and solver == "factor":
+        msg = "constraints need solver='ipopt': the factor knows no inequalities."
+        raise ValueError(msg)
+    given = arrays_of(effects, data)
+    stack = [one for one in effects if isinstance(one, AbstractEffect)]
+    names = _names(effects)
+    place = _datum(stack, datum)
+    options = {"loss": loss, "smoothness": smoothness}
+    treated = {"drift": drift, "remove": remove, "datum": place}
+    unknown = [
+        name for name in (*(active or {}), *(constraints or {})) if name not in names
+    ]
+    if unknown:
+        msg = (
+            f"found {', '.join(unknown)} among active and constraints, expected {names}"
+        )
+        raise ValueError(msg)
+    stated = Stated(tuple(effects), given, options, treated, tuple(active or ()), names)
+    recording = recording_of(stack, without_zero_of(stack, given, remove))
+    found: dict[str, FittedEffect] = {}
     noise: dict[str, float] = {}
+    constant: dict[str, tuple[float, float]] = {}
     undetermined: list[Confusion | str] = []
     joint: JointFit | None = None
-    if positional:
-        stack = [one.to_joint() for one in positional]
+    if stack:
         joint = fit_joint(
             recording,
-            stack,
+            [one.to_joint() for one in stack],
             loss=loss,
             smoothness=smoothness if isinstance(smoothness, str) else float(smoothness),
             drift=drift,
         )
         noise |= joint.noise
+        constant |= joint.datum
         undetermined += joint.confusions
-        for effect, part in zip(positional, joint.parts, strict=True):
-            fitted = part.effect
-            model = effect.to_model(part.table, -1.0, fitted)
-            deviation = effect.to_model(part.deviation_table, 1.0, fitted)
-            found.append(
-                FittedEffect(effect, model, deviation, part.support, part.lags)
-            )
-    for one in effects:
+    parts = iter(() if joint is None else joint.parts)
+    for name, one in zip(names, effects, strict=True):
         if isinstance(one, Friction):
             choice = _friction(one, given)
             noise.setdefault(one.axis, choice.fit.noise)
@@ -201,26 +248,80 @@ def fit(
                 for name, why in choice.fit.undetermined.items()
             ]
             law, sigma = choice.fit.law, choice.fit.standard_deviations
-            counted = np.array([choice.fit.count])
-            found.append(FittedEffect(one, law, sigma, counted))
-    kinds = [one.effect.compensation for one in found]
-    names = {
-        kind if kinds.count(kind) == 1 else f"{one.effect.axis}.{kind}": one
-        for kind, one in zip(kinds, found, strict=True)
-    }
-    if len(names) < len(found):
-        msg = f"found an effect twice among {', '.join(kinds)}, expected each once an axis"
-        raise FitError(msg)
+            found[name] = FittedEffect(one, law, sigma, np.array([choice.fit.count]))
+            continue
+        part = next(parts)
+        table = part.table
+        if constraints and name in constraints:
+            assert joint is not None
+            spread = covariance_of(joint, recording, stated.place(one))
+            table = constrained(one, part, spread, constraints[name])
+        if place is not None:
+            model = one.to_model(table, -1.0, part.effect)
+            zero = -float(np.mean(one.offsets(model, *(np.array([x]) for x in place))))
+            table = table - zero
+            value, deviation = constant[one.axis]
+            constant[one.axis] = (value + zero, deviation)
+        if active and name in active:
+            table = table - one.offsets(active[name])
+        found[name] = FittedEffect(
+            one,
+            one.to_model(table, -1.0, part.effect),
+            one.to_model(part.deviation_table, 1.0, part.effect),
+            part.support,
+            part.lags,
+        )
     return Fit(
-        effects=names,
+        effects=found,
         noise=noise,
-        datum={} if joint is None else joint.datum,
+        datum=constant,
         gauges=() if joint is None else joint.gauges,
         undetermined=tuple(undetermined),
         converged=joint is None or joint.converged,
         joint=joint,
         data=recording,
+        stated=stated,
     )
+
+
+def _names(effects: Sequence[AbstractEffect | Friction]) -> tuple[str, ...]:
+    """Return the name of each effect: its compensation, with the axis where it recurs."""
+    kinds = [one.compensation for one in effects]
+    names = tuple(
+        kind if kinds.count(kind) == 1 else f"{one.axis}.{kind}"
+        for kind, one in zip(kinds, effects, strict=True)
+    )
+    if len(set(names)) < len(names):
+        msg = f"found an effect twice among {', '.join(kinds)}, expected each once an axis"
+        raise FitError(msg)
+    return names
+
+
+def _datum(
+    stack: Sequence[AbstractEffect], datum: float | Sequence[float] | None
+) -> tuple[float, ...] | None:
+    """Return where the error is zero, one position per master.
+
+    Raises:
+        FitError: If an effect is no table, does not stand alone, or ends before.
+    """
+    if datum is None:
+        return None
+    place = tuple(float(each) for each in np.atleast_1d(np.asarray(datum)))
+    for one in stack:
+        nodes = one.grid
+        alone = [other.axis for other in stack].count(one.axis) == 1
+        if not nodes or not alone or len(nodes) != len(place):
+            msg = (
+                f"datum: found {one.compensation} of {one.axis}, expected a table alone on "
+                "its axis, and a position for each of its masters"
+            )
+            raise FitError(msg)
+        for at, own in zip(place, nodes, strict=True):
+            if not own[0] <= at <= own[-1]:
+                msg = f"datum: found {at:g}, expected {own[0]:g} to {own[-1]:g}"
+                raise FitError(msg)
+    return place
 
 
 def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
@@ -228,59 +329,3 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
     velocity, acceleration, current = (given[role] for role in effect.roles[1:])
     samples = DriveSamples(given["time"], velocity, current, acceleration)
     return choose_law(samples, known=Known(inertia=inertia))
-
-
-def _arrays(
-    effects: Sequence[AbstractEffect | Friction], data: Measurement | Roles
-) -> dict[str, np.ndarray]:
-    """Return the arrays by role that the effects need, and runs and time."""
-    wanted = ["run", "time"]
-    for one in effects:
-        wanted += one.roles
-        if isinstance(one, AbstractEffect):
-            wanted.append(f"{one.axis}.error")
-    found: dict[str, np.ndarray] = {}
-    for role in dict.fromkeys(wanted):
-        if isinstance(data, Measurement):
-            values = _measured(data.with_gaps(), role)
-        else:
-            values = None if role not in data else np.asarray(data[role])
-        if values is None and role in ("run", "time") and role not in wanted[2:]:
-            continue
-        if values is None:
-            known = ", ".join(data) if isinstance(data, Mapping) else ""
-            msg = f"the effects need {role!r}, found arrays of {known}"
-            raise FitError(msg)
-        found[role] = np.asarray(values, None if role == "run" else np.float64)
-    return found
-
-
-def _measured(data: Measurement, role: str) -> np.ndarray | None:
-    """Return the values of a role; errors and directions are derived where they can be."""
-    if role in data.values:
-        return data.values[role]
-    if role in ("run", "time"):
-        return None
-    known = find_role(role)
-    if known is not None and known.axis is not None and known.kind == "direction":
-        return derive_direction(data, known.axis).astype(np.float64)
-    if known is not None and known.axis is not None and known.kind == "error":
-        return derive_error(data, known.axis)
-    raise MissingRole(str(data.source), role, "for the effects", data.values.keys())
-
-
-def _recording(given: Mapping[str, np.ndarray]) -> JointData:
-    """Return arrays by role as a joint fit takes them."""
-    tables: dict[str, dict[str, np.ndarray]] = {}
-    for text, values in given.items():
-        role = find_role(text)
-        if role is None:
-            msg = f"found {text!r}, expected a role such as X.position or temperature.a"
-            raise FitError(msg)
-        name = role.axis or role.sensor
-        if name is not None and role.kind != "current":
-            tables.setdefault(role.kind, {})[name] = values
-    run = None
-    if "run" in given:
-        run = np.unique(given["run"], return_inverse=True)[1].astype(np.int64)
-    return JointData(**tables, time=given.get("time"), run=run)

@@ -1,8 +1,8 @@
-"""The fitted arrays of a model as one vector, and what is said of them by name or shape."""
+"""The fitted arrays of a model as one vector: names, limits, and units for a solver."""
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
 import equinox as eqx
@@ -12,7 +12,7 @@ import jax.tree_util as jtu
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..models import AbstractNodes, AbstractSurface
 from .core import FitError
@@ -125,6 +125,60 @@ class Form:
 
 def _is_pair(node: Any) -> bool:
     return node is None or (type(node) in (tuple, list) and len(node) == 2)
+
+
+@final
+class Scaled(eqx.Module):
+    """Numbers in units that change the residual by its size at the start, within limits.
+
+    Beyond a limit they stand still: a solver that knows no limits comes to rest there.
+    """
+
+    start: Float[Array, " p"]
+    unit: Float[Array, " p"]
+    limits: tuple[Float[Array, " p"], Float[Array, " p"]]
+    length: Float[Array, ""]
+    """Of the residual at the start."""
+
+    @classmethod
+    def of(
+        cls,
+        residual: Callable[[Float[Array, " p"]], Float[Array, " r"]],
+        start: Float[Array, " p"],
+        limits: tuple[Float[Array, " p"], Float[Array, " p"]],
+    ) -> "Scaled":
+        """Return the numbers about a start, which is moved into its limits."""
+        low, high = limits
+        start = jnp.clip(start, low, high)
+        off, design = residual(start), jax.jacfwd(residual)(start)
+        length = jnp.linalg.norm(off)
+        length = jnp.where(length > 0, length, 1.0)
+        norms = jnp.linalg.norm(design, axis=0)
+        felt = jnp.isfinite(norms) & (norms > 0)
+        natural = jnp.where(start != 0, jnp.abs(start), 1.0)
+        unit = jnp.where(felt, length / jnp.where(felt, norms, 1.0), natural)
+        width = high - low
+        unit = jnp.where(width > 0, jnp.minimum(unit, width), unit)
+        # What the cost pushes against its limit begins beyond it, where it has no slope.
+        slope = off @ design
+        start = jnp.where((start <= low) & (slope > 0), low - unit, start)
+        start = jnp.where((start >= high) & (slope < 0), high + unit, start)
+        return cls(*jax.lax.stop_gradient((start, unit, limits, length)))
+
+    def values(self, x: Float[Array, " p"]) -> Float[Array, " p"]:
+        """Return the numbers of the model; on a limit their derivative is that inside."""
+        low, high = self.limits
+        free = self.start + self.unit * x
+        return jnp.where(free < low, low, jnp.where(free > high, high, free))
+
+    def at_rest(
+        self, values: Float[Array, " p"], slope: Float[Array, " p"]
+    ) -> Bool[Array, ""]:
+        """Return whether the cost pushes all that stands on a limit against it."""
+        low, high = self.limits
+        return ~jnp.any(
+            ((values <= low) & (slope < 0)) | ((values >= high) & (slope > 0))
+        )
 
 
 def as_float(value: Any) -> Any:

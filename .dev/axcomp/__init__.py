@@ -6,7 +6,7 @@ The library at a glance; each name is loaded when it is first used:
   (`Leadscrew`, `Cross`, `Plane`, `Backlash`, `Temperature`, `Crosstalk`, `Friction`).
 * `fit_model`: any equinox module, by optimistix or IPOPT; `fit_linear`: a linear stack,
   differentiable to any order.
-* `load_model`, `write_lists`: lists of the controller ↔ models (`AxisModels`, `ModelUnit`).
+* `load_model`, `write`: lists of the controller ↔ models (`AxisModels`, `ModelUnit`).
 
 Three parts, imported by their own names so that a command which only reads lists never
 pays for what only a fit needs:
@@ -20,19 +20,22 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .ident._effects import (
-        Backlash as Backlash,
+    from .ident._effect_tables import (
         Cross as Cross,
-        Crosstalk as Crosstalk,
-        Friction as Friction,
         Leadscrew as Leadscrew,
         Plane as Plane,
+    )
+    from .ident._effects import (
+        Backlash as Backlash,
+        Crosstalk as Crosstalk,
+        Friction as Friction,
         Temperature as Temperature,
     )
     from .ident._fit_linear import fit_linear as fit_linear
     from .ident._fit_model import fit_model as fit_model
-    from .ident._library import Fit as Fit, fit as fit, read as read
+    from .ident._library import Fit as Fit, fit as fit
     from .ident._model_fit import ModelFit as ModelFit
+    from .ident._readings import read as read
     from .ident.exchange import (
         AxisModels as AxisModels,
         ModelUnit as ModelUnit,
@@ -40,18 +43,21 @@ if TYPE_CHECKING:
         write_lists as write_lists,
     )
 
+    write = write_lists
+
 __version__ = "0.1.0"
 
 _HOME = {
-    "ident._effects": (
-        "Backlash", "Cross", "Crosstalk", "Friction", "Leadscrew", "Plane", "Temperature",
-    ),
+    "ident._effect_tables": ("Cross", "Leadscrew", "Plane"),
+    "ident._effects": ("Backlash", "Crosstalk", "Friction", "Temperature"),
     "ident._fit_linear": ("fit_linear",),
     "ident._fit_model": ("fit_model",),
-    "ident._library": ("Fit", "fit", "read"),
+    "ident._library": ("Fit", "fit"),
     "ident._model_fit": ("ModelFit",),
-    "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write_lists"),
+    "ident._readings": ("read",),
+    "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write", "write_lists"),
 }  # fmt: skip
+_OTHERWISE = {"write": "write_lists"}
 _MODULES = {name: module for module, names in _HOME.items() for name in names}
 
 
@@ -60,7 +66,8 @@ def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         msg = f"module 'axcomp' has no attribute {name!r}"
         raise AttributeError(msg)
-    value = getattr(importlib.import_module(f".{_MODULES[name]}", __name__), name)
+    module = importlib.import_module(f".{_MODULES[name]}", __name__)
+    value = getattr(module, _OTHERWISE.get(name, name))
     globals()[name] = value
     return value
 

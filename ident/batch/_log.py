@@ -21,7 +21,6 @@ from ..fit import (
     TableLayout,
     cores,
     fit_streamed,
-    in_turn,
 )
 from ._cluster import workers_of
 
@@ -103,12 +102,13 @@ def fit_log(
     with contextlib.ExitStack() as stack:
         own, apply = _shared(parts, scheduler, workers, stack)
         try:
-            return fit_streamed(
+            found = fit_streamed(
                 layout, own, smoothness=smoothness, loss=loss, apply=apply
             )
         except FitError:
             _refuse_gaps(parts)
             raise
+        return found.fit
 
 
 def _shared(
@@ -131,7 +131,7 @@ def _shared(
         # Neither reading nor summing holds the interpreter.
         return parts, stack.enter_context(ThreadPoolExecutor(threads)).map
     parts = [dataclasses.replace(part, threads=True) for part in parts]
-    return [Ahead(part.columns, part.samples) for part in parts], in_turn
+    return [Ahead(part.columns, part.samples) for part in parts], map
 
 
 def _refuse_gaps(parts: Sequence[_Readings]) -> None:

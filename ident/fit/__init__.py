@@ -1,7 +1,9 @@
 """Fits of tables, in memory and in pieces: arrays in, model and uncertainty out.
 
-`fit_table` (`_table`) and `fit_with_folds` (`_stream`) rest on `axcomp.ident.core`;
-`predict` and `leave_out` say what a fit says elsewhere, and without some readings.
+`fit_table` (`_table`) and `fit_streamed` (`_stream`, over the passes of `_pieces`) are one
+estimator, that of `axcomp.ident.core`; `_result` says what it found, `_once` what a single
+probing cannot tell. `predict` and `leave_out` say what a fit says elsewhere, and without some
+readings.
 """
 
 from ..core import (
@@ -10,7 +12,15 @@ from ..core import (
     cores as cores,
     one_blas_thread as one_blas_thread,
 )
-from ._ahead import Ahead as Ahead, in_turn as in_turn
+from ._pieces import (
+    AbstractPass as AbstractPass,
+    Ahead as Ahead,
+    Apply as Apply,
+    Part as Part,
+    Place as Place,
+    Stream as Stream,
+    added as added,
+)
 from ._predict import (
     deviations as deviations,
     leave_out as leave_out,
@@ -18,16 +28,9 @@ from ._predict import (
     spatial_blocks as spatial_blocks,
 )
 from ._stream import (
-    AbstractPass as AbstractPass,
-    Apply as Apply,
     Grouping as Grouping,
-    Part as Part,
-    Place as Place,
-    Stream as Stream,
     StreamedFit as StreamedFit,
-    added as added,
     fit_streamed as fit_streamed,
-    fit_with_folds as fit_with_folds,
 )
 from ._table import fit_table as fit_table, fit_values as fit_values
 from ._types import (

@@ -10,6 +10,9 @@ from jaxtyping import Float, Int
 from ..core._errors import FitError
 from ._types import Samples, TableLayout
 
+Smoothness = float | str | Mapping[str, float]
+"""``"auto"``, a weight, or the weights of an earlier fit by name."""
+
 _NAME = re.compile("order [24], axis [12]")
 
 
@@ -29,11 +32,13 @@ class Extent:
 
     @classmethod
     def of(cls, layout: TableLayout, samples: Samples) -> "Extent":
-        """Return the extent of readings.
+        """Return the extent of readings; all of them must be finite numbers.
 
         Raises:
-            FitError: If there is no direction where the table needs one.
+            FitError: If there are none, one is no number or has no weight, or there is no
+                direction where the table needs one.
         """
+        _refuse_gaps(samples)
         counts = np.array([len(samples.error)])
         if layout.branches == 2:
             if samples.branch is None:
@@ -54,29 +59,54 @@ class Extent:
             np.maximum(self.high, other.high),
         )
 
+    def check(self, layout: TableLayout, free: int, allow_gaps: bool) -> None:
+        """Refuse readings that are too few or stand at one place.
 
-def check_samples(
-    layout: TableLayout, samples: Samples, smoothness: object, allow_gaps: bool
-) -> None:
-    """Refuse readings that cannot determine the table."""
-    check_finite(samples)
-    check_layout(layout)
-    check_extent(layout, Extent.of(layout, samples), allow_gaps)
-    check_smoothness(smoothness)
+        Args:
+            layout: Where the nodes lie.
+            free: Unknowns that no prior holds.
+            allow_gaps: Fewer readings than nodes are enough.
+
+        Raises:
+            FitError: Naming what is missing.
+        """
+        for axis, nodes in enumerate(layout.nodes):
+            if len(nodes) > 1 and self.low[axis] == self.high[axis]:
+                msg = (
+                    f"all readings stand at {float(self.low[axis]):g} along axis "
+                    f"{axis + 1}, expected positions spread over {len(nodes)} nodes."
+                )
+                raise FitError(msg)
+        least = layout.effect.size // layout.branches
+        names = ("positive", "negative") if layout.branches == 2 else ("",)
+        for name, number in zip(names, self.counts, strict=True):
+            if number < least and not allow_gaps:
+                way = f" in {name} direction" if name else ""
+                msg = (
+                    f"{number} readings{way} for {least} nodes, "
+                    f"expected at least {least}."
+                )
+                raise FitError(msg)
+        if self.counts.sum() <= free:
+            msg = (
+                f"{self.counts.sum()} readings leave nothing to judge the noise by; "
+                f"expected more than {free}."
+            )
+            raise FitError(msg)
 
 
-def check_finite(samples: Samples) -> None:
-    """Refuse readings that are none, are no numbers, or have no weight."""
+def _refuse_gaps(samples: Samples) -> None:
     count = len(samples.error)
     if not count:
         msg = "found no readings, expected at least one per node."
         raise FitError(msg)
     for name in ("positions", "error", "weight", "order"):
         values = getattr(samples, name)
-        if values is not None and not np.isfinite(values).all():
-            row = int(
-                np.argwhere(~np.isfinite(values.reshape(count, -1)).all(axis=1))[0, 0]
-            )
+        if values is None:
+            continue
+        finite = np.isfinite(values)
+        if not finite.all():
+            row = int(np.argmin(finite.reshape(count, -1).all(axis=1)))
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
     if samples.weight is not None and not (samples.weight > 0).all():
@@ -92,33 +122,7 @@ def check_layout(layout: TableLayout) -> None:
             raise FitError(msg)
 
 
-def check_extent(layout: TableLayout, extent: Extent, allow_gaps: bool) -> None:
-    """Refuse readings that are too few or stand at one place."""
-    for axis, nodes in enumerate(layout.nodes):
-        if len(nodes) > 1 and extent.low[axis] == extent.high[axis]:
-            where = float(extent.low[axis])
-            msg = (
-                f"all readings stand at {where:g} along axis {axis + 1}, "
-                f"expected positions spread over {len(nodes)} nodes."
-            )
-            raise FitError(msg)
-    if allow_gaps:
-        return
-    count_nodes = int(np.prod([len(nodes) for nodes in layout.nodes])) - int(
-        layout.periodic
-    )
-    names = ("positive", "negative") if layout.branches == 2 else ("",)
-    for name, number in zip(names, extent.counts, strict=True):
-        if number < count_nodes:
-            way = f" in {name} direction" if name else ""
-            msg = (
-                f"{number} readings{way} for {count_nodes} nodes, "
-                f"expected at least {count_nodes}."
-            )
-            raise FitError(msg)
-
-
-def check_smoothness(smoothness: object) -> None:
+def check_smoothness(smoothness: Smoothness) -> None:
     """Refuse a smoothness that is none."""
     if isinstance(smoothness, Mapping):
         for name, weight in smoothness.items():
@@ -128,10 +132,8 @@ def check_smoothness(smoothness: object) -> None:
                     "expected 'order 2, axis 1' and the like with weights >= 0."
                 )
                 raise FitError(msg)
-    elif isinstance(smoothness, str):
-        if smoothness != "auto":
-            msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
-            raise FitError(msg)
-    elif isinstance(smoothness, (int, float)) and not 0 <= smoothness < np.inf:
+    elif smoothness != "auto" and (
+        isinstance(smoothness, str) or not 0 <= smoothness < np.inf
+    ):
         msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
         raise FitError(msg)

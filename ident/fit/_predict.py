@@ -6,17 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..core import (
-    FitError,
-    GroupEffect,
-    Readings,
-    Sums,
-    leave_one_out,
-    one_blas_thread,
-    sums_of,
-)
+from ..core import FitError, GroupEffect, leave_one_out, one_blas_thread, sums_of
+from ..core._effect import Design
 from ..core._readings import padded
-from ._table import fold_of, with_runs
+from ._result import fold_of
+from ._table import with_runs
 from ._types import Samples, TableFit, TableLayout
 
 
@@ -37,9 +31,8 @@ def predict(
     Raises:
         FitError: If a table with two directions is asked without any.
     """
-    table = fit.layout.effect
-    nodes, shares = table.design(_readings(fit.layout, positions, branch))
-    values = table.to_values(fit.values)
+    nodes, shares = _design(fit.layout, positions, branch)
+    values = fit.layout.effect.to_values(fit.values)
     mean = np.einsum("tk,tk->t", shares, values[nodes])
     return mean, np.sqrt(fit.covariance.variance(nodes, shares))
 
@@ -58,8 +51,7 @@ def deviations(
         positions: As for `predict`.
         branch: As for `predict`.
     """
-    layout = fits[0].layout
-    nodes, shares = layout.effect.design(_readings(layout, positions, branch))
+    nodes, shares = _design(fits[0].layout, positions, branch)
     result = np.zeros(len(which))
     for number, fit in enumerate(fits):
         own = which == number
@@ -67,18 +59,19 @@ def deviations(
     return np.sqrt(result)
 
 
-def _readings(
+def _design(
     layout: TableLayout,
     positions: Float[np.ndarray, "t d"],
     branch: Int[np.ndarray, " t"] | None,
-) -> Readings:
+) -> Design:
     if layout.branches == 2 and branch is None:
         msg = (
             "a table with two directions says something else in each: "
             "give the direction of every position (branch)."
         )
         raise FitError(msg)
-    return layout.readings(Samples(positions, np.zeros(len(positions)), branch))
+    samples = Samples(positions, np.zeros(len(positions)), branch)
+    return layout.effect.design(layout.readings(samples))
 
 
 def leave_out(
@@ -87,7 +80,7 @@ def leave_out(
     """Yield for each group the table fitted to all readings but those of the group.
 
     Smoothness and the weight that the loss leaves each reading are those of the fit; values,
-    noise and effects of runs are estimated anew, by subtraction of the group's sums. Arrays
+    noise and effects of runs are estimated anew, from the sums of the other groups. Arrays
     over readings are empty.
 
     Args:
@@ -101,23 +94,18 @@ def leave_out(
     found = fit.estimate
     assert found is not None  # every fit of `fit_table` has one
     stack = found.posterior.problem.stack
-    effect = stack.effects[-1]
-    kind = "none"
+    kind, effect = "none", stack.effects[-1]
     if isinstance(effect, GroupEffect):
         kind = "offset" if effect.trend is None else "drift"
     _, readings = with_runs(fit.layout, samples, kind)
-    sums: dict[int, Sums] = {}
-    present = {}
+    sums, present = {}, {}
     with one_blas_thread():
         nodes, shares = stack.design(readings)
         for label in np.unique(groups).tolist():
             own = groups == label
+            rows = nodes[own], shares[own]
             sums[label], _ = sums_of(
-                stack,
-                readings.take(own),
-                found.about,
-                found.loss,
-                design=(nodes[own], shares[own]),
+                stack, readings.take(own), found.about, found.loss, design=rows
             )
             if kind != "none":
                 rest = readings.inputs["run"][~own]

@@ -4,118 +4,24 @@ All that a fit needs of its readings are sums, and sums add up: over pieces of a
 files, over workers. The estimator is the one of `fit_table`; only the pass is another.
 """
 
-import abc
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
-from typing import Any, TypeVar, final
+import functools
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..core import (
-    FitError,
-    Loss,
-    Stack,
-    Sums,
-    choose_loss,
-    estimate,
-    leave_one_out,
-    one_blas_thread,
-    sums_of,
-)
-from ._checks import Extent, check_extent, check_finite, check_layout, check_smoothness
-from ._table import (
-    NONE_LEFT_OUT,
-    TOO_MANY,
-    Smoothness,
-    first_level,
-    floor_of,
-    fold_of,
-    suspect_nodes,
-    table_fit,
-    weights_of,
-)
+from ..core import Loss, Stack, Sums, leave_one_out, one_blas_thread, sums_of
+from ._checks import Extent, Smoothness, check_layout, check_smoothness
+from ._pieces import AbstractPass, Apply, Part, Place, Stream, added
+from ._result import NONE_LEFT_OUT, Judged, fold_of, result_of
+from ._table import TOO_MANY, estimate_table
 from ._types import Samples, TableFit, TableLayout
 
-Part = Callable[[], Iterable[Samples]]
-"""Yields the same readings, piece by piece, every time it is called."""
-Apply = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-"""Like `map`: here one after the other, or on workers."""
 Grouping = Callable[[Samples], Int[np.ndarray, " t"]]
 """Tells the group of each reading: what is left out together."""
-
-_Result = TypeVar("_Result")
-
-
-@dataclasses.dataclass(frozen=True)
-class Place:
-    """Where a piece lies: its part, and how many readings of the part come before it."""
-
-    part: int
-    row: int
-
-
-class AbstractPass(abc.ABC):
-    """What is asked of one pass over readings; what parts give adds up with ``+``."""
-
-    @abc.abstractmethod
-    def onto(self, done: Any, samples: Samples, place: Place) -> Any:
-        """Return what a piece gives, added to what those before it gave (None)."""
-
-
-@dataclasses.dataclass
-class Stream:
-    """Readings in pieces.
-
-    Attributes:
-        parts: Readings; each part may be summed on another machine. Sums are added in this
-            order, so that the result does not depend on who did which.
-        apply: How to run a function over the parts.
-        passes: How often the readings were read.
-    """
-
-    parts: Sequence[Part]
-    apply: Apply = map
-    passes: int = 0
-
-    def ask(self, wanted: AbstractPass) -> Any:
-        """Return what one pass gives.
-
-        Raises:
-            FitError: If there are no readings.
-        """
-        self.passes += 1
-        total: Any = None
-        for found in self.apply(
-            partial(_over_part, wanted), list(enumerate(self.parts))
-        ):
-            total = found if total is None else added(total, found)
-        if total is None:
-            msg = "found 0 readings, expected at least one per node."
-            raise FitError(msg)
-        return total
-
-
-def _over_part(wanted: AbstractPass, job: tuple[int, Part]) -> Any:
-    number, part = job
-    total, row = None, 0
-    for samples in part():
-        if len(samples.error):
-            total = wanted.onto(total, samples, Place(number, row))
-            row += len(samples.error)
-    return total
-
-
-def added(total: _Result | None, more: _Result | None) -> _Result:
-    """Return a sum that may not have begun."""
-    if total is None or more is None:
-        found = more if total is None else total
-        assert found is not None
-        return found
-    both: Any = total
-    result: _Result = both + more
-    return result
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,19 +48,20 @@ class StreamedFit:
         """Return which of some readings are wild, and the weight that the loss leaves each."""
         found, layout = self.fit.estimate, self.fit.layout
         assert found is not None
-        ratio = _scaled(layout, samples, found.about) / found.loss.scale
-        wild = found.loss.wild(ratio)
-        return wild, found.loss.share(ratio)
+        stack, readings = Stack((layout.effect,)), layout.readings(samples)
+        judged = Judged.of(stack, readings, found.about, found.loss)
+        return judged.wild, judged.share
 
 
 def fit_streamed(
     layout: TableLayout,
     parts: Sequence[Part],
+    grouping: Grouping | None = None,
     *,
     smoothness: Smoothness = "auto",
     loss: str = "student",
     apply: Apply = map,
-) -> TableFit:
+) -> StreamedFit:
     """Fit a table to readings of any number in constant memory.
 
     Agrees with `fit_table` on the same readings to rounding.
@@ -163,39 +70,11 @@ def fit_streamed(
         layout: Where the nodes lie.
         parts: Readings; each part may be summed on another machine. Sums are added in this
             order, so that the result does not depend on who did which.
+        grouping: Tells the group of each reading of a piece, for fits without each group;
+            None: no folds.
         smoothness: As for `fit_table`.
         loss: As for `fit_table`.
         apply: How to run a function over the parts.
-
-    Returns:
-        The fit; its arrays over readings (``residual``, ``share``, ``wild``) are empty.
-
-    Raises:
-        FitError: If the readings do not determine the table or an option is unknown.
-    """
-    return fit_with_folds(
-        layout, parts, None, smoothness=smoothness, loss=loss, apply=apply
-    ).fit
-
-
-def fit_with_folds(
-    layout: TableLayout,
-    parts: Sequence[Part],
-    grouping: Grouping | None,
-    *,
-    smoothness: Smoothness = "auto",
-    loss: str = "student",
-    apply: Apply = map,
-) -> StreamedFit:
-    """Fit a table as `fit_streamed` does, and beside it one without each group of readings.
-
-    Args:
-        layout: Where the nodes lie.
-        parts: As for `fit_streamed`.
-        grouping: Tells the group of each reading of a piece; None: no folds.
-        smoothness: As for `fit_table`.
-        loss: As for `fit_table`.
-        apply: As for `fit_streamed`.
 
     Raises:
         FitError: If the readings do not determine a table, an option is unknown, or all
@@ -203,17 +82,13 @@ def fit_with_folds(
     """
     check_layout(layout)
     check_smoothness(smoothness)
-    choose_loss(loss, np.ones(1), 1.0, 1.0)
     stream = Stream(parts, apply)
     with one_blas_thread():
-        found = _attempt(layout, stream, grouping, smoothness, loss)
+        found, words = _attempt(layout, stream, grouping, smoothness, loss), ""
         if loss == "student" and found.wild > TOO_MANY * found.count:
             found = _attempt(layout, stream, grouping, smoothness, "huber")
-            fit = dataclasses.replace(
-                found.fit, message=f"{found.fit.message} {NONE_LEFT_OUT}"
-            )
-            found = dataclasses.replace(found, fit=fit)
-    message = f"{found.fit.message} Read in {stream.passes} passes."
+            words = f"{NONE_LEFT_OUT} "
+    message = f"{found.fit.message} {words}Read in {stream.passes} passes."
     return dataclasses.replace(
         found, fit=dataclasses.replace(found.fit, message=message)
     )
@@ -226,80 +101,44 @@ def _attempt(
     smoothness: Smoothness,
     loss: str,
 ) -> StreamedFit:
-    first = next(
-        (piece for part in stream.parts for piece in part() if len(piece.error)), None
-    )
-    if first is None:
-        msg = "found 0 readings, expected at least one per node."
-        raise FitError(msg)
-    check_finite(first)
-    stack, table = Stack((layout.effect,)), layout.effect
+    pieces = (piece for part in stream.parts for piece in part())
+    first = next((piece.error for piece in pieces if len(piece.error)), np.zeros(1))
+    stack = Stack((layout.effect,))
     looks: list[_Found] = []
 
     def over(theta: Float[np.ndarray, " u"], by: Loss, full: bool) -> Sums:
-        groups = grouping if not looks else None
+        groups = None if looks else grouping
         found: _Found = stream.ask(_SumUp(layout, theta, by, full, not looks, groups))
-        if not looks:
-            assert found.extent is not None
-            if found.extent.counts.sum() <= stack.free:
-                msg = (
-                    f"found {int(found.extent.counts.sum())} readings, "
-                    f"expected more than {stack.free}."
-                )
-                raise FitError(msg)
-            check_extent(layout, found.extent, False)
+        if found.extent is not None:
+            found.extent.check(layout, stack.free, allow_gaps=False)
             looks.append(found)
         return found.total
 
-    fixed = None if isinstance(smoothness, str) else weights_of(stack, smoothness)
-    whole = estimate(
-        stack,
-        over,
-        loss=loss,
-        weights=fixed,
-        floor=floor_of(first.error),
-        start=np.full(table.size, first_level(first.error)),
-    )
+    whole = estimate_table(stack, over, first, smoothness, loss)
     last = looks[0]
+    assert last.extent is not None
+    count = int(last.extent.counts.sum())
+    nodes, crowded = None, 0
     if loss != "gauss":
         last = stream.ask(
             _SumUp(layout, whole.about, whole.loss, True, False, grouping, True)
         )
-    assert looks[0].extent is not None
-    count = int(looks[0].extent.counts.sum())
-    fit = table_fit(
+        near, _, rejected = nodes = last.nodes
+        several = (rejected >= 3) & (rejected > 0.2 * near)
+        crowded = int((several | ((near > 1) & (rejected > 0.5 * near))).sum())
+    fit = result_of(
         layout,
         whole,
         loss,
-        fixed=fixed is not None,
+        fixed=not isinstance(smoothness, str),
         count=count,
-        spread=float(np.ptp(first.error)),
+        spread=float(np.ptp(first)),
+        nodes=nodes,
     )
-    fit = dataclasses.replace(fit, estimate=whole)
+    left = {} if grouping is None else leave_one_out(whole, last.groups, {})
+    folds = {label: fold_of(fit, post) for label, post in left.items()}
     wild = count - int(whole.posterior.problem.count)
-    crowded = 0
-    if loss != "gauss":
-        near, kept, rejected = last.nodes
-        place = table.to_table(np.arange(table.size))
-        suspects = suspect_nodes(near.astype(np.int64), kept, place)
-        fit = dataclasses.replace(fit, suspect_nodes=suspects)
-        several = (rejected >= 3) & (rejected > 0.2 * near)
-        crowded = int((several | ((near > 1) & (rejected > 0.5 * near))).sum())
-    folds = {}
-    if grouping is not None:
-        folds = {
-            label: fold_of(fit, post)
-            for label, post in leave_one_out(whole, last.groups, {}).items()
-        }
     return StreamedFit(fit, count, wild, crowded, folds)
-
-
-def _scaled(
-    layout: TableLayout, samples: Samples, theta: Float[np.ndarray, " u"]
-) -> Float[np.ndarray, " t"]:
-    """Return residuals × √weight."""
-    stack = Stack((layout.effect,))
-    return sums_of(stack, layout.readings(samples), theta, Loss(), False)[1]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -309,7 +148,7 @@ class _Found:
     Attributes:
         groups: Sums by group; all in group 0 without a grouping.
         extent: How many readings there are and where.
-        nodes: Readings next to each unknown, the weight they keep, those that are wild.
+        nodes: As `Judged.nodes`.
     """
 
     groups: Mapping[int, Sums]
@@ -319,7 +158,7 @@ class _Found:
     def __add__(self, other: "_Found") -> "_Found":
         groups = dict(self.groups)
         for label, own in other.groups.items():
-            groups[label] = groups[label] + own if label in groups else own
+            groups[label] = added(groups.get(label), own)
         extent = None
         if self.extent is not None and other.extent is not None:
             extent = self.extent + other.extent
@@ -328,10 +167,8 @@ class _Found:
     @property
     def total(self) -> Sums:
         """Sums of all groups."""
-        first, *rest = (self.groups[label] for label in sorted(self.groups))
-        for one in rest:
-            first = first + one
-        return first
+        groups = (self.groups[label] for label in sorted(self.groups))
+        return functools.reduce(operator.add, groups)
 
 
 @final
@@ -359,31 +196,18 @@ class _SumUp(AbstractPass):
 
     def onto(self, done: _Found | None, samples: Samples, place: Place) -> _Found:
         """See `AbstractPass`."""
-        extent = None
-        if self.look:
-            check_finite(samples)
-            extent = Extent.of(self.layout, samples)
-        stack = Stack((self.layout.effect,))
-        groups: dict[int, Sums] = {}
-        parts = {0: samples}
+        extent = Extent.of(self.layout, samples) if self.look else None
+        stack, parts = Stack((self.layout.effect,)), {0: samples}
         if self.grouping is not None:
             labels = self.grouping(samples)
             parts = {int(g): samples.take(labels == g) for g in np.unique(labels)}
+        groups, nodes = {}, np.zeros((3, 1))
         for label, own in parts.items():
             readings = self.layout.readings(own)
             groups[label], _ = sums_of(
                 stack, readings, self.theta, self.loss, self.full
             )
-        found = _Found(groups, extent, self._judged(samples))
-        return added(done, found)
-
-    def _judged(self, samples: Samples) -> Float[np.ndarray, "3 n"]:
-        table = self.layout.effect
-        if not self.nodes:
-            return np.zeros((3, 1))
-        ratio = _scaled(self.layout, samples, self.theta) / self.loss.scale
-        nodes, shares = table.design(self.layout.readings(samples))
-        nearest = nodes[np.arange(len(nodes)), shares.argmax(axis=1)]
-        wild = self.loss.wild(ratio)
-        weights = (None, self.loss.share(ratio), wild.astype(float))
-        return np.stack([np.bincount(nearest, own, table.size) for own in weights])
+            if self.nodes:
+                judged = Judged.of(stack, readings, self.theta, self.loss)
+                nodes = nodes + judged.nodes
+        return added(done, _Found(groups, extent, nodes))

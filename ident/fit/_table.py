@@ -5,31 +5,27 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
-from scipy.special import stdtr
+from jaxtyping import Float, Int
 
 from ..core import (
     Estimate,
     FitError,
     GroupEffect,
-    Posterior,
+    Loss,
+    Pass,
     Problem,
     Readings,
     Stack,
-    choose_weights,
     estimate,
     memory,
     one_blas_thread,
     sums_of,
 )
-from ..core._loss import Loss
 from ..core._posterior import FILL
-from ._checks import check_samples
+from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._once import judge_once
-from ._types import RunEffect, Samples, TableFit, TableLayout
-
-Smoothness = float | str | Mapping[str, float]
-"""``"auto"``, a weight, or the weights of an earlier fit by name."""
+from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
+from ._types import Samples, TableFit, TableLayout
 
 _EXACT = 1e-5
 """Smallest scatter relative to the spread of the readings."""
@@ -39,28 +35,12 @@ _DENSE = 60
 """Unknowns of a table up to which dense algebra is faster than a band."""
 _FIRST = 9
 """Readings that tell where to begin."""
-_NOTHING = 1e-12
-"""Scatter in mm or ° that is none."""
-_HOPELESS = 1e3
-"""Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
 TOO_MANY = 0.1
 """Share of wild readings from which on not the readings are at fault but the table."""
 _GARBAGE = 0.5
 """Share of wild readings from which on a run is at fault."""
-_TRUSTED = 0.5
-"""A node whose nearest readings keep less than this share of their weight is named."""
 _LOUD = 3.0
 """A run with this many times the scatter of the median run is named."""
-_FAR = 1e-3
-"""Chance of any run at all being as far off the others, below which it is named."""
-FOLLOWS = (
-    "The table follows every reading; the noise was judged by the smoothness that the "
-    "readings suggest."
-)
-NONE_LEFT_OUT = (
-    "Readings that agree with each other contradict a table of these nodes: none of them "
-    "was left out."
-)
 
 
 def fit_table(
@@ -95,21 +75,23 @@ def fit_table(
     Raises:
         FitError: If the readings cannot determine the table or an option is unknown.
     """
-    check_samples(layout, samples, smoothness, allow_gaps)
+    check_layout(layout)
+    extent = Extent.of(layout, samples)
+    check_smoothness(smoothness)
     labels, readings = with_runs(layout, samples, run_effects)
-    options = _Options(
-        layout, readings, labels, smoothness, loss, run_effects, allow_gaps
+    fit_to = _Memory(
+        layout, readings, labels, smoothness, run_effects == "drift", allow_gaps
     )
+    extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
-        fit, estimate = options.attempt(loss, ())
-        apart = _far_runs(fit) if loss != "gauss" else ()
+        fit = fit_to(loss, ())
+        apart = far_runs(fit.runs) if loss != "gauss" else ()
         if apart:
             # A run that contradicts the others must not pull their mean.
-            fit, estimate = options.attempt(loss, apart)
+            fit = fit_to(loss, apart)
         if loss == "student" and _too_many_wild(fit, samples):
-            fit, estimate = options.attempt("huber", apart)
+            fit = fit_to("huber", apart)
             fit = dataclasses.replace(fit, message=f"{fit.message} {NONE_LEFT_OUT}")
-    fit = dataclasses.replace(fit, estimate=estimate)
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
     return judge_once(fit, samples) if judged else fit
@@ -137,38 +119,50 @@ def fit_values(
     Raises:
         FitError: If the readings do not determine the table.
     """
-    samples = Samples(positions, error, branch)
+    readings = layout.readings(Samples(positions, error, branch))
     stack = Stack((layout.effect,))
     with one_blas_thread():
         zero = np.zeros(stack.size)
-        sums, _ = sums_of(stack, layout.readings(samples), zero, Loss(), True, None)
-        problem = Problem.of(sums, zero)
-        found = problem.at(weights_of(stack, smoothness)(problem))
+        problem = Problem.of(sums_of(stack, readings, zero, Loss())[0], zero)
+        found = problem.at(_weights_of(stack, smoothness)(problem))
     if found is None:
         msg = "the readings do not determine the table: the normal matrix is singular."
         raise FitError(msg)
     return layout.effect.to_table(found.values)
 
 
-def weights_of(
-    stack: Stack, smoothness: Smoothness
-) -> Callable[[Problem], Float[np.ndarray, " k"]]:
-    """Return the weights of a table that the user asks for, given the sums."""
+def estimate_table(
+    stack: Stack,
+    over: Pass,
+    first: Float[np.ndarray, " t"],
+    smoothness: Smoothness,
+    loss: str,
+    start: Callable[[float], Float[np.ndarray, " r"]] | None = None,
+) -> Estimate:
+    """Return the estimate of a stack whose first effect is a table.
 
-    def weights(problem: Problem) -> Float[np.ndarray, " k"]:
-        if isinstance(smoothness, Mapping):
-            names = stack.effects[0].prior.names
-            return np.array([float(smoothness.get(name, 0.0)) for name in names])
-        assert not isinstance(smoothness, str)
-        second = np.maximum(float(smoothness), FILL * problem.density)
-        return np.where(problem.optional, 0.0, second)
+    Args:
+        stack: The table, and effects of runs beside it where there are any.
+        over: Pass over the readings.
+        first: All readings, or the first piece of them: they tell where to begin, and the
+            smallest scatter to believe in.
+        smoothness: As for `fit_table`.
+        loss: As for `fit_table`.
+        start: Effects of runs to begin with, for the level of the table.
 
-    return weights
-
-
-def first_level(error: Float[np.ndarray, " t"]) -> float:
-    """Return a level near the readings: of the first few, which a stream begins with, too."""
-    return float(np.median(error[:_FIRST]))
+    Raises:
+        FitError: If the readings do not determine the unknowns or the loss is unknown.
+    """
+    level = float(np.median(first[:_FIRST]))
+    begin = np.full(stack.effects[0].size, level)
+    if start is not None:
+        begin = np.concatenate([begin, start(level)])
+    weights = None
+    if not isinstance(smoothness, str):
+        weights = _weights_of(Stack(stack.effects[:1]), smoothness)
+    return estimate(
+        stack, over, loss=loss, weights=weights, floor=floor_of(first), start=begin
+    )
 
 
 def floor_of(error: Float[np.ndarray, " t"]) -> float:
@@ -181,208 +175,90 @@ def floor_of(error: Float[np.ndarray, " t"]) -> float:
     return max(_EXACT * float(high - low), 1e-12)
 
 
+def _weights_of(
+    table: Stack, smoothness: Smoothness
+) -> Callable[[Problem], Float[np.ndarray, " k"]]:
+    """Return the weights of a table that the user asks for, given the sums."""
+
+    def weights(problem: Problem) -> Float[np.ndarray, " k"]:
+        if isinstance(smoothness, Mapping):
+            names = table.effects[0].prior.names
+            return np.array([float(smoothness.get(name, 0.0)) for name in names])
+        second = np.maximum(float(smoothness), FILL * problem.density)
+        return np.where(problem.optional, 0.0, second)
+
+    return weights
+
+
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Options:
-    """What is asked of a fit."""
+class _Memory:
+    """A fit of readings in memory; a call makes it by one loss."""
 
     layout: TableLayout
     readings: Readings
     labels: Int[np.ndarray, " r"]
     smoothness: Smoothness
-    loss: str
-    run_effects: str
+    drift: bool
     allow_gaps: bool
 
-    def attempt(self, loss: str, apart: Sequence[int]) -> tuple[TableFit, Estimate]:
-        """Return the fit by one loss, some runs left out of the mean of all."""
-        error, table = self.readings.value, self.layout.effect
-        stack = Stack((table,), table.size > _DENSE)
-        start = np.full(table.size, first_level(error))
-        if len(self.labels):
-            counted = ~np.isin(self.labels, list(apart))
-            trend = "order" if self.run_effects == "drift" else None
-            effect = GroupEffect(counted, np.ones(len(counted), bool), "run", trend)
-            stack = Stack((table, effect), stack.banded)
-            middle = np.array(
-                [
-                    np.median(error[self.readings.inputs["run"] == k])
-                    for k in range(len(self.labels))
-                ]
-            )
-            own = np.zeros(effect.size)
-            own[: effect.contrast.shape[1]] = effect.contrast.T @ (middle - start[0])
-            start = np.concatenate([start, own])
-        if len(error) <= stack.free:
-            msg = (
-                f"{len(error)} readings leave nothing to judge the noise by; "
-                f"expected more than {stack.free}."
-            )
-            raise FitError(msg)
-        over = memory(stack, self.readings)
-        fixed = None
-        if not isinstance(self.smoothness, str):
-            fixed = weights_of(Stack((table,)), self.smoothness)
-        found = estimate(
-            stack, over, loss=loss, weights=fixed, floor=floor_of(error), start=start
-        )
-        residual = _residual(stack, self.readings, found.values)
-        root = 1.0 if self.readings.weight is None else np.sqrt(self.readings.weight)
-        wild = _residual(stack, self.readings, found.about) * root / found.loss.scale
-        return self._result(
-            found, loss, residual, residual * root, found.loss.wild(wild)
-        )
-
-    def _result(
-        self,
-        found: Estimate,
-        loss: str,
-        residual: Float[np.ndarray, " t"],
-        scaled: Float[np.ndarray, " t"],
-        wild: Bool[np.ndarray, " t"],
-    ) -> tuple[TableFit, Estimate]:
-        share = np.where(wild, 0.0, found.loss.share(scaled / found.loss.scale))
+    def stack(self, apart: Sequence[int]) -> Stack:
+        """Return the table, and effects of the runs; some do not count in their mean."""
         table = self.layout.effect
-        fit = table_fit(
+        if not len(self.labels):
+            return Stack((table,), table.size > _DENSE)
+        counted = ~np.isin(self.labels, list(apart))
+        trend = "order" if self.drift else None
+        effect = GroupEffect(counted, np.ones(len(counted), bool), "run", trend)
+        return Stack((table, effect), table.size > _DENSE)
+
+    def by_run(
+        self, of: Callable[..., np.ndarray], values: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " r"]:
+        """Return a number of each run."""
+        run = self.readings.inputs["run"]
+        return np.array([of(values[run == k]) for k in range(len(self.labels))])
+
+    def __call__(self, loss: str, apart: Sequence[int]) -> TableFit:
+        """Return the fit by one loss, some runs left out of the mean of all."""
+        stack, readings = self.stack(apart), self.readings
+        error, effect = readings.value, stack.effects[-1]
+
+        def offsets(level: float) -> Float[np.ndarray, " r"]:
+            own = np.zeros(stack.size - self.layout.effect.size)
+            if isinstance(effect, GroupEffect):
+                middle = self.by_run(np.median, error)
+                own[: effect.contrast.shape[1]] = effect.contrast.T @ (middle - level)
+            return own
+
+        found = estimate_table(
+            stack, memory(stack, readings), error, self.smoothness, loss, offsets
+        )
+        judged = Judged.of(stack, readings, found.about, found.loss)
+        fit = result_of(
             self.layout,
             found,
             loss,
             fixed=not isinstance(self.smoothness, str),
-            count=len(residual),
-            spread=np.inf if self.allow_gaps else float(np.ptp(self.readings.value)),
-            labels=self.labels,
+            count=len(error),
+            spread=np.inf if self.allow_gaps else float(np.ptp(error)),
+            runs=self.labels.tolist(),
+            nodes=judged.nodes,
         )
-        nodes, shares = table.design(self.readings)
-        nearest = nodes[np.arange(len(nodes)), shares.argmax(axis=1)]
-        suspects = suspect_nodes(
-            np.bincount(nearest, minlength=table.size),
-            np.bincount(nearest, share, table.size),
-            table.to_table(np.arange(table.size)),
+        plain = dataclasses.replace(readings, weight=None)
+        residual = residual_of(stack, plain, found.values)
+        suspects: tuple[int, ...] = ()
+        if len(self.labels) > 2:
+            scatter = self.by_run(np.median, np.abs(residual))
+            loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
+            suspects = tuple(sorted({*loud, *far_runs(fit.runs)}))
+        return dataclasses.replace(
+            fit,
+            residual=residual,
+            share=judged.share,
+            wild=judged.wild,
+            suspect_runs=suspects,
         )
-        fit = dataclasses.replace(
-            fit, residual=residual, share=share, wild=wild, suspect_nodes=suspects
-        )
-        if len(self.labels) < 3:
-            return fit, found
-        scatter = np.array(
-            [
-                np.median(np.abs(residual[self.readings.inputs["run"] == k]))
-                for k in range(len(self.labels))
-            ]
-        )
-        loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
-        named = tuple(sorted({*loud, *_far_runs(fit)}))
-        return dataclasses.replace(fit, suspect_runs=named), found
-
-
-def table_fit(
-    layout: TableLayout,
-    found: Estimate,
-    loss: str,
-    *,
-    fixed: bool,
-    count: int,
-    spread: float,
-    labels: Sequence[int] | Int[np.ndarray, " r"] = (),
-) -> TableFit:
-    """Return what an estimate says of a table; arrays over readings are empty.
-
-    Args:
-        layout: Where the nodes lie.
-        found: The estimate; its first effect is the table.
-        loss: Name of the loss.
-        fixed: Whether the user set the smoothness.
-        count: Number of readings.
-        spread: Range of the readings in mm or °; infinite: any uncertainty is accepted.
-        labels: Runs that have effects of their own.
-
-    Raises:
-        FitError: If the readings do not determine the table.
-    """
-    post, table = found.posterior, layout.effect
-    noise, variance, message = found.noise, post.variance, ""
-    if fixed:
-        # A weight that the user sets says nothing about the noise: take it from the residuals,
-        # or, where every node follows its own reading, from the evidence.
-        free = post.problem.count - post.used
-        if free >= max(3.0, 0.02 * post.problem.count):
-            variance = post.residual_square / free
-        else:
-            chosen = choose_weights(post.problem)
-            if chosen is not None:
-                variance = chosen.variance
-            noise, message = float(np.sqrt(variance)), FOLLOWS
-    deviation = np.sqrt(np.maximum(variance * post.inverse_diagonal, 0.0))[: table.size]
-    support = post.problem.sums.support[: table.size]
-    worst = float(deviation[support > 0].max(initial=0.0))
-    # Rounding can leave a singular matrix just definite.
-    if np.isfinite(spread) and worst > _HOPELESS * max(spread, noise, _NOTHING):
-        msg = (
-            "the readings do not determine the table: the least known node is uncertain "
-            f"by {worst:.3g}."
-        )
-        raise FitError(msg)
-    rejected = count - int(post.problem.count)
-    if not message:
-        message = f"{count} readings, {post.used:.1f} effective parameters."
-    if rejected:
-        message += f" {rejected} wild readings were left out."
-    if not found.converged:
-        message += " The iterations did not settle; treat the result with care."
-    names = table.prior.names
-    return TableFit(
-        layout=layout,
-        values=table.to_table(post.values[: table.size]),
-        standard_deviation=table.to_table(deviation),
-        support=table.to_table(support),
-        noise=noise,
-        smoothness=dict(zip(names, post.weights.tolist(), strict=True)),
-        loss=loss,
-        residual=np.zeros(0),
-        share=np.zeros(0),
-        wild=np.zeros(0, bool),
-        runs=_run_effects(post, labels, variance),
-        suspect_nodes=(),
-        suspect_runs=(),
-        covariance=post.covariance(table.offsets).scaled(variance),
-        converged=found.converged,
-        message=message,
-    )
-
-
-def fold_of(fit: TableFit, post: Posterior) -> TableFit:
-    """Return the table of a fold: smoothness and loss are those of the whole fit.
-
-    Args:
-        fit: Of all readings.
-        post: Without some of them.
-    """
-    assert fit.estimate is not None
-    found = dataclasses.replace(fit.estimate, posterior=post)
-    effect = post.problem.stack.effects[-1]
-    runs = [run.run for run in fit.runs]
-    if isinstance(effect, GroupEffect):
-        runs = [run for run, there in zip(runs, effect.present, strict=True) if there]
-    return table_fit(
-        fit.layout,
-        found,
-        fit.loss,
-        fixed=True,
-        count=int(post.problem.count),
-        spread=np.inf,
-        labels=runs,
-    )
-
-
-def _residual(
-    stack: Stack, readings: Readings, theta: Float[np.ndarray, " u"]
-) -> Float[np.ndarray, " t"]:
-    """Return reading − fit."""
-    plain = dataclasses.replace(readings, weight=None)
-    return sums_of(stack, plain, theta, Loss(), False)[1]
-
-
-# -------------------------------------------------------------------------------- runs
 
 
 def with_runs(
@@ -408,84 +284,14 @@ def with_runs(
             )
             raise FitError(msg)
         inputs["order"] = samples.order - 0.5
-    if len(labels) < 2:
-        labels = labels[:0]
-    return labels.astype(np.int64), dataclasses.replace(readings, inputs=inputs)
-
-
-def _run_effects(
-    post: Posterior, labels: Sequence[int] | Int[np.ndarray, " r"], variance: float
-) -> tuple[RunEffect, ...]:
-    """Return offset and drift of every run with their deviations."""
-    effect = post.problem.stack.effects[-1]
-    if not isinstance(effect, GroupEffect):
-        return ()
-    stack = post.problem.stack
-    values = effect.by_group(post.values[stack.here(-1)])
-    own = slice(stack.here(-1).start - stack.band, None)
-    inverse = post.factor.border_inverse[own, own]
-    spread = np.sqrt(variance * effect.variances(inverse))
-    columns = [column for pair in zip(values, spread, strict=True) for column in pair]
-    columns += [np.zeros_like(values[0])] * (4 - len(columns))
-    rows = np.column_stack(columns)[effect.present].tolist()
-    return tuple(
-        RunEffect(int(run), *row) for run, row in zip(labels, rows, strict=True)
-    )
-
-
-def _far_runs(fit: TableFit) -> tuple[int, ...]:
-    """Return runs that lie further off the others than runs of one machine ever do.
-
-    Each offset against mean and scatter of the others, by Student's t; a run counts as far
-    where not even one of a thousand machines would have any run like it.
-    """
-    count = len(fit.runs)
-    if count < 3:
-        return ()
-    offset = np.array([run.offset for run in fit.runs])
-    own = np.array([run.offset_sd for run in fit.runs])
-    found = []
-    for k, run in enumerate(fit.runs):
-        others = np.delete(offset, k)
-        scatter = max(float(np.std(others, ddof=1)), float(own[k]))
-        t = abs(offset[k] - others.mean()) / (
-            scatter * np.sqrt(1.0 + 1.0 / len(others))
-        )
-        # Of two others the scatter is hardly known: as if of three.
-        if 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count:
-            found.append(run.run)
-    return tuple(found)
-
-
-# ---------------------------------------------------------------------------- suspects
-
-
-def suspect_nodes(
-    count: Int[np.ndarray, " n"],
-    kept: Float[np.ndarray, " n"],
-    place: Int[np.ndarray, "..."],
-) -> tuple[int, ...]:
-    """Return flat table indices of nodes whose nearest readings were mostly set aside.
-
-    Args:
-        count: Readings next to each unknown.
-        kept: Sum of the weight that the loss leaves them.
-        place: Unknown at each place of the table.
-    """
-    # A share of 0.5 is the Student weight at two scales; a lone reading must be further off.
-    limit = np.where(count > 1, _TRUSTED, 0.5 * _TRUSTED) * count
-    doubted = (count > 0) & (kept < limit)
-    if not doubted.any():
-        return ()
-    return tuple(np.flatnonzero(doubted[place.reshape(-1)]).tolist())
+    own = labels if len(labels) > 1 else labels[:0]
+    return own.astype(np.int64), dataclasses.replace(readings, inputs=inputs)
 
 
 def _too_many_wild(fit: TableFit, samples: Samples) -> bool:
     """Tell whether so many readings are wild that it must be the table that is wrong."""
     wild = fit.wild
-    if not wild.any():
-        return False
-    if samples.run is not None:
+    if wild.any() and samples.run is not None:
         labels, index = np.unique(samples.run, return_inverse=True)
         index = index.reshape(-1)
         lost = np.bincount(index, wild) / np.bincount(index)

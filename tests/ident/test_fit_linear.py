@@ -5,11 +5,13 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import lineax as lx
 import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
 import axcomp
+from axcomp.ident._linear_solver import Arrow, ArrowCholesky
 from axcomp.ident.core import FitError, one_blas_thread
 from axcomp.models import Backlash, EquidistantNodes, Leadscrew, Plane, Setpoints
 
@@ -143,3 +145,79 @@ def test_what_readings_do_not_determine_is_refused() -> None:
     with pytest.raises(FitError, match="do not determine the model"):
         fitted(table, few, ERROR, WEIGHT, 0.0)
     assert np.isfinite(fitted(table, few, ERROR, WEIGHT, 1e-3).pos).all()
+
+
+def large() -> tuple[Any, Any, Any]:
+    """Return a stack with a plane so large that it is a band, and readings of it."""
+    place = np.random.default_rng(7).uniform(0.0, 40.0, (4000, 2))
+    error = np.sin(place[:, 0] / 7.0) * np.cos(place[:, 1] / 11.0)
+    plane = Plane.rectangular((0.0, 0.0), (2.0, 1.9), np.zeros((22, 21)))
+    return {"plane": plane, "play": jnp.zeros(2)}, place, error
+
+
+def of_both(stack: Any, place: Any) -> Float[Array, " t"]:
+    # What stands beside the plane couples to all of it.
+    beside = stack["play"][0] * place[:, 0] ** 2 + stack["play"][1] * place[:, 1] ** 3
+    return stack["plane"].entry(place) + beside / 1e4
+
+
+def test_a_large_table_is_a_band_beside_a_border() -> None:
+    stack, place, error = large()
+    pull = jnp.asarray(RNG.normal(size=(22, 21)))
+
+    def number(error: Any, weight: Any, place: Any, solver: Any = None) -> Array:
+        found = axcomp.fit_linear(
+            stack, of_both, place, error, solver=solver,
+            smoothness={"plane": (weight, 0.2)}, throw=False,
+        )  # fmt: skip
+        return jnp.sum(pull * found["plane"].values) + found["play"][0]
+
+    at = jnp.asarray(error), jnp.asarray(0.3), jnp.asarray(place)
+    dense = number(*at, lx.Cholesky())
+    # Normal equations of a condition of some 1e6, in double precision.
+    assert float(number(*at)) == pytest.approx(float(dense), rel=1e-8)
+    push = [jnp.asarray(RNG.normal(size=each.shape)) for each in at]
+    value, slopes = jax.jit(jax.value_and_grad(number, (0, 1, 2)))(*at)
+    along = sum(float(jnp.sum(a * b)) for a, b in zip(slopes, push, strict=True))
+    step = 1e-6
+    ends = [
+        float(number(*(a + s * p for a, p in zip(at, push, strict=True))))
+        for s in (step, -step)
+    ]
+    assert along == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5)
+    assert float(value) == pytest.approx(float(dense), rel=1e-8)
+
+
+def test_a_large_table_is_read_one_cell_at_a_time() -> None:
+    stack, place, error = large()
+
+    def against_the_corner(stack: Any, place: Any) -> Float[Array, " t"]:
+        return stack["plane"].entry(place) - stack["plane"].entry(jnp.ones((1, 2)))[0]
+
+    with pytest.raises(FitError, match="touch several cells of a large table"):
+        axcomp.fit_linear(
+            stack["plane"], lambda m, x: against_the_corner({"plane": m}, x), place,
+            error, smoothness=1.0,
+        )  # fmt: skip
+
+
+def test_the_factor_is_a_solver_of_lineax() -> None:
+    n, m, width = 30, 4, 3
+    band, cross = RNG.normal(size=(n, width)), RNG.normal(size=(m, n))
+    band[:, 0], border = 20.0, 40.0 * np.eye(m)
+    for k in range(1, width):
+        band[n - k :, k] = 0.0
+    arrow = Arrow(jnp.asarray(band), jnp.asarray(cross), jnp.asarray(border))
+    dense = np.stack([np.asarray(arrow @ jnp.asarray(unit)) for unit in np.eye(n + m)])
+    np.testing.assert_allclose(dense, dense.T, atol=1e-12)
+    right = jnp.asarray(RNG.normal(size=n + m))
+    operator = lx.MatrixLinearOperator(jnp.asarray(dense), lx.positive_semidefinite_tag)
+    for options in ({}, {"matrix": arrow}):
+        found = lx.linear_solve(operator, right, ArrowCholesky(), options=options)
+        np.testing.assert_allclose(dense @ found.value, right, atol=1e-10)
+    many = jax.vmap(lambda b: lx.linear_solve(operator, b, ArrowCholesky()).value)
+    both = many(jnp.stack([right, 2.0 * right]))
+    np.testing.assert_allclose(both[1], 2.0 * found.value, atol=1e-10)
+    bad = lx.MatrixLinearOperator(-jnp.eye(3), lx.positive_semidefinite_tag)
+    lost = lx.linear_solve(bad, jnp.ones(3), ArrowCholesky(), throw=False)
+    assert lost.result == lx.RESULTS.singular

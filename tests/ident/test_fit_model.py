@@ -200,6 +200,18 @@ def test_a_fit_is_differentiable() -> None:
     assert float(by_weight) == pytest.approx(change, rel=1e-5)
 
 
+def test_what_rests_on_a_limit_stays_there_under_a_derivative() -> None:
+    def level(readings: Float[Array, " t"]) -> Array:
+        return decay(readings, bounds={"rate": (None, 0.7)}).model.levels[1]
+
+    push, step = np.random.default_rng(6).normal(size=60), 1e-4
+    number = jax.jit(level)
+    change = float(number(READINGS + step * push) - number(READINGS - step * push))
+    # Linear in the readings once the rate is held.
+    slope = jax.jit(jax.grad(level))(READINGS)
+    assert float(slope @ push) == pytest.approx(change / (2 * step), rel=1e-6)
+
+
 def test_inequalities_hold_and_need_ipopt() -> None:
     def rises_little(model: Decay) -> Array:
         return 1.4 - jnp.sum(model.levels)

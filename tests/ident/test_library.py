@@ -103,6 +103,97 @@ def test_friction_is_fitted_from_the_current() -> None:
     assert float(law(np.array([40.0]))[0]) == pytest.approx(1.6, abs=0.02)
 
 
+def along_x(seed: int) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    x = np.tile(np.concatenate([np.arange(9), np.arange(8, -1, -1)]) * 25.0, 5)
+    error = 0.005 * np.cos(x / 40.0) + 2e-5 * x + 0.3
+    run = np.repeat(np.arange(5), 18)
+    return {"X.position": x, "X.error": error + 3e-4 * rng.normal(size=90), "run": run}
+
+
+SCREW = axcomp.Leadscrew("X", start=0, interval=25, points=9)
+
+
+def test_files_are_those_of_the_fit_and_what_was_active_stays(tmp_path: Path) -> None:
+    data = along_x(1)
+    fit = axcomp.fit([SCREW], data, datum=100.0)
+    result = fit.write(tmp_path, axes={"X": {"number": 2, "limits": [0.0, 200.0]}})
+    assert result.passed
+    written = axcomp.load_model(tmp_path / "achskw2.lis")["leadscrew"]
+    # Half a list unit, and the joint fit beside that of one table: a part of σ (0.1 µm).
+    np.testing.assert_allclose(
+        written.pos, fit["leadscrew"].model.pos, rtol=0, atol=1.5e-4
+    )
+    assert float(written.offset(np.array([100.0]))[0]) == pytest.approx(0, abs=1e-4)
+    value, deviation = fit.datum["X"]
+    at_datum = 0.005 * np.cos(2.5) + 2e-5 * 100 + 0.3
+    assert value == pytest.approx(at_datum, abs=4 * (deviation + 1e-4))
+    # Measured with the list: nothing is left, so the new list is the old one.
+    left = data["X.error"] + np.asarray(written.offset(data["X.position"]))
+    data = data | {"X.error": left}
+    again = axcomp.fit([SCREW], data, active={"leadscrew": written}, datum=100.0)
+    np.testing.assert_allclose(
+        again["leadscrew"].model.pos, written.pos, rtol=0, atol=2e-4
+    )
+    result = again.write(tmp_path / "new", lists={2: tmp_path / "achskw2.lis"})
+    assert result.passed
+    assert result.job["measurements"]["readings"]["active"] == ["leadscrew"]
+    newer = axcomp.load_model(tmp_path / "new" / "achskw2.lis")["leadscrew"]
+    np.testing.assert_allclose(
+        newer.pos, again["leadscrew"].model.pos, rtol=0, atol=1.5e-4
+    )
+    assert "Ready to load" in fit.verdict["leadscrew"]
+
+
+def test_the_slope_of_an_instrument_is_taken_off() -> None:
+    data = along_x(2)
+    fit = axcomp.fit([SCREW], data, remove="line")
+    tilted = data | {"X.error": data["X.error"] + 0.5 + 3e-4 * data["X.position"]}
+    again = axcomp.fit([SCREW], tilted, remove="line")
+    np.testing.assert_allclose(
+        again["leadscrew"].model.pos, fit["leadscrew"].model.pos, rtol=0, atol=1e-9
+    )
+
+
+def test_the_joint_covariance_is_that_of_repeated_fits() -> None:
+    fits = [
+        axcomp.fit([SCREW], along_x(k), smoothness=0.0, loss="gauss") for k in range(60)
+    ]
+    values = np.array([fit["leadscrew"].model.pos for fit in fits])
+    stated = np.mean([fit.covariance("leadscrew") for fit in fits], axis=0)
+    seen = np.cov(values.T)
+    # 60 draws tell a variance to 18 %, and the sum of 9 of them to less than that.
+    assert np.trace(seen) == pytest.approx(np.trace(stated), rel=0.3)
+    size = np.sqrt(np.outer(np.diag(stated), np.diag(stated)))
+    assert np.abs((seen - stated) / size).max() < 0.7
+    with pytest.raises(KeyError):
+        fits[0].covariance("cross")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"datum": 300.0}, "found 300, expected 0 to 200"),
+        ({"datum": [1.0, 2.0]}, "expected a table alone"),
+        ({"active": {"cross": None}}, "found cross among active"),
+        ({"constraints": {"leadscrew": abs}, "solver": "factor"}, "solver='ipopt'"),
+    ],
+)
+def test_options_that_do_not_fit_together_are_refused(
+    options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        axcomp.fit([SCREW], along_x(0), **options)  # type: ignore[arg-type]
+
+
+def test_files_need_the_numbers_of_the_axes(tmp_path: Path) -> None:
+    fit = axcomp.fit([SCREW], along_x(0))
+    with pytest.raises(FitError, match="found no number of X"):
+        fit.write(tmp_path)
+    with pytest.raises(FitError, match="lists: found axis 3"):
+        fit.write(tmp_path, lists={3: "a.lis"}, axes={"X": 1})
+
+
 @pytest.mark.parametrize(
     ("effects", "message"),
     [

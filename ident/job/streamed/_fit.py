@@ -13,8 +13,7 @@ from ...fit import (
     Grouping,
     Stream,
     StreamedFit,
-    fit_with_folds,
-    in_turn,
+    fit_streamed,
 )
 from .._fitting import AbstractFitted, Rounded
 from .._load import Job
@@ -57,15 +56,14 @@ def fit_log_plan(job: Job, plan: Plan, readings: LogReadings) -> StreamedFitted:
     """
     table, spec = plan.table, plan.fit
     try:
-        stream = Stream(readings.parts, in_turn)
+        stream = Stream(readings.parts)
         grouping = grouping_of(readings, stream)
-        found = fit_with_folds(
+        found = fit_streamed(
             table.layout,
             readings.parts,
             grouping,
             smoothness=spec.smoothness,
             loss=spec.loss,
-            apply=in_turn,
         )
         rounded = Rounded(job, plan, readings.datum)
         zero = rounded.zero(found.fit)

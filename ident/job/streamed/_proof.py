@@ -15,7 +15,6 @@ from ...fit import (
     Samples,
     Stream,
     added,
-    in_turn,
     predict,
 )
 from ...proof import ErrorFigures, held_out_deviation
@@ -41,7 +40,7 @@ def prove_streamed(
     table = one.plan.table
     back = table.read(ListFile.read(folder.root / written[0]))
     every = max(1, one.estimate.count // _SHOWN)
-    stream = Stream(one.readings.parts, in_turn)
+    stream = Stream(one.readings.parts)
     tally: _Tally = stream.ask(_Take(one, back, every))
     view = tally.columns()
     count, wild = one.estimate.count, one.estimate.wild

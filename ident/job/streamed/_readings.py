@@ -137,7 +137,7 @@ class LogReadings:
 
     @cached_property
     def parts(self) -> list[Ahead]:
-        """The readings, for a `Stream` on this machine with `in_turn`."""
+        """The readings, for a `Stream` on this machine."""
         return [
             Ahead(part.tables, partial(self._samples, k))
             for k, source in enumerate(self.sources)

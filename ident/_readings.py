@@ -1,0 +1,141 @@
+"""Readings for a fit: a measurement file, or arrays by role, as the estimator takes them."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from ..data.measurements import (
+    ColumnSpec,
+    Measurement,
+    MissingRole,
+    derive_direction,
+    derive_error,
+    find_role,
+    measurement,
+    read_table,
+)
+from ._effects import AbstractEffect, Friction, Temperature
+from .core import FitError
+from .fit.joint import JointData
+
+Roles = Mapping[str, ArrayLike]
+"""Arrays by role (``"X.position"``, ``"temperature.scale"``, ``"run"``) in mm, °, s, °C."""
+
+
+def read(
+    path: str | Path,
+    columns: Mapping[str, str | tuple[str, str]] | None = None,
+    *,
+    axis: str | None = None,
+    masters: Sequence[str] = (),
+    increments: Mapping[str, float] | None = None,
+) -> Measurement:
+    """Return a measurement file in mm, °, s and °C.
+
+    Args:
+        path: CSV, Parquet, TwinCAT Scope text, MATLAB, ISO 230-2 runs, bed mesh, height map.
+        columns: Role → column, or (column, unit): ``{"X.error": ("dx", "um")}``. Left out:
+            the roles that the file names itself.
+        axis: Axis of a file that names roles without one.
+        masters: Axes that x and y of a mesh stand for.
+        increments: mm or ° per encoder increment by axis, for the unit ``inc``.
+
+    Raises:
+        OSError: If the file cannot be read.
+        MeasurementError: If it holds nothing usable, or a column, role or unit is not known.
+    """
+    specs = {
+        role: ColumnSpec(column) if isinstance(column, str) else ColumnSpec(*column)
+        for role, column in (columns or {}).items()
+    }
+    return measurement(
+        read_table(Path(path)), specs, axis=axis, masters=masters, increments=increments
+    )
+
+
+def without_zero_of(
+    stack: Sequence[AbstractEffect],
+    given: dict[str, np.ndarray],
+    kind: Literal["none", "offset", "line"],
+) -> dict[str, np.ndarray]:
+    """Return the arrays, the errors without the zero of the instrument."""
+    result = dict(given)
+    for axis in dict.fromkeys(one.axis for one in stack) if kind != "none" else ():
+        from .job._remove import without_zero  # loads more than a fit needs
+
+        error = given[f"{axis}.error"].copy()
+        roles = [role for one in stack if one.axis == axis for role in one.roles]
+        own = dict.fromkeys(role for role in roles if role.endswith(".position"))
+        places = np.column_stack([np.zeros((len(error), 0)), *(given[r] for r in own)])
+        good = np.isfinite(error) & np.isfinite(places).all(axis=1)
+        error[good] = without_zero(error[good], places[good], kind)
+        result[f"{axis}.error"] = error
+    return result
+
+
+def arrays_of(
+    effects: Sequence[AbstractEffect | Friction], data: Measurement | Roles
+) -> dict[str, np.ndarray]:
+    """Return the arrays by role that the effects need, and runs and time."""
+    wanted = ["run", "time"]
+    for one in effects:
+        wanted += one.roles
+        if isinstance(one, AbstractEffect):
+            wanted.append(f"{one.axis}.error")
+    found: dict[str, np.ndarray] = {}
+    for role in dict.fromkeys(wanted):
+        if isinstance(data, Measurement):
+            values = _measured(data.with_gaps(), role)
+        else:
+            values = None if role not in data else np.asarray(data[role])
+        if values is None and role in ("run", "time") and role not in wanted[2:]:
+            continue
+        if values is None:
+            known = ", ".join(data) if isinstance(data, Mapping) else ""
+            msg = f"the effects need {role!r}, found arrays of {known}"
+            raise FitError(msg)
+        found[role] = np.asarray(values, None if role == "run" else np.float64)
+    return found
+
+
+def _measured(data: Measurement, role: str) -> np.ndarray | None:
+    """Return the values of a role; errors and directions are derived where they can be."""
+    if role in data.values:
+        return data.values[role]
+    if role in ("run", "time"):
+        return None
+    known = find_role(role)
+    if known is not None and known.axis is not None and known.kind == "direction":
+        return derive_direction(data, known.axis).astype(np.float64)
+    if known is not None and known.axis is not None and known.kind == "error":
+        return derive_error(data, known.axis)
+    raise MissingRole(str(data.source), role, "for the effects", data.values.keys())
+
+
+def recording_of(
+    stack: Sequence[AbstractEffect], given: Mapping[str, np.ndarray]
+) -> JointData:
+    """Return arrays by role as a joint fit takes them.
+
+    Runs have no offset of their own beside a temperature: it could not be told from what
+    the temperature does from run to run.
+    """
+    tables: dict[str, dict[str, np.ndarray]] = {}
+    for text, values in given.items():
+        role = find_role(text)
+        if role is None:
+            msg = f"found {text!r}, expected a role such as X.position or temperature.a"
+            raise FitError(msg)
+        name = role.axis or role.sensor
+        if name is not None and role.kind != "current":
+            tables.setdefault(role.kind, {})[name] = values
+    run = None
+    if "run" in given:
+        run = np.unique(given["run"], return_inverse=True)[1].astype(np.int64)
+    heated = [one.axis for one in stack if isinstance(one, Temperature)]
+    return JointData(
+        **tables, time=given.get("time"), run=run, runs=dict.fromkeys(heated)
+    )

@@ -1,0 +1,192 @@
+"""A fit as a job: its readings and a job file in a folder, run as ``axcomp fit`` does."""
+
+import dataclasses
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from ..data.measurements import find_role
+from ._effects import AbstractEffect, Friction
+from .core import FitError
+
+if TYPE_CHECKING:
+    from .job import JobResult
+
+_UNITS = {
+    "position": ("mm", "deg"),
+    "error": ("mm", "deg"),
+    "velocity": ("mm/s", "deg/s"),
+    "acceleration": ("mm/s2", "deg/s2"),
+    "time": ("s", "s"),
+    "temperature": ("degC", "degC"),
+    "current": ("A", "A"),
+}
+"""Unit of each kind of role, of linear and of other axes."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stated:
+    """What was asked of a fit.
+
+    Attributes:
+        effects: In order.
+        readings: Arrays by role in mm, °, s, °C, before anything was taken off.
+        options: Keys of each fit.
+        treated: Keys of the measurement.
+        active: Names of effects that acted while measuring.
+        names: Of the effects.
+    """
+
+    effects: tuple[AbstractEffect | Friction, ...]
+    readings: Mapping[str, np.ndarray]
+    options: Mapping[str, Any]
+    treated: Mapping[str, Any]
+    active: tuple[str, ...]
+    names: tuple[str, ...]
+
+    def place(self, effect: AbstractEffect | Friction) -> int:
+        """Return which part of a joint fit an effect is."""
+        stack = [one for one in self.effects if isinstance(one, AbstractEffect)]
+        return next(k for k, one in enumerate(stack) if one is effect)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that the effects or their inputs name."""
+        found = [one.axis for one in self.effects]
+        for text in self.readings:
+            role = find_role(text)
+            if role is not None and role.axis is not None:
+                found.append(role.axis)
+        return tuple(dict.fromkeys(found))
+
+
+def write_job(
+    stated: Stated,
+    folder: Path,
+    lists: Mapping[int, str | Path],
+    axes: Mapping[str, int | Mapping[str, Any]],
+    gate: Mapping[str, float],
+) -> "JobResult":
+    """Write readings and job into a folder, run the job there; see `Fit.write`."""
+    from .job import run_job
+
+    numbered = _numbered(stated, lists, axes)
+    folder.mkdir(parents=True, exist_ok=True)
+    job = {
+        "axes": numbered,
+        "measurements": {"readings": _measurement(stated, folder, numbered)},
+        "gate": dict(gate),
+    }
+    lines = [line for line in _lines((), job)]
+    for keys in _fits(stated):
+        lines += ["", "[[fits]]", *_lines((), keys)]
+    path = folder / "job.toml"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return run_job(path, folder)
+
+
+def verdicts_of(result: "JobResult", names: Sequence[str]) -> dict[str, str]:
+    """Return the verdict on each fit of a job, by the names of the effects."""
+    from .report._scale import scale_of
+    from .report._verdict import verdict_of
+
+    return {
+        name: verdict_of(one, scale_of(one.unit), None).sentence
+        for name, one in zip(names, result.fits, strict=True)
+    }
+
+
+def _numbered(
+    stated: Stated,
+    lists: Mapping[int, str | Path],
+    axes: Mapping[str, int | Mapping[str, Any]],
+) -> dict[str, dict[str, Any]]:
+    """Return the keys of each axis in a job file, its number and list among them."""
+    known: dict[str, dict[str, Any]] = {
+        name: {"number": given} if isinstance(given, int) else dict(given)
+        for name, given in axes.items()
+    }
+    if not known and len(stated.axes) == 1 and len(lists) == 1:
+        known = {stated.axes[0]: {"number": next(iter(lists))}}
+    missing = [name for name in stated.axes if "number" not in known.get(name, {})]
+    if missing:
+        msg = f"axes: found no number of {', '.join(missing)}, expected axes={{'X': 1, …}}"
+        raise FitError(msg)
+    for number, path in lists.items():
+        own = [keys for keys in known.values() if keys["number"] == number]
+        if len(own) != 1:
+            msg = f"lists: found axis {number}, expected one of {axes}"
+            raise FitError(msg)
+        own[0]["list"] = str(Path(path).absolute())
+    return known
+
+
+def _measurement(
+    stated: Stated, folder: Path, axes: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Write the readings and return the keys of the measurement."""
+    import pyarrow as pa  # takes long to load
+    import pyarrow.parquet as pq
+
+    arrays, columns = dict(stated.readings), {}
+    if "run" in arrays:
+        arrays["run"] = np.unique(arrays["run"], return_inverse=True)[1].astype(
+            np.int64
+        )
+    for text in arrays:
+        role = find_role(text)
+        assert role is not None  # `fit` has seen to it
+        turns = axes.get(role.axis or "", {}).get("type", "linear") != "linear"
+        unit = _UNITS.get(role.kind)
+        columns[text] = {"column": text} | ({"unit": unit[turns]} if unit else {})
+    table = {
+        text: pa.array(values, from_pandas=True) for text, values in arrays.items()
+    }
+    pq.write_table(pa.table(table), folder / "readings.parquet")
+    kinds = [
+        one.compensation
+        for name, one in zip(stated.names, stated.effects, strict=True)
+        if name in stated.active
+    ]
+    treated = {key: value for key, value in stated.treated.items() if value}
+    if (place := treated.pop("datum", None)) is not None:
+        treated["datum"] = {"at": list(place)}
+    own = {getattr(one, "reference_temperature", 20.0) for one in stated.effects}
+    if own != {20.0}:
+        treated["reference_temperature"] = float(max(own - {20.0}))
+    return {
+        "file": "readings.parquet",
+        "active": list(dict.fromkeys(kinds)),
+        "columns": columns,
+    } | treated
+
+
+def _fits(stated: Stated) -> Iterator[dict[str, Any]]:
+    """Return the keys of each fit; what shares its readings is one group."""
+    together = [one for one in stated.effects if isinstance(one, AbstractEffect)]
+    several = len(together) > 1 or stated.treated["drift"]
+    for one in stated.effects:
+        keys = one.to_keys() | {"measurement": "readings"}
+        if isinstance(one, AbstractEffect):
+            keys |= {k: v for k, v in stated.options.items() if one.grid or k == "loss"}
+            if several:
+                keys["group"] = "stack"
+        yield keys
+
+
+def _lines(path: tuple[str, ...], value: Any) -> Iterator[str]:
+    """Return TOML, one line per value under its full name."""
+    if isinstance(value, Mapping):
+        for key, each in value.items():
+            yield from _lines((*path, json.dumps(key)), each)
+    else:
+        yield f"{'.'.join(path)} = {json.dumps(value, default=_plain)}"
+
+
+def _plain(value: Any) -> Any:
+    """Return NumPy's numbers and arrays as those of Python."""
+    return np.asarray(value).tolist()

@@ -1,0 +1,213 @@
+"""From an estimate to what is said of a table: deviations, runs, suspects."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.special import stdtr
+
+from ..core import (
+    Estimate,
+    FitError,
+    GroupEffect,
+    Loss,
+    Posterior,
+    Readings,
+    Stack,
+    choose_weights,
+    sums_of,
+)
+from ._types import RunEffect, TableFit, TableLayout
+
+_NOTHING = 1e-12
+"""Scatter in mm or ° that is none."""
+_HOPELESS = 1e3
+"""Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
+_TRUSTED = 0.5
+"""A node whose nearest readings keep less than this share of their weight is named."""
+_FAR = 1e-3
+"""Chance of any run at all being as far off the others, below which it is named."""
+FOLLOWS = (
+    "The table follows every reading; the noise was judged by the smoothness that the "
+    "readings suggest."
+)
+NONE_LEFT_OUT = (
+    "Readings that agree with each other contradict a table of these nodes: none of them "
+    "was left out."
+)
+
+Vector = Float[np.ndarray, " _n"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """What the loss leaves of some readings; ``nodes`` add up over pieces.
+
+    Attributes:
+        wild: Readings without any influence.
+        share: Weight that each reading keeps, 0 to 1.
+        nodes: Readings next to each unknown, the weight they keep, those that are wild.
+    """
+
+    wild: Bool[np.ndarray, " t"]
+    share: Float[np.ndarray, " t"]
+    nodes: Float[np.ndarray, "3 n"]
+
+    @classmethod
+    def of(
+        cls, stack: Stack, readings: Readings, about: Vector, loss: Loss
+    ) -> "Judged":
+        """Judge readings by their residuals about an estimate."""
+        ratio = residual_of(stack, readings, about) / loss.scale
+        table = stack.effects[0]
+        nodes, shares = table.design(readings)
+        nearest = nodes[np.arange(len(nodes)), shares.argmax(axis=1)]
+        wild, share = loss.wild(ratio), loss.share(ratio)
+        weights = (None, share, wild.astype(float))
+        sums = np.stack([np.bincount(nearest, own, table.size) for own in weights])
+        return cls(wild, share, sums)
+
+
+def residual_of(
+    stack: Stack, readings: Readings, values: Vector
+) -> Float[np.ndarray, " t"]:
+    """Return (reading − fit) × √weight."""
+    return sums_of(stack, readings, values, Loss(), False)[1]
+
+
+def result_of(
+    layout: TableLayout,
+    found: Estimate,
+    loss: str,
+    *,
+    fixed: bool,
+    count: int,
+    spread: float = np.inf,
+    runs: Sequence[int] = (),
+    nodes: Float[np.ndarray, "3 n"] | None = None,
+) -> TableFit:
+    """Return what an estimate says of a table; arrays over readings are empty.
+
+    Args:
+        layout: Where the nodes lie.
+        found: The estimate; its first effect is the table.
+        loss: Name of the loss.
+        fixed: Whether the user set the smoothness.
+        count: Number of readings.
+        spread: Range of the readings in mm or °; infinite: any uncertainty is accepted.
+        runs: Runs that have effects of their own.
+        nodes: What the loss leaves of the readings at each node (`Judged.nodes`).
+
+    Raises:
+        FitError: If the readings do not determine the table.
+    """
+    post, table = found.posterior, layout.effect
+    used = int(post.problem.count)
+    noise, variance = found.noise, post.variance
+    message = f"{count} readings, {post.used:.1f} effective parameters."
+    if fixed:
+        # A weight that the user sets says nothing about the noise: take it from the residuals,
+        # or, where every node follows its own reading, from the evidence.
+        free = post.problem.count - post.used
+        if free >= max(3.0, 0.02 * post.problem.count):
+            variance = post.residual_square / free
+        else:
+            chosen = choose_weights(post.problem)
+            variance = variance if chosen is None else chosen.variance
+            noise, message = float(np.sqrt(variance)), FOLLOWS
+    deviation = np.sqrt(np.maximum(variance * post.inverse_diagonal, 0.0))[: table.size]
+    support = post.problem.sums.support[: table.size]
+    worst = float(deviation[support > 0].max(initial=0.0))
+    # Rounding can leave a singular matrix just definite.
+    if np.isfinite(spread) and worst > _HOPELESS * max(spread, noise, _NOTHING):
+        msg = (
+            "the readings do not determine the table: the least known node is uncertain "
+            f"by {worst:.3g}."
+        )
+        raise FitError(msg)
+    if count > used:
+        message += f" {count - used} wild readings were left out."
+    if not found.converged:
+        message += " The iterations did not settle; treat the result with care."
+    suspects: list[int] = []
+    if nodes is not None:
+        near, kept, _ = nodes
+        # A share of 0.5 is the Student weight at two scales; a lone reading must be further off.
+        limit = np.where(near > 1, _TRUSTED, 0.5 * _TRUSTED) * near
+        doubted = (near > 0) & (kept < limit)
+        suspects = np.flatnonzero(table.to_table(doubted).reshape(-1)).tolist()
+    return TableFit(
+        layout=layout,
+        values=table.to_table(post.values[: table.size]),
+        standard_deviation=table.to_table(deviation),
+        support=table.to_table(support),
+        noise=noise,
+        smoothness=dict(zip(table.prior.names, post.weights.tolist(), strict=True)),
+        loss=loss,
+        residual=np.zeros(0),
+        share=np.zeros(0),
+        wild=np.zeros(0, bool),
+        runs=_run_effects(post, runs, variance),
+        suspect_nodes=tuple(suspects),
+        suspect_runs=(),
+        covariance=post.covariance(table.offsets).scaled(variance),
+        converged=found.converged,
+        message=message,
+        estimate=found,
+    )
+
+
+def fold_of(fit: TableFit, post: Posterior) -> TableFit:
+    """Return the table of a fold: smoothness and loss are those of the whole fit.
+
+    Args:
+        fit: Of all readings.
+        post: Without some of them.
+    """
+    assert fit.estimate is not None  # that of all readings has one
+    found = dataclasses.replace(fit.estimate, posterior=post)
+    effect = post.problem.stack.effects[-1]
+    runs = [run.run for run in fit.runs]
+    if isinstance(effect, GroupEffect):
+        runs = [run for run, there in zip(runs, effect.present, strict=True) if there]
+    count = int(post.problem.count)
+    fold = result_of(fit.layout, found, fit.loss, fixed=True, count=count, runs=runs)
+    return dataclasses.replace(fold, estimate=None)
+
+
+def _run_effects(
+    post: Posterior, runs: Sequence[int], variance: float
+) -> tuple[RunEffect, ...]:
+    """Return offset and drift of every run with their deviations."""
+    stack = post.problem.stack
+    effect = stack.effects[-1]
+    if not isinstance(effect, GroupEffect):
+        return ()
+    values = effect.by_group(post.values[stack.here(-1)])
+    own = slice(stack.here(-1).start - stack.band, None)
+    inverse = post.factor.border_inverse[own, own]
+    spread = np.sqrt(variance * effect.variances(inverse))
+    columns = [column for pair in zip(values, spread, strict=True) for column in pair]
+    columns += [np.zeros_like(values[0])] * (4 - len(columns))
+    rows = np.column_stack(columns)[effect.present].tolist()
+    return tuple(RunEffect(run, *row) for run, row in zip(runs, rows, strict=True))
+
+
+def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
+    """Return runs that lie further off the others than runs of one machine ever do.
+
+    Each offset against mean and scatter of the others, by Student's t; a run counts as far
+    where not even one of a thousand machines would have any run like it.
+    """
+    count, found = len(runs), []
+    offset = np.array([run.offset for run in runs])
+    for k, run in enumerate(runs if count > 2 else ()):
+        others = np.delete(offset, k)
+        scatter = max(float(np.std(others, ddof=1)), run.offset_sd)
+        off = abs(offset[k] - others.mean())
+        t = off / (scatter * np.sqrt(1.0 + 1.0 / len(others)))
+        # Of two others the scatter is hardly known: as if of three.
+        if 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count:
+            found.append(run.run)
+    return tuple(found)
