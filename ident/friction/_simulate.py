@@ -24,7 +24,6 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from ...models import FrictionCompensation, StribeckFriction
-from .._limits import Change
 from ..core import least_squares_ipopt
 
 Solver = Literal["optimistix", "ipopt"]
@@ -48,6 +47,8 @@ The relative gain of cost is its square: 1e-5, and 1e-2 where only a start is so
 _IPOPT_TOLERANCE = 1e-3
 """IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
 _STEPS, _IPOPT_STEPS = 80, 50
+_INSIDE = 1e-3
+"""How far inside its limits a start begins, in parts of their distance or of itself."""
 _SPEEDS = 32
 """Speeds per direction at which an inequality on friction is kept."""
 _SHORTEST = 16384
@@ -266,19 +267,46 @@ def linearised(
     return residual, slopes
 
 
+class _Bounded(eqx.Module):
+    """Numbers inside their limits by tanh; steps of one change the residual by its size."""
+
+    place: Float[Array, " 10"]
+    """Of the start between its limits, -1 to 1."""
+    step: Float[Array, " 10"]
+    """Of the argument of tanh."""
+    limits: tuple[Float[Array, " 10"], Float[Array, " 10"]]
+    length: Float[Array, ""]
+    """Of the residual at the start."""
+
+    @classmethod
+    def of(cls, start: Float[Array, " 10"], problem: Problem) -> "_Bounded":
+        low, high = problem.limits
+        half = 0.5 * (high - low)
+        size = jnp.where(start == 0.0, 1.0, jnp.abs(start))
+        gap = _INSIDE * jnp.minimum(2.0 * half, size)
+        place = (jnp.clip(start, low + gap, high - gap) - low) / half - 1.0
+        residual, slopes = linearised(low + half * (1.0 + place), problem)
+        length, norms = jnp.linalg.norm(residual), jnp.linalg.norm(slopes, axis=0)
+        unit = jnp.where(norms > 0.0, length / jnp.where(norms > 0.0, norms, 1.0), half)
+        step = jnp.minimum(unit, 2.0 * half) / (half * (1.0 - place**2))
+        return cls(place, step, problem.limits, length)
+
+    def values(self, free: Float[Array, " 10"]) -> Float[Array, " 10"]:
+        low, high = self.limits
+        bent = jnp.tanh(jnp.arctanh(self.place) + self.step * free)
+        return low + 0.5 * (high - low) * (1.0 + bent)
+
+
 @eqx.filter_jit
 def _levenberg_marquardt(
     start: Float[Array, " 10"], problem: Problem, tolerance: Float[Array, ""]
 ) -> tuple[Float[Array, " 10"], Int[Array, ""], Bool[Array, ""]]:
-    first = jnp.asarray(True)
-    change = Change.of(
-        lambda x: _residual(x, problem), start, problem.limits, first, True
-    )
+    numbers = _Bounded.of(start, problem)
     root_count = jnp.sqrt(jnp.sum(problem.compared))
 
-    def residual(free: Array, given: tuple[Change, Problem]) -> Array:
-        change, problem = given
-        return _residual(change.values(free), problem) * root_count / change.length
+    def residual(free: Array, given: tuple[_Bounded, Problem]) -> Array:
+        numbers, problem = given
+        return _residual(numbers.values(free), problem) * root_count / numbers.length
 
     # A traced tolerance: a rough search shares the compilation of a fine one.
     limit: Any = tolerance
@@ -289,12 +317,12 @@ def _levenberg_marquardt(
         residual,
         solver,
         jnp.zeros_like(start),
-        (change, problem),
+        (numbers, problem),
         max_steps=_STEPS,
         throw=False,
     )
     converged = jnp.asarray(found.result == optx.RESULTS.successful)
-    return change.values(found.value), found.stats["num_steps"], converged
+    return numbers.values(found.value), found.stats["num_steps"], converged
 
 
 def solve(
