@@ -1,16 +1,27 @@
-"""Joint identification: any stack of effects fitted together, and what data can tell."""
+"""Joint identification: any stack of effects fitted together, and what data can tell.
 
-from ._backlash import BacklashEffect as BacklashEffect
+Read `_data` and `_effect` (what goes in; `_tables`, `_crosstalk` and `_temperature` are more
+effects), `_design` (their columns side by side, datum and runs), `_axis` (one axis fitted on
+`ident.core`) with `_lag`, `_gauge` (what may be moved between effects, and the rules for it),
+`_identified` (what the rows cannot tell) with `_words`, and `_fit`, `_report`, `_result` (what
+comes out).
+"""
+
 from ._crosstalk import CrosstalkEffect as CrosstalkEffect
 from ._data import JointData as JointData
-from ._delay import DelayEffect as DelayEffect
-from ._effect import AbstractEffect as AbstractEffect, Block as Block
-from ._examine import examine_design as examine_design
-from ._fit import fit_joint as fit_joint, refit_joint as refit_joint
+from ._effect import (
+    AbstractEffect as AbstractEffect,
+    BacklashEffect as BacklashEffect,
+    Block as Block,
+    DelayEffect as DelayEffect,
+)
+from ._fit import (
+    examine_design as examine_design,
+    fit_joint as fit_joint,
+    refit_joint as refit_joint,
+)
 from ._result import (
-    Confusion as Confusion,
     Determination as Determination,
-    Gauge as Gauge,
     Identifiability as Identifiability,
     JointFit as JointFit,
     Part as Part,
@@ -22,3 +33,4 @@ from ._tables import (
     PlaneEffect as PlaneEffect,
 )
 from ._temperature import TemperatureEffect as TemperatureEffect
+from ._words import Confusion as Confusion, Gauge as Gauge

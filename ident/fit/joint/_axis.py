@@ -11,10 +11,11 @@ from jaxtyping import Bool, Float
 from ...core import Estimate, FitError, Problem, Readings, estimate, memory
 from .._table import floor_of
 from ._data import JointData
-from ._design import Design
+from ._design import Design, design_of
 from ._effect import AbstractEffect
+from ._gauge import Unheld
+from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
-from ._prepare import Ground, Prepared, alike, ground_of, judged
 from ._temperature import TemperatureEffect
 
 Smoothness = str | float | Mapping[str, Mapping[str, float]]
@@ -26,70 +27,80 @@ _LEAST = 1e-7
 """Weight relative to the density of second differences that were given none."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """How to fit; see `fit_joint`."""
+
+    loss: str
+    smoothness: Smoothness
+    drift: int
+
+
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class AxisFit:
     """A fitted axis.
 
     Attributes:
-        ready: What was known before.
+        known: What its rows tell, whatever was measured in them.
         estimate: Of its stack.
         error: Readings that were fitted in mm or °.
         lags: By sensor.
-        settled: Whether everything converged.
+        converged: Whether everything did.
     """
 
-    ready: Prepared
+    known: Identified
     estimate: Estimate
     error: Float[np.ndarray, " r"]
     lags: Mapping[str, FoundLag]
-    settled: bool
+    converged: bool
 
     @property
     def design(self) -> Design:
         """Columns."""
-        return self.ready.design
+        return self.known.design
 
     @cached_property
     def theta(self) -> Float[np.ndarray, " n"]:
         """Values under the rules."""
-        return self.ready.rules.project(self.estimate.values)
+        return self.known.rules.project(self.estimate.values)
 
     @cached_property
-    def _pseudo(self) -> tuple[Float[np.ndarray, " r"], Bool[np.ndarray, " r"]]:
-        return pseudo_readings(self.design, self.estimate, self.error)
-
-    @property
     def pseudo(self) -> Float[np.ndarray, " r"]:
-        """Pseudo-readings of the last pass about the estimate before it."""
-        return self._pseudo[0]
+        """Pseudo-readings of the last pass about the estimate before it, see `_pseudo`."""
+        return _pseudo(self.design, self.estimate, self.error)
 
-    @property
+    @cached_property
     def active(self) -> Bool[np.ndarray, " r"]:
         """Readings that are believed at all."""
-        return self._pseudo[1]
+        left = self.error - self.design.columns @ self.estimate.centre
+        return np.asarray(~self.estimate.loss.wild(left / self.estimate.loss.scale))
+
+    def smoothness(self) -> dict[str, dict[str, float]]:
+        """Return the weights of each table, and of the drift, by name."""
+        weights = iter(self.estimate.posterior.weights.tolist())
+        return {
+            part.name: {name: next(weights) for name in part.weights}
+            for part in self.design.named
+        }
 
 
-def pseudo_readings(
+def _pseudo(
     design: Design, found: Estimate, error: Float[np.ndarray, " r"]
-) -> tuple[Float[np.ndarray, " r"], Bool[np.ndarray, " r"]]:
-    """Return the pseudo-readings of a fit about `Estimate.centre`, and which are believed."""
+) -> Float[np.ndarray, " r"]:
+    """Return the pseudo-readings about `Estimate.centre`, 0 where one is not believed."""
     left = error - design.columns @ found.centre
-    ratio = left / found.loss.scale
-    pseudo = found.loss.share(ratio) * left / found.posterior.problem.gain
-    return np.asarray(pseudo), ~found.loss.wild(ratio)
+    share = found.loss.share(left / found.loss.scale)
+    return np.asarray(share * left / found.posterior.problem.gain)
 
 
 def fit_axis(
     axis: str,
     effects: Sequence[AbstractEffect],
     data: JointData,
-    *,
-    loss: str,
-    smoothness: Smoothness,
-    drift: int,
+    options: Options,
     use: Bool[np.ndarray, " t"] | None,
-    like: Prepared | None = None,
+    like: Identified | None = None,
 ) -> AxisFit:
     """Fit all effects of one axis.
 
@@ -97,82 +108,78 @@ def fit_axis(
         axis: Compensated axis.
         effects: Its effects, nodes placed.
         data: Readings.
-        loss: As for `fit_joint`; so are the following.
-        smoothness: By evidence, or given.
-        drift: Pieces of the drift of each run.
-        use: Rows to fit.
-        like: An earlier fit of the same effects, whose rules hold here too.
+        options: How to fit.
+        use: Rows to fit; None = all.
+        like: What more rows told of the same effects: holds here too.
 
     Raises:
         FitError: If the readings do not determine them or an option is unknown.
     """
     sensors = sensors_to_fit(effects)
-    ground = ground_of(axis, effects, data, drift, use, measured=True)
-    ready = None if like is None else alike(like, ground)
-    error, found = _fitted(ground, data, loss, smoothness, None)
     lags: dict[str, FoundLag] = {}
-    settled = True
-    for turn in range(_LAG_ROUNDS if sensors else 0):
-        before = {sensor: lag.value for sensor, lag in lags.items()}
-        pseudo = pseudo_readings(ground.design, found, error)[0]
-        lags = find_lags(ground.design, data, found, pseudo, sensors, before)
-        if before and _close(before, lags):
+    found: Estimate | None = None
+    converged = True
+    for turn in range(_LAG_ROUNDS + 1):
+        own = [_lagging(effect, lags) for effect in effects]
+        design = design_of(axis, own, data, options.drift, use)
+        unheld = Unheld.of(design)
+        error = np.asarray(data.error[axis], float)[design.rows]
+        found = _estimated(design, unheld, error, options, found)
+        if not sensors:
             break
-        own = lagging(effects, lags)
-        ground = ground_of(axis, own, data, drift, use, measured=True)
-        error, found = _fitted(ground, data, loss, smoothness, found)
-        settled = turn + 1 < _LAG_ROUNDS
-    if ready is None or ready.sums is not ground.sums:
-        ready = judged(ground, data, drift, ready)
-    return AxisFit(ready, found, error, lags, settled and found.converged)
+        if turn == _LAG_ROUNDS:
+            converged = False
+            break
+        before = {sensor: lag.value for sensor, lag in lags.items()}
+        pseudo = _pseudo(design, found, error)
+        lags = find_lags(design, data, found, pseudo, sensors, before)
+        if before and all(
+            abs(lag.value - before[sensor]) <= _LAG_ENDED * lag.deviation
+            for sensor, lag in lags.items()
+        ):
+            break
+    if like is not None and _same_unknowns(like.design, design):
+        known = dataclasses.replace(like, design=design, unheld=unheld)
+    else:
+        known = identified(design, unheld, data, options.drift)
+    return AxisFit(known, found, error, lags, converged and found.converged)
 
 
-def lagging(
-    effects: Sequence[AbstractEffect], lags: Mapping[str, FoundLag]
-) -> list[AbstractEffect]:
-    """Return effects with the lags that were found."""
-    return [
-        effect.lagging({s: lags[s].value for s in effect.sensor_names if s in lags})
-        if isinstance(effect, TemperatureEffect)
-        else effect
-        for effect in effects
-    ]
+def _lagging(effect: AbstractEffect, lags: Mapping[str, FoundLag]) -> AbstractEffect:
+    if not lags or not isinstance(effect, TemperatureEffect):
+        return effect
+    return effect.lagging({sensor: lag.value for sensor, lag in lags.items()})
 
 
-def _close(before: Mapping[str, float], now: Mapping[str, FoundLag]) -> bool:
-    return all(
-        abs(found.value - before[sensor]) <= _LAG_ENDED * found.deviation
-        for sensor, found in now.items()
-    )
+def _same_unknowns(one: Design, other: Design) -> bool:
+    return one.course.runs == other.course.runs and one.size == other.size
 
 
-def _fitted(
-    ground: Ground,
-    data: JointData,
-    loss: str,
-    smoothness: Smoothness,
+def _estimated(
+    design: Design,
+    unheld: Unheld,
+    error: Float[np.ndarray, " r"],
+    options: Options,
     near: Estimate | None,
-) -> tuple[Float[np.ndarray, " r"], Estimate]:
-    """Return the readings of an axis and the fit of its stack for given lags."""
-    design = ground.design
-    error = np.asarray(data.error[design.axis], float)[design.rows]
-    if len(error) - ground.pinned.free < 1:
+) -> Estimate:
+    """Return the fit of the stack for given lags."""
+    if len(error) - unheld.free < 1:
         msg = (
             f"axis {design.axis}: {len(error)} readings leave nothing to judge the "
-            f"noise by; expected more than {ground.pinned.free}."
+            f"noise by; expected more than {unheld.free}."
         )
         raise FitError(msg)
     start = np.zeros(design.size)
     start[design.datum] = float(np.median(error))
-    pins = ground.pinned.pins
-    return error, estimate(
+    auto = options.smoothness == "auto"
+    return estimate(
         design.stack,
         memory(design.stack, Readings(error, {}), design.dense),
-        loss=loss,
-        weights=None if smoothness == "auto" else _weights(design, smoothness),
+        loss=options.loss,
+        weights=None if auto else _weights(design, options.smoothness),
         floor=floor_of(error),
         start=start,
-        pins=pins if pins.any() else None,
+        pins=unheld.pins if unheld.pins.any() else None,
         near=near,
     )
 
@@ -181,36 +188,26 @@ def _weights(
     design: Design, smoothness: Smoothness
 ) -> Callable[[Problem], Float[np.ndarray, " k"]]:
     """Return the weights that were asked for, given the sums."""
-    if isinstance(smoothness, str):
-        msg = f"smoothness: found {smoothness!r}, expected 'auto', a number or weights."
-        raise FitError(msg)
-    if isinstance(smoothness, (int, float)) and not 0 <= smoothness < np.inf:
-        msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
+    single = isinstance(smoothness, int | float)
+    if isinstance(smoothness, str) or (single and not 0 <= smoothness < np.inf):
+        msg = (
+            f"smoothness: found {smoothness!r}, expected 'auto', a number >= 0 or "
+            "weights by name."
+        )
         raise FitError(msg)
 
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
-        if isinstance(smoothness, (int, float)):
+        least = np.where(problem.optional, 0.0, _LEAST * problem.density)
+        if isinstance(smoothness, int | float):
             wanted = np.where(problem.optional, 0.0, float(smoothness))
         else:
             wanted = np.array(
                 [
                     float((smoothness.get(part.name) or {}).get(name, 0.0))
                     for part in design.named
-                    for name in part.prior_names
+                    for name in part.weights
                 ]
             )
-        least = np.where(problem.optional, 0.0, _LEAST * problem.density)
         return np.maximum(wanted, least)
 
     return weights
-
-
-def weights_by_name(fit: AxisFit) -> dict[str, dict[str, float]]:
-    """Return the smoothness of each table, and of the drift, by name."""
-    result, first = {}, 0
-    for part in fit.design.named:
-        names = part.prior_names
-        own = fit.estimate.posterior.weights[first : first + len(names)]
-        result[part.name] = dict(zip(names, own.tolist(), strict=True))
-        first += len(names)
-    return result

@@ -1,6 +1,7 @@
 """Crosstalk as an effect: entries of the tests over the acceleration of another axis."""
 
 import dataclasses
+from functools import cached_property
 from typing import final
 
 import jax.numpy as jnp
@@ -8,10 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import Conventions, Crosstalk, surface_through
-from ...core._errors import FitError
+from ...core import FitError
 from ...kinds.crosstalk import BRANCHES, MOST_TESTS
 from ._data import JointData
-from ._effect import AbstractEffect, Block, sparse_rows
+from ._effect import ANYWHERE, AbstractEffect, Block, Ranges, sparse_rows
 
 _LEAST_ROWS = 1024
 """Rows are filled up to powers of two from here on, so that compiled code is used again."""
@@ -23,7 +24,8 @@ class CrosstalkEffect(AbstractEffect):
     """Error of an axis from the acceleration of another: entries of the tests in mm.
 
     Values: rows of `BRANCHES`, each with one value per test; where the directions do not
-    differ, only the rows for acceleration and for deceleration.
+    differ, only the rows for acceleration and for deceleration, or the first of them where
+    the controller has it for both (`Conventions.crosstalk_undirected`).
 
     Attributes:
         master: Axis that accelerates.
@@ -69,20 +71,12 @@ class CrosstalkEffect(AbstractEffect):
             )
             raise FitError(msg)
 
-    @property
-    def compensation(self) -> str:
-        """See `AbstractEffect`."""
-        return "crosstalk"
+    compensation = "crosstalk"
 
-    @property
+    @cached_property
     def masters(self) -> tuple[str, ...]:
         """The axis that accelerates, then the adaptation axes."""
         return (self.master, *self.adaptation)
-
-    @property
-    def sensor_names(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return ()
 
     @property
     def name(self) -> str:
@@ -97,19 +91,33 @@ class CrosstalkEffect(AbstractEffect):
         return np.asarray(self.positions, float)
 
     @property
-    def rows(self) -> int:
-        """Number of rows of values: 4, or 2 where directions do not differ."""
-        return 4 if self.velocity_dependent else 2
+    def rules(self) -> Conventions:
+        """How signs and directions are told apart."""
+        return Conventions() if self.conventions is None else self.conventions
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Row of the values that stands for each row of `BRANCHES`."""
+        if self.velocity_dependent:
+            return (0, 1, 2, 3)
+        return (0, 0, 1, 1) if self.rules.of_crosstalk["own_deceleration"] else (0,) * 4
 
     @property
     def size(self) -> int:
         """See `AbstractEffect`."""
-        return self.rows * len(self.points)
+        return (self.rows[-1] + 1) * len(self.points)
 
-    def placed(self, data: JointData) -> "CrosstalkEffect":
+    @property
+    def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
-        del data
-        return self
+        top = 1.2 * max(self.acceleration, -self.deceleration)
+        found = {
+            ("position", axis): (float(places.min()), float(places.max()))
+            for axis, places in zip(self.adaptation, self.points.T, strict=True)
+        }
+        found["velocity", self.master] = ANYWHERE
+        found["acceleration", self.master] = -top, top
+        return found
 
     def model(self, values: Float[np.ndarray, "4 p"]) -> Crosstalk:
         """Return the controller's model with these entries in mm, their sign left alone.
@@ -117,7 +125,6 @@ class CrosstalkEffect(AbstractEffect):
         Raises:
             FitError: If the tests span no surface.
         """
-        rules = Conventions() if self.conventions is None else self.conventions
         try:
             surface = surface_through(self.points)
         except ValueError as error:
@@ -129,7 +136,7 @@ class CrosstalkEffect(AbstractEffect):
             jnp.asarray(float(self.acceleration)),
             jnp.asarray(float(self.deceleration)),
             velocity_dependent=self.velocity_dependent,
-            **rules.of_crosstalk | {"own_deceleration": True},
+            **self.rules.of_crosstalk,
         )
 
     def block(self, data: JointData) -> Block:
@@ -150,27 +157,25 @@ class CrosstalkEffect(AbstractEffect):
         stencil = model.stencil(
             padded[0], padded[1], np.ascontiguousarray(padded[2:].T)
         )
-        index = np.asarray(stencil.nodes)[:count].astype(np.int64)
-        if not self.velocity_dependent:
-            # Branches 0 and 2 only: acceleration and deceleration.
-            index = (index // tests // 2) * tests + index % tests
+        branch, test = np.divmod(np.asarray(stencil.nodes)[:count], tests)
+        index = np.array(self.rows)[branch] * tests + test
         weight = np.asarray(stencil.weights)[:count]
         columns = sparse_rows(index, weight, known, self.size)
-        words = (
-            BRANCHES if self.velocity_dependent else ("acceleration", "deceleration")
-        )
-        labels = tuple(
-            f"{word}{self._place(point)}" for word in words for point in self.points
-        )
-        return Block(columns, known, labels, ("mm",) * self.size)
+        return Block(columns, known, self._labels())
 
-    def _place(self, point: Float[np.ndarray, " k"]) -> str:
-        return "".join(
-            f", {axis} = {value:g}"
-            for axis, value in zip(self.adaptation, point, strict=True)
-        )
+    def _labels(self) -> tuple[str, ...]:
+        words: tuple[str, ...] = BRANCHES
+        if not self.velocity_dependent:
+            words = ("acceleration", "deceleration")[: self.rows[-1] + 1]
+        places = [
+            "".join(
+                f", {axis} = {value:g}"
+                for axis, value in zip(self.adaptation, point, strict=True)
+            )
+            for point in self.points
+        ]
+        return tuple(word + place for word in words for place in places)
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
         """Return ``(4, p)``, rows as `BRANCHES`; equal rows where directions do not differ."""
-        rows = values.reshape(self.rows, -1)
-        return rows if self.velocity_dependent else rows[[0, 0, 1, 1]]
+        return values.reshape(-1, len(self.points))[list(self.rows)]

@@ -1,17 +1,19 @@
 """What a joint fit is given: one row per reading, by axis and by sensor."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...core._errors import FitError
+from ...core import FitError
+from ...kinds.temperature import Clocked, clocked
 
 Columns = Mapping[str, np.ndarray]
 """Arrays of shape ``(t,)`` by the name of an axis or of a sensor."""
 
-_TABLES = (
+CHANNELS = (
     "position",
     "error",
     "direction",
@@ -19,6 +21,7 @@ _TABLES = (
     "acceleration",
     "temperature",
 )
+"""Attributes of `JointData` that hold arrays by name."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,23 +56,10 @@ class JointData:
         default_factory=dict
     )
 
-    def run_of(self, axis: str) -> Int[np.ndarray, " t"] | None:
-        """Return the runs that may have an offset of their own on an axis."""
-        return self.runs.get(axis, self.run)
-
     def __post_init__(self) -> None:
         count = len(self)
-        for table in _TABLES:
-            for name, values in getattr(self, table).items():
-                if np.shape(values) != (count,):
-                    msg = (
-                        f"{table} of {name}: found shape {np.shape(values)}, expected "
-                        f"one number per row, ({count},)."
-                    )
-                    raise FitError(msg)
-        for name in ("time", "run"):
-            values = getattr(self, name)
-            if values is not None and np.shape(values) != (count,):
+        for name, values in self._arrays():
+            if np.shape(values) != (count,):
                 msg = (
                     f"{name}: found shape {np.shape(values)}, expected one number per "
                     f"row, ({count},)."
@@ -77,13 +67,20 @@ class JointData:
                 raise FitError(msg)
 
     def __len__(self) -> int:
-        for table in _TABLES:
-            for values in getattr(self, table).values():
-                return len(values)
-        for each in (self.time, self.run):
-            if each is not None:
-                return len(each)
-        return 0
+        return next((len(values) for _, values in self._arrays()), 0)
+
+    def _arrays(self) -> Iterator[tuple[str, np.ndarray]]:
+        for channel in CHANNELS:
+            for name, values in getattr(self, channel).items():
+                yield f"{channel} of {name}", values
+        if self.time is not None:
+            yield "time", self.time
+        if self.run is not None:
+            yield "run", self.run
+
+    def run_of(self, axis: str) -> Int[np.ndarray, " t"] | None:
+        """Return the runs that may have an offset of their own on an axis."""
+        return self.runs.get(axis, self.run)
 
     def take(self, keep: Bool[np.ndarray, " t"] | Int[np.ndarray, " r"]) -> "JointData":
         """Return the readings that are kept (a mask, or row numbers).
@@ -91,15 +88,15 @@ class JointData:
         What remembers (the lag of a temperature) then knows only these rows: to leave rows out
         of a fit give `fit_joint` the whole recording and a mask.
         """
-        tables = {
-            table: {
+        channels = {
+            channel: {
                 name: np.asarray(values)[keep]
-                for name, values in getattr(self, table).items()
+                for name, values in getattr(self, channel).items()
             }
-            for table in _TABLES
+            for channel in CHANNELS
         }
         return JointData(
-            **tables,
+            **channels,
             time=None if self.time is None else self.time[keep],
             run=None if self.run is None else self.run[keep],
             runs={
@@ -108,22 +105,42 @@ class JointData:
             },
         )
 
-    def column(self, table: str, name: str, wanted: str) -> Float[np.ndarray, " t"]:
+    def column(self, channel: str, name: str, wanted: str) -> Float[np.ndarray, " t"]:
         """Return one column.
 
         Args:
-            table: Name of the attribute.
+            channel: Name of the attribute.
             name: Of the axis or sensor.
             wanted: What needs it, for the message.
 
         Raises:
             FitError: If it was not recorded.
         """
-        found = getattr(self, table).get(name)
+        found = getattr(self, channel).get(name)
         if found is None:
-            known = ", ".join(getattr(self, table)) or "none"
-            msg = (
-                f"{wanted}: needs the {table} of {name}, the data have that of {known}."
-            )
+            known = ", ".join(getattr(self, channel)) or "none"
+            msg = f"{wanted}: needs the {channel} of {name}, the data have that of {known}."
             raise FitError(msg)
         return np.asarray(found, float)
+
+    def clocked(self, sensor: str, wanted: str) -> Clocked:
+        """Return the readings of a sensor on their clock, put in order once.
+
+        Args:
+            sensor: Name of the sensor.
+            wanted: What needs it, for the message.
+
+        Raises:
+            FitError: If there is no clock, or no such sensor.
+        """
+        if sensor not in self._clocks:
+            values = self.column("temperature", sensor, wanted)
+            if self.time is None:
+                msg = f"{wanted}: a lag needs the time of every reading, found none."
+                raise FitError(msg)
+            self._clocks[sensor] = clocked(np.asarray(self.time, float), values)
+        return self._clocks[sensor]
+
+    @cached_property
+    def _clocks(self) -> dict[str, Clocked]:
+        return {}

@@ -5,18 +5,23 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from ...core._threads import cores, one_blas_thread
-from ._axis import AxisFit, Smoothness, fit_axis, weights_by_name
+from ...core import FitError, Loss, Problem, Readings, cores, one_blas_thread, sums_of
+from ._axis import AxisFit, Options, Smoothness, fit_axis
 from ._data import JointData
+from ._design import design_of
 from ._effect import AbstractEffect
-from ._prepare import Prepared, by_axis
-from ._report import curves_of, part_of, report_of
-from ._result import AbstractAlignment, JointFit, Part
+from ._gauge import Unheld
+from ._identified import Identified, identified
+from ._report import Report, variances
+from ._result import Determination, Identifiability, JointFit
+from ._words import confusions_of, gauges_of
 
 _TOO_MANY = 0.1
 """Share of wild readings from which on not the readings are at fault but the effects."""
+_LIGHT = 1e-2
+"""Weight of second differences, relative to the density, where no errors choose one."""
 
 
 def fit_joint(
@@ -53,7 +58,7 @@ def fit_joint(
         FitError: If an input is missing, or the readings do not determine the effects.
     """
     placed = [effect.placed(data) for effect in effects]
-    return _fit(data, placed, _Options(loss, smoothness, drift), use, {})
+    return _fit(data, placed, Options(loss, smoothness, drift), use, {})
 
 
 def refit_joint(
@@ -72,137 +77,166 @@ def refit_joint(
     Raises:
         FitError: If these rows do not determine the effects.
     """
-    align = fit.align
-    assert isinstance(align, Alignment)
-    options = dataclasses.replace(align.options, smoothness=align.smoothness)
-    return _fit(data, [part.effect for part in fit.parts], options, use, align.axes)
+    return _fit(data, [part.effect for part in fit.parts], fit.options, use, fit.known)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Options:
-    """How to fit."""
+def examine_design(
+    data: JointData,
+    effects: Sequence[AbstractEffect],
+    *,
+    drift: int = 0,
+    use: Bool[np.ndarray, " t"] | None = None,
+) -> Identifiability:
+    """Return what these rows can tell of effects, whatever was or will be measured.
 
-    loss: str
-    smoothness: Smoothness
-    drift: int
+    Looks at positions, directions, accelerations, temperatures, times and runs only. Of the
+    errors it uses where there are any (rows without are left out); with no error of an axis
+    recorded at all, every row counts: a planned measurement can be examined.
+
+    Args:
+        data: Rows, measured or planned.
+        effects: What is to be fitted.
+        drift: Pieces of the drift of each run, as for `fit_joint`; between their knots the
+            reference is taken to wander as far as the readings of one step could just tell.
+        use: Rows that may be used; None = all.
+
+    Raises:
+        FitError: If an input is missing or no row is complete.
+    """
+    placed = [effect.placed(data) for effect in effects]
+    found: dict[int, Determination] = {}
+    axes = []
+    with one_blas_thread():
+        for axis, numbers in _by_axis(placed).items():
+            own = [placed[number] for number in numbers]
+            design = design_of(axis, own, data, drift, use, axis in data.error)
+            known = identified(design, Unheld.of(design), data, drift)
+            found |= zip(numbers, _determinations(known), strict=True)
+            axes.append(known)
+    return Identifiability(
+        tuple(found[number] for number in range(len(placed))),
+        tuple(gauge for known in axes for gauge in gauges_of(known)),
+        tuple(each for known in axes for each in confusions_of(known)),
+    )
+
+
+def _determinations(known: Identified) -> list[Determination]:
+    design = known.design
+    zero, rows = np.zeros(design.size), len(design.rows)
+    readings = Readings(np.zeros(rows), {})
+    sums, _ = sums_of(design.stack, readings, zero, Loss(), True, design.dense)
+    problem = Problem.of(sums, zero, 1.0, known.unheld.pins)
+    weights = np.where(problem.optional, 0.0, _LIGHT * problem.density)
+    # A walk begins as wide as what the readings of one step tell of it.
+    walks = [part.kind == "wander" for part in design.named for _ in part.weights]
+    found = problem.at(np.where(walks, problem.density, weights))
+    if found is None:
+        msg = f"axis {design.axis}: the rows tell nothing, the matrix is singular."
+        raise FitError(msg)
+    deviation = np.sqrt(variances(found, known.rules))
+    deviation = np.where(known.lost, np.inf, deviation)
+    support = design.support(np.ones(rows, bool))
+    places = [design.places_of(number) for number in range(len(design.effects))]
+    return [
+        Determination(
+            effect=effect,
+            share=known.share_of(number),
+            deviation=deviation[own],
+            support=support[own],
+            determined=~known.unknown[own],
+        )
+        for number, (effect, own) in enumerate(zip(design.effects, places, strict=True))
+    ]
+
+
+def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[int]]:
+    """Return the numbers of the effects of each compensated axis.
+
+    Raises:
+        FitError: If there is none, or the same one twice.
+    """
+    if not effects:
+        msg = "found no effects, expected one at least."
+        raise FitError(msg)
+    result: dict[str, list[int]] = {}
+    names: set[str] = set()
+    for number, effect in enumerate(effects):
+        if effect.name in names:
+            msg = f"found the {effect.name} twice, expected each effect once."
+            raise FitError(msg)
+        names.add(effect.name)
+        result.setdefault(effect.axis, []).append(number)
+    return result
 
 
 def _fit(
     data: JointData,
     placed: Sequence[AbstractEffect],
-    options: _Options,
+    options: Options,
     use: Bool[np.ndarray, " t"] | None,
-    like: Mapping[str, Prepared],
+    like: Mapping[str, Identified],
 ) -> JointFit:
-    groups = by_axis(placed)
+    groups = _by_axis(placed)
 
     def one(axis: str) -> AxisFit:
         own = [placed[number] for number in groups[axis]]
-
-        def with_loss(loss: str) -> AxisFit:
-            return fit_axis(
-                axis,
-                own,
-                data,
-                loss=loss,
-                smoothness=options.smoothness,
-                drift=options.drift,
-                use=use,
-                like=like.get(axis),
-            )
-
-        found = with_loss(options.loss)
+        found = fit_axis(axis, own, data, options, use, like.get(axis))
         wild = float((~found.active).mean())
         if options.loss == "student" and wild > _TOO_MANY:
             # So many that agree with each other: not they are at fault.
-            return with_loss("huber")
+            mild = dataclasses.replace(options, loss="huber")
+            return fit_axis(axis, own, data, mild, use, like.get(axis))
         return found
 
     with one_blas_thread():
-        # Axes share no unknowns; their matrix products leave the interpreter free.
+        # Axes share no unknowns; their matrix products leave the interpreter free. The
+        # largest first, so that none is left alone at the end.
         workers = max(min(len(groups), cores()), 1)
-        # The largest first, so that none is left alone at the end.
         size = {a: sum(placed[n].size for n in groups[a]) for a in groups}
         order = sorted(groups, key=lambda axis: -size[axis])
         with ThreadPoolExecutor(workers) as pool:
             found = dict(zip(order, pool.map(one, order), strict=True))
-        fits = {axis: found[axis] for axis in groups}
-        return _result(data, groups, fits, options)
-
-
-@dataclasses.dataclass(frozen=True)
-class Alignment(AbstractAlignment):
-    """The rules of all axes.
-
-    Attributes:
-        groups: Numbers of the effects of each axis.
-        axes: Columns and rules of each axis.
-        options: Of the fit.
-        smoothness: Weights of each table and of the drift, by name.
-    """
-
-    groups: Mapping[str, Sequence[int]]
-    axes: Mapping[str, Prepared]
-    options: _Options
-    smoothness: Mapping[str, Mapping[str, float]]
-
-    def moved(
-        self, values: Sequence[Float[np.ndarray, " _p"]], datum: Mapping[str, float]
-    ) -> tuple[list[Float[np.ndarray, " _p"]], dict[str, float]]:
-        """See `AbstractAlignment`."""
-        result = [np.asarray(each, float) for each in values]
-        constants = {}
-        for axis, ready in self.axes.items():
-            design = ready.design
-            theta = np.zeros(design.size)
-            theta[design.datum] = datum.get(axis, 0.0)
-            for place, number in enumerate(self.groups[axis]):
-                theta[design.places_of(place)] = result[number]
-            theta = ready.rules.project(theta)
-            constants[axis] = float(theta[design.datum])
-            for place, number in enumerate(self.groups[axis]):
-                result[number] = theta[design.places_of(place)]
-        return result, constants
+        return _result(data, groups, {axis: found[axis] for axis in groups}, options)
 
 
 def _result(
     data: JointData,
     groups: Mapping[str, Sequence[int]],
     fits: Mapping[str, AxisFit],
-    options: _Options,
+    options: Options,
 ) -> JointFit:
-    parts: dict[int, Part] = {}
-    reports = {axis: report_of(data, fit) for axis, fit in fits.items()}
-    for axis, fit in fits.items():
-        for place, number in enumerate(groups[axis]):
-            parts[number] = part_of(data, fit, reports[axis], place)
+    reports = {axis: Report(data, fit) for axis, fit in fits.items()}
+    parts = {
+        number: reports[axis].part(place)
+        for axis, numbers in groups.items()
+        for place, number in enumerate(numbers)
+    }
     messages = [
         f"Axis {axis}: {report.message}" if len(fits) > 1 else report.message
         for axis, report in reports.items()
     ]
+    datum = {axis: fit.design.datum for axis, fit in fits.items()}
+    weights = {k: own for fit in fits.values() for k, own in fit.smoothness().items()}
     return JointFit(
         parts=tuple(parts[number] for number in sorted(parts)),
-        datum={axis: report.datum for axis, report in reports.items()},
-        noise={axis: report.noise for axis, report in reports.items()},
-        residual={axis: report.residual for axis, report in reports.items()},
-        share={axis: report.share for axis, report in reports.items()},
-        wild={axis: report.wild for axis, report in reports.items()},
-        runs={axis: report.runs for axis, report in reports.items()},
-        run_curves={axis: curves_of(fit) for axis, fit in fits.items()},
-        gauges=tuple(each for fit in fits.values() for each in fit.ready.gauges),
+        datum={
+            axis: (float(fit.theta[at]), float(reports[axis].deviation[at]))
+            for (axis, fit), at in zip(fits.items(), datum.values(), strict=True)
+        },
+        noise={axis: fit.estimate.noise for axis, fit in fits.items()},
+        residual={a: each.over_rows(each.left, np.nan) for a, each in reports.items()},
+        share={a: each.over_rows(each.share, 0.0) for a, each in reports.items()},
+        wild={
+            a: each.over_rows(~each.fit.active, False) for a, each in reports.items()
+        },
+        runs={axis: report.runs() for axis, report in reports.items()},
+        run_curves={axis: report.curves() for axis, report in reports.items()},
+        gauges=tuple(each for fit in fits.values() for each in gauges_of(fit.known)),
         confusions=tuple(
-            each for fit in fits.values() for each in fit.ready.confusions
+            each for fit in fits.values() for each in confusions_of(fit.known)
         ),
-        converged=all(fit.settled for fit in fits.values()),
+        converged=all(fit.converged for fit in fits.values()),
         message=" ".join(messages),
-        align=Alignment(
-            groups,
-            {axis: fit.ready for axis, fit in fits.items()},
-            options,
-            {
-                name: each
-                for fit in fits.values()
-                for name, each in weights_by_name(fit).items()
-            },
-        ),
+        known={axis: fit.known for axis, fit in fits.items()},
+        options=dataclasses.replace(options, smoothness=weights),
     )

@@ -1,190 +1,248 @@
-"""What is said of a fitted axis: deviations, noise, residuals, runs, parts."""
+"""What is said of a fitted axis: deviations, noise with a memory, runs, parts.
+
+The model has white noise beside a drift that wanders (where one is stated at all). What a
+reference does that is no such walk stays in the residual, and looks to a slow effect (a
+temperature, above all) like its own. The scores of stretches of the recording tell how much:
+their scatter, through the solution, is the variance that the values really have (the
+"sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
+same residual in another order, so that values which few stretches touch are judged together.
+"""
 
 import dataclasses
-from collections.abc import Mapping
+from functools import cached_property
+from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ...core import Posterior
 from .._types import RunEffect
-from ._axis import AxisFit, weights_by_name
-from ._confusion_words import undetermined
+from ._axis import AxisFit
 from ._data import JointData
-from ._examine import share_of, touched, variances
+from ._gauge import Rules
 from ._lag import FoundLag
-from ._memory import memory_along, memory_of_noise
 from ._result import Part, RunCurve
 from ._temperature import TemperatureEffect
 
 _STEP = 0.02
 """Step in a lag for its slope, as a share of it."""
+_STRETCHES = 24
+"""Of the recording: long against the memory of the noise, and enough to scatter."""
+_FEWEST = 20
+"""Readings of a stretch below which nothing is judged."""
+_DRAWS = 4
+"""Other orders of the residual."""
+_CHANCE = 1.8
+"""Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
 
 
-@dataclasses.dataclass(frozen=True)
+def variances(found: Posterior, rules: Rules) -> Float[np.ndarray, " n"]:
+    """Return the variance of each unknown under the rules, per variance of one reading.
+
+    Moving to the rule changes what is unknown: from the spread of the values as solved it
+    takes what may be moved between effects, which says nothing about either.
+    """
+    plain = found.inverse_diagonal
+    if not rules.null.shape[1]:
+        return plain
+    spread = found.factor.solve(np.ascontiguousarray(rules.gain.T))
+    inner = rules.gain @ spread
+    result = plain - 2.0 * (spread * rules.null).sum(axis=1)
+    result += ((rules.null @ inner) * rules.null).sum(axis=1)
+    return np.asarray(np.maximum(result, 0.0))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
 class Report:
-    """What is said of one axis."""
+    """What is said of one axis.
 
-    datum: tuple[float, float]
-    noise: float
-    deviation: Float[np.ndarray, " n"]
-    unknown: Bool[np.ndarray, " n"]
-    residual: Float[np.ndarray, " t"]
-    share: Float[np.ndarray, " t"]
-    wild: Bool[np.ndarray, " t"]
-    runs: tuple[RunEffect, ...]
-    message: str
-    lags: Mapping[str, FoundLag]
+    Attributes:
+        data: All readings.
+        fit: Of the axis.
+    """
 
+    data: JointData
+    fit: AxisFit
 
-def report_of(data: JointData, fit: AxisFit) -> Report:
-    ready, post = fit.ready, fit.estimate.posterior
-    design = ready.design
-    error = np.asarray(data.error[design.axis], float)[design.rows]
-    left = error - design.columns @ fit.theta
-    active, used = fit.active, post.used
-    variance = variances(post, ready.rules) * post.variance
-    order = np.arange(len(left))
-    if data.time is not None:
-        order = np.argsort(np.asarray(data.time)[design.rows], kind="stable")
-    variance *= memory_of_noise(design, post.factor, ready.rules, fit.pseudo, order)
-    lags = _with_memory(data, fit, order)
-    for found in lags.values():
-        moved = ready.rules.project(found.slope)
-        variance = variance + np.square(moved * found.deviation)
-    deviation = np.sqrt(variance)
-    unknown, confused = undetermined(design, ready.told, ready.sums.reached)
-    deviation = np.where(confused, np.inf, deviation)
+    @cached_property
+    def left(self) -> Float[np.ndarray, " r"]:
+        """Error − fit of the readings that were used."""
+        return np.asarray(self.fit.error - self.fit.design.columns @ self.fit.theta)
 
-    def spread(values: np.ndarray, empty: float | bool) -> np.ndarray:
-        whole = np.full(len(data), empty)
-        whole[design.rows] = values
+    @property
+    def share(self) -> Float[np.ndarray, " r"]:
+        """Weight that the loss left each of them."""
+        loss = self.fit.estimate.loss
+        share = loss.share(self.left / loss.scale)
+        return np.where(self.fit.active, share, 0.0)
+
+    def over_rows(self, values: np.ndarray, empty: float | bool) -> np.ndarray:
+        """Return values of the used readings over all rows."""
+        whole = np.full(len(self.data), empty)
+        whole[self.fit.design.rows] = values
         return whole
 
-    loss = fit.estimate.loss
-    ratio = left / loss.scale
-    rejected = int((~active).sum())
-    message = f"{len(left)} readings, {used:.1f} effective parameters."
-    if rejected:
-        message += f" {rejected} wild readings were left out."
-    if not fit.settled:
-        message += " The iterations did not settle; treat the result with care."
-    at = design.datum
-    return Report(
-        datum=(float(fit.theta[at]), float(deviation[at])),
-        noise=fit.estimate.noise,
-        deviation=deviation,
-        unknown=unknown,
-        residual=spread(left, np.nan),
-        share=spread(np.where(active, loss.share(ratio), 0.0), 0.0),
-        wild=spread(~active, False),
-        runs=_runs(fit, post.variance),
-        message=message,
-        lags=lags,
-    )
+    @cached_property
+    def deviation(self) -> Float[np.ndarray, " n"]:
+        """Standard deviation of each unknown; inf where it is confused."""
+        post, known = self.fit.estimate.posterior, self.fit.known
+        variance = variances(post, known.rules) * post.variance * self._swell()
+        for found in self.lags.values():
+            moved = known.rules.project(found.slope)
+            variance = variance + np.square(moved * found.deviation)
+        return np.where(known.lost, np.inf, np.sqrt(variance))
 
+    @cached_property
+    def message(self) -> str:
+        """One sentence or more on how the fit went."""
+        used, rejected = self.fit.estimate.posterior.used, int((~self.fit.active).sum())
+        message = f"{len(self.left)} readings, {used:.1f} effective parameters."
+        if rejected:
+            message += f" {rejected} wild readings were left out."
+        if not self.fit.converged:
+            message += " The iterations did not settle; treat the result with care."
+        return message
 
-def _with_memory(
-    data: JointData, fit: AxisFit, order: Int[np.ndarray, " r"]
-) -> dict[str, FoundLag]:
-    """Return the lags, their deviations such as noise with a memory leaves them."""
-    design, result = fit.ready.design, {}
-    for sensor, found in fit.lags.items():
-        direction = design.columns @ found.slope
-        step = _STEP * found.value
-        for place, effect in enumerate(design.effects):
-            if not isinstance(effect, TemperatureEffect) or not step:
-                continue
-            if sensor in effect.sensor_names:
-                values = fit.estimate.values[design.places_of(place)]
-                later, sooner = (
-                    effect.lagging({sensor: lag}).block(data).columns
-                    for lag in (found.value + step, found.value - step)
-                )
-                change = (later - sooner)[design.rows] @ values
-                direction = direction + change / (2.0 * step)
-        factor = memory_along(direction, fit.pseudo, order)
-        deviation = found.deviation * np.sqrt(factor)
-        result[sensor] = dataclasses.replace(found, deviation=float(deviation))
-    return result
+    @cached_property
+    def _stretches(self) -> list[Int[np.ndarray, " s"]]:
+        """Rows of stretches of the recording in order of time; none where they are short."""
+        order = np.arange(len(self.left))
+        if self.data.time is not None:
+            time = np.asarray(self.data.time)[self.fit.design.rows]
+            order = np.argsort(time, kind="stable")
+        active = order[self.fit.pseudo[order] != 0.0]
+        if len(active) < _FEWEST * _STRETCHES:
+            return []
+        return np.array_split(active, _STRETCHES)
 
+    def _swell(self) -> Float[np.ndarray, " n"]:
+        """Return the factor of each unknown's variance that the noise's memory asks for, ≥ 1."""
+        design, fit, stretches = self.fit.design, self.fit, self._stretches
+        swell = np.ones(design.size)
+        if not stretches:
+            return swell
+        rng = np.random.default_rng(0)
+        pseudo = fit.pseudo[np.concatenate(stretches)]
+        orders = np.stack([pseudo, *(rng.permutation(pseudo) for _ in range(_DRAWS))])
+        ends = np.cumsum([len(own) for own in stretches])[:-1]
+        scores = [
+            design.columns[own].T @ part.T
+            for own, part in zip(stretches, np.split(orders, ends, axis=1), strict=True)
+        ]
+        moved = fit.estimate.posterior.factor.solve(np.hstack(scores))
+        moved = fit.known.rules.project(moved).reshape(design.size, len(stretches), -1)
+        # The prior holds the sum of the scores away from zero: that is no scatter.
+        spread = moved.var(axis=1)
+        for part in design.components:
+            seen, white = spread[part.places, 0], spread[part.places, 1:]
+            typical = float(white.mean())
+            ratio = float(seen.mean()) / typical if typical > 0.0 else 1.0
+            if ratio > _CHANCE:
+                swell[part.places] = ratio
+        return swell
 
-def _runs(fit: AxisFit, variance: float) -> tuple[RunEffect, ...]:
-    """Return offset and drift of each run against the datum."""
-    design, rules = fit.ready.design, fit.ready.rules
-    own = [part.places for part in design.components if part.kind == "runs"]
-    if not own:
-        return ()
-    places = own[0]
-    runs = sorted({run for run, _ in design.knots})
-    picks = np.zeros((design.size, 2 * len(runs)))
-    for number, run in enumerate(runs):
-        knots = [k for k, (label, _) in enumerate(design.knots) if label == run]
-        picks[places[knots], 2 * number] = 1.0 / len(knots)
-        picks[places[knots[-1]], 2 * number + 1] += 1.0
-        picks[places[knots[0]], 2 * number + 1] -= 1.0
-    found = picks.T @ fit.theta
-    # Functionals of the values under the rule, as functionals of the values as solved.
-    before = picks - rules.gain.T @ (rules.null.T @ picks)
-    spread = (before * fit.estimate.posterior.factor.solve(before)).sum(axis=0)
-    deviation = np.sqrt(np.maximum(variance * spread, 0.0))
-    return tuple(
-        RunEffect(
-            run,
-            float(found[2 * number]),
-            float(deviation[2 * number]),
-            float(found[2 * number + 1]),
-            float(deviation[2 * number + 1]),
+    def _swell_along(self, direction: Float[np.ndarray, " r"]) -> float:
+        """Return that factor for one value that moves the readings like this."""
+        if not self._stretches:
+            return 1.0
+        pseudo, active = self.fit.pseudo, np.concatenate(self._stretches)
+        seen = np.var([direction[own] @ pseudo[own] for own in self._stretches])
+        white = float(np.var(pseudo[active]) * np.square(direction[active]).mean())
+        white *= len(active) / _STRETCHES
+        ratio = float(seen) / white if white > 0.0 else 1.0
+        return ratio if ratio > _CHANCE else 1.0
+
+    @cached_property
+    def lags(self) -> dict[str, FoundLag]:
+        """Lags, their deviations such as noise with a memory leaves them."""
+        design, result = self.fit.design, {}
+        for sensor, found in self.fit.lags.items():
+            direction = design.columns @ found.slope
+            step = _STEP * found.value
+            for place, effect in enumerate(design.effects):
+                if not isinstance(effect, TemperatureEffect) or not step:
+                    continue
+                if sensor in effect.sensor_names:
+                    values = self.fit.estimate.values[design.places_of(place)]
+                    later, sooner = (
+                        effect.lagging({sensor: lag}).block(self.data).columns
+                        for lag in (found.value + step, found.value - step)
+                    )
+                    change = (later - sooner)[design.rows] @ values
+                    direction = direction + change / (2.0 * step)
+            deviation = found.deviation * np.sqrt(self._swell_along(direction))
+            result[sensor] = dataclasses.replace(found, deviation=float(deviation))
+        return result
+
+    def runs(self) -> tuple[RunEffect, ...]:
+        """Return offset and drift of each run against the datum."""
+        fit, design = self.fit, self.fit.design
+        if not design.course.runs:
+            return ()
+        own = design.places_of_kind("runs").reshape(len(design.course.runs), -1)
+        picks = np.zeros((2, len(own), design.size))
+        for number, knots in enumerate(own):
+            picks[0, number, knots] = 1.0 / len(knots)
+            picks[1, number, knots[-1]] += 1.0
+            picks[1, number, knots[0]] -= 1.0
+        rules, whole = fit.known.rules, picks.reshape(-1, design.size).T
+        # Functionals of the values under the rule, as functionals of the values as solved.
+        before = whole - rules.gain.T @ (rules.null.T @ whole)
+        post = fit.estimate.posterior
+        spread = (before * post.factor.solve(before)).sum(axis=0) * post.variance
+        deviation = np.sqrt(np.maximum(spread, 0.0)).reshape(2, -1)
+        numbers = np.stack(
+            [picks[0] @ fit.theta, deviation[0], picks[1] @ fit.theta, deviation[1]]
         )
-        for number, run in enumerate(runs)
-    )
+        return tuple(
+            RunEffect(run, *each)
+            for run, each in zip(design.course.runs, numbers.T.tolist(), strict=True)
+        )
 
+    def curves(self) -> tuple[RunCurve, ...]:
+        """Return what was taken off each run, over the time."""
+        design, theta, course = self.fit.design, self.fit.theta, self.fit.design.course
+        if not course.runs:
+            return ()
+        value = np.zeros((len(course.runs), len(course.offsets)))
+        for kind, own in (("runs", course.offsets), ("wander", course.bridges)):
+            places = design.places_of_kind(kind)
+            value = value + theta[places].reshape(len(value), own.shape[1]) @ own.T
+        return tuple(
+            RunCurve(
+                run,
+                np.linspace(*course.spans[number], len(value[number]))
+                if course.spans
+                else np.zeros(0),
+                value[number],
+            )
+            for number, run in enumerate(course.runs)
+        )
 
-def part_of(data: JointData, fit: AxisFit, report: Report, place: int) -> Part:
-    design = fit.ready.design
-    effect = design.effects[place]
-    places = design.places_of(place)
-    values = fit.theta[places]
-    block = effect.block(data)
-    contribution = np.where(block.known, block.columns @ values, np.nan)
-    used = contribution[design.rows]
-    return Part(
-        effect=effect,
-        values=values,
-        standard_deviation=report.deviation[places],
-        support=touched(design, fit.active)[places],
-        determined=~report.unknown[places],
-        labels=design.labels[place],
-        share=share_of(fit.ready, place),
-        contribution=contribution,
-        rms=float(np.sqrt(np.mean(np.square(used)))),
-        smoothness=weights_by_name(fit).get(effect.name, {}),
-        lags={
-            sensor: (found.value, found.deviation)
-            for sensor, found in report.lags.items()
-            if sensor in effect.sensor_names
-        },
-    )
-
-
-def curves_of(fit: AxisFit) -> tuple[RunCurve, ...]:
-    """Return what was taken off each run, over the time."""
-    design = fit.ready.design
-    own = [part.places for part in design.components if part.kind == "runs"]
-    if not own:
-        return ()
-    runs = sorted({run for run, _ in design.knots})
-    result = []
-    for number, run in enumerate(runs):
-        knots = [k for k, (label, _) in enumerate(design.knots) if label == run]
-        value = fit.theta[own[0][knots]]
-        time = np.zeros(0)
-        if design.spans:
-            low, high = design.spans[number]
-            time = np.linspace(low, high, len(knots))
-            for part in design.components:
-                if part.kind == "wander" and design.bridges is not None:
-                    upon = design.bridges.between(number, fit.theta[part.places])
-                    fine = np.linspace(low, high, len(upon))
-                    time, value = fine, np.interp(fine, time, value) + upon
-        result.append(RunCurve(run, time, value))
-    return tuple(result)
+    def part(self, place: int) -> Part:
+        """Return one fitted effect."""
+        fit, design = self.fit, self.fit.design
+        effect, places = design.effects[place], design.places_of(place)
+        values = fit.theta[places]
+        block = effect.block(self.data)
+        contribution = np.where(block.known, block.columns @ values, np.nan)
+        used = contribution[design.rows]
+        unknown: Bool[np.ndarray, " n"] = fit.known.unknown
+        return Part(
+            effect=effect,
+            values=values,
+            standard_deviation=self.deviation[places],
+            support=design.support(fit.active)[places],
+            determined=~unknown[places],
+            labels=design.labels[place],
+            share=fit.known.share_of(place),
+            contribution=contribution,
+            rms=float(np.sqrt(np.mean(np.square(used)))),
+            smoothness=fit.smoothness().get(effect.name, {}),
+            lags={
+                sensor: (found.value, found.deviation)
+                for sensor, found in self.lags.items()
+                if sensor in effect.sensor_names
+            },
+        )
