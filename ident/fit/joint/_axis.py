@@ -130,13 +130,12 @@ def fit_axis(
         if turn == _LAG_ROUNDS:
             converged = False
             break
-        before = {sensor: lag.value for sensor, lag in lags.items()}
-        pseudo = _pseudo(design, found, error)
-        lags = find_lags(design, data, found, pseudo, sensors, before)
-        if before and all(
-            abs(lag.value - before[sensor]) <= _LAG_ENDED * lag.deviation
-            for sensor, lag in lags.items()
-        ):
+        before = {sensor: lags[sensor].value if lags else 0.0 for sensor in sensors}
+        pseudo, first = _pseudo(design, found, error), not lags
+        lags = find_lags(design, data, found, pseudo, before)
+        moved = [abs(lag.value - before[sensor]) for sensor, lag in lags.items()]
+        ends = [_LAG_ENDED * lag.deviation for lag in lags.values()]
+        if not first and all(np.array(moved) <= np.array(ends)):
             break
     if like is not None and _same_unknowns(like.design, design):
         known = dataclasses.replace(like, design=design, unheld=unheld)

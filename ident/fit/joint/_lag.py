@@ -9,14 +9,14 @@ Source: G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973.
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
+import scipy.sparse as sp
+from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
-from ...core import ArrowFactor, Estimate, FitError
+from ...core import Estimate, FitError
 from ._data import JointData
 from ._design import Design
 from ._effect import AbstractEffect
@@ -25,12 +25,13 @@ from ._temperature import TemperatureEffect
 _GRID = 14
 _WORTH = 4.0
 """Gain in evidence below which there is no lag."""
-_STEP, _LEAST = 0.025, 5e-4
-"""Step in a logarithm for slope and curvature: to begin with, and the smallest one."""
+_STEP = 0.02
+"""Step in a lag for its slope, as a share of it."""
 _RIDGE = 1e-9
 
-Profile = Callable[[Float[np.ndarray, " m"]], tuple[float, Float[np.ndarray, " n"]]]
-"""Returns the evidence of the logarithms of lags, up to a constant, and all unknowns."""
+Vector = Float[np.ndarray, " _n"]
+Profile = Callable[[Mapping[str, float]], tuple[float, Vector]]
+"""Returns the evidence of lags by sensor, up to a constant, and all unknowns."""
 
 
 @final
@@ -42,11 +43,13 @@ class FoundLag:
         value: Time constant in s; 0 = none shows.
         deviation: Of it, in s.
         slope: Change of all unknowns per s.
+        direction: Change of the fitted readings per s, that of the unknowns included.
     """
 
     value: float
     deviation: float
     slope: Float[np.ndarray, " n"]
+    direction: Float[np.ndarray, " r"]
 
 
 def sensors_to_fit(effects: Sequence[AbstractEffect]) -> tuple[str, ...]:
@@ -61,8 +64,7 @@ def find_lags(
     data: JointData,
     fit: Estimate,
     pseudo: Float[np.ndarray, " r"],
-    sensors: Sequence[str],
-    near: Mapping[str, float] | None = None,
+    near: Mapping[str, float],
 ) -> dict[str, FoundLag]:
     """Return the lags with the best evidence, smoothness and weights of readings as they are.
 
@@ -71,77 +73,131 @@ def find_lags(
         data: All rows: a lag remembers those that are not fitted.
         fit: A fit with any lags.
         pseudo: Its pseudo-readings about `Estimate.centre`, 0 where one is not believed.
-        sensors: Whose lag to find.
-        near: Lags that are about right, so that no others are tried; 0 = none showed.
+        near: Lags that are about right by sensor, so that no others are tried; 0 = unknown.
 
     Raises:
         FitError: If there is no clock.
     """
-    rest = _Rest(design, data, fit, pseudo)
+    profile = _profile(design, data, fit, pseudo)
     low, high = _bounds(design.axis, data)
-    lags = {sensor: (near or {}).get(sensor, 0.0) for sensor in sensors}
-    for sensor, known in list(lags.items()):
+    lags = dict(near)
+    for sensor, known in near.items():
         # One after the other roughly; then all together.
         grid = np.log([known]) if known > 0.0 else np.linspace(low, high, _GRID)
         trials = [{**lags, sensor: float(lag)} for lag in np.exp(grid)]
-        costs = [rest.profile(trial)[0] for trial in trials]
+        costs = [profile(trial)[0] for trial in trials]
         best = int(np.argmin(costs))
-        if rest.profile({**lags, sensor: 0.0})[0] - costs[best] > _WORTH:
-            lags = trials[best]
-        else:
-            lags[sensor] = 0.0
+        none = {**lags, sensor: 0.0}
+        lags = trials[best] if profile(none)[0] - costs[best] > _WORTH else none
     shown = [sensor for sensor, lag in lags.items() if lag > 0.0]
-    result = {sensor: FoundLag(0.0, 0.0, np.zeros(design.size)) for sensor in lags}
-    if not shown:
-        return result
+    if shown:
+        logs = minimize(
+            lambda logs: profile({**lags, **dict(zip(shown, np.exp(logs), strict=True))})[0],
+            np.log([lags[sensor] for sensor in shown]),
+            method="L-BFGS-B", jac="3-point", bounds=[(low, high)] * len(shown),
+            options={"gtol": 1e-2, "finite_diff_rel_step": 1e-3},
+        ).x  # fmt: skip
+        lags |= zip(shown, np.exp(logs).tolist(), strict=True)
+    return _with_deviations(design, data, fit, pseudo != 0.0, lags, profile(lags)[1])
 
-    def at(logs: Float[np.ndarray, " m"]) -> tuple[float, Float[np.ndarray, " n"]]:
-        trial = dict(zip(shown, np.exp(logs).tolist(), strict=True))
-        return rest.profile({**lags, **trial})
 
-    best_logs = np.asarray(minimize(
-        lambda logs: at(logs)[0], np.log([lags[sensor] for sensor in shown]),
-        method="L-BFGS-B", jac="3-point", bounds=[(low, high)] * len(shown),
-        options={"ftol": 1e-12, "gtol": 1e-4},
-    ).x)  # fmt: skip
-    spread, slopes = _at_best(at, best_logs)
+def _with_deviations(
+    design: Design,
+    data: JointData,
+    fit: Estimate,
+    active: Bool[np.ndarray, " r"],
+    lags: Mapping[str, float],
+    theta: Vector,
+) -> dict[str, FoundLag]:
+    """Return the lags with their deviations: as further columns, linear near the best ones."""
+    shown = [sensor for sensor, lag in lags.items() if lag > 0.0]
+    own, change = _heated_places(design), np.zeros((len(design.rows), len(shown)))
     for k, sensor in enumerate(shown):
-        lag = float(np.exp(best_logs[k]))
-        result[sensor] = FoundLag(lag, lag * float(spread[k]), slopes[k] / lag)
-    return result
+        ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
+        later, sooner = (
+            _heated(design, data, {**lags, sensor: end}) @ theta[own] for end in ends
+        )
+        change[:, k] = (later - sooner) / (ends[0] - ends[1])
+    seen = change * active[:, None]
+    post = fit.posterior
+    response = post.factor.solve(np.asarray(design.columns.T @ seen))
+    direction = change - design.columns @ response
+    information = seen.T @ direction
+    information += 1e-12 * np.trace(information) * np.eye(len(shown))
+    deviation = np.sqrt(post.variance * np.diag(np.linalg.inv(information)))
+    none = FoundLag(0.0, 0.0, np.zeros(design.size), np.zeros(len(design.rows)))
+    return dict.fromkeys(lags, none) | {
+        sensor: FoundLag(
+            lags[sensor], float(deviation[k]), -response[:, k], direction[:, k]
+        )
+        for k, sensor in enumerate(shown)
+    }
 
 
-def _at_best(
-    at: Profile, logs: Float[np.ndarray, " m"]
-) -> tuple[Float[np.ndarray, " m"], list[Float[np.ndarray, " n"]]]:
-    """Return the deviations of the logarithms, and the slopes of the unknowns over them."""
-    unit, count = np.eye(len(logs)), len(logs)
-    width = np.full(count, _STEP)
-    curvature = np.zeros((count, count))
-    for _ in range(3):
-        # Two deviations: wider ones would see how lopsided the evidence is.
-        for i in range(count):
-            for j in range(i + 1):
-                ends = [
-                    a
-                    * b
-                    * at(logs + a * width[i] * unit[i] + b * width[j] * unit[j])[0]
-                    for a in (1, -1)
-                    for b in (1, -1)
-                ]
-                curvature[i, j] = curvature[j, i] = sum(ends) / (
-                    4 * width[i] * width[j]
-                )
-        last = width
-        width = np.sqrt(2.0 / np.maximum(np.abs(np.diag(curvature)), 1e-12))
-        width = np.clip(width, _LEAST, _STEP)
-    # Minus twice the log-likelihood: the covariance is two over its curvature.
-    covariance = 2.0 * np.linalg.inv(curvature + 1e-12 * unit)
-    slopes = [
-        (at(logs + step)[1] - at(logs - step)[1]) / (2.0 * wide)
-        for step, wide in zip(np.diag(last), last, strict=True)
-    ]
-    return np.sqrt(np.abs(np.diag(covariance))), slopes
+def _heated(
+    design: Design, data: JointData, lags: Mapping[str, float]
+) -> Float[np.ndarray, "r k"]:
+    """Return the columns of the temperatures for trial lags."""
+    effects = [each for each in design.effects if isinstance(each, TemperatureEffect)]
+    blocks = [effect.lagging(lags).block(data) for effect in effects]
+    return np.hstack([each.columns[design.rows].toarray() for each in blocks])
+
+
+def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
+    effects = enumerate(design.effects)
+    own = [k for k, effect in effects if isinstance(effect, TemperatureEffect)]
+    return np.concatenate([design.places_of(k) for k in own])
+
+
+def _profile(
+    design: Design, data: JointData, fit: Estimate, pseudo: Float[np.ndarray, " r"]
+) -> Profile:
+    """Return the evidence of lags, everything but the temperatures eliminated once.
+
+    The factor of the fit has the temperatures in it. Where they are held, the others solve as
+    with them, less what the temperatures did.
+    """
+    own, factor, active = _heated_places(design), fit.posterior.factor, pseudo != 0.0
+    unit = np.zeros((design.size, len(own)))
+    unit[own, np.arange(len(own))] = 1.0
+    response = factor.solve(unit)
+
+    def solve(right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
+        """Return the solution with the temperatures held at zero."""
+        found = factor.solve(right)
+        found = found - response @ np.linalg.solve(response[own], found[own])
+        found[own] = 0.0
+        return np.asarray(found)
+
+    def beside(rows: Float[np.ndarray, "r *k"]) -> Float[np.ndarray, "n *k"]:
+        """Return the right-hand side of the others for readings, or columns of them."""
+        found = np.asarray(across @ rows)
+        found[own] = 0.0
+        return found
+
+    across = sp.csr_array(design.columns.T)
+    target = np.where(active, pseudo + design.columns @ fit.centre, 0.0)
+    right = beside(target)
+    base = solve(right)
+    rest = float(target @ target) - float(right @ base)
+
+    def profile(lags: Mapping[str, float]) -> tuple[float, Vector]:
+        columns = _heated(design, data, lags) * active[:, None]
+        coupling = beside(columns)
+        through = solve(coupling)
+        schur = columns.T @ columns - coupling.T @ through
+        right = columns.T @ target - coupling.T @ base
+        scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
+        scaled = schur / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+        values = np.linalg.solve(scaled, right / scale) / scale
+        square = max(rest - float(right @ values), 1e-300)
+        _, logdet = np.linalg.slogdet(scaled * np.outer(scale, scale))
+        theta = base - through @ values
+        theta[own] = values
+        degrees = fit.posterior.problem.degrees
+        return degrees * float(np.log(square)) + float(logdet), theta
+
+    return profile
 
 
 def _bounds(axis: str, data: JointData) -> tuple[float, float]:
@@ -156,90 +212,3 @@ def _bounds(axis: str, data: JointData) -> tuple[float, float]:
     span = float(clock[-1] - clock[0])
     gap = float(np.median(np.diff(clock)))
     return float(np.log(max(gap, 1e-4 * span))), float(np.log(span))
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Rest:
-    """One axis about a fit with any lags, everything but its temperatures eliminated.
-
-    The factor of the fit has the temperatures in it. Where they are held, the others solve as
-    with them, less what the temperatures did.
-    """
-
-    design: Design
-    data: JointData
-    fit: Estimate
-    pseudo: Float[np.ndarray, " r"]
-
-    @cached_property
-    def heated(self) -> list[tuple[int, TemperatureEffect]]:
-        """The temperatures and their numbers."""
-        effects = enumerate(self.design.effects)
-        return [(k, each) for k, each in effects if isinstance(each, TemperatureEffect)]
-
-    @cached_property
-    def own(self) -> Int[np.ndarray, " k"]:
-        """Unknowns of the temperatures."""
-        return np.concatenate([self.design.places_of(k) for k, _ in self.heated])
-
-    @cached_property
-    def response(self) -> Float[np.ndarray, "n k"]:
-        """Inverse of the fit's matrix in the columns of the temperatures."""
-        return self.factor.solve(np.eye(self.design.size)[:, self.own])
-
-    @property
-    def factor(self) -> ArrowFactor:
-        """Of the fit."""
-        return self.fit.posterior.factor
-
-    def solve(self, right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
-        """Return the solution with the temperatures held at zero."""
-        found = self.factor.solve(right)
-        inner = self.response[self.own]
-        found = found - self.response @ np.linalg.solve(inner, found[self.own])
-        found[self.own] = 0.0
-        return np.asarray(found)
-
-    def beside(self, rows: Float[np.ndarray, "r *k"]) -> Float[np.ndarray, "n *k"]:
-        """Return the right-hand side of the others for readings, or columns of them."""
-        found = np.asarray(self.design.columns.T @ rows)
-        found[self.own] = 0.0
-        return found
-
-    @cached_property
-    def target(self) -> Float[np.ndarray, " r"]:
-        """Pseudo-readings; 0 where one is not believed."""
-        whole = self.pseudo + self.design.columns @ self.fit.centre
-        return np.where(self.pseudo != 0.0, whole, 0.0)
-
-    @cached_property
-    def base(self) -> tuple[Float[np.ndarray, " n"], float]:
-        """The others without any temperature, and the square that they leave."""
-        right = self.beside(self.target)
-        values = self.solve(right)
-        return values, float(self.target @ self.target) - float(right @ values)
-
-    def profile(
-        self, lags: Mapping[str, float]
-    ) -> tuple[float, Float[np.ndarray, " n"]]:
-        """Return the evidence of trial lags, up to a constant, and all unknowns."""
-        base, square = self.base
-        blocks = [each.lagging(lags).block(self.data) for _, each in self.heated]
-        columns = np.hstack(
-            [each.columns[self.design.rows].toarray() for each in blocks]
-        )
-        columns = columns * (self.target != 0.0)[:, None]
-        beside = self.beside(columns)
-        through = self.solve(beside)
-        schur = columns.T @ columns - beside.T @ through
-        right = columns.T @ self.target - beside.T @ base
-        scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
-        scaled = schur / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-        values = np.linalg.solve(scaled, right / scale) / scale
-        square = max(square - float(right @ values), 1e-300)
-        _, logdet = np.linalg.slogdet(scaled * np.outer(scale, scale))
-        theta = base - through @ values
-        theta[self.own] = values
-        free = self.fit.posterior.problem.degrees
-        return free * float(np.log(square)) + float(logdet), theta

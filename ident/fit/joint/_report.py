@@ -22,10 +22,7 @@ from ._data import JointData
 from ._gauge import Rules
 from ._lag import FoundLag
 from ._result import Part, RunCurve
-from ._temperature import TemperatureEffect
 
-_STEP = 0.02
-"""Step in a lag for its slope, as a share of it."""
 _STRETCHES = 24
 """Of the recording: long against the memory of the noise, and enough to scatter."""
 _FEWEST = 20
@@ -156,23 +153,11 @@ class Report:
     @cached_property
     def lags(self) -> dict[str, FoundLag]:
         """Lags, their deviations such as noise with a memory leaves them."""
-        design, result = self.fit.design, {}
+        result = {}
         for sensor, found in self.fit.lags.items():
-            direction = design.columns @ found.slope
-            step = _STEP * found.value
-            for place, effect in enumerate(design.effects):
-                if not isinstance(effect, TemperatureEffect) or not step:
-                    continue
-                if sensor in effect.sensor_names:
-                    values = self.fit.estimate.values[design.places_of(place)]
-                    later, sooner = (
-                        effect.lagging({sensor: lag}).block(self.data).columns
-                        for lag in (found.value + step, found.value - step)
-                    )
-                    change = (later - sooner)[design.rows] @ values
-                    direction = direction + change / (2.0 * step)
-            deviation = found.deviation * np.sqrt(self._swell_along(direction))
-            result[sensor] = dataclasses.replace(found, deviation=float(deviation))
+            swell = float(np.sqrt(self._swell_along(found.direction)))
+            deviation = found.deviation * swell
+            result[sensor] = dataclasses.replace(found, deviation=deviation)
         return result
 
     def runs(self) -> tuple[RunEffect, ...]:
