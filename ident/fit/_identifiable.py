@@ -1,10 +1,10 @@
 r"""What readings cannot identify, whatever they measured: by the information of their columns.
 
-The information matrix $X^T X$ of columns that come in groups (one group per effect) knows two
+The information matrix $X^T X$ of columns that come in groups (one group per effect) shows two
 kinds of it: directions without any information (`null_space`), and directions that one group
 shares with another, which only their sum shows (`Correlations`: canonical correlations of the
-groups, a constant taken off first since every group may hold one). Numbers only: what a group
-is, and what to say of it, is the caller's.
+groups beside a constant, since every group may hold one). Numbers only: what a group is, and
+what to say of it, is the caller's.
 
 Source of the correlations: H. Hotelling, Relations between two sets of variates, Biometrika
 28, 1936.
@@ -23,7 +23,7 @@ from jaxtyping import Float, Int
 SINGULAR = 1e-9
 """Eigenvalue of scaled information below which nothing is known."""
 _ROUNDING = 1e-12
-"""Information, relative to what is typical, that is rounding only."""
+"""Information on a shape, relative to the largest of its group, that is rounding only."""
 _MEMBER = 0.05
 """Part in a shared direction, relative to the largest, from which on a group is a member."""
 
@@ -32,10 +32,8 @@ def null_space(
     matrix: Float[np.ndarray, "m m"], limit: float = SINGULAR
 ) -> Float[np.ndarray, "m g"]:
     """Return the null space of an information matrix, judged with a unit diagonal."""
-    diagonal = np.diag(matrix)
-    scale = np.where(diagonal > 0, np.sqrt(np.maximum(diagonal, 0.0)), 1.0)
-    eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    return np.asarray(vectors[:, eigenvalues < limit] / scale[:, None])
+    values, vectors, scale = _scaled_modes(matrix)
+    return np.asarray(vectors[:, values < limit] / scale[:, None])
 
 
 def pivoted(
@@ -47,113 +45,143 @@ def pivoted(
     return basis, np.abs(np.diag(upper)), order.astype(np.int64)
 
 
-def whitener(
-    matrix: Float[np.ndarray, "m m"], typical: float = 0.0
-) -> Float[np.ndarray, "m r"]:
-    """Return columns that make information a unit matrix, what has none left out.
-
-    Args:
-        matrix: Information.
-        typical: Beside which nothing but rounding is none.
-    """
+def _scaled_modes(
+    matrix: Float[np.ndarray, "m m"],
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"], Float[np.ndarray, " m"]]:
+    """Return eigenvalues and vectors of a matrix with a unit diagonal, and what scaled it."""
     diagonal = np.diag(matrix)
-    some = diagonal > max(_ROUNDING * typical, 0.0)
-    scale = np.where(some, np.sqrt(np.maximum(diagonal, 0.0)), 1.0)
-    matrix = np.where(np.outer(some, some), matrix, 0.0)
+    scale = np.where(diagonal > 0, np.sqrt(np.maximum(diagonal, 0.0)), 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return np.asarray(values), np.asarray(vectors), scale
+
+
+def _whitener(matrix: Float[np.ndarray, "m m"]) -> Float[np.ndarray, "m r"]:
+    """Return columns that make information a unit matrix, what has none left out."""
+    values, vectors, scale = _scaled_modes(matrix)
     good = values > SINGULAR
     return np.asarray(vectors[:, good] / scale[:, None] / np.sqrt(values[good]))
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
+class Shapes:
+    """Groups of values, some shapes of each, and the information on these shapes.
+
+    Attributes:
+        basis: Shapes of each group, over its values.
+        matrix: Information on all shapes, group after group.
+        constant: Number of the group that is one constant.
+    """
+
+    basis: tuple[Float[np.ndarray, "_p _m"], ...]
+    matrix: Float[np.ndarray, "m m"]
+    constant: int
+
+    @property
+    def slices(self) -> list[slice]:
+        """Columns of each group."""
+        return _slices(self.basis)
+
+    def limited(self, functionals: Sequence[Float[np.ndarray, "q _p"]]) -> "Shapes":
+        """Return the shapes that functionals of each group's values map to zero."""
+        kernels, scale = [], []
+        for own, basis, each in zip(self.slices, self.basis, functionals, strict=True):
+            kernels.append(_kernel(each @ basis))
+            most = np.diag(self.matrix)[own].max(initial=0.0)
+            scale += [most] * kernels[-1].shape[1]
+        whole = scipy.linalg.block_diag(*kernels)
+        matrix = whole.T @ self.matrix @ whole
+        some = np.diag(matrix) > _ROUNDING * np.array(scale)
+        pairs = zip(self.basis, kernels, strict=True)
+        basis = tuple(own @ kernel for own, kernel in pairs)
+        return Shapes(basis, np.where(np.outer(some, some), matrix, 0.0), self.constant)
+
+
+def _slices(parts: Sequence[np.ndarray]) -> list[slice]:
+    ends = np.cumsum([0, *(each.shape[1] for each in parts)]).tolist()
+    return [slice(*pair) for pair in itertools.pairwise(ends)]
+
+
+def _kernel(matrix: Float[np.ndarray, "q m"]) -> Float[np.ndarray, "m z"]:
+    """Return orthonormal columns that a matrix maps to zero."""
+    size = float(np.abs(matrix).max(initial=0.0))
+    if size == 0.0:
+        return np.eye(matrix.shape[1])
+    return np.asarray(scipy.linalg.null_space(matrix / size, rcond=SINGULAR))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
 class Shared:
-    """Directions that two or more groups share.
+    """Directions that two or more groups share, or one with a constant.
 
     Attributes:
         members: Numbers of the groups.
         correlation: The largest of these directions, 0 to 1.
-        mixtures: Of the columns of each member, one column per direction.
+        count: Number of directions.
+        sizes: Part of each value of each member in them, relative to its largest.
     """
 
     members: tuple[int, ...]
     correlation: float
-    mixtures: tuple[Float[np.ndarray, "_m a"], ...]
-
-    @property
-    def count(self) -> int:
-        """Number of directions."""
-        return int(self.mixtures[0].shape[1])
+    count: int
+    sizes: tuple[Float[np.ndarray, " _p"], ...]
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Correlations:
-    """Groups of columns beside a constant, each made a unit matrix by itself.
+    """Groups beside a constant, the shapes of each made a unit matrix by themselves.
 
     Attributes:
-        alone: Mixtures of the columns of each group that do so, with the constant.
-        white: Those beside the constant.
+        shapes: Of the groups.
+        white: Mixtures of the shapes of each group that do so.
         matrix: Information on all of them: what is off its blocks couples groups.
         constants: Groups that hold the constant, or all but: it is taken out of them.
     """
 
-    alone: tuple[Float[np.ndarray, "_m _a"], ...]
+    shapes: Shapes
     white: tuple[Float[np.ndarray, "_m _r"], ...]
     matrix: Float[np.ndarray, "r r"]
     constants: tuple[Shared, ...]
 
     @classmethod
-    def of(
-        cls,
-        matrix: Float[np.ndarray, "m m"],
-        slices: Sequence[slice],
-        constant: int,
-        limit: float,
-        typical: Sequence[float] = (),
-    ) -> "Correlations":
+    def of(cls, shapes: Shapes, limit: float) -> "Correlations":
         """Return the correlations of groups.
 
         Args:
-            matrix: Information on all columns.
-            slices: Columns of each group.
-            constant: Number of the group that is one constant column; projected out.
-            limit: Share left beside the constant below which a direction is the constant.
-            typical: Information per column of each group, beside which rounding is none.
+            shapes: Of the groups.
+            limit: Share left beside the constant below which a shape is the constant.
         """
-        along = matrix[:, slices[constant]][:, 0]
-        total = float(along[slices[constant]][0])
-        alone: list[np.ndarray] = []
+        slices, number = shapes.slices, shapes.constant
+        along = shapes.matrix[:, slices[number]][:, 0]
+        total = float(along[slices[number]][0])
         white: list[np.ndarray] = []
         constants = []
         for k, own in enumerate(slices):
-            each = whitener(matrix[own, own], typical[k] if typical else 0.0)
-            alone.append(each)
+            each = _whitener(shapes.matrix[own, own])
             shadow = each.T @ along[own] / np.sqrt(total)
             length = float(shadow @ shadow)
-            if k == constant:
+            if k == number:
                 each = each[:, :0]
             elif 1.0 - length < limit:
                 unit = (shadow / np.sqrt(length))[:, None]
-                # The constant itself stays what it is.
-                mixtures = (each @ unit, np.zeros((1, 1)))
+                sizes = (_sizes(shapes.basis[k] @ each @ unit), np.zeros(1))
                 whole = float(np.sqrt(min(length, 1.0)))
-                constants.append(Shared((k, constant), whole, mixtures))
+                constants.append(Shared((k, number), whole, 1, sizes))
                 each = each @ scipy.linalg.null_space(unit.T)
             elif length > 0.0:
                 stretch = (1.0 / np.sqrt(1.0 - length) - 1.0) / length
                 each = each + each @ (stretch * np.outer(shadow, shadow))
             white.append(each)
         overall = scipy.linalg.block_diag(*white)
-        rest = matrix - np.outer(along, along) / total
-        return cls(
-            tuple(alone), tuple(white), overall.T @ rest @ overall, tuple(constants)
-        )
+        rest = shapes.matrix - np.outer(along, along) / total
+        matrix = overall.T @ rest @ overall
+        return cls(shapes, tuple(white), matrix, tuple(constants))
 
     @cached_property
-    def _slices(self) -> tuple[slice, ...]:
-        ends = np.cumsum([0, *(each.shape[1] for each in self.white)]).tolist()
-        return tuple(slice(*pair) for pair in itertools.pairwise(ends))
+    def _slices(self) -> list[slice]:
+        return _slices(self.white)
 
     @cached_property
     def _modes(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r r"]]:
@@ -171,53 +199,61 @@ class Correlations:
             float(np.trace(np.linalg.inv(inverse[own, own]))) for own in self._slices
         ]
 
-    def pairs(self, limit: float) -> list[Shared]:
+    def hidden(self, number: int) -> Float[np.ndarray, " p"]:
+        """Return the part of each value of a group, 0 to 1, that no reading shows at all."""
+        basis, own = self.shapes.basis[number], self.shapes.slices[number]
+        matrix = self.shapes.matrix[own, own]
+        white = _whitener(matrix)
+        whole = np.maximum(np.linalg.norm(basis, axis=1), 1e-300)
+        left = basis - basis @ white @ (white.T @ matrix)
+        full = white.shape[1] == basis.shape[1]
+        return np.zeros(len(basis)) if full else np.linalg.norm(left, axis=1) / whole
+
+    def pairs(self, limit: float) -> dict[tuple[int, int], Shared]:
         """Return what two groups share but for a share of information below a limit."""
-        return [
-            found
-            for second in range(len(self.white))
-            for first in range(second)
-            if (found := self.pair(first, second, limit)) is not None
-        ]
+        if not len(self.matrix) or self._modes[0][0] >= limit:
+            return {}
+        result = {}
+        for second, first in itertools.product(range(len(self.white)), repeat=2):
+            block = self.matrix[self._slices[first], self._slices[second]]
+            if first >= second or not block.size:
+                continue
+            left, strength, right = np.linalg.svd(block, full_matrices=False)
+            alike = 1.0 - np.square(np.minimum(strength, 1.0)) < limit
+            if alike.any():
+                mixed = {first: left[:, alike], second: right[alike].T}
+                result[first, second] = self._shared(mixed, float(strength[0]))
+        return result
 
-    def pair(self, first: int, second: int, limit: float) -> Shared | None:
-        """Return what these two groups share; None where that is nothing."""
-        block = self.matrix[self._slices[first], self._slices[second]]
-        if not block.size:
-            return None
-        left, strength, right = np.linalg.svd(block, full_matrices=False)
-        alike = 1.0 - np.square(np.minimum(strength, 1.0)) < limit
-        if not alike.any():
-            return None
-        sides = left[:, alike], right[alike].T
-        mixtures = tuple(
-            self.white[k] @ side for k, side in zip((first, second), sides, strict=True)
-        )
-        return Shared((first, second), float(strength[0]), mixtures)
-
-    @property
-    def weakest(self) -> float:
-        """Least information on any mixture of the groups; 1 where they are independent."""
-        return float(self._modes[0][0]) if len(self.matrix) else 1.0
-
-    def several(self, limit: float, known: Sequence[Shared]) -> list[Shared]:
+    def several(self, limit: float, known: Sequence[tuple[int, int]]) -> list[Shared]:
         """Return what three or more groups share and no two of them explain.
 
         Args:
             limit: Information below which a mixture of all groups is shared.
-            known: Pairs, whose members are looked at no more.
+            known: Pairs that share something themselves: looked at no more.
         """
-        seen = {k for pair in known for k in pair.members}
+        seen = set(itertools.chain.from_iterable(known))
         values, vectors = self._modes
         result = []
         for weak in vectors[:, values < limit].T:
             strength = np.array([np.square(weak[own]).sum() for own in self._slices])
             members = np.flatnonzero(strength > _MEMBER * strength.max()).tolist()
-            if len(members) < 3 or seen & set(members):
-                continue
-            seen |= set(members)
-            mixtures = tuple(
-                self.white[k] @ weak[self._slices[k], None] for k in members
-            )
-            result.append(Shared(tuple(members), 1.0, mixtures))
+            if len(members) > 2 and not seen & set(members):
+                seen |= set(members)
+                mixed = {k: weak[self._slices[k], None] for k in members}
+                result.append(self._shared(mixed, 1.0))
         return result
+
+    def _shared(
+        self, mixed: dict[int, Float[np.ndarray, "_r a"]], correlation: float
+    ) -> Shared:
+        moved = [
+            self.shapes.basis[k] @ self.white[k] @ each for k, each in mixed.items()
+        ]
+        count = int(moved[0].shape[1])
+        return Shared(tuple(mixed), correlation, count, tuple(map(_sizes, moved)))
+
+
+def _sizes(moved: Float[np.ndarray, "p a"]) -> Float[np.ndarray, " p"]:
+    size = np.linalg.norm(moved, axis=1)
+    return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))

@@ -11,19 +11,17 @@ smooth surfaces: what it can share with another effect is a curve or smooth.
 """
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from functools import cached_property
 from typing import final
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
 from ...core import node_shares
-from .._identifiable import null_space, pivoted
+from .._identifiable import Shapes, null_space, pivoted
 from ._data import JointData
 from ._design import Component, Design, design_of
 from ._effect import ANYWHERE
@@ -53,96 +51,44 @@ _MOVED = 0.1
 """Share of its tables over which an axis must have moved for its range to count."""
 
 
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Shapes:
-    """Shapes of each component, with the information of some rows on them.
+def shapes_of(design: Design, smooth: bool) -> Shapes:
+    """Return the shapes of the stated components on the values that rows reach.
 
-    Attributes:
-        parts: The components.
-        basis: Shapes of each, over its values.
-        matrix: Information on all shapes.
+    Args:
+        design: Of these rows.
+        smooth: Smooth surfaces of large planes as well, and only what readings tell; without,
+            whole lines of their nodes count as reached, however few rows there are.
     """
-
-    parts: tuple[Component, ...]
-    basis: tuple[Float[np.ndarray, "_p _m"], ...]
-    matrix: Float[np.ndarray, "m m"]
-
-    @classmethod
-    def of(cls, design: Design, smooth: bool) -> "Shapes":
-        """Return the shapes of all components on the values that rows reach.
-
-        Args:
-            design: Of these rows.
-            smooth: Smooth surfaces of large planes as well, and only what readings tell;
-                without, whole lines of their nodes count as reached, however few rows there are.
-        """
-        reached = design.reached if smooth else design.diagonal > 0
-        basis = []
-        for part in design.stated:
-            own = reached[part.places]
-            basis.append(
-                np.eye(len(own))[:, own]
-                if part.table is None
-                else _plane_shapes(part.table.nodes, own, smooth)
-            )
-        over = _spread(design.stated, basis, design.size)
-        sparse = sp.csr_array(over)
-        matrix = (sparse.T @ design.information @ sparse).toarray()
-        return cls(design.stated, tuple(basis), np.asarray(matrix))
-
-    @property
-    def slices(self) -> list[slice]:
-        """Columns of each component."""
-        ends = np.cumsum([0, *(each.shape[1] for each in self.basis)]).tolist()
-        return [slice(*pair) for pair in itertools.pairwise(ends)]
-
-    @property
-    def datum(self) -> int:
-        """Number of the datum."""
-        return next(k for k, part in enumerate(self.parts) if part.kind == "datum")
-
-    def named(self, names: Sequence[str]) -> "Shapes":
-        """Return the shapes of the datum and of the components with these names."""
-        chosen = [
-            k
-            for k, part in enumerate(self.parts)
-            if part.name in names or part.kind == "datum"
-        ]
-        own = np.concatenate([np.r_[self.slices[k]] for k in chosen])
-        return Shapes(
-            tuple(self.parts[k] for k in chosen),
-            tuple(self.basis[k] for k in chosen),
-            self.matrix[np.ix_(own, own)],
+    reached = design.reached if smooth else design.diagonal > 0
+    basis = []
+    for part in design.stated:
+        own = reached[part.places]
+        basis.append(
+            np.eye(len(own))[:, own]
+            if part.table is None
+            else _plane_shapes(part.table.nodes, own, smooth)
         )
-
-    def limited(self, functionals: Float[np.ndarray, "q n"]) -> "Shapes":
-        """Return the shapes that functionals of all unknowns map to zero."""
-        kernels = [
-            _kernel(functionals[:, part.places] @ basis)
-            for part, basis in zip(self.parts, self.basis, strict=True)
-        ]
-        whole = scipy.linalg.block_diag(*kernels)
-        pairs = zip(self.basis, kernels, strict=True)
-        basis = tuple(own @ kernel for own, kernel in pairs)
-        return Shapes(self.parts, basis, whole.T @ self.matrix @ whole)
-
-    def spread(
-        self, mixtures: Float[np.ndarray, "m g"], size: int
-    ) -> Float[np.ndarray, "n g"]:
-        """Return mixtures of the shapes over all unknowns."""
-        return _spread(self.parts, self.basis, size) @ mixtures
+    kinds = [part.kind for part in design.stated]
+    matrix = _over(design, _spread(design.stated, basis, design.size))
+    return Shapes(tuple(basis), matrix, kinds.index("datum"))
 
 
 def _spread(
     parts: Sequence[Component], basis: Sequence[np.ndarray], size: int
 ) -> Float[np.ndarray, "n m"]:
+    """Return shapes of the values of each component over all unknowns."""
     result = np.zeros((size, sum(each.shape[1] for each in basis)))
     first = 0
     for part, own in zip(parts, basis, strict=True):
         result[part.places, first : first + own.shape[1]] = own
         first += own.shape[1]
     return result
+
+
+def _over(design: Design, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "m m"]:
+    """Return the information on mixtures of the unknowns."""
+    sparse = sp.csr_array(shapes)
+    return np.asarray((sparse.T @ design.information @ sparse).toarray())
 
 
 def _plane_shapes(
@@ -166,14 +112,6 @@ def _plane_shapes(
     return np.asarray(basis[:, size > 1e-9 * max(size.max(initial=0.0), 1e-300)])
 
 
-def _kernel(matrix: Float[np.ndarray, "q m"]) -> Float[np.ndarray, "m z"]:
-    """Return orthonormal columns that a matrix maps to zero."""
-    size = float(np.abs(matrix).max(initial=0.0))
-    if size == 0.0:
-        return np.eye(matrix.shape[1])
-    return np.asarray(scipy.linalg.null_space(matrix / size, rcond=1e-9))
-
-
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Rules:
@@ -190,7 +128,8 @@ class Rules:
     @classmethod
     def of(cls, design: Design, ideal: Shapes) -> "Rules":
         """Return the freedoms of the sum in any data, and the rule that fixes them."""
-        null = ideal.spread(null_space(ideal.matrix), design.size)
+        null = _spread(design.stated, ideal.basis, design.size)
+        null = null @ null_space(ideal.matrix)
         return cls(null, _eliminated(design, null))
 
     @cached_property
@@ -280,7 +219,7 @@ def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
     ]
     varied = _everything_varies(design, data)
     ideal = design_of(design.axis, effects, varied, drift, measured=False, wander=False)
-    return Shapes.of(ideal, smooth=False)
+    return shapes_of(ideal, smooth=False)
 
 
 def _everything_varies(design: Design, data: JointData) -> JointData:
@@ -345,9 +284,7 @@ class Unheld:
             for part in design.components
         ]
         basis = _spread(design.components, straight, design.size)
-        sparse = sp.csr_array(basis)
-        matrix = (sparse.T @ design.information @ sparse).toarray()
-        null = basis @ null_space(np.asarray(matrix))
+        null = basis @ null_space(_over(design, basis))
         pins = np.zeros(design.size)
         if null.shape[1]:
             diagonal = design.diagonal

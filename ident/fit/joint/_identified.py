@@ -11,10 +11,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._identifiable import Correlations, Shared
+from .._identifiable import Correlations, Shapes, Shared
 from ._data import JointData
-from ._design import Component, Design
-from ._gauge import Rules, Shapes, Unheld, ideal_shapes, priority
+from ._design import Design
+from ._gauge import Rules, Unheld, ideal_shapes, priority, shapes_of
 
 _SAME = 2e-7
 """Share of a shape left beside another below which they are one in any data."""
@@ -24,7 +24,7 @@ _ALIKE = 0.04
 """Share from which on nothing is called lost, however few readings."""
 _SURE = 4.0
 """Readings × share below which the amount of a shape is not known to half the noise."""
-_PART = 1e-2
+PART = 1e-2
 """Part of a value in a lost shape, relative to the largest, that makes it unknown."""
 _MOSTLY = 0.3
 """The same for a node of a table in what no reading shows: neighbours fill the rest."""
@@ -33,46 +33,6 @@ _FEW, _LIGHT = 3.0, 1e-2
 relative to the density, with which they do."""
 _SLOW = 1.0
 """That weight for the pieces of a drift, which is slow or no drift."""
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Freedom:
-    """Shapes that may be moved between two components in any data.
-
-    Attributes:
-        simple: The component that carries them.
-        other: The component that gives way.
-        count: How many shapes.
-    """
-
-    simple: Component
-    other: Component
-    count: int
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Confused:
-    """Components that share shapes in these rows; with the datum: that are constant.
-
-    Attributes:
-        parts: Two components or more, the simplest first.
-        correlation: Of the shape that they share most, 0 to 1.
-        values: Size of each unknown in these shapes, relative to the largest of its
-            component, shape ``(n,)``.
-        count: How many shapes.
-    """
-
-    parts: tuple[Component, ...]
-    correlation: float
-    values: Float[np.ndarray, " n"]
-    count: int
-
-    @property
-    def lost(self) -> Bool[np.ndarray, " n"]:
-        """Unknowns with a part in these shapes."""
-        return np.asarray(self.values > _PART)
 
 
 @final
@@ -88,7 +48,7 @@ class Identified:
         rules: Those, and what the rows leave open besides.
         share: Information left, relative to the effect alone, per stated component.
         hidden: Unknowns that no reading tells within their own component.
-        confused: What these rows do not tell apart.
+        confused: What these rows do not tell apart; members are stated components.
         nearly: Pairs of tables that would be as alike in any data, but for their nodes.
     """
 
@@ -99,8 +59,8 @@ class Identified:
     rules: Rules
     share: tuple[float, ...]
     hidden: Bool[np.ndarray, " n"]
-    confused: tuple[Confused, ...]
-    nearly: tuple[Confused, ...]
+    confused: tuple[Shared, ...]
+    nearly: tuple[Shared, ...]
 
     def share_of(self, number: int) -> float:
         """Return the information left of an effect: of its weaker law for a temperature."""
@@ -112,8 +72,10 @@ class Identified:
         """Unknowns that readings reach and confuse."""
         design = self.design
         result = np.zeros(design.size, bool)
-        for each in self.confused:
-            result |= each.lost & design.reached
+        for shared in self.confused:
+            for k, size in zip(shared.members, shared.sizes, strict=True):
+                result[design.stated[k].places] |= size > PART
+        result &= design.reached
         for part in design.components:
             own = part.places
             if part.prior is None:
@@ -130,30 +92,31 @@ class Identified:
         return np.asarray(self.lost | self.hidden | ~self.design.reached)
 
     @cached_property
-    def freedoms(self) -> tuple[tuple[Component, ...], tuple[Freedom, ...]]:
+    def freedoms(self) -> tuple[tuple[int, ...], tuple[Shared, ...]]:
         """Components that hold a constant, and what else pairs may exchange in any data.
 
-        What a third, simpler one carries for both is stated with that one.
+        The simpler one of a pair, that carries what they share, comes first. What a third,
+        still simpler one carries for both is stated with that one.
         """
-        parts, design = self.ideal.parts, self.design
-        found = _correlations(self.ideal, _SAME)
-        level = tuple(parts[each.members[0]] for each in found.constants)
-        pairs = {pair.members: pair for pair in found.pairs(_SAME)}
-        rank = [priority(part, design) for part in parts]
+        found = Correlations.of(self.ideal, _SAME)
+        pairs = found.pairs(_SAME)
+        rank = [priority(part, self.design) for part in self.design.stated]
 
-        def carried(first: int, second: int) -> bool:
+        def carried(pair: tuple[int, int]) -> bool:
             return any(
-                {(min(k, third), max(k, third)) for k in (first, second)} <= set(pairs)
-                for third in range(len(parts))
-                if rank[third] > max(rank[first], rank[second])
+                all((min(k, third), max(k, third)) in pairs for k in pair)
+                for third in range(len(rank))
+                if rank[third] > max(rank[k] for k in pair)
             )
 
-        freedoms = []
-        for (first, second), pair in pairs.items():
-            if not carried(first, second):
-                simple, other = sorted((first, second), key=lambda k: -rank[k])
-                freedoms.append(Freedom(parts[simple], parts[other], pair.count))
-        return level, tuple(freedoms)
+        level = tuple(each.members[0] for each in found.constants)
+        own = [shared for pair, shared in pairs.items() if not carried(pair)]
+        return level, tuple(
+            dataclasses.replace(
+                each, members=tuple(sorted(each.members, key=lambda k: -rank[k]))
+            )
+            for each in own
+        )
 
 
 def identified(
@@ -169,61 +132,43 @@ def identified(
     """
     ideal = ideal_shapes(design, data, drift)
     structure = Rules.of(design, ideal)
-    shapes = Shapes.of(design, smooth=True).limited(structure.functionals)
+    functionals = [structure.functionals[:, part.places] for part in design.stated]
+    shapes = shapes_of(design, smooth=True).limited(functionals)
     matrix = shapes.matrix + _light(design, shapes)
-    shapes = dataclasses.replace(shapes, matrix=matrix)
     limit = min(max(_HOPELESS, _SURE / len(design.rows)), _ALIKE)
-    found = _correlations(shapes, limit, design.diagonal)
-
-    def confused(each: Shared) -> Confused:
-        values = np.zeros(design.size)
-        for k, mixtures in zip(each.members, each.mixtures, strict=True):
-            size = np.linalg.norm(shapes.basis[k] @ mixtures, axis=1)
-            values[shapes.parts[k].places] = size / max(size.max(initial=0.0), 1e-300)
-        parts = tuple(shapes.parts[k] for k in each.members)
-        return Confused(parts, each.correlation, values, each.count)
-
-    def alike_anyway(pair: Confused) -> bool:
-        """Tell whether two tables are as alike where everything varies: by their nodes."""
-        both = ideal.named([part.name for part in pair.parts])
-        both = both.limited(structure.functionals)
-        shared = _correlations(both, limit).pairs(limit)
-        return sum(each.count for each in shared) >= pair.count
-
-    pairs = found.pairs(limit) if found.weakest < limit else []
-    nearly = {
-        k: each for k, each in enumerate(map(confused, pairs)) if alike_anyway(each)
-    }
-    told = [each for k, each in enumerate(pairs) if k not in nearly]
-    several = found.several(min(limit, _HOPELESS), pairs)
+    found = Correlations.of(dataclasses.replace(shapes, matrix=matrix), limit)
+    pairs = found.pairs(limit)
+    # Two tables that are as alike where everything varies differ by their nodes only.
+    anyway = {}
+    if pairs:
+        anyway = Correlations.of(ideal.limited(functionals), limit).pairs(limit)
+    nearly = [
+        pair
+        for pair, shared in pairs.items()
+        if pair in anyway and anyway[pair].count >= shared.count
+    ]
+    told = [shared for pair, shared in pairs.items() if pair not in nearly]
+    several = found.several(min(limit, _HOPELESS), tuple(pairs))
     return Identified(
         design=design,
         unheld=unheld,
         ideal=ideal,
         structure=structure,
         rules=structure.beside(design, unheld.null),
-        share=_shares(found, shapes, design),
-        hidden=_hidden(found, shapes, design.size),
-        confused=tuple(map(confused, (*found.constants, *told, *several))),
-        nearly=tuple(nearly.values()),
+        share=_shares(found, design),
+        hidden=_hidden(found, design),
+        confused=(*found.constants, *told, *several),
+        nearly=tuple(pairs[pair] for pair in nearly),
     )
-
-
-def _correlations(
-    shapes: Shapes, limit: float, diagonal: Float[np.ndarray, " n"] | None = None
-) -> Correlations:
-    typical = []
-    if diagonal is not None:
-        own = [diagonal[part.places] for part in shapes.parts]
-        typical = [float(each.max(initial=0.0)) for each in own]
-    return Correlations.of(shapes.matrix, shapes.slices, shapes.datum, limit, typical)
 
 
 def _light(design: Design, shapes: Shapes) -> Float[np.ndarray, "m m"]:
     """Return what is taken as known: a drift is slow, and neighbours help where data are few."""
     few = len(design.rows) < _FEW * len(shapes.matrix)
     result = np.zeros_like(shapes.matrix)
-    for part, basis, own in zip(shapes.parts, shapes.basis, shapes.slices, strict=True):
+    for part, basis, own in zip(
+        design.stated, shapes.basis, shapes.slices, strict=True
+    ):
         amount = _SLOW if part.kind == "runs" else _LIGHT * few
         if part.prior is None or not amount:
             continue
@@ -235,28 +180,21 @@ def _light(design: Design, shapes: Shapes) -> Float[np.ndarray, "m m"]:
     return result
 
 
-def _hidden(found: Correlations, shapes: Shapes, size: int) -> Bool[np.ndarray, " n"]:
+def _hidden(found: Correlations, design: Design) -> Bool[np.ndarray, " n"]:
     """Return the unknowns with a part in shapes of one component that no reading shows."""
-    result = np.zeros(size, bool)
-    for part, basis, own, each in zip(
-        shapes.parts, shapes.basis, shapes.slices, found.alone, strict=True
-    ):
-        if each.shape[1] == basis.shape[1]:
-            continue
-        # What is left of every value when all visible shapes are taken off.
-        visible = each @ (each.T @ shapes.matrix[own, own])
-        left = np.linalg.norm(basis - basis @ visible, axis=1)
-        whole = np.linalg.norm(basis, axis=1)
-        limit = _PART if part.prior is None else _MOSTLY
-        result[part.places] = left > limit * np.maximum(whole, 1e-300)
+    result = np.zeros(design.size, bool)
+    for k, part in enumerate(design.stated):
+        limit = PART if part.prior is None else _MOSTLY
+        result[part.places] = found.hidden(k) > limit
     return result
 
 
-def _shares(found: Correlations, shapes: Shapes, design: Design) -> tuple[float, ...]:
+def _shares(found: Correlations, design: Design) -> tuple[float, ...]:
     """Return the mean information left; what no reading reaches counts as none."""
     result = []
-    for part, basis, left in zip(shapes.parts, shapes.basis, found.left(), strict=True):
-        reached, count = design.reached[part.places], basis.shape[1]
+    basis = found.shapes.basis
+    for part, own, left in zip(design.stated, basis, found.left(), strict=True):
+        reached, count = design.reached[part.places], own.shape[1]
         # Without a shape of its own, all that it can do is carried by a simpler effect.
         mean = min(left / count, 1.0) if count else float(reached.any())
         result.append(mean * (float(reached.mean()) if count else 1.0))

@@ -7,9 +7,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool
 
+from .._identifiable import Shared
 from ._crosstalk import CrosstalkEffect
 from ._design import Component, Design
-from ._identified import Confused, Freedom, Identified
+from ._identified import PART, Identified
 from ._tables import AbstractTable
 from ._temperature import TemperatureEffect
 
@@ -55,14 +56,14 @@ class Confusion:
 def gauges_of(known: Identified) -> tuple[Gauge, ...]:
     """Return the freedoms of the sum, and the rules that fix them."""
     level, freedoms = known.freedoms
-    result = [_constant(level, known)] if level else []
+    parts = known.design.stated
+    result = [_constant([parts[k] for k in level], known.design)] if level else []
     result += [_between(each, known.design) for each in freedoms]
     result += [_nearly(each, known.design) for each in known.nearly]
     return tuple(result)
 
 
-def _constant(parts: Sequence[Component], known: Identified) -> Gauge:
-    design = known.design
+def _constant(parts: Sequence[Component], design: Design) -> Gauge:
     names = (*map(_called, parts), f"datum of {design.axis}")
     kinds = [part.kind for part in parts]
     rules = []
@@ -79,8 +80,8 @@ def _constant(parts: Sequence[Component], known: Identified) -> Gauge:
     )
 
 
-def _between(freedom: Freedom, design: Design) -> Gauge:
-    simple, other = freedom.simple, freedom.other
+def _between(freedom: Shared, design: Design) -> Gauge:
+    simple, other = (design.stated[k] for k in freedom.members)
     names = (_called(simple), _called(other))
     if other.kind == "plane":
         rule = (
@@ -93,7 +94,7 @@ def _between(freedom: Freedom, design: Design) -> Gauge:
         rule = f"the {names[1]} has the same mean in both directions"
     else:
         rule = f"the {names[1]} has none of it"
-    what = _exchanged(freedom, design)
+    what = _exchanged(simple, other, freedom.count, design)
     return Gauge(
         names,
         f"{what} may be moved between {_the(names)} without changing their sum.",
@@ -101,24 +102,22 @@ def _between(freedom: Freedom, design: Design) -> Gauge:
     )
 
 
-def _exchanged(freedom: Freedom, design: Design) -> str:
-    one, count = freedom.count == 1, freedom.count
-    kinds = {freedom.simple.kind, freedom.other.kind}
-    common = _common(freedom.simple, freedom.other, design)
+def _exchanged(simple: Component, other: Component, count: int, design: Design) -> str:
+    kinds, common = {simple.kind, other.kind}, _common(simple, other, design)
     if "backlash" in kinds:
         return "A constant difference between the directions"
     if "temperature coefficient" in kinds:
         return f"A straight line over {' and '.join(common) or 'the axis'}"
     if common and kinds <= _TABLES:
         over = " and ".join(common)
-        return f"A straight line over {over}" if one else f"Any curve over {over}"
-    return "A shape that both can follow" if one else f"{count} shapes"
+        return f"{'A straight line' if count == 1 else 'Any curve'} over {over}"
+    return "A shape that both can follow" if count == 1 else f"{count} shapes"
 
 
-def _nearly(pair: Confused, design: Design) -> Gauge:
-    names = tuple(map(_called, pair.parts))
-    common = dict.fromkeys(_common(pair.parts[0], pair.parts[1], design))
-    over = f" over {' and '.join(common)}" if common else ""
+def _nearly(pair: Shared, design: Design) -> Gauge:
+    first, second = (design.stated[k] for k in pair.members)
+    names, common = (_called(first), _called(second)), _common(first, second, design)
+    over = f" over {' and '.join(dict.fromkeys(common))}" if common else ""
     return Gauge(
         names,
         f"A curve{over} may almost be moved between {_the(names)}: their nodes "
@@ -144,11 +143,11 @@ def _at_reference(design: Design) -> str:
 
 def confusions_of(known: Identified) -> tuple[Confusion, ...]:
     """Return what the rows cannot tell, and what to measure."""
-    paired = {part.name for pair in known.confused for part in pair.parts}
+    paired = {k for pair in known.confused for k in pair.members}
     hidden = [
         _unseen(part, known)
-        for part in known.design.components
-        if part.effect >= 0 and part.name not in paired
+        for k, part in enumerate(known.design.stated)
+        if part.effect >= 0 and k not in paired
     ]
     pairs = [_pair(pair, known.design) for pair in known.confused]
     return (*(each for each in hidden if each is not None), *pairs)
@@ -194,19 +193,20 @@ def _unseen(part: Component, known: Identified) -> Confusion | None:
     )
 
 
-def _pair(pair: Confused, design: Design) -> Confusion:
-    names = tuple(dict.fromkeys(map(_called, pair.parts)))
+def _pair(pair: Shared, design: Design) -> Confusion:
+    parts = [design.stated[k] for k in pair.members]
+    names = tuple(dict.fromkeys(map(_called, parts)))
     parameters: list[str] = []
-    for part in pair.parts:
+    for part, size in zip(parts, pair.sizes, strict=True):
         if part.effect >= 0:
-            parameters += _parameters(part, design, pair.lost[part.places])
-    both = [part.name for part in pair.parts] if len(names) == 1 else names
+            parameters += _parameters(part, design, size > PART)
+    both = [part.name for part in parts] if len(names) == 1 else names
     return Confusion(
         names,
         tuple(parameters),
         pair.correlation,
         f"These readings cannot tell {_the(both)} apart "
-        f"(correlation {pair.correlation:.4f}): {_remedy(pair.parts, design)}",
+        f"(correlation {pair.correlation:.4f}): {_remedy(parts, design)}",
     )
 
 
