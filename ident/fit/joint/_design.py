@@ -21,12 +21,10 @@ from ...core import (
     FitError,
     Independent,
     NoPrior,
-    Readings,
     Smooth,
     Stack,
     TableEffect,
     chain,
-    node_shares,
 )
 from ._data import JointData
 from ._effect import AbstractEffect, Block
@@ -70,36 +68,44 @@ class Component:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Course:
-    """Where the reference of one axis stands in each run.
+    """Where the reference of one axis stands in each run: linear between even instants.
 
     Attributes:
         runs: Their numbers; none where one run alone has no offset.
         spans: First and last instant of each run in s; empty without a drift.
-        offsets: Knots of each run, the same number for all, over the instants; per run.
-        bridges: Bridges of each run over its instants; no columns where nothing wanders.
+        pieces: Of the stated drift of each run; 0 = an offset alone.
+        steps: Of the bridge upon each piece; one has no bridge.
     """
 
     runs: tuple[int, ...] = ()
     spans: tuple[tuple[float, float], ...] = ()
-    offsets: Float[np.ndarray, "i k"] = dataclasses.field(
-        default_factory=lambda: np.ones((1, 1))
-    )
-    bridges: Float[np.ndarray, "i b"] = dataclasses.field(
-        default_factory=lambda: np.ones((1, 0))
-    )
+    pieces: int = 0
+    steps: int = 1
+
+    @property
+    def offsets(self) -> Float[np.ndarray, "i k"]:
+        """Share of each knot of the drift of a run at each instant."""
+        place = np.arange(self.pieces * self.steps + 1) / self.steps
+        away = np.abs(place[:, None] - np.arange(self.pieces + 1))
+        return np.maximum(1.0 - away, 0.0)
+
+    @property
+    def bridges(self) -> Float[np.ndarray, "i b"]:
+        """Share of each value of the bridges of a run: instants between the knots."""
+        instants = np.arange(self.pieces * self.steps + 1)
+        return np.eye(len(instants))[:, instants % self.steps > 0]
 
     @property
     def walk(self) -> Independent:
         """Prior of the bridges: a walk, of which a step of mean length has weight 1."""
-        pieces = self.offsets.shape[1] - 1
-        inner = self.bridges.shape[1] // pieces
+        inner = self.steps - 1
         one = np.diff(np.eye(inner + 2), axis=0)[:, 1:-1]
         length = np.array([high - low for low, high in self.spans])
         length = np.maximum(length, max(1e-6 * float(length.max()), 1e-300))
-        share = np.repeat(length.mean() / length, pieces)
+        share = np.repeat(length.mean() / length, self.pieces)
         rows = sp.csr_array(sp.kron(sp.diags_array(np.sqrt(share)), one))
         # The determinant of tridiag(-1, 2, -1) is its size and one.
-        constant = len(share) * np.log(inner + 1) + inner * np.log(share).sum()
+        constant = len(share) * np.log(self.steps) + inner * np.log(share).sum()
         return Independent(rows, float(constant))
 
 
@@ -320,9 +326,8 @@ def _nuisance(
 ) -> Component:
     """Return datum, runs or wander; a drift of several pieces is smooth, how much by evidence."""
     prior: Smooth | Independent | None = course.walk if kind == "wander" else None
-    per = course.offsets.shape[1]
-    if kind == "runs" and per > 2:
-        line = chain(np.linspace(0.0, 1.0, per))
+    if kind == "runs" and course.pieces > 1:
+        line = chain(np.linspace(0.0, 1.0, course.pieces + 1))
         prior = Smooth(line, None, len(course.runs), np.arange(len(places)))
     return Component(name, kind, -1, places, prior)
 
@@ -340,39 +345,28 @@ def _course(
     labels, index = np.unique(run, return_inverse=True)
     if len(labels) < 2 and not drift:
         return Course(), {}
-    runs = tuple(int(label) for label in labels)
-    if not drift or data.time is None:
-        column = sp.csr_array(
-            (np.ones(len(rows)), index, np.arange(len(rows) + 1)),
-            shape=(len(rows), len(runs)),
-        )
-        return Course(runs), {"runs": column}
-    time = data.time[rows]
-    low, high = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)
-    np.minimum.at(low, index, time)
-    np.maximum.at(high, index, time)
-    span = np.maximum(high - low, 1e-12)
-    steps = min(_STEPS, len(data) // _READINGS) // (len(runs) * drift) if wander else 1
-    steps = max(steps, 1)
-    instants = np.linspace(0.0, 1.0, drift * steps + 1)
-    inner = np.flatnonzero(np.arange(len(instants)) % steps)
-    course = Course(
-        runs,
-        tuple(zip(low.tolist(), (low + span).tolist(), strict=True)),
-        node_shares(instants, instants[::steps]),
-        np.eye(len(instants))[:, inner],
-    )
-    place = (time - low[index]) / span[index]
-    line = TableEffect((instants,), ("place",))
-    nodes, shares = line.design(Readings(np.zeros(len(rows)), {"place": place}))
-    nodes = nodes + len(instants) * index[:, None]
-    pointers = np.arange(len(rows) + 1) * nodes.shape[1]
-    at = sp.csr_array(
-        (shares.reshape(-1), nodes.reshape(-1), pointers),
-        shape=(len(rows), len(runs) * len(instants)),
-    )
+    course = Course(tuple(int(label) for label in labels))
+    place = np.zeros(len(rows))
+    if drift and data.time is not None:
+        time = data.time[rows]
+        low, high = np.full(len(labels), np.inf), np.full(len(labels), -np.inf)
+        np.minimum.at(low, index, time)
+        np.maximum.at(high, index, time)
+        high = np.maximum(high, low + 1e-12)
+        spans = tuple(zip(low.tolist(), high.tolist(), strict=True))
+        most = min(_STEPS, len(data) // _READINGS) // (len(labels) * drift)
+        course = Course(course.runs, spans, drift, max(most, 1) if wander else 1)
+        place = (time - low[index]) / (high - low)[index]
+    cells = course.pieces * course.steps
+    cell = np.clip(np.floor(place * cells), 0, max(cells - 1, 0)).astype(np.int64)
+    right = place * cells - cell
+    first = index * (cells + 1)
+    nodes = first + cell, first + np.minimum(cell + 1, cells)
+    entries = (np.tile(np.arange(len(rows)), 2), np.concatenate(nodes))
+    shape = (len(rows), len(labels) * (cells + 1))
+    at = sp.csr_array((np.concatenate([1.0 - right, right]), entries), shape=shape)
     parts = {"runs": course.offsets, "wander": course.bridges}
-    each = sp.eye_array(len(runs))
+    each = sp.eye_array(len(labels))
     return course, {
         kind: sp.csr_array(at @ sp.kron(each, own, format="csr"))
         for kind, own in parts.items()

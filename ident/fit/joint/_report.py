@@ -190,20 +190,13 @@ class Report:
         design, theta, course = self.fit.design, self.fit.theta, self.fit.design.course
         if not course.runs:
             return ()
-        value = np.zeros((len(course.runs), len(course.offsets)))
+        value = np.zeros((len(course.runs), course.pieces * course.steps + 1))
         for kind, own in (("runs", course.offsets), ("wander", course.bridges)):
             places = design.places_of_kind(kind)
             value = value + theta[places].reshape(len(value), own.shape[1]) @ own.T
-        return tuple(
-            RunCurve(
-                run,
-                np.linspace(*course.spans[number], len(value[number]))
-                if course.spans
-                else np.zeros(0),
-                value[number],
-            )
-            for number, run in enumerate(course.runs)
-        )
+        times = [np.linspace(*span, value.shape[1]) for span in course.spans]
+        times = times or [np.zeros(0)] * len(value)
+        return tuple(map(RunCurve, course.runs, times, value))
 
     def part(self, place: int) -> Part:
         """Return one fitted effect."""
