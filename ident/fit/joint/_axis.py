@@ -1,4 +1,12 @@
-"""The fit of one compensated axis: its stack, the lags of its sensors, what was believed."""
+"""The fit of one compensated axis: its stack, the lags of its sensors, and what is said of it.
+
+The model has white noise beside a drift that wanders (where one is stated at all). What a
+reference does that is no such walk stays in the residual, and looks to a slow effect (a
+temperature, above all) like its own. The scores of stretches of the recording tell how much:
+their scatter, through the solution, is the variance that the values really have (the
+"sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
+same residual in another order, so that values which few stretches touch are judged together.
+"""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -6,34 +14,31 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ...core import Estimate, FitError, Problem, Readings, estimate, memory
 from .._table import floor_of
+from .._types import RunEffect
 from ._data import JointData
 from ._design import Design, design_of
 from ._effect import AbstractEffect
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
+from ._result import Options, Part, RunCurve, Smoothness
 from ._temperature import TemperatureEffect
-
-Smoothness = str | float | Mapping[str, Mapping[str, float]]
-"""``"auto"``, a number, or weights by name of the table."""
 
 _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
 """Rounds of lags and everything else; they end where no lag moves by that share of its sd."""
+_STRETCHES, _FEWEST = 24, 20
+"""Of the recording: long against the memory of the noise, and enough to scatter; and readings
+of a stretch below which nothing is judged."""
+_DRAWS = 4
+"""Other orders of the residual."""
+_CHANCE = 1.8
+"""Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
 _LEAST = 1e-7
 """Weight relative to the density of second differences that were given none."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """How to fit; see `fit_joint`."""
-
-    loss: str
-    smoothness: Smoothness
-    drift: int
 
 
 @final
@@ -42,18 +47,16 @@ class AxisFit:
     """A fitted axis.
 
     Attributes:
+        data: All readings.
         known: What its rows tell, whatever was measured in them.
         estimate: Of its stack.
-        error: Readings that were fitted in mm or °.
         lags: By sensor.
-        converged: Whether everything did.
     """
 
+    data: JointData
     known: Identified
     estimate: Estimate
-    error: Float[np.ndarray, " r"]
     lags: Mapping[str, FoundLag]
-    converged: bool
 
     @property
     def design(self) -> Design:
@@ -68,13 +71,14 @@ class AxisFit:
     @cached_property
     def pseudo(self) -> Float[np.ndarray, " r"]:
         """Pseudo-readings of the last pass about the estimate before it, see `_pseudo`."""
-        return _pseudo(self.design, self.estimate, self.error)
+        return _pseudo(self.design, self.data, self.estimate)
 
     @cached_property
     def active(self) -> Bool[np.ndarray, " r"]:
         """Readings that are believed at all."""
-        left = self.error - self.design.columns @ self.estimate.centre
-        return np.asarray(~self.estimate.loss.wild(left / self.estimate.loss.scale))
+        found = self.estimate
+        left = _error(self.design, self.data) - self.design.columns @ found.centre
+        return np.asarray(~found.loss.wild(left / found.loss.scale))
 
     def smoothness(self) -> dict[str, dict[str, float]]:
         """Return the weights of each table, and of the drift, by name."""
@@ -84,12 +88,180 @@ class AxisFit:
             for part in self.design.named
         }
 
+    @cached_property
+    def left(self) -> Float[np.ndarray, " r"]:
+        """Error − fit of the readings that were used."""
+        error = _error(self.design, self.data)
+        return np.asarray(error - self.design.columns @ self.theta)
+
+    @property
+    def datum(self) -> tuple[float, float]:
+        """Constant of the axis in mm or °, and its standard deviation."""
+        at = self.design.datum
+        return float(self.theta[at]), float(self.deviation[at])
+
+    @property
+    def share(self) -> Float[np.ndarray, " r"]:
+        """Weight that the loss left each of them."""
+        loss = self.estimate.loss
+        share = loss.share(self.left / loss.scale)
+        return np.where(self.active, share, 0.0)
+
+    def over_rows(self, values: np.ndarray, empty: float | bool) -> np.ndarray:
+        """Return values of the used readings over all rows."""
+        whole = np.full(len(self.data), empty)
+        whole[self.design.rows] = values
+        return whole
+
+    @cached_property
+    def deviation(self) -> Float[np.ndarray, " n"]:
+        """Standard deviation of each unknown; inf where it is confused."""
+        post, known = self.estimate.posterior, self.known
+        variance = known.variances(post) * post.variance * self._swell()
+        for sensor, found in self.lags.items():
+            moved = known.rules.project(found.slope)
+            variance = variance + np.square(moved * self.lag_deviation[sensor])
+        return np.where(known.lost, np.inf, np.sqrt(variance))
+
+    @cached_property
+    def message(self) -> str:
+        """One sentence or more on how the fit went."""
+        used, rejected = self.estimate.posterior.used, int((~self.active).sum())
+        message = f"{len(self.left)} readings, {used:.1f} effective parameters."
+        if rejected:
+            message += f" {rejected} wild readings were left out."
+        if not self.estimate.converged:
+            message += " The iterations did not settle; treat the result with care."
+        return message
+
+    @cached_property
+    def _stretches(
+        self,
+    ) -> list[tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s d"]]]:
+        """Rows of stretches in order of time, and the residual as it is and in other orders.
+
+        None where the stretches are short.
+        """
+        order = np.arange(len(self.left))
+        if self.data.time is not None:
+            time = np.asarray(self.data.time)[self.design.rows]
+            order = np.argsort(time, kind="stable")
+        active = order[self.pseudo[order] != 0.0]
+        if len(active) < _FEWEST * _STRETCHES:
+            return []
+        rng = np.random.default_rng(0)
+        pseudo = self.pseudo[active]
+        orders = [pseudo, *(rng.permutation(pseudo) for _ in range(_DRAWS))]
+        rows = np.array_split(active, _STRETCHES)
+        residuals = np.array_split(np.stack(orders, axis=1), _STRETCHES)
+        return list(zip(rows, residuals, strict=True))
+
+    def _swell(self) -> Float[np.ndarray, " n"]:
+        """Return the factor of each unknown's variance that the noise's memory asks for, ≥ 1."""
+        design = self.design
+        swell = np.ones(design.size)
+        if not self._stretches:
+            return swell
+        scores = [design.columns[own].T @ rest for own, rest in self._stretches]
+        moved = self.estimate.posterior.factor.solve(np.hstack(scores))
+        moved = self.known.rules.project(moved).reshape(design.size, len(scores), -1)
+        # The prior holds the sum of the scores away from zero: that is no scatter.
+        spread = moved.var(axis=1)
+        for part in design.components:
+            seen, white = spread[part.places, 0], spread[part.places, 1:]
+            swell[part.places] = _memory(float(seen.mean()), float(white.mean()))
+        return swell
+
+    @cached_property
+    def lag_deviation(self) -> dict[str, float]:
+        """Standard deviation of each lag in s, such as noise with a memory leaves it."""
+        result = {}
+        for sensor, found in self.lags.items():
+            seen = [found.direction[own] @ rest[:, 0] for own, rest in self._stretches]
+            swell = 1.0
+            if seen:
+                own = np.concatenate([rows for rows, _ in self._stretches])
+                white = np.var(self.pseudo[own]) * np.square(found.direction[own]).sum()
+                swell = _memory(float(np.var(seen)), float(white) / _STRETCHES)
+            result[sensor] = found.deviation * float(np.sqrt(swell))
+        return result
+
+    def runs(self) -> tuple[RunEffect, ...]:
+        """Return offset and drift of each run against the datum."""
+        design = self.design
+        if not design.course.runs:
+            return ()
+        own = design.places_of_kind("runs").reshape(len(design.course.runs), -1)
+        picks = np.zeros((2, len(own), design.size))
+        for number, knots in enumerate(own):
+            picks[0, number, knots] = 1.0 / len(knots)
+            picks[1, number, knots[-1]] += 1.0
+            picks[1, number, knots[0]] -= 1.0
+        rules, whole = self.known.rules, picks.reshape(-1, design.size).T
+        # Functionals of the values under the rule, as functionals of the values as solved.
+        before = whole - rules.gain.T @ (rules.null.T @ whole)
+        post = self.estimate.posterior
+        spread = (before * post.factor.solve(before)).sum(axis=0) * post.variance
+        deviation = np.sqrt(np.maximum(spread, 0.0)).reshape(2, -1)
+        numbers = np.stack(
+            [picks[0] @ self.theta, deviation[0], picks[1] @ self.theta, deviation[1]]
+        )
+        return tuple(
+            RunEffect(run, *each)
+            for run, each in zip(design.course.runs, numbers.T.tolist(), strict=True)
+        )
+
+    def curves(self) -> tuple[RunCurve, ...]:
+        """Return what was taken off each run, over the time."""
+        design, theta, course = self.design, self.theta, self.design.course
+        if not course.runs:
+            return ()
+        value = np.zeros((len(course.runs), course.pieces * course.steps + 1))
+        for kind, own in (("runs", course.offsets), ("wander", course.bridges)):
+            places = design.places_of_kind(kind)
+            value = value + theta[places].reshape(len(value), own.shape[1]) @ own.T
+        times = [np.linspace(*span, value.shape[1]) for span in course.spans]
+        times = times or [np.zeros(0)] * len(value)
+        return tuple(map(RunCurve, course.runs, times, value))
+
+    def part(self, place: int) -> Part:
+        """Return one fitted effect."""
+        design = self.design
+        effect, places = design.effects[place], design.places_of(place)
+        values = self.theta[places]
+        block = effect.block(self.data)
+        contribution = np.where(block.known, block.columns @ values, np.nan)
+        used = contribution[design.rows]
+        return Part(
+            effect=effect,
+            values=values,
+            standard_deviation=self.deviation[places],
+            support=design.support(self.active)[places],
+            determined=~self.known.unknown[places],
+            labels=design.labels[place],
+            share=self.known.share_of(place),
+            contribution=contribution,
+            rms=float(np.sqrt(np.mean(np.square(used)))),
+            smoothness=self.smoothness().get(effect.name, {}),
+            lags={
+                sensor: (found.value, self.lag_deviation[sensor])
+                for sensor, found in self.lags.items()
+                if sensor in effect.sensor_names
+            },
+        )
+
+
+def _memory(seen: float, white: float) -> float:
+    """Return by how much a variance exceeds that of white noise, ≥ 1; not by chance."""
+    ratio = seen / white if white > 0.0 else 1.0
+    return ratio if ratio > _CHANCE else 1.0
+
 
 def _pseudo(
-    design: Design, found: Estimate, error: Float[np.ndarray, " r"]
+    design: Design, data: JointData, found: Estimate
 ) -> Float[np.ndarray, " r"]:
     """Return the pseudo-readings about `Estimate.centre`, 0 where one is not believed."""
-    left = error - design.columns @ found.centre
+    left = _error(design, data) - design.columns @ found.centre
     share = found.loss.share(left / found.loss.scale)
     return np.asarray(share * left / found.posterior.problem.gain)
 
@@ -117,51 +289,44 @@ def fit_axis(
     """
     sensors = sensors_to_fit(effects)
     lags: dict[str, FoundLag] = {}
-    found: Estimate | None = None
-    converged = True
-    for turn in range(_LAG_ROUNDS + 1):
-        own = [_lagging(effect, lags) for effect in effects]
+    design = design_of(axis, effects, data, options.drift, use)
+    unheld, found = _estimated(design, data, options, None)
+    for turn in range(_LAG_ROUNDS if sensors else 0):
+        before = {sensor: lags[sensor].value if turn else 0.0 for sensor in sensors}
+        lags = find_lags(design, data, found, _pseudo(design, data, found), before)
+        ends = {sensor: _LAG_ENDED * lag.deviation for sensor, lag in lags.items()}
+        if turn and all(abs(lags[s].value - before[s]) <= ends[s] for s in sensors):
+            break
+        values = {sensor: lag.value for sensor, lag in lags.items()}
+        own = [
+            effect.lagging(values) if isinstance(effect, TemperatureEffect) else effect
+            for effect in effects
+        ]
         design = design_of(axis, own, data, options.drift, use)
-        unheld = Unheld.of(design)
-        error = np.asarray(data.error[axis], float)[design.rows]
-        found = _estimated(design, unheld, error, options, found)
-        if not sensors:
-            break
-        if turn == _LAG_ROUNDS:
-            converged = False
-            break
-        before = {sensor: lags[sensor].value if lags else 0.0 for sensor in sensors}
-        pseudo, first = _pseudo(design, found, error), not lags
-        lags = find_lags(design, data, found, pseudo, before)
-        moved = [abs(lag.value - before[sensor]) for sensor, lag in lags.items()]
-        ends = [_LAG_ENDED * lag.deviation for lag in lags.values()]
-        if not first and all(np.array(moved) <= np.array(ends)):
-            break
+        unheld, found = _estimated(design, data, options, found)
+    else:
+        # Nothing to find, or no end to it.
+        found = dataclasses.replace(found, converged=found.converged and not sensors)
     if like is not None and _same_unknowns(like.design, design):
         known = dataclasses.replace(like, design=design, unheld=unheld)
     else:
         known = identified(design, unheld, data, options.drift)
-    return AxisFit(known, found, error, lags, converged and found.converged)
-
-
-def _lagging(effect: AbstractEffect, lags: Mapping[str, FoundLag]) -> AbstractEffect:
-    if not lags or not isinstance(effect, TemperatureEffect):
-        return effect
-    return effect.lagging({sensor: lag.value for sensor, lag in lags.items()})
+    return AxisFit(data, known, found, lags)
 
 
 def _same_unknowns(one: Design, other: Design) -> bool:
     return one.course.runs == other.course.runs and one.size == other.size
 
 
+def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:
+    return np.asarray(data.error[design.axis], float)[design.rows]
+
+
 def _estimated(
-    design: Design,
-    unheld: Unheld,
-    error: Float[np.ndarray, " r"],
-    options: Options,
-    near: Estimate | None,
-) -> Estimate:
-    """Return the fit of the stack for given lags."""
+    design: Design, data: JointData, options: Options, near: Estimate | None
+) -> tuple[Unheld, Estimate]:
+    """Return what nothing holds, and the fit of the stack for given lags."""
+    unheld, error = Unheld.of(design), _error(design, data)
     if len(error) - unheld.free < 1:
         msg = (
             f"axis {design.axis}: {len(error)} readings leave nothing to judge the "
@@ -171,7 +336,7 @@ def _estimated(
     start = np.zeros(design.size)
     start[design.datum] = float(np.median(error))
     auto = options.smoothness == "auto"
-    return estimate(
+    return unheld, estimate(
         design.stack,
         memory(design.stack, Readings(error, {}), design.dense),
         loss=options.loss,
@@ -187,10 +352,12 @@ def _weights(
     design: Design, smoothness: Smoothness
 ) -> Callable[[Problem], Float[np.ndarray, " k"]]:
     """Return the weights that were asked for, given the sums."""
-    single = isinstance(smoothness, int | float)
-    if isinstance(smoothness, str) or (single and not 0 <= smoothness < np.inf):
+    wrong = isinstance(smoothness, str)
+    if isinstance(smoothness, int | float):
+        wrong = not 0 <= smoothness < np.inf
+    if wrong:
         msg = (
-            f"smoothness: found {smoothness!r}, expected 'auto', a number >= 0 or "
+            f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
             "weights by name."
         )
         raise FitError(msg)

@@ -8,14 +8,19 @@ import numpy as np
 from jaxtyping import Bool
 
 from ...core import FitError, Loss, Problem, Readings, cores, one_blas_thread, sums_of
-from ._axis import AxisFit, Options, Smoothness, fit_axis
+from ._axis import AxisFit, fit_axis
 from ._data import JointData
 from ._design import design_of
 from ._effect import AbstractEffect
 from ._gauge import Unheld
 from ._identified import Identified, identified
-from ._report import Report, variances
-from ._result import Determination, Identifiability, JointFit
+from ._result import (
+    Determination,
+    Identifiability,
+    JointFit,
+    Options,
+    Smoothness,
+)
 from ._words import confusions_of, gauges_of
 
 _TOO_MANY = 0.1
@@ -133,7 +138,7 @@ def _determinations(known: Identified) -> list[Determination]:
     if found is None:
         msg = f"axis {design.axis}: the rows tell nothing, the matrix is singular."
         raise FitError(msg)
-    deviation = np.sqrt(variances(found, known.rules))
+    deviation = np.sqrt(known.variances(found))
     deviation = np.where(known.lost, np.inf, deviation)
     support = design.support(np.ones(rows, bool))
     places = [design.places_of(number) for number in range(len(design.effects))]
@@ -205,38 +210,30 @@ def _result(
     fits: Mapping[str, AxisFit],
     options: Options,
 ) -> JointFit:
-    reports = {axis: Report(data, fit) for axis, fit in fits.items()}
     parts = {
-        number: reports[axis].part(place)
+        number: fits[axis].part(place)
         for axis, numbers in groups.items()
         for place, number in enumerate(numbers)
     }
     messages = [
-        f"Axis {axis}: {report.message}" if len(fits) > 1 else report.message
-        for axis, report in reports.items()
+        f"Axis {axis}: {fit.message}" if len(fits) > 1 else fit.message
+        for axis, fit in fits.items()
     ]
-    datum = {axis: fit.design.datum for axis, fit in fits.items()}
-    weights = {k: own for fit in fits.values() for k, own in fit.smoothness().items()}
+    found, known = fits.items(), [fit.known for fit in fits.values()]
+    weights = {name: own for _, fit in found for name, own in fit.smoothness().items()}
     return JointFit(
         parts=tuple(parts[number] for number in sorted(parts)),
-        datum={
-            axis: (float(fit.theta[at]), float(reports[axis].deviation[at]))
-            for (axis, fit), at in zip(fits.items(), datum.values(), strict=True)
-        },
-        noise={axis: fit.estimate.noise for axis, fit in fits.items()},
-        residual={a: each.over_rows(each.left, np.nan) for a, each in reports.items()},
-        share={a: each.over_rows(each.share, 0.0) for a, each in reports.items()},
-        wild={
-            a: each.over_rows(~each.fit.active, False) for a, each in reports.items()
-        },
-        runs={axis: report.runs() for axis, report in reports.items()},
-        run_curves={axis: report.curves() for axis, report in reports.items()},
-        gauges=tuple(each for fit in fits.values() for each in gauges_of(fit.known)),
-        confusions=tuple(
-            each for fit in fits.values() for each in confusions_of(fit.known)
-        ),
-        converged=all(fit.converged for fit in fits.values()),
+        datum={axis: fit.datum for axis, fit in found},
+        noise={axis: fit.estimate.noise for axis, fit in found},
+        residual={axis: fit.over_rows(fit.left, np.nan) for axis, fit in found},
+        share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in found},
+        wild={axis: fit.over_rows(~fit.active, False) for axis, fit in found},
+        runs={axis: fit.runs() for axis, fit in found},
+        run_curves={axis: fit.curves() for axis, fit in found},
+        gauges=tuple(each for own in known for each in gauges_of(own)),
+        confusions=tuple(each for own in known for each in confusions_of(own)),
+        converged=all(fit.estimate.converged for fit in fits.values()),
         message=" ".join(messages),
-        known={axis: fit.known for axis, fit in fits.items()},
+        known={axis: fit.known for axis, fit in found},
         options=dataclasses.replace(options, smoothness=weights),
     )

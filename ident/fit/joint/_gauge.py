@@ -252,11 +252,11 @@ def _everything_varies(design: Design, data: JointData) -> JointData:
             values = np.sign(values)
         channels.setdefault(channel, {})[name] = values
     clock = np.zeros(0) if data.time is None else data.time[np.isfinite(data.time)]
-    span = (clock.min(), clock.max()) if len(clock) else (0.0, 1.0)
+    began, ended = (clock.min(), clock.max()) if len(clock) else (0.0, 1.0)
     runs = design.course.runs
     return JointData(
         **channels,
-        time=rng.uniform(*span, count),
+        time=rng.uniform(began, ended, count),
         run=rng.choice(np.array(runs), count) if runs else None,
     )
 

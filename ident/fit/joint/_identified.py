@@ -11,6 +11,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ...core import Posterior
 from .._identifiable import Correlations, Shapes, Shared
 from ._data import JointData
 from ._design import Design
@@ -66,6 +67,21 @@ class Identified:
         """Return the information left of an effect: of its weaker law for a temperature."""
         stated = zip(self.share, self.design.stated, strict=True)
         return min(share for share, part in stated if part.effect == number)
+
+    def variances(self, found: Posterior) -> Float[np.ndarray, " n"]:
+        """Return the variance of each unknown under the rules, per variance of one reading.
+
+        Moving to the rule changes what is unknown: from the spread of the values as solved it
+        takes what may be moved between effects, which says nothing about either.
+        """
+        plain, rules = found.inverse_diagonal, self.rules
+        if not rules.null.shape[1]:
+            return plain
+        spread = found.factor.solve(np.ascontiguousarray(rules.gain.T))
+        inner = rules.gain @ spread
+        result = plain - 2.0 * (spread * rules.null).sum(axis=1)
+        result += ((rules.null @ inner) * rules.null).sum(axis=1)
+        return np.asarray(np.maximum(result, 0.0))
 
     @cached_property
     def lost(self) -> Bool[np.ndarray, " n"]:

@@ -7,11 +7,22 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._types import RunEffect
-from ._axis import Options
 from ._data import JointData
 from ._effect import AbstractEffect
 from ._identified import Identified
 from ._words import Confusion, Gauge
+
+Smoothness = str | float | Mapping[str, Mapping[str, float]]
+"""``"auto"``, a number, or weights by name of the table."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """How to fit; see `fit_joint`."""
+
+    loss: str
+    smoothness: Smoothness
+    drift: int
 
 
 @dataclasses.dataclass(frozen=True)
