@@ -93,8 +93,10 @@ class Shapes:
         matrix = whole.T @ self.matrix @ whole
         some = np.diag(matrix) > _ROUNDING * np.array(scale)
         pairs = zip(self.basis, kernels, strict=True)
-        basis = tuple(own @ kernel for own, kernel in pairs)
-        return Shapes(basis, np.where(np.outer(some, some), matrix, 0.0), self.constant)
+        limited = tuple(own @ kernel for own, kernel in pairs)
+        return Shapes(
+            limited, np.where(np.outer(some, some), matrix, 0.0), self.constant
+        )
 
 
 def _slices(parts: Sequence[np.ndarray]) -> list[slice]:

@@ -1,19 +1,18 @@
 """Joint identification: any stack of effects fitted together, and what data can tell.
 
-Read `_data` and `_effect` (what goes in; `_tables`, `_crosstalk` and `_temperature` are more
-effects), `_design` (their columns side by side, datum and runs), `_axis` (one axis fitted on
-`ident.core`) with `_lag`, `_gauge` (what may be moved between effects, and the rules for it),
-`_identified` (what the rows cannot tell) with `_words`, and `_fit`, `_report`, `_result` (what
-comes out).
+Read `_effect` (readings, and what an effect is; `_tables` and `_temperature` are more of them),
+`_design` (their columns side by side, datum and runs), `_gauge` (what may be moved between
+effects, and the rules for it), `_identified` (what the rows cannot tell) with `_words`, `_axis`
+(one axis fitted on `ident.core`) with `_lag`, and `_result` and `_fit` (what comes out).
 """
 
-from ._crosstalk import CrosstalkEffect as CrosstalkEffect
-from ._data import JointData as JointData
 from ._effect import (
+    CHANNELS as CHANNELS,
     AbstractEffect as AbstractEffect,
     BacklashEffect as BacklashEffect,
     Block as Block,
     DelayEffect as DelayEffect,
+    JointData as JointData,
 )
 from ._fit import (
     examine_design as examine_design,
@@ -21,7 +20,6 @@ from ._fit import (
     refit_joint as refit_joint,
 )
 from ._result import (
-    Determination as Determination,
     Identifiability as Identifiability,
     JointFit as JointFit,
     Part as Part,
@@ -29,6 +27,7 @@ from ._result import (
 )
 from ._tables import (
     CrossEffect as CrossEffect,
+    CrosstalkEffect as CrosstalkEffect,
     LeadscrewEffect as LeadscrewEffect,
     PlaneEffect as PlaneEffect,
 )

@@ -19,9 +19,8 @@ from jaxtyping import Bool, Float, Int
 from ...core import Estimate, FitError, Problem, Readings, estimate, memory
 from .._table import floor_of
 from .._types import RunEffect
-from ._data import JointData
 from ._design import Design, design_of
-from ._effect import AbstractEffect
+from ._effect import AbstractEffect, JointData
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
@@ -236,7 +235,7 @@ class AxisFit:
             effect=effect,
             values=values,
             standard_deviation=self.deviation[places],
-            support=design.support(self.active)[places],
+            support=self.estimate.posterior.problem.sums.support[places],
             determined=~self.known.unknown[places],
             labels=design.labels[place],
             share=self.known.share_of(place),
@@ -319,7 +318,7 @@ def _same_unknowns(one: Design, other: Design) -> bool:
 
 
 def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:
-    return np.asarray(data.error[design.axis], float)[design.rows]
+    return np.asarray(data.error[design.axis][design.rows], float)
 
 
 def _estimated(
@@ -335,12 +334,11 @@ def _estimated(
         raise FitError(msg)
     start = np.zeros(design.size)
     start[design.datum] = float(np.median(error))
-    auto = options.smoothness == "auto"
     return unheld, estimate(
         design.stack,
         memory(design.stack, Readings(error, {}), design.dense),
         loss=options.loss,
-        weights=None if auto else _weights(design, options.smoothness),
+        weights=_weights(design, options.smoothness),
         floor=floor_of(error),
         start=start,
         pins=unheld.pins if unheld.pins.any() else None,
@@ -350,30 +348,34 @@ def _estimated(
 
 def _weights(
     design: Design, smoothness: Smoothness
-) -> Callable[[Problem], Float[np.ndarray, " k"]]:
-    """Return the weights that were asked for, given the sums."""
-    wrong = isinstance(smoothness, str)
-    if isinstance(smoothness, int | float):
-        wrong = not 0 <= smoothness < np.inf
-    if wrong:
-        msg = (
-            f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
-            "weights by name."
-        )
-        raise FitError(msg)
+) -> Callable[[Problem], Float[np.ndarray, " k"]] | None:
+    """Return the weights that were asked for, given the sums; None: by evidence."""
+    if isinstance(smoothness, str) and smoothness == "auto":
+        return None
+    by_name = isinstance(smoothness, Mapping)
+    if not isinstance(smoothness, Mapping):
+        if isinstance(smoothness, str) or not 0 <= smoothness < np.inf:
+            msg = (
+                f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
+                "weights by name."
+            )
+            raise FitError(msg)
+        number = float(smoothness)
+        smoothness = {
+            part.name: dict.fromkeys(part.weights, number) for part in design.named
+        }
+    wanted = np.array(
+        [
+            float((smoothness.get(part.name) or {}).get(name, 0.0))
+            for part in design.named
+            for name in part.weights
+        ]
+    )
 
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
         least = np.where(problem.optional, 0.0, _LEAST * problem.density)
-        if isinstance(smoothness, int | float):
-            wanted = np.where(problem.optional, 0.0, float(smoothness))
-        else:
-            wanted = np.array(
-                [
-                    float((smoothness.get(part.name) or {}).get(name, 0.0))
-                    for part in design.named
-                    for name in part.weights
-                ]
-            )
-        return np.maximum(wanted, least)
+        # A single number is that of second differences.
+        own = wanted if by_name else np.where(problem.optional, 0.0, wanted)
+        return np.maximum(own, least)
 
     return weights

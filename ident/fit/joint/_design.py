@@ -26,8 +26,7 @@ from ...core import (
     TableEffect,
     chain,
 )
-from ._data import JointData
-from ._effect import AbstractEffect, Block
+from ._effect import AbstractEffect, Block, JointData
 from ._temperature import TemperatureEffect
 
 _BANDED = 400
@@ -219,13 +218,6 @@ class Design:
     def touched(self) -> Float[np.ndarray, " n"]:
         """How much the readings touch each unknown, relative to their number."""
         return np.asarray(abs(self.columns).sum(axis=0)) / len(self.rows)
-
-    def support(self, active: Bool[np.ndarray, " r"]) -> Int[np.ndarray, " n"]:
-        """Return the number of active rows that touch each unknown."""
-        used = (self.columns.data != 0) & np.repeat(
-            active, np.diff(self.columns.indptr)
-        )
-        return np.bincount(self.columns.indices[used], minlength=self.size)
 
 
 def design_of(

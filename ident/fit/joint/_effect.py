@@ -1,8 +1,8 @@
-"""What every effect of a joint fit has (a name, inputs, columns), and the two smallest ones."""
+"""Readings of several axes, and what every effect on them has: a name, inputs, columns."""
 
 import abc
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import ClassVar, final
 
@@ -11,12 +11,146 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
 from ...core import FitError, Smooth, TableEffect
-from ._data import JointData
+from ...kinds.temperature import Clocked, clocked
 
+Columns = Mapping[str, np.ndarray]
+"""Arrays of shape ``(t,)`` by the name of an axis or of a sensor."""
+
+CHANNELS = (
+    "position",
+    "error",
+    "direction",
+    "velocity",
+    "acceleration",
+    "temperature",
+)
+"""Attributes of `JointData` that hold arrays by name."""
 Ranges = Mapping[tuple[str, str], tuple[float, float]]
 """From where to where an input goes, by channel of `JointData` and name."""
 ANYWHERE = np.nan, np.nan
 """Range of an input that makes a difference at any size."""
+
+
+@dataclasses.dataclass(frozen=True)
+class JointData:
+    """Readings of one or several axes; NaN = not measured in this row.
+
+    A name that is absent was not recorded at all.
+
+    Attributes:
+        position: Commanded, in mm or °, by axis.
+        error: Actual − commanded (at rest) or actual − encoder (in motion) in mm or °, by
+            compensated axis.
+        direction: Of the last motion, ±1, by axis.
+        velocity: In mm/s, by axis.
+        acceleration: In mm/s², by axis.
+        temperature: In °C, by sensor.
+        time: In s; None where there is no clock.
+        run: Number of the repeated run or separate set-up; None where there is one.
+        runs: The same by axis, for axes on which other runs than these (or none) may have
+            an offset of their own.
+    """
+
+    position: Columns = dataclasses.field(default_factory=dict)
+    error: Columns = dataclasses.field(default_factory=dict)
+    direction: Columns = dataclasses.field(default_factory=dict)
+    velocity: Columns = dataclasses.field(default_factory=dict)
+    acceleration: Columns = dataclasses.field(default_factory=dict)
+    temperature: Columns = dataclasses.field(default_factory=dict)
+    time: Float[np.ndarray, " t"] | None = None
+    run: Int[np.ndarray, " t"] | None = None
+    runs: Mapping[str, Int[np.ndarray, " t"] | None] = dataclasses.field(
+        default_factory=dict
+    )
+
+    def __post_init__(self) -> None:
+        count = len(self)
+        for name, values in self._arrays():
+            if np.shape(values) != (count,):
+                msg = (
+                    f"{name}: found shape {np.shape(values)}, expected one number per "
+                    f"row, ({count},)."
+                )
+                raise FitError(msg)
+
+    def __len__(self) -> int:
+        return next((len(values) for _, values in self._arrays()), 0)
+
+    def _arrays(self) -> Iterator[tuple[str, np.ndarray]]:
+        for channel in CHANNELS:
+            for name, values in getattr(self, channel).items():
+                yield f"{channel} of {name}", values
+        if self.time is not None:
+            yield "time", self.time
+        if self.run is not None:
+            yield "run", self.run
+
+    def run_of(self, axis: str) -> Int[np.ndarray, " t"] | None:
+        """Return the runs that may have an offset of their own on an axis."""
+        return self.runs.get(axis, self.run)
+
+    def take(self, keep: Bool[np.ndarray, " t"] | Int[np.ndarray, " r"]) -> "JointData":
+        """Return the readings that are kept (a mask, or row numbers).
+
+        What remembers (the lag of a temperature) then knows only these rows: to leave rows out
+        of a fit give `fit_joint` the whole recording and a mask.
+        """
+        channels = {
+            channel: {
+                name: np.asarray(values)[keep]
+                for name, values in getattr(self, channel).items()
+            }
+            for channel in CHANNELS
+        }
+        return JointData(
+            **channels,
+            time=None if self.time is None else self.time[keep],
+            run=None if self.run is None else self.run[keep],
+            runs={
+                axis: None if run is None else run[keep]
+                for axis, run in self.runs.items()
+            },
+        )
+
+    def column(self, channel: str, name: str, wanted: str) -> Float[np.ndarray, " t"]:
+        """Return one column.
+
+        Args:
+            channel: Name of the attribute.
+            name: Of the axis or sensor.
+            wanted: What needs it, for the message.
+
+        Raises:
+            FitError: If it was not recorded.
+        """
+        found = getattr(self, channel).get(name)
+        if found is None:
+            known = ", ".join(getattr(self, channel)) or "none"
+            msg = f"{wanted}: needs the {channel} of {name}, the data have that of {known}."
+            raise FitError(msg)
+        return np.asarray(found, float)
+
+    def clocked(self, sensor: str, wanted: str) -> Clocked:
+        """Return the readings of a sensor on their clock, put in order once.
+
+        Args:
+            sensor: Name of the sensor.
+            wanted: What needs it, for the message.
+
+        Raises:
+            FitError: If there is no clock, or no such sensor.
+        """
+        if sensor not in self._clocks:
+            values = self.column("temperature", sensor, wanted)
+            if self.time is None:
+                msg = f"{wanted}: a lag needs the time of every reading, found none."
+                raise FitError(msg)
+            self._clocks[sensor] = clocked(np.asarray(self.time, float), values)
+        return self._clocks[sensor]
+
+    @cached_property
+    def _clocks(self) -> dict[str, Clocked]:
+        return {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,22 +290,17 @@ class DelayEffect(AbstractEffect):
     r"""Reference late behind the encoder of an axis in motion: $e = -(\tau + \rho\,(t-t_0))\,v$.
 
     No compensation carries it: it stands beside the others so that they are free of it.
-    Values: the delay τ in s at the middle of the recording; with a clock, its rate ρ in s/s.
+    Values: the delay τ in s at the middle of the recording, and its rate ρ in s/s: the clocks
+    may run apart.
 
     Attributes:
         origin: Instant $t_0$ in s; None = middle of the data.
-        rate: Whether the clocks run apart as well.
     """
 
     origin: float | None = None
-    rate: bool = True
 
     compensation = "delay"
-
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return 2 if self.rate else 1
+    size = 2
 
     @property
     def ranges(self) -> Ranges:
@@ -180,21 +309,22 @@ class DelayEffect(AbstractEffect):
 
     def placed(self, data: JointData) -> "DelayEffect":
         """See `AbstractEffect`."""
-        if not self.rate or self.origin is not None:
+        if self.origin is not None:
             return self
-        if data.time is None:
-            msg = f"{self.name}: a rate needs the time of every reading, found none."
-            raise FitError(msg)
-        clock = data.time[np.isfinite(data.time)]
+        clock = self._clock(data)
+        clock = clock[np.isfinite(clock)]
         middle = 0.5 * float(clock.min() + clock.max()) if len(clock) else 0.0
         return dataclasses.replace(self, origin=middle)
 
     def block(self, data: JointData) -> Block:
         """See `AbstractEffect`."""
-        columns = -data.column("velocity", self.axis, self.name)[:, None]
-        origin = self.placed(data).origin
-        if self.rate and data.time is not None and origin is not None:
-            columns = columns * np.column_stack(
-                [np.ones(len(data)), data.time - origin]
-            )
-        return few_columns(columns, ("delay", "rate of the delay")[: self.size])
+        speed = data.column("velocity", self.axis, self.name)
+        late = self._clock(data) - (self.placed(data).origin or 0.0)
+        columns = -np.column_stack([speed, speed * late])
+        return few_columns(columns, ("delay", "rate of the delay"))
+
+    def _clock(self, data: JointData) -> Float[np.ndarray, " t"]:
+        if data.time is None:
+            msg = f"{self.name}: a rate needs the time of every reading, found none."
+            raise FitError(msg)
+        return np.asarray(data.time, float)

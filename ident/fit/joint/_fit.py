@@ -7,15 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from jaxtyping import Bool
 
-from ...core import FitError, Loss, Problem, Readings, cores, one_blas_thread, sums_of
+from ...core import FitError, cores, one_blas_thread
 from ._axis import AxisFit, fit_axis
-from ._data import JointData
 from ._design import design_of
-from ._effect import AbstractEffect
+from ._effect import AbstractEffect, JointData
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._result import (
-    Determination,
     Identifiability,
     JointFit,
     Options,
@@ -25,8 +23,6 @@ from ._words import confusions_of, gauges_of
 
 _TOO_MANY = 0.1
 """Share of wild readings from which on not the readings are at fault but the effects."""
-_LIGHT = 1e-2
-"""Weight of second differences, relative to the density, where no errors choose one."""
 
 
 def fit_joint(
@@ -101,57 +97,27 @@ def examine_design(
     Args:
         data: Rows, measured or planned.
         effects: What is to be fitted.
-        drift: Pieces of the drift of each run, as for `fit_joint`; between their knots the
-            reference is taken to wander as far as the readings of one step could just tell.
+        drift: Pieces of the drift of each run, as for `fit_joint`.
         use: Rows that may be used; None = all.
 
     Raises:
         FitError: If an input is missing or no row is complete.
     """
     placed = [effect.placed(data) for effect in effects]
-    found: dict[int, Determination] = {}
+    share: dict[int, float] = {}
     axes = []
     with one_blas_thread():
         for axis, numbers in _by_axis(placed).items():
             own = [placed[number] for number in numbers]
             design = design_of(axis, own, data, drift, use, axis in data.error)
             known = identified(design, Unheld.of(design), data, drift)
-            found |= zip(numbers, _determinations(known), strict=True)
+            share |= {number: known.share_of(k) for k, number in enumerate(numbers)}
             axes.append(known)
     return Identifiability(
-        tuple(found[number] for number in range(len(placed))),
+        tuple(share[number] for number in range(len(placed))),
         tuple(gauge for known in axes for gauge in gauges_of(known)),
         tuple(each for known in axes for each in confusions_of(known)),
     )
-
-
-def _determinations(known: Identified) -> list[Determination]:
-    design = known.design
-    zero, rows = np.zeros(design.size), len(design.rows)
-    readings = Readings(np.zeros(rows), {})
-    sums, _ = sums_of(design.stack, readings, zero, Loss(), True, design.dense)
-    problem = Problem.of(sums, zero, 1.0, known.unheld.pins)
-    weights = np.where(problem.optional, 0.0, _LIGHT * problem.density)
-    # A walk begins as wide as what the readings of one step tell of it.
-    walks = [part.kind == "wander" for part in design.named for _ in part.weights]
-    found = problem.at(np.where(walks, problem.density, weights))
-    if found is None:
-        msg = f"axis {design.axis}: the rows tell nothing, the matrix is singular."
-        raise FitError(msg)
-    deviation = np.sqrt(known.variances(found))
-    deviation = np.where(known.lost, np.inf, deviation)
-    support = design.support(np.ones(rows, bool))
-    places = [design.places_of(number) for number in range(len(design.effects))]
-    return [
-        Determination(
-            effect=effect,
-            share=known.share_of(number),
-            deviation=deviation[own],
-            support=support[own],
-            determined=~known.unknown[own],
-        )
-        for number, (effect, own) in enumerate(zip(design.effects, places, strict=True))
-    ]
 
 
 def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[int]]:

@@ -22,9 +22,8 @@ from numpy.polynomial import legendre
 
 from ...core import node_shares
 from .._identifiable import Shapes, null_space, pivoted
-from ._data import JointData
 from ._design import Component, Design, design_of
-from ._effect import ANYWHERE
+from ._effect import ANYWHERE, JointData
 from ._tables import LeadscrewEffect
 from ._temperature import TemperatureEffect
 

@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float
 
 from ...core import Posterior
 from .._identifiable import Correlations, Shapes, Shared
-from ._data import JointData
 from ._design import Design
+from ._effect import JointData
 from ._gauge import Rules, Unheld, ideal_shapes, priority, shapes_of
 
 _SAME = 2e-7

@@ -17,9 +17,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
 from ...core import Estimate, FitError
-from ._data import JointData
 from ._design import Design
-from ._effect import AbstractEffect
+from ._effect import AbstractEffect, JointData
 from ._temperature import TemperatureEffect
 
 _GRID = 14

@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._types import RunEffect
-from ._data import JointData
-from ._effect import AbstractEffect
+from ._effect import AbstractEffect, JointData
 from ._identified import Identified
 from ._words import Confusion, Gauge
 
@@ -26,40 +25,16 @@ class Options:
 
 
 @dataclasses.dataclass(frozen=True)
-class Determination:
-    """What data can tell of one effect, independent of the measured values.
-
-    Attributes:
-        effect: The effect, its nodes placed.
-        share: Information of the effect that is left after all other effects, the run effects
-            and the datum are projected out, relative to what it would have alone: mean over
-            its independent directions, 0 (nothing) to 1 (as if it were alone). Directions that a
-            gauge gives to another effect do not count; values that no reading touches count
-            as 0.
-        deviation: Standard deviation of each value per unit of noise, under the stated gauge
-            and a light smoothness; inf where the data do not tell it.
-        support: Readings that touch each value.
-        determined: Whether the data tell the value.
-    """
-
-    effect: AbstractEffect
-    share: float
-    deviation: Float[np.ndarray, " p"]
-    support: Int[np.ndarray, " p"]
-    determined: Bool[np.ndarray, " p"]
-
-
-@dataclasses.dataclass(frozen=True)
 class Identifiability:
     """What data can tell of effects; never looks at the measured values.
 
     Attributes:
-        effects: One per effect, in the order given.
+        share: `Part.share` of each effect, in the order given.
         gauges: Freedoms of the sum, with the rules that fix them.
         confusions: What these data cannot tell apart.
     """
 
-    effects: tuple[Determination, ...]
+    share: tuple[float, ...]
     gauges: tuple[Gauge, ...]
     confusions: tuple[Confusion, ...]
 
@@ -82,7 +57,11 @@ class Part:
         determined: Whether the data tell the value: False where no reading reaches it and
             where it is confused with another effect.
         labels: What each value is, in words.
-        share: `Determination.share`.
+        share: Information of the effect that is left after all other effects, the run effects
+            and the datum are projected out, relative to what it would have alone: mean over
+            its independent directions, 0 (nothing) to 1 (as if it were alone). Directions that a
+            gauge gives to another effect do not count; values that no reading touches count
+            as 0.
         contribution: What it adds to each reading in mm or °; NaN where an input is missing.
         rms: Root mean square of that over the readings of its axis, in mm or °.
         smoothness: Weights of the prior by name, relative to 1/noise².

@@ -1,4 +1,4 @@
-"""Tables as effects: leadscrew, cross, plane, over the stencil of the controller."""
+"""Tables as effects, over the stencils of the controller: leadscrew, cross, plane, crosstalk."""
 
 import abc
 import dataclasses
@@ -6,13 +6,18 @@ import itertools
 from functools import cached_property
 from typing import final
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from ....models import Conventions, Crosstalk, surface_through
 from ...core import FitError
+from ...kinds.crosstalk import BRANCHES, MOST_TESTS
 from .._types import Samples, TableLayout
-from ._data import JointData
-from ._effect import ANYWHERE, AbstractEffect, Block, Ranges, sparse_rows
+from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, sparse_rows
+
+_LEAST_ROWS = 1024
+"""Rows are filled up to powers of two from here on, so that compiled code is used again."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -74,7 +79,7 @@ class AbstractTable(AbstractEffect):
 
     def _labels(self) -> tuple[str, ...]:
         layout = self.layout
-        ways = ("",)
+        ways: tuple[str, ...] = ("",)
         if layout.branches == 2:
             ways = (", moving positive", ", moving negative")
         own = [
@@ -181,3 +186,166 @@ class PlaneEffect(AbstractTable):
     def layout(self) -> TableLayout:
         """See `AbstractTable`."""
         return TableLayout(tuple(np.asarray(nodes, float) for nodes in self.nodes))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class CrosstalkEffect(AbstractEffect):
+    """Error of an axis from the acceleration of another: entries of the tests in mm.
+
+    Values: rows of `BRANCHES`, each with one value per test; where the directions do not
+    differ, only the rows for acceleration and for deceleration, or the first of them where
+    the controller has it for both (`Conventions.crosstalk_undirected`).
+
+    Attributes:
+        master: Axis that accelerates.
+        acceleration: Specified, in mm/s², above 0.
+        deceleration: Specified, in mm/s², below 0.
+        adaptation: Axes on whose position the entries depend (mode − 1 of them).
+        positions: Of the tests in mm, shape ``(p, k)``; None = one test.
+        mode: 1, 2 or 3.
+        velocity_dependent: Each direction has entries of its own.
+        conventions: How signs and directions are told apart; None = the defaults.
+    """
+
+    master: str
+    acceleration: float
+    deceleration: float
+    adaptation: tuple[str, ...] = ()
+    positions: Float[np.ndarray, "p k"] | None = None
+    mode: int = 1
+    velocity_dependent: bool = False
+    conventions: Conventions | None = None
+
+    def __post_init__(self) -> None:
+        if self.mode != 1 + len(self.adaptation) or self.mode not in (1, 2, 3):
+            msg = (
+                f"{self.name}: found mode {self.mode} with {len(self.adaptation)} "
+                "adaptation axes, expected one axis less than the mode (1, 2 or 3)."
+            )
+            raise FitError(msg)
+        if not (self.acceleration > 0 > self.deceleration):
+            msg = (
+                f"{self.name}: found acceleration {self.acceleration:g} and deceleration "
+                f"{self.deceleration:g} mm/s², expected one above and one below 0."
+            )
+            raise FitError(msg)
+        points = self.points
+        if (
+            points.shape[1] != len(self.adaptation)
+            or not 1 <= len(points) <= MOST_TESTS
+        ):
+            msg = (
+                f"{self.name}: found positions of shape {points.shape}, expected 1 to "
+                f"{MOST_TESTS} tests along {len(self.adaptation)} adaptation axes."
+            )
+            raise FitError(msg)
+
+    compensation = "crosstalk"
+
+    @cached_property
+    def masters(self) -> tuple[str, ...]:
+        """The axis that accelerates, then the adaptation axes."""
+        return (self.master, *self.adaptation)
+
+    @property
+    def name(self) -> str:
+        """See `AbstractEffect`."""
+        return f"crosstalk of {self.axis} from {self.master}"
+
+    @property
+    def points(self) -> Float[np.ndarray, "p k"]:
+        """Positions of the tests in mm."""
+        if self.positions is None:
+            return np.zeros((1, 0))
+        return np.asarray(self.positions, float)
+
+    @property
+    def rules(self) -> Conventions:
+        """How signs and directions are told apart."""
+        return Conventions() if self.conventions is None else self.conventions
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Row of the values that stands for each row of `BRANCHES`."""
+        if self.velocity_dependent:
+            return (0, 1, 2, 3)
+        return (0, 0, 1, 1) if self.rules.of_crosstalk["own_deceleration"] else (0,) * 4
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return (self.rows[-1] + 1) * len(self.points)
+
+    @property
+    def ranges(self) -> Ranges:
+        """See `AbstractEffect`."""
+        top = 1.2 * max(self.acceleration, -self.deceleration)
+        found = {
+            ("position", axis): (float(places.min()), float(places.max()))
+            for axis, places in zip(self.adaptation, self.points.T, strict=True)
+        }
+        found["velocity", self.master] = ANYWHERE
+        found["acceleration", self.master] = -top, top
+        return found
+
+    def model(self, values: Float[np.ndarray, "4 p"]) -> Crosstalk:
+        """Return the controller's model with these entries in mm, their sign left alone.
+
+        Raises:
+            FitError: If the tests span no surface.
+        """
+        try:
+            surface = surface_through(self.points)
+        except ValueError as error:
+            msg = f"{self.name}: {error}"
+            raise FitError(msg) from error
+        return Crosstalk(
+            surface,
+            jnp.asarray(values),
+            jnp.asarray(float(self.acceleration)),
+            jnp.asarray(float(self.deceleration)),
+            velocity_dependent=self.velocity_dependent,
+            **self.rules.of_crosstalk,
+        )
+
+    def block(self, data: JointData) -> Block:
+        """See `AbstractEffect`."""
+        inputs = [
+            data.column("acceleration", self.master, self.name),
+            data.column("velocity", self.master, self.name),
+        ]
+        inputs += [data.column("position", axis, self.name) for axis in self.adaptation]
+        stacked = np.stack(inputs)
+        known = np.asarray(np.isfinite(stacked).all(axis=0))
+        count = len(known)
+        size = max(_LEAST_ROWS, 1 << max(count - 1, 1).bit_length())
+        padded = np.zeros((len(inputs), size))
+        padded[:, :count] = np.where(known, stacked, 0.0)
+        tests = len(self.points)
+        model = self.model(np.zeros((4, tests)))
+        stencil = model.stencil(
+            padded[0], padded[1], np.ascontiguousarray(padded[2:].T)
+        )
+        branch, test = np.divmod(np.asarray(stencil.nodes)[:count], tests)
+        index = np.array(self.rows)[branch] * tests + test
+        weight = np.asarray(stencil.weights)[:count]
+        columns = sparse_rows(index, weight, known, self.size)
+        return Block(columns, known, self._labels())
+
+    def _labels(self) -> tuple[str, ...]:
+        words: tuple[str, ...] = BRANCHES
+        if not self.velocity_dependent:
+            words = ("acceleration", "deceleration")[: self.rows[-1] + 1]
+        places = [
+            "".join(
+                f", {axis} = {value:g}"
+                for axis, value in zip(self.adaptation, point, strict=True)
+            )
+            for point in self.points
+        ]
+        return tuple(word + place for word in words for place in places)
+
+    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
+        """Return ``(4, p)``, rows as `BRANCHES`; equal rows where directions do not differ."""
+        return values.reshape(-1, len(self.points))[list(self.rows)]

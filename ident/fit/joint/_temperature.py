@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...core import FitError, node_shares
-from ._data import JointData
-from ._effect import ANYWHERE, AbstractEffect, Block, Ranges, few_columns
+from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, few_columns
 
 Nodes = str | int | Float[np.ndarray, " _n"]
 """``"constant"``, ``"linear"``, a number of nodes over the measured range, or °C."""

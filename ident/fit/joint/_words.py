@@ -8,10 +8,9 @@ import numpy as np
 from jaxtyping import Bool
 
 from .._identifiable import Shared
-from ._crosstalk import CrosstalkEffect
 from ._design import Component, Design
 from ._identified import PART, Identified
-from ._tables import AbstractTable
+from ._tables import AbstractTable, CrosstalkEffect
 from ._temperature import TemperatureEffect
 
 _NAMED = 4
