@@ -376,6 +376,6 @@ def _weights(
         least = np.where(problem.optional, 0.0, _LEAST * problem.density)
         # A single number is that of second differences.
         own = wanted if by_name else np.where(problem.optional, 0.0, wanted)
-        return np.maximum(own, least)
+        return np.asarray(np.maximum(own, least))
 
     return weights

@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import Conventions, Crosstalk, surface_through
-from ...core import FitError
+from ...core import FitError, Readings, TableEffect
+from ...core._readings import padded
 from ...kinds.crosstalk import BRANCHES, MOST_TESTS
-from .._types import Samples, TableLayout
 from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, sparse_rows
 
 _LEAST_ROWS = 1024
@@ -28,80 +28,72 @@ class AbstractTable(AbstractEffect):
     """
 
     def __post_init__(self) -> None:
-        for nodes in self.layout.nodes:
+        for nodes in self.table_effect.nodes:
             if len(nodes) < 2 or not (np.diff(nodes) > 0).all():
                 msg = f"{self.name}: expected at least two nodes in ascending order."
                 raise FitError(msg)
 
     @property
     @abc.abstractmethod
-    def layout(self) -> TableLayout:
-        """Where the nodes lie."""
+    def table_effect(self) -> TableEffect:
+        """The table as an effect of the estimator, inputs by the names of the masters."""
 
     @property
     def name(self) -> str:
         """See `AbstractEffect`."""
         return f"{self.compensation} of {self.axis} over {' and '.join(self.masters)}"
 
-    @cached_property
+    @property
     def size(self) -> int:
         """See `AbstractEffect`."""
-        return self.layout.effect.size
+        return self.table_effect.size
 
     @property
     def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
-        layout = self.layout
-        ways = {("direction", self.axis): ANYWHERE} if layout.branches == 2 else {}
+        ways = {("direction", self.axis): ANYWHERE} if self.table_effect.way else {}
         return ways | {
             ("position", master): (float(nodes[0]), float(nodes[-1]))
-            for master, nodes in zip(self.masters, layout.nodes, strict=True)
+            for master, nodes in zip(self.masters, self.table_effect.nodes, strict=True)
         }
 
     def block(self, data: JointData) -> Block:
         """See `AbstractEffect`."""
-        layout, table = self.layout, self.layout.effect
-        places = np.column_stack(
-            [data.column("position", master, self.name) for master in self.masters]
-        )
-        known, side = np.asarray(np.isfinite(places).all(axis=1)), None
-        if layout.branches == 2:
-            way = data.column("direction", self.axis, self.name)
-            known, side = known & np.isfinite(way), (way < 0).astype(np.int64)
-        # What is not known goes to the first node, with share zero.
-        filled = np.where(known[:, None], places, [nodes[0] for nodes in layout.nodes])
-        samples = Samples(filled, np.zeros(len(known)), side)
-        nodes, shares = table.design(layout.readings(samples))
-        own = np.argsort(table.unknowns)
-        columns = sparse_rows(own[nodes], shares, known, table.size)
-        prior = dataclasses.replace(table.prior, order=own[table.prior.order])
+        table, inputs = self.table_effect, {}
+        for master in self.masters:
+            inputs[master] = data.column("position", master, self.name)
+        if table.way:
+            inputs[table.way] = data.column("direction", self.axis, self.name)
+        known = np.isfinite(list(inputs.values())).all(axis=0)
+        filled = {name: np.where(known, own, 0.0) for name, own in inputs.items()}
+        nodes, shares = table.design(Readings(np.zeros(len(known)), filled))
+        place = np.argsort(table.unknowns)
+        columns = sparse_rows(place[nodes], shares, known, table.size)
+        prior = dataclasses.replace(table.prior, order=place[table.prior.order])
         return Block(columns, known, self._labels(), prior, table)
 
     def _labels(self) -> tuple[str, ...]:
-        layout = self.layout
-        ways: tuple[str, ...] = ("",)
-        if layout.branches == 2:
-            ways = (", moving positive", ", moving negative")
-        own = [
-            nodes[: len(nodes) - int(layout.periodic)]
-            for nodes in reversed(layout.nodes)
-        ]
-        return tuple(
+        table = self.table_effect
+        ways = (", moving positive", ", moving negative") if table.way else ("",)
+        grid = [nodes[: len(nodes) - table.ring] for nodes in reversed(table.nodes)]
+        places = [
             ", ".join(
                 f"{master} = {value:g}"
                 for master, value in zip(self.masters, reversed(place), strict=True)
             )
-            + way
-            for way in ways
-            for place in itertools.product(*own)
-        )
+            for place in itertools.product(*grid)
+        ]
+        return tuple(place + way for way in ways for place in places)
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
         """Return ``(n,)``, ``(2, n)`` or ``(n2, n1)``; the end of a ring repeated."""
-        table = self.layout.effect
-        unknowns = np.empty(table.size, np.asarray(values).dtype)
-        unknowns[table.unknowns] = values
-        return table.to_table(unknowns)
+        unknowns = np.empty_like(values)
+        unknowns[self.table_effect.unknowns] = values
+        return self.table_effect.to_table(unknowns)
+
+
+def _floats(*nodes: Float[np.ndarray, " _n"]) -> tuple[Float[np.ndarray, " _n"], ...]:
+    return tuple(np.asarray(each, float) for each in nodes)
 
 
 @final
@@ -129,10 +121,10 @@ class LeadscrewEffect(AbstractTable):
         return f"leadscrew of {self.axis}"
 
     @cached_property
-    def layout(self) -> TableLayout:
+    def table_effect(self) -> TableEffect:
         """See `AbstractTable`."""
-        nodes = (np.asarray(self.nodes, float),)
-        return TableLayout(nodes, 2 if self.bilateral else 1, self.periodic)
+        way = "direction" if self.bilateral else None
+        return TableEffect(_floats(self.nodes), self.masters, way, self.periodic)
 
 
 @final
@@ -158,9 +150,9 @@ class CrossEffect(AbstractTable):
         return (self.master,)
 
     @cached_property
-    def layout(self) -> TableLayout:
+    def table_effect(self) -> TableEffect:
         """See `AbstractTable`."""
-        return TableLayout((np.asarray(self.nodes, float),), periodic=self.periodic)
+        return TableEffect(_floats(self.nodes), self.masters, None, self.periodic)
 
 
 @final
@@ -183,9 +175,9 @@ class PlaneEffect(AbstractTable):
     compensation = "plane"
 
     @cached_property
-    def layout(self) -> TableLayout:
+    def table_effect(self) -> TableEffect:
         """See `AbstractTable`."""
-        return TableLayout(tuple(np.asarray(nodes, float) for nodes in self.nodes))
+        return TableEffect(_floats(*self.nodes), self.masters)
 
 
 @final
@@ -316,16 +308,12 @@ class CrosstalkEffect(AbstractEffect):
             data.column("velocity", self.master, self.name),
         ]
         inputs += [data.column("position", axis, self.name) for axis in self.adaptation]
-        stacked = np.stack(inputs)
-        known = np.asarray(np.isfinite(stacked).all(axis=0))
-        count = len(known)
-        size = max(_LEAST_ROWS, 1 << max(count - 1, 1).bit_length())
-        padded = np.zeros((len(inputs), size))
-        padded[:, :count] = np.where(known, stacked, 0.0)
-        tests = len(self.points)
-        model = self.model(np.zeros((4, tests)))
-        stencil = model.stencil(
-            padded[0], padded[1], np.ascontiguousarray(padded[2:].T)
+        known = np.isfinite(inputs).all(axis=0)
+        count, tests = len(known), len(self.points)
+        filled = {str(k): np.where(known, own, 0.0) for k, own in enumerate(inputs)}
+        pull, speed, *places = padded(filled, _LEAST_ROWS).values()
+        stencil = self.model(np.zeros((4, tests))).stencil(
+            pull, speed, np.reshape(places, (-1, len(pull))).T
         )
         branch, test = np.divmod(np.asarray(stencil.nodes)[:count], tests)
         index = np.array(self.rows)[branch] * tests + test

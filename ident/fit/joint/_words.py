@@ -159,7 +159,7 @@ def _unseen(part: Component, known: Identified) -> Confusion | None:
     effect = design.effects[part.effect]
     if isinstance(effect, AbstractTable):
         # Nodes here and there that were not measured are marked, and no confusion.
-        ways = missing.reshape(effect.layout.branches, -1).all(axis=1)
+        ways = missing.reshape(effect.table_effect.branches, -1).all(axis=1)
         missing = np.repeat(ways, missing.size // len(ways))
     elif not missing.any():
         missing = known.hidden[part.places]
