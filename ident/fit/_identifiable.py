@@ -178,7 +178,7 @@ class Correlations:
             white.append(each)
         overall = scipy.linalg.block_diag(*white)
         rest = shapes.matrix - np.outer(along, along) / total
-        matrix = overall.T @ rest @ overall
+        matrix = np.asarray(overall.T @ rest @ overall)
         return cls(shapes, tuple(white), matrix, tuple(constants))
 
     @cached_property

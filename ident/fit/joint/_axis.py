@@ -223,29 +223,30 @@ class AxisFit:
         times = times or [np.zeros(0)] * len(value)
         return tuple(map(RunCurve, course.runs, times, value))
 
-    def part(self, place: int) -> Part:
-        """Return one fitted effect."""
-        design = self.design
-        effect, places = design.effects[place], design.places_of(place)
-        values = self.theta[places]
-        block = effect.block(self.data)
+    def parts(self) -> list[Part]:
+        """Return the fitted effects."""
+        return [self._part(number) for number in range(len(self.design.effects))]
+
+    def _part(self, number: int) -> Part:
+        design, effect = self.design, self.design.effects[number]
+        places = design.places_of(number)
+        block, values = effect.block(self.data), self.theta[places]
         contribution = np.where(block.known, block.columns @ values, np.nan)
-        used = contribution[design.rows]
         return Part(
             effect=effect,
             values=values,
             standard_deviation=self.deviation[places],
             support=self.estimate.posterior.problem.sums.support[places],
             determined=~self.known.unknown[places],
-            labels=design.labels[place],
-            share=self.known.share_of(place),
+            labels=design.labels[number],
+            share=self.known.share_of(number),
             contribution=contribution,
-            rms=float(np.sqrt(np.mean(np.square(used)))),
+            rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),
             smoothness=self.smoothness().get(effect.name, {}),
             lags={
-                sensor: (found.value, self.lag_deviation[sensor])
-                for sensor, found in self.lags.items()
-                if sensor in effect.sensor_names
+                sensor: (self.lags[sensor].value, self.lag_deviation[sensor])
+                for sensor in effect.sensor_names
+                if sensor in self.lags
             },
         )
 

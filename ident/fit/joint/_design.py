@@ -11,6 +11,7 @@ uncertain what is as slow as they are.
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -142,7 +143,7 @@ class Design:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return int(self.columns.shape[1])
+        return sum(len(part.places) for part in self.components)
 
     @property
     def datum(self) -> int:
@@ -278,12 +279,12 @@ def design_of(
         count += effects[k].size
     ordered = [each for k in range(len(blocks)) for each in components[k]]
     course, beside = _course(data, axis, rows, drift, wander)
-    constant = sp.csr_array(np.ones((len(rows), 1)))
-    for kind, part in {"datum": constant, **beside}.items():
-        places = np.arange(count, count + part.shape[1])
-        parts.append(part)
+    constant: Any = sp.csr_array(np.ones((len(rows), 1)))
+    for kind, added in {"datum": constant, **beside}.items():
+        places = np.arange(count, count + added.shape[1])
+        parts.append(added)
         ordered.append(_nuisance(f"{kind} of {axis}", kind, places, course))
-        count += part.shape[1]
+        count += added.shape[1]
     return Design(
         axis=axis,
         effects=tuple(effects),
@@ -326,7 +327,7 @@ def _nuisance(
 
 def _course(
     data: JointData, axis: str, rows: Int[np.ndarray, " r"], drift: int, wander: bool
-) -> tuple[Course, dict[str, sp.csr_array]]:
+) -> tuple[Course, dict[str, Any]]:
     """Return what the reference does, and the columns of its offsets and bridges.
 
     One run alone has no offset. A drift has bridges between its knots, as many as all rows of

@@ -266,12 +266,16 @@ class BacklashEffect(AbstractEffect):
     reference: int = 1
 
     compensation = "backlash"
-    size = 1
 
     def __post_init__(self) -> None:
         if self.reference not in (1, -1):
             msg = f"{self.name}: found reference {self.reference}, expected 1 or -1."
             raise FitError(msg)
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return 1
 
     @property
     def ranges(self) -> Ranges:
@@ -300,7 +304,11 @@ class DelayEffect(AbstractEffect):
     origin: float | None = None
 
     compensation = "delay"
-    size = 2
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return 2
 
     @property
     def ranges(self) -> Ranges:

@@ -104,24 +104,26 @@ def examine_design(
         FitError: If an input is missing or no row is complete.
     """
     placed = [effect.placed(data) for effect in effects]
-    share: dict[int, float] = {}
-    axes = []
     with one_blas_thread():
-        for axis, numbers in _by_axis(placed).items():
-            own = [placed[number] for number in numbers]
-            design = design_of(axis, own, data, drift, use, axis in data.error)
-            known = identified(design, Unheld.of(design), data, drift)
-            share |= {number: known.share_of(k) for k, number in enumerate(numbers)}
-            axes.append(known)
+        axes = [
+            identified(design, Unheld.of(design), data, drift)
+            for axis, own in _by_axis(placed).items()
+            for design in [design_of(axis, own, data, drift, use, axis in data.error)]
+        ]
+    share = {
+        effect.name: known.share_of(number)
+        for known in axes
+        for number, effect in enumerate(known.design.effects)
+    }
     return Identifiability(
-        tuple(share[number] for number in range(len(placed))),
+        tuple(share[effect.name] for effect in placed),
         tuple(gauge for known in axes for gauge in gauges_of(known)),
         tuple(each for known in axes for each in confusions_of(known)),
     )
 
 
-def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[int]]:
-    """Return the numbers of the effects of each compensated axis.
+def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[AbstractEffect]]:
+    """Return the effects of each compensated axis.
 
     Raises:
         FitError: If there is none, or the same one twice.
@@ -129,14 +131,14 @@ def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[int]]:
     if not effects:
         msg = "found no effects, expected one at least."
         raise FitError(msg)
-    result: dict[str, list[int]] = {}
+    result: dict[str, list[AbstractEffect]] = {}
     names: set[str] = set()
-    for number, effect in enumerate(effects):
+    for effect in effects:
         if effect.name in names:
             msg = f"found the {effect.name} twice, expected each effect once."
             raise FitError(msg)
         names.add(effect.name)
-        result.setdefault(effect.axis, []).append(number)
+        result.setdefault(effect.axis, []).append(effect)
     return result
 
 
@@ -150,56 +152,42 @@ def _fit(
     groups = _by_axis(placed)
 
     def one(axis: str) -> AxisFit:
-        own = [placed[number] for number in groups[axis]]
-        found = fit_axis(axis, own, data, options, use, like.get(axis))
+        found = fit_axis(axis, groups[axis], data, options, use, like.get(axis))
         wild = float((~found.active).mean())
         if options.loss == "student" and wild > _TOO_MANY:
             # So many that agree with each other: not they are at fault.
             mild = dataclasses.replace(options, loss="huber")
-            return fit_axis(axis, own, data, mild, use, like.get(axis))
+            return fit_axis(axis, groups[axis], data, mild, use, like.get(axis))
         return found
 
     with one_blas_thread():
         # Axes share no unknowns; their matrix products leave the interpreter free. The
         # largest first, so that none is left alone at the end.
-        workers = max(min(len(groups), cores()), 1)
-        size = {a: sum(placed[n].size for n in groups[a]) for a in groups}
+        size = {axis: sum(each.size for each in own) for axis, own in groups.items()}
         order = sorted(groups, key=lambda axis: -size[axis])
-        with ThreadPoolExecutor(workers) as pool:
+        with ThreadPoolExecutor(min(len(groups), cores())) as pool:
             found = dict(zip(order, pool.map(one, order), strict=True))
-        return _result(data, groups, {axis: found[axis] for axis in groups}, options)
-
-
-def _result(
-    data: JointData,
-    groups: Mapping[str, Sequence[int]],
-    fits: Mapping[str, AxisFit],
-    options: Options,
-) -> JointFit:
-    parts = {
-        number: fits[axis].part(place)
-        for axis, numbers in groups.items()
-        for place, number in enumerate(numbers)
-    }
+        fits = {axis: found[axis] for axis in groups}
+        parts = {part.name: part for fit in fits.values() for part in fit.parts()}
+    known = {axis: fit.known for axis, fit in fits.items()}
+    weights = {k: own for fit in fits.values() for k, own in fit.smoothness().items()}
     messages = [
         f"Axis {axis}: {fit.message}" if len(fits) > 1 else fit.message
         for axis, fit in fits.items()
     ]
-    found, known = fits.items(), [fit.known for fit in fits.values()]
-    weights = {name: own for _, fit in found for name, own in fit.smoothness().items()}
     return JointFit(
-        parts=tuple(parts[number] for number in sorted(parts)),
-        datum={axis: fit.datum for axis, fit in found},
-        noise={axis: fit.estimate.noise for axis, fit in found},
-        residual={axis: fit.over_rows(fit.left, np.nan) for axis, fit in found},
-        share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in found},
-        wild={axis: fit.over_rows(~fit.active, False) for axis, fit in found},
-        runs={axis: fit.runs() for axis, fit in found},
-        run_curves={axis: fit.curves() for axis, fit in found},
-        gauges=tuple(each for own in known for each in gauges_of(own)),
-        confusions=tuple(each for own in known for each in confusions_of(own)),
+        parts=tuple(parts[effect.name] for effect in placed),
+        datum={axis: fit.datum for axis, fit in fits.items()},
+        noise={axis: fit.estimate.noise for axis, fit in fits.items()},
+        residual={a: fit.over_rows(fit.left, np.nan) for a, fit in fits.items()},
+        share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
+        wild={axis: fit.over_rows(~fit.active, False) for axis, fit in fits.items()},
+        runs={axis: fit.runs() for axis, fit in fits.items()},
+        run_curves={axis: fit.curves() for axis, fit in fits.items()},
+        gauges=tuple(each for own in known.values() for each in gauges_of(own)),
+        confusions=tuple(each for own in known.values() for each in confusions_of(own)),
         converged=all(fit.estimate.converged for fit in fits.values()),
         message=" ".join(messages),
-        known={axis: fit.known for axis, fit in found},
+        known=known,
         options=dataclasses.replace(options, smoothness=weights),
     )

@@ -33,10 +33,14 @@ class AbstractTable(AbstractEffect):
                 msg = f"{self.name}: expected at least two nodes in ascending order."
                 raise FitError(msg)
 
-    @property
     @abc.abstractmethod
+    def layout(self) -> TableEffect:
+        """Return the table as an effect of the estimator, inputs by the names of the masters."""
+
+    @cached_property
     def table_effect(self) -> TableEffect:
-        """The table as an effect of the estimator, inputs by the names of the masters."""
+        """The same, made once."""
+        return self.layout()
 
     @property
     def name(self) -> str:
@@ -64,7 +68,7 @@ class AbstractTable(AbstractEffect):
             inputs[master] = data.column("position", master, self.name)
         if table.way:
             inputs[table.way] = data.column("direction", self.axis, self.name)
-        known = np.isfinite(list(inputs.values())).all(axis=0)
+        known = np.asarray(np.isfinite(list(inputs.values())).all(axis=0))
         filled = {name: np.where(known, own, 0.0) for name, own in inputs.items()}
         nodes, shares = table.design(Readings(np.zeros(len(known)), filled))
         place = np.argsort(table.unknowns)
@@ -120,8 +124,7 @@ class LeadscrewEffect(AbstractTable):
         """See `AbstractEffect`."""
         return f"leadscrew of {self.axis}"
 
-    @cached_property
-    def table_effect(self) -> TableEffect:
+    def layout(self) -> TableEffect:
         """See `AbstractTable`."""
         way = "direction" if self.bilateral else None
         return TableEffect(_floats(self.nodes), self.masters, way, self.periodic)
@@ -149,8 +152,7 @@ class CrossEffect(AbstractTable):
         """See `AbstractEffect`."""
         return (self.master,)
 
-    @cached_property
-    def table_effect(self) -> TableEffect:
+    def layout(self) -> TableEffect:
         """See `AbstractTable`."""
         return TableEffect(_floats(self.nodes), self.masters, None, self.periodic)
 
@@ -167,15 +169,14 @@ class PlaneEffect(AbstractTable):
         nodes: Along master 1 and along master 2 in mm or °, ascending.
     """
 
-    masters: tuple[str, str] = dataclasses.field()
+    masters: tuple[str, str] = dataclasses.field()  # pyright: ignore[reportIncompatibleVariableOverride]
     nodes: tuple[Float[np.ndarray, " _n1"], Float[np.ndarray, " _n2"]] = (
         dataclasses.field()
     )
 
     compensation = "plane"
 
-    @cached_property
-    def table_effect(self) -> TableEffect:
+    def layout(self) -> TableEffect:
         """See `AbstractTable`."""
         return TableEffect(_floats(*self.nodes), self.masters)
 
@@ -308,7 +309,7 @@ class CrosstalkEffect(AbstractEffect):
             data.column("velocity", self.master, self.name),
         ]
         inputs += [data.column("position", axis, self.name) for axis in self.adaptation]
-        known = np.isfinite(inputs).all(axis=0)
+        known = np.asarray(np.isfinite(inputs).all(axis=0))
         count, tests = len(known), len(self.points)
         filled = {str(k): np.where(known, own, 0.0) for k, own in enumerate(inputs)}
         pull, speed, *places = padded(filled, _LEAST_ROWS).values()

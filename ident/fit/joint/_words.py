@@ -159,8 +159,9 @@ def _unseen(part: Component, known: Identified) -> Confusion | None:
     effect = design.effects[part.effect]
     if isinstance(effect, AbstractTable):
         # Nodes here and there that were not measured are marked, and no confusion.
-        ways = missing.reshape(effect.table_effect.branches, -1).all(axis=1)
-        missing = np.repeat(ways, missing.size // len(ways))
+        ways = effect.table_effect.branches
+        whole = missing.reshape(ways, -1).all(axis=1)
+        missing = np.repeat(whole, missing.size // ways)
     elif not missing.any():
         missing = known.hidden[part.places]
     if not missing.any():
