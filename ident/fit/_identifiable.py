@@ -211,10 +211,13 @@ class Correlations:
         full = white.shape[1] == basis.shape[1]
         return np.zeros(len(basis)) if full else np.linalg.norm(left, axis=1) / whole
 
+    @property
+    def weakest(self) -> float:
+        """Least information on any mixture of the groups; 1 where they are independent."""
+        return float(self._modes[0].min(initial=1.0))
+
     def pairs(self, limit: float) -> dict[tuple[int, int], Shared]:
         """Return what two groups share but for a share of information below a limit."""
-        if not len(self.matrix) or self._modes[0][0] >= limit:
-            return {}
         result = {}
         for second, first in itertools.product(range(len(self.white)), repeat=2):
             block = self.matrix[self._slices[first], self._slices[second]]

@@ -110,6 +110,7 @@ def examine_design(
             for axis, own in _by_axis(placed).items()
             for design in [design_of(axis, own, data, drift, use, axis in data.error)]
         ]
+        gauges = tuple(gauge for known in axes for gauge in gauges_of(known))
     share = {
         effect.name: known.share_of(number)
         for known in axes
@@ -117,7 +118,7 @@ def examine_design(
     }
     return Identifiability(
         tuple(share[effect.name] for effect in placed),
-        tuple(gauge for known in axes for gauge in gauges_of(known)),
+        gauges,
         tuple(each for known in axes for each in confusions_of(known)),
     )
 
@@ -169,7 +170,9 @@ def _fit(
             found = dict(zip(order, pool.map(one, order), strict=True))
         fits = {axis: found[axis] for axis in groups}
         parts = {part.name: part for fit in fits.values() for part in fit.parts()}
-    known = {axis: fit.known for axis, fit in fits.items()}
+        known = {axis: fit.known for axis, fit in fits.items()}
+        runs = {axis: fit.runs() for axis, fit in fits.items()}
+        gauges = tuple(each for own in known.values() for each in gauges_of(own))
     weights = {k: own for fit in fits.values() for k, own in fit.smoothness().items()}
     messages = [
         f"Axis {axis}: {fit.message}" if len(fits) > 1 else fit.message
@@ -182,9 +185,9 @@ def _fit(
         residual={a: fit.over_rows(fit.left, np.nan) for a, fit in fits.items()},
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
         wild={axis: fit.over_rows(~fit.active, False) for axis, fit in fits.items()},
-        runs={axis: fit.runs() for axis, fit in fits.items()},
+        runs=runs,
         run_curves={axis: fit.curves() for axis, fit in fits.items()},
-        gauges=tuple(each for own in known.values() for each in gauges_of(own)),
+        gauges=gauges,
         confusions=tuple(each for own in known.values() for each in confusions_of(own)),
         converged=all(fit.estimate.converged for fit in fits.values()),
         message=" ".join(messages),

@@ -153,7 +153,7 @@ def identified(
     matrix = shapes.matrix + _light(design, shapes)
     limit = min(max(_HOPELESS, _SURE / len(design.rows)), _ALIKE)
     found = Correlations.of(dataclasses.replace(shapes, matrix=matrix), limit)
-    pairs = found.pairs(limit)
+    pairs = found.pairs(limit) if found.weakest < limit else {}
     # Two tables that are as alike where everything varies differ by their nodes only.
     anyway = {}
     if pairs:
