@@ -46,7 +46,7 @@ def choose_weights(problem: Problem, start: Vector | None = None) -> Posterior |
     gain = _COARSE if _is_large(problem) else _FINE
     if start is not None:
         return _descend(problem, start, gain)
-    if _is_large(problem) and _is_plane(problem):
+    if _is_large(problem) and _can_be_thinned(problem):
         rough = _Coarse.of(problem)
         found = choose_weights(rough.problem)
         if found is not None:
@@ -71,9 +71,12 @@ def _is_large(problem: Problem) -> bool:
     )
 
 
-def _is_plane(problem: Problem) -> bool:
+def _can_be_thinned(problem: Problem) -> bool:
+    """Return whether the band is a plane with nodes to spare; a border stays as wide as it is."""
     table = problem.stack.table
-    return table is not None and len(table.nodes) == 2
+    if table is None or len(table.nodes) != 2:
+        return False
+    return min(len(nodes) for nodes in table.nodes) > 2 * _THINNED
 
 
 def _scan(problem: Problem) -> tuple[Vector | None, Vector | None]:

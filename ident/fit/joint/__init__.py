@@ -1,16 +1,25 @@
-"""Joint identification: any stack of effects fitted together, and what data can tell."""
+"""Joint identification: any stack of effects fitted together, and what data can tell.
 
-from ._backlash import BacklashEffect as BacklashEffect
-from ._crosstalk import CrosstalkEffect as CrosstalkEffect
-from ._data import JointData as JointData
-from ._delay import DelayEffect as DelayEffect
-from ._effect import AbstractEffect as AbstractEffect, Block as Block
-from ._examine import examine_design as examine_design
-from ._fit import fit_joint as fit_joint, refit_joint as refit_joint
+Read `_effect` (readings, and what an effect is; `_tables` and `_temperature` are more of them),
+`_design` (their columns side by side, datum and runs), `_gauge` (what may be moved between
+effects, and the rules for it), `_identified` (what the rows cannot tell) with `_words`, `_axis`
+(one axis fitted on `ident.core`) with `_lag`, and `_result` and `_fit` (what comes out).
+"""
+
+from ._effect import (
+    CHANNELS as CHANNELS,
+    AbstractEffect as AbstractEffect,
+    BacklashEffect as BacklashEffect,
+    Block as Block,
+    DelayEffect as DelayEffect,
+    JointData as JointData,
+)
+from ._fit import (
+    examine_design as examine_design,
+    fit_joint as fit_joint,
+    refit_joint as refit_joint,
+)
 from ._result import (
-    Confusion as Confusion,
-    Determination as Determination,
-    Gauge as Gauge,
     Identifiability as Identifiability,
     JointFit as JointFit,
     Part as Part,
@@ -18,7 +27,9 @@ from ._result import (
 )
 from ._tables import (
     CrossEffect as CrossEffect,
+    CrosstalkEffect as CrosstalkEffect,
     LeadscrewEffect as LeadscrewEffect,
     PlaneEffect as PlaneEffect,
 )
 from ._temperature import TemperatureEffect as TemperatureEffect
+from ._words import Confusion as Confusion, Gauge as Gauge

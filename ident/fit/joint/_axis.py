@@ -1,4 +1,12 @@
-"""The fit of one compensated axis: its stack, the lags of its sensors, what was believed."""
+"""The fit of one compensated axis: its stack, the lags of its sensors, and what is said of it.
+
+The model has white noise beside a drift that wanders (where one is stated at all). What a
+reference does that is no such walk stays in the residual, and looks to a slow effect (a
+temperature, above all) like its own. The scores of stretches of the recording tell how much:
+their scatter, through the solution, is the variance that the values really have (the
+"sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
+same residual in another order, so that values which few stretches touch are judged together.
+"""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -6,22 +14,28 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ...core import Estimate, FitError, Problem, Readings, estimate, memory
 from .._table import floor_of
-from ._data import JointData
-from ._design import Design
-from ._effect import AbstractEffect
+from .._types import RunEffect
+from ._design import Design, design_of
+from ._effect import AbstractEffect, JointData
+from ._gauge import Unheld
+from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
-from ._prepare import Ground, Prepared, alike, ground_of, judged
+from ._result import Options, Part, RunCurve, Smoothness
 from ._temperature import TemperatureEffect
-
-Smoothness = str | float | Mapping[str, Mapping[str, float]]
-"""``"auto"``, a number, or weights by name of the table."""
 
 _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
 """Rounds of lags and everything else; they end where no lag moves by that share of its sd."""
+_STRETCHES, _FEWEST = 24, 20
+"""Of the recording: long against the memory of the noise, and enough to scatter; and readings
+of a stretch below which nothing is judged."""
+_DRAWS = 4
+"""Other orders of the residual."""
+_CHANCE = 1.8
+"""Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
 _LEAST = 1e-7
 """Weight relative to the density of second differences that were given none."""
 
@@ -32,64 +46,233 @@ class AxisFit:
     """A fitted axis.
 
     Attributes:
-        ready: What was known before.
+        data: All readings.
+        known: What its rows tell, whatever was measured in them.
         estimate: Of its stack.
-        error: Readings that were fitted in mm or °.
         lags: By sensor.
-        settled: Whether everything converged.
     """
 
-    ready: Prepared
+    data: JointData
+    known: Identified
     estimate: Estimate
-    error: Float[np.ndarray, " r"]
     lags: Mapping[str, FoundLag]
-    settled: bool
 
     @property
     def design(self) -> Design:
         """Columns."""
-        return self.ready.design
+        return self.known.design
 
     @cached_property
     def theta(self) -> Float[np.ndarray, " n"]:
         """Values under the rules."""
-        return self.ready.rules.project(self.estimate.values)
+        return self.known.rules.project(self.estimate.values)
 
     @cached_property
-    def _pseudo(self) -> tuple[Float[np.ndarray, " r"], Bool[np.ndarray, " r"]]:
-        return pseudo_readings(self.design, self.estimate, self.error)
-
-    @property
     def pseudo(self) -> Float[np.ndarray, " r"]:
-        """Pseudo-readings of the last pass about the estimate before it."""
-        return self._pseudo[0]
+        """Pseudo-readings of the last pass about the estimate before it, see `_pseudo`."""
+        return _pseudo(self.design, self.data, self.estimate)
 
-    @property
+    @cached_property
     def active(self) -> Bool[np.ndarray, " r"]:
         """Readings that are believed at all."""
-        return self._pseudo[1]
+        found = self.estimate
+        left = _error(self.design, self.data) - self.design.columns @ found.centre
+        return np.asarray(~found.loss.wild(left / found.loss.scale))
+
+    def smoothness(self) -> dict[str, dict[str, float]]:
+        """Return the weights of each table, and of the drift, by name."""
+        weights = iter(self.estimate.posterior.weights.tolist())
+        return {
+            part.name: {name: next(weights) for name in part.weights}
+            for part in self.design.named
+        }
+
+    @cached_property
+    def left(self) -> Float[np.ndarray, " r"]:
+        """Error − fit of the readings that were used."""
+        error = _error(self.design, self.data)
+        return np.asarray(error - self.design.columns @ self.theta)
+
+    @property
+    def datum(self) -> tuple[float, float]:
+        """Constant of the axis in mm or °, and its standard deviation."""
+        at = self.design.datum
+        return float(self.theta[at]), float(self.deviation[at])
+
+    @property
+    def share(self) -> Float[np.ndarray, " r"]:
+        """Weight that the loss left each of them."""
+        loss = self.estimate.loss
+        share = loss.share(self.left / loss.scale)
+        return np.where(self.active, share, 0.0)
+
+    def over_rows(self, values: np.ndarray, empty: float | bool) -> np.ndarray:
+        """Return values of the used readings over all rows."""
+        whole = np.full(len(self.data), empty)
+        whole[self.design.rows] = values
+        return whole
+
+    @cached_property
+    def deviation(self) -> Float[np.ndarray, " n"]:
+        """Standard deviation of each unknown; inf where it is confused."""
+        post, known = self.estimate.posterior, self.known
+        variance = known.variances(post) * post.variance * self._swell()
+        for sensor, found in self.lags.items():
+            moved = known.rules.project(found.slope)
+            variance = variance + np.square(moved * self.lag_deviation[sensor])
+        return np.where(known.lost, np.inf, np.sqrt(variance))
+
+    @cached_property
+    def message(self) -> str:
+        """One sentence or more on how the fit went."""
+        used, rejected = self.estimate.posterior.used, int((~self.active).sum())
+        message = f"{len(self.left)} readings, {used:.1f} effective parameters."
+        if rejected:
+            message += f" {rejected} wild readings were left out."
+        if not self.estimate.converged:
+            message += " The iterations did not settle; treat the result with care."
+        return message
+
+    @cached_property
+    def _stretches(
+        self,
+    ) -> list[tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s d"]]]:
+        """Rows of stretches in order of time, and the residual as it is and in other orders.
+
+        None where the stretches are short.
+        """
+        order = np.arange(len(self.left))
+        if self.data.time is not None:
+            time = np.asarray(self.data.time)[self.design.rows]
+            order = np.argsort(time, kind="stable")
+        active = order[self.pseudo[order] != 0.0]
+        if len(active) < _FEWEST * _STRETCHES:
+            return []
+        rng = np.random.default_rng(0)
+        pseudo = self.pseudo[active]
+        orders = [pseudo, *(rng.permutation(pseudo) for _ in range(_DRAWS))]
+        rows = np.array_split(active, _STRETCHES)
+        residuals = np.array_split(np.stack(orders, axis=1), _STRETCHES)
+        return list(zip(rows, residuals, strict=True))
+
+    def _swell(self) -> Float[np.ndarray, " n"]:
+        """Return the factor of each unknown's variance that the noise's memory asks for, ≥ 1."""
+        design = self.design
+        swell = np.ones(design.size)
+        if not self._stretches:
+            return swell
+        scores = [design.columns[own].T @ rest for own, rest in self._stretches]
+        moved = self.estimate.posterior.factor.solve(np.hstack(scores))
+        moved = self.known.rules.project(moved).reshape(design.size, len(scores), -1)
+        # The prior holds the sum of the scores away from zero: that is no scatter.
+        spread = moved.var(axis=1)
+        for part in design.components:
+            seen, white = spread[part.places, 0], spread[part.places, 1:]
+            swell[part.places] = _memory(float(seen.mean()), float(white.mean()))
+        return swell
+
+    @cached_property
+    def lag_deviation(self) -> dict[str, float]:
+        """Standard deviation of each lag in s, such as noise with a memory leaves it."""
+        result = {}
+        for sensor, found in self.lags.items():
+            seen = [found.direction[own] @ rest[:, 0] for own, rest in self._stretches]
+            swell = 1.0
+            if seen:
+                own = np.concatenate([rows for rows, _ in self._stretches])
+                white = np.var(self.pseudo[own]) * np.square(found.direction[own]).sum()
+                swell = _memory(float(np.var(seen)), float(white) / _STRETCHES)
+            result[sensor] = found.deviation * float(np.sqrt(swell))
+        return result
+
+    def runs(self) -> tuple[RunEffect, ...]:
+        """Return offset and drift of each run against the datum."""
+        design = self.design
+        if not design.course.runs:
+            return ()
+        own = design.places_of_kind("runs").reshape(len(design.course.runs), -1)
+        picks = np.zeros((2, len(own), design.size))
+        for number, knots in enumerate(own):
+            picks[0, number, knots] = 1.0 / len(knots)
+            picks[1, number, knots[-1]] += 1.0
+            picks[1, number, knots[0]] -= 1.0
+        rules, whole = self.known.rules, picks.reshape(-1, design.size).T
+        # Functionals of the values under the rule, as functionals of the values as solved.
+        before = whole - rules.gain.T @ (rules.null.T @ whole)
+        post = self.estimate.posterior
+        spread = (before * post.factor.solve(before)).sum(axis=0) * post.variance
+        deviation = np.sqrt(np.maximum(spread, 0.0)).reshape(2, -1)
+        numbers = np.stack(
+            [picks[0] @ self.theta, deviation[0], picks[1] @ self.theta, deviation[1]]
+        )
+        return tuple(
+            RunEffect(run, *each)
+            for run, each in zip(design.course.runs, numbers.T.tolist(), strict=True)
+        )
+
+    def curves(self) -> tuple[RunCurve, ...]:
+        """Return what was taken off each run, over the time."""
+        design, theta, course = self.design, self.theta, self.design.course
+        if not course.runs:
+            return ()
+        value = np.zeros((len(course.runs), course.pieces * course.steps + 1))
+        for kind, own in (("runs", course.offsets), ("wander", course.bridges)):
+            places = design.places_of_kind(kind)
+            value = value + theta[places].reshape(len(value), own.shape[1]) @ own.T
+        times = [np.linspace(*span, value.shape[1]) for span in course.spans]
+        times = times or [np.zeros(0)] * len(value)
+        return tuple(map(RunCurve, course.runs, times, value))
+
+    def parts(self) -> list[Part]:
+        """Return the fitted effects."""
+        return [self._part(number) for number in range(len(self.design.effects))]
+
+    def _part(self, number: int) -> Part:
+        design, effect = self.design, self.design.effects[number]
+        places = design.places_of(number)
+        block, values = effect.block(self.data), self.theta[places]
+        contribution = np.where(block.known, block.columns @ values, np.nan)
+        return Part(
+            effect=effect,
+            values=values,
+            standard_deviation=self.deviation[places],
+            support=self.estimate.posterior.problem.sums.support[places],
+            determined=~self.known.unknown[places],
+            labels=design.labels[number],
+            share=self.known.share_of(number),
+            contribution=contribution,
+            rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),
+            smoothness=self.smoothness().get(effect.name, {}),
+            lags={
+                sensor: (self.lags[sensor].value, self.lag_deviation[sensor])
+                for sensor in effect.sensor_names
+                if sensor in self.lags
+            },
+        )
 
 
-def pseudo_readings(
-    design: Design, found: Estimate, error: Float[np.ndarray, " r"]
-) -> tuple[Float[np.ndarray, " r"], Bool[np.ndarray, " r"]]:
-    """Return the pseudo-readings of a fit about `Estimate.centre`, and which are believed."""
-    left = error - design.columns @ found.centre
-    ratio = left / found.loss.scale
-    pseudo = found.loss.share(ratio) * left / found.posterior.problem.gain
-    return np.asarray(pseudo), ~found.loss.wild(ratio)
+def _memory(seen: float, white: float) -> float:
+    """Return by how much a variance exceeds that of white noise, ≥ 1; not by chance."""
+    ratio = seen / white if white > 0.0 else 1.0
+    return ratio if ratio > _CHANCE else 1.0
+
+
+def _pseudo(
+    design: Design, data: JointData, found: Estimate
+) -> Float[np.ndarray, " r"]:
+    """Return the pseudo-readings about `Estimate.centre`, 0 where one is not believed."""
+    left = _error(design, data) - design.columns @ found.centre
+    share = found.loss.share(left / found.loss.scale)
+    return np.asarray(share * left / found.posterior.problem.gain)
 
 
 def fit_axis(
     axis: str,
     effects: Sequence[AbstractEffect],
     data: JointData,
-    *,
-    loss: str,
-    smoothness: Smoothness,
-    drift: int,
+    options: Options,
     use: Bool[np.ndarray, " t"] | None,
-    like: Prepared | None = None,
+    like: Identified | None = None,
 ) -> AxisFit:
     """Fit all effects of one axis.
 
@@ -97,120 +280,103 @@ def fit_axis(
         axis: Compensated axis.
         effects: Its effects, nodes placed.
         data: Readings.
-        loss: As for `fit_joint`; so are the following.
-        smoothness: By evidence, or given.
-        drift: Pieces of the drift of each run.
-        use: Rows to fit.
-        like: An earlier fit of the same effects, whose rules hold here too.
+        options: How to fit.
+        use: Rows to fit; None = all.
+        like: What more rows told of the same effects: holds here too.
 
     Raises:
         FitError: If the readings do not determine them or an option is unknown.
     """
     sensors = sensors_to_fit(effects)
-    ground = ground_of(axis, effects, data, drift, use, measured=True)
-    ready = None if like is None else alike(like, ground)
-    error, found = _fitted(ground, data, loss, smoothness, None)
     lags: dict[str, FoundLag] = {}
-    settled = True
+    design = design_of(axis, effects, data, options.drift, use)
+    unheld, found = _estimated(design, data, options, None)
     for turn in range(_LAG_ROUNDS if sensors else 0):
-        before = {sensor: lag.value for sensor, lag in lags.items()}
-        pseudo = pseudo_readings(ground.design, found, error)[0]
-        lags = find_lags(ground.design, data, found, pseudo, sensors, before)
-        if before and _close(before, lags):
+        before = {sensor: lags[sensor].value if turn else 0.0 for sensor in sensors}
+        lags = find_lags(design, data, found, _pseudo(design, data, found), before)
+        ends = {sensor: _LAG_ENDED * lag.deviation for sensor, lag in lags.items()}
+        if turn and all(abs(lags[s].value - before[s]) <= ends[s] for s in sensors):
             break
-        own = lagging(effects, lags)
-        ground = ground_of(axis, own, data, drift, use, measured=True)
-        error, found = _fitted(ground, data, loss, smoothness, found)
-        settled = turn + 1 < _LAG_ROUNDS
-    if ready is None or ready.sums is not ground.sums:
-        ready = judged(ground, data, drift, ready)
-    return AxisFit(ready, found, error, lags, settled and found.converged)
+        values = {sensor: lag.value for sensor, lag in lags.items()}
+        own = [
+            effect.lagging(values) if isinstance(effect, TemperatureEffect) else effect
+            for effect in effects
+        ]
+        design = design_of(axis, own, data, options.drift, use)
+        unheld, found = _estimated(design, data, options, found)
+    else:
+        # Nothing to find, or no end to it.
+        found = dataclasses.replace(found, converged=found.converged and not sensors)
+    if like is not None and _same_unknowns(like.design, design):
+        known = dataclasses.replace(like, design=design, unheld=unheld)
+    else:
+        known = identified(design, unheld, data, options.drift)
+    return AxisFit(data, known, found, lags)
 
 
-def lagging(
-    effects: Sequence[AbstractEffect], lags: Mapping[str, FoundLag]
-) -> list[AbstractEffect]:
-    """Return effects with the lags that were found."""
-    return [
-        effect.lagging({s: lags[s].value for s in effect.sensor_names if s in lags})
-        if isinstance(effect, TemperatureEffect)
-        else effect
-        for effect in effects
-    ]
+def _same_unknowns(one: Design, other: Design) -> bool:
+    return one.course.runs == other.course.runs and one.size == other.size
 
 
-def _close(before: Mapping[str, float], now: Mapping[str, FoundLag]) -> bool:
-    return all(
-        abs(found.value - before[sensor]) <= _LAG_ENDED * found.deviation
-        for sensor, found in now.items()
-    )
+def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:
+    return np.asarray(data.error[design.axis][design.rows], float)
 
 
-def _fitted(
-    ground: Ground,
-    data: JointData,
-    loss: str,
-    smoothness: Smoothness,
-    near: Estimate | None,
-) -> tuple[Float[np.ndarray, " r"], Estimate]:
-    """Return the readings of an axis and the fit of its stack for given lags."""
-    design = ground.design
-    error = np.asarray(data.error[design.axis], float)[design.rows]
-    if len(error) - ground.pinned.free < 1:
+def _estimated(
+    design: Design, data: JointData, options: Options, near: Estimate | None
+) -> tuple[Unheld, Estimate]:
+    """Return what nothing holds, and the fit of the stack for given lags."""
+    unheld, error = Unheld.of(design), _error(design, data)
+    if len(error) - unheld.free < 1:
         msg = (
             f"axis {design.axis}: {len(error)} readings leave nothing to judge the "
-            f"noise by; expected more than {ground.pinned.free}."
+            f"noise by; expected more than {unheld.free}."
         )
         raise FitError(msg)
     start = np.zeros(design.size)
     start[design.datum] = float(np.median(error))
-    pins = ground.pinned.pins
-    return error, estimate(
+    return unheld, estimate(
         design.stack,
         memory(design.stack, Readings(error, {}), design.dense),
-        loss=loss,
-        weights=None if smoothness == "auto" else _weights(design, smoothness),
+        loss=options.loss,
+        weights=_weights(design, options.smoothness),
         floor=floor_of(error),
         start=start,
-        pins=pins if pins.any() else None,
+        pins=unheld.pins if unheld.pins.any() else None,
         near=near,
     )
 
 
 def _weights(
     design: Design, smoothness: Smoothness
-) -> Callable[[Problem], Float[np.ndarray, " k"]]:
-    """Return the weights that were asked for, given the sums."""
-    if isinstance(smoothness, str):
-        msg = f"smoothness: found {smoothness!r}, expected 'auto', a number or weights."
-        raise FitError(msg)
-    if isinstance(smoothness, (int, float)) and not 0 <= smoothness < np.inf:
-        msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
-        raise FitError(msg)
+) -> Callable[[Problem], Float[np.ndarray, " k"]] | None:
+    """Return the weights that were asked for, given the sums; None: by evidence."""
+    if isinstance(smoothness, str) and smoothness == "auto":
+        return None
+    by_name = isinstance(smoothness, Mapping)
+    if not isinstance(smoothness, Mapping):
+        if isinstance(smoothness, str) or not 0 <= smoothness < np.inf:
+            msg = (
+                f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
+                "weights by name."
+            )
+            raise FitError(msg)
+        number = float(smoothness)
+        smoothness = {
+            part.name: dict.fromkeys(part.weights, number) for part in design.named
+        }
+    wanted = np.array(
+        [
+            float((smoothness.get(part.name) or {}).get(name, 0.0))
+            for part in design.named
+            for name in part.weights
+        ]
+    )
 
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
-        if isinstance(smoothness, (int, float)):
-            wanted = np.where(problem.optional, 0.0, float(smoothness))
-        else:
-            wanted = np.array(
-                [
-                    float((smoothness.get(part.name) or {}).get(name, 0.0))
-                    for part in design.named
-                    for name in part.prior_names
-                ]
-            )
         least = np.where(problem.optional, 0.0, _LEAST * problem.density)
-        return np.maximum(wanted, least)
+        # A single number is that of second differences.
+        own = wanted if by_name else np.where(problem.optional, 0.0, wanted)
+        return np.asarray(np.maximum(own, least))
 
     return weights
-
-
-def weights_by_name(fit: AxisFit) -> dict[str, dict[str, float]]:
-    """Return the smoothness of each table, and of the drift, by name."""
-    result, first = {}, 0
-    for part in fit.design.named:
-        names = part.prior_names
-        own = fit.estimate.posterior.weights[first : first + len(names)]
-        result[part.name] = dict(zip(names, own.tolist(), strict=True))
-        first += len(names)
-    return result

@@ -1,8 +1,17 @@
-"""All columns of one compensated axis side by side: effects, datum, runs."""
+"""All columns of one compensated axis side by side: effects, datum, runs.
+
+A reference may drift within its runs, and wander between the knots of that drift: it is where
+it was a moment ago, and a little further. Upon the straight line between two knots such a walk
+is a bridge that begins and ends at zero. Its variance per second is one weight beside those of
+the tables: by evidence, and next to nothing where the noise is white. Bridges are noise, not
+an effect: held by their own variance they cannot be confused with anything, and only make
+uncertain what is as slow as they are.
+"""
 
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,18 +26,20 @@ from ...core import (
     Stack,
     TableEffect,
     chain,
-    node_shares,
 )
-from ._data import JointData
-from ._effect import AbstractEffect, Block
+from ._effect import AbstractEffect, Block, JointData
 from ._temperature import TemperatureEffect
-from ._wander import Bridges, steps_of
 
-BANDED = 400
+_BANDED = 400
 """Nodes of a plane from which on its part of the matrix is kept as a band."""
+_REACHED = 0.1
+"""Sum of squared shares, in readings, from which on an unknown counts as measured."""
+_STEPS, _READINGS = 300, 50
+"""Steps of all bridges together, at most, and readings per step, at least: fewer tell nothing of
+a walk beside their noise."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Component:
     """A part of the unknowns that has a meaning of its own.
 
@@ -39,7 +50,7 @@ class Component:
         effect: Number of the effect, −1 for datum, runs and wander.
         places: Column of each of its values.
         prior: Prior of its values, None without.
-        table: The table as an effect, where its columns form a band.
+        table: The table as an effect of the estimator, where its columns form a band.
     """
 
     name: str
@@ -50,19 +61,55 @@ class Component:
     table: TableEffect | None = None
 
     @property
-    def prior_names(self) -> tuple[str, ...]:
+    def weights(self) -> tuple[str, ...]:
         """Names of its weights."""
         return () if self.prior is None else self.prior.names
 
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Course:
+    """Where the reference of one axis stands in each run: linear between even instants.
+
+    Attributes:
+        runs: Their numbers; none where one run alone has no offset.
+        spans: First and last instant of each run in s; empty without a drift.
+        pieces: Of the stated drift of each run; 0 = an offset alone.
+        steps: Of the bridge upon each piece; one has no bridge.
+    """
+
+    runs: tuple[int, ...] = ()
+    spans: tuple[tuple[float, float], ...] = ()
+    pieces: int = 0
+    steps: int = 1
+
     @property
-    def straight(self) -> Float[np.ndarray, "p z"]:
-        """What its smoothness leaves alone, columns over its values."""
-        if self.prior is None:
-            return np.eye(len(self.places))
-        return self.prior.straight
+    def offsets(self) -> Float[np.ndarray, "i k"]:
+        """Share of each knot of the drift of a run at each instant."""
+        place = np.arange(self.pieces * self.steps + 1) / self.steps
+        away = np.abs(place[:, None] - np.arange(self.pieces + 1))
+        return np.maximum(1.0 - away, 0.0)
+
+    @property
+    def bridges(self) -> Float[np.ndarray, "i b"]:
+        """Share of each value of the bridges of a run: instants between the knots."""
+        instants = np.arange(self.pieces * self.steps + 1)
+        return np.eye(len(instants))[:, instants % self.steps > 0]
+
+    @property
+    def walk(self) -> Independent:
+        """Prior of the bridges: a walk, of which a step of mean length has weight 1."""
+        inner = self.steps - 1
+        one = np.diff(np.eye(inner + 2), axis=0)[:, 1:-1]
+        length = np.array([high - low for low, high in self.spans])
+        length = np.maximum(length, max(1e-6 * float(length.max()), 1e-300))
+        share = np.repeat(length.mean() / length, self.pieces)
+        rows = sp.csr_array(sp.kron(sp.diags_array(np.sqrt(share)), one))
+        # The determinant of tridiag(-1, 2, -1) is its size and one.
+        constant = len(share) * np.log(self.steps) + inner * np.log(share).sum()
+        return Independent(rows, float(constant))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Design:
     """Columns of one axis over its usable rows.
 
@@ -76,9 +123,7 @@ class Design:
         components: Effects, then the datum, then the runs and what they wander, if any.
         banded: Number of leading columns that form a band.
         labels: Of the values, per effect.
-        knots: Run and place within it (0 to 1) of each run column.
-        spans: First and last instant of each run in s; empty without drift.
-        bridges: Between the knots; None without drift.
+        course: What the reference does within its runs.
     """
 
     axis: str
@@ -88,9 +133,7 @@ class Design:
     components: tuple[Component, ...]
     banded: int
     labels: tuple[tuple[str, ...], ...]
-    knots: tuple[tuple[int, float], ...]
-    spans: tuple[tuple[float, float], ...] = ()
-    bridges: Bridges | None = None
+    course: Course
 
     @property
     def stated(self) -> tuple[Component, ...]:
@@ -100,30 +143,41 @@ class Design:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return sum(len(component.places) for component in self.components)
+        return sum(len(part.places) for part in self.components)
 
     @property
     def datum(self) -> int:
         """Column of the datum."""
-        return next(int(c.places[0]) for c in self.components if c.kind == "datum")
+        return int(self.places_of_kind("datum")[0])
 
-    @cached_property
-    def stack(self) -> Stack:
-        """The components as a stack, in the order of their columns."""
-        ordered = sorted(self.components, key=lambda part: int(part.places.min()))
-        effects = [
-            ColumnsEffect(part.prior or NoPrior(len(part.places)), len(part.places))
-            if part.table is None
-            else part.table
-            for part in ordered
-        ]
-        return Stack(tuple(effects), bool(self.banded))
+    def places_of(self, effect: int) -> Int[np.ndarray, " p"]:
+        """Return the columns of an effect's values, in their order."""
+        return np.concatenate([c.places for c in self.components if c.effect == effect])
+
+    def places_of_kind(self, kind: str) -> Int[np.ndarray, " p"]:
+        """Return the columns of the datum, the runs or the wander; none without."""
+        own = [c.places for c in self.components if c.kind == kind]
+        return own[0] if own else np.zeros(0, np.int64)
 
     @cached_property
     def named(self) -> tuple[Component, ...]:
         """Components with weights, in the order of the weights."""
-        ordered = sorted(self.components, key=lambda part: int(part.places.min()))
-        return tuple(part for part in ordered if part.prior is not None)
+        return tuple(part for part in self._ordered if part.prior is not None)
+
+    @property
+    def _ordered(self) -> list[Component]:
+        return sorted(self.components, key=lambda part: int(part.places.min()))
+
+    @cached_property
+    def stack(self) -> Stack:
+        """The components as a stack, in the order of their columns."""
+        effects = [
+            ColumnsEffect(part.prior or NoPrior(len(part.places)), len(part.places))
+            if part.table is None
+            else part.table
+            for part in self._ordered
+        ]
+        return Stack(tuple(effects), bool(self.banded))
 
     @cached_property
     def dense(self) -> tuple[Int[np.ndarray, "r k"], Float[np.ndarray, "r k"]]:
@@ -137,10 +191,34 @@ class Design:
         nodes[row, place], shares[row, place] = self.columns.indices, self.columns.data
         return nodes, shares
 
-    def places_of(self, effect: int) -> Int[np.ndarray, " p"]:
-        """Return the columns of an effect's values, in their order."""
-        own = [c.places for c in self.components if c.effect == effect]
-        return np.concatenate(own)
+    @cached_property
+    def information(self) -> sp.csr_array:
+        """Information of all rows on the unknowns, Σ x xᵀ, whatever was measured in them."""
+        return sp.csr_array(self.columns.T @ self.columns)
+
+    @cached_property
+    def diagonal(self) -> Float[np.ndarray, " n"]:
+        """Information on each unknown alone."""
+        return np.asarray(self.information.diagonal())
+
+    @cached_property
+    def reached(self) -> Bool[np.ndarray, " n"]:
+        """Unknowns that readings tell anything of: more than the noise of a position does."""
+        least = np.full(self.size, _REACHED)
+        for part in self.components:
+            if part.kind in ("temperature coefficient", "delay"):
+                # Their columns are no shares from 0 to 1, but lengths and speeds.
+                top = (
+                    abs(self.columns[:, part.places]).max(axis=0).toarray().reshape(-1)
+                )
+                whole = top if part.kind == "delay" else top.max()
+                least[part.places] *= np.maximum(whole, 1e-300) ** 2
+        return np.asarray(self.diagonal >= least)
+
+    @cached_property
+    def touched(self) -> Float[np.ndarray, " n"]:
+        """How much the readings touch each unknown, relative to their number."""
+        return np.asarray(abs(self.columns).sum(axis=0)) / len(self.rows)
 
 
 def design_of(
@@ -148,7 +226,7 @@ def design_of(
     effects: Sequence[AbstractEffect],
     data: JointData,
     drift: int,
-    use: Bool[np.ndarray, " t"] | None,
+    use: Bool[np.ndarray, " t"] | None = None,
     measured: bool = True,
     wander: bool = True,
 ) -> Design:
@@ -166,34 +244,32 @@ def design_of(
     Raises:
         FitError: If no row is complete.
     """
+    blocks = [effect.block(data) for effect in effects]
     keep = np.ones(len(data), bool) if use is None else np.asarray(use, bool)
     if measured:
         keep = keep & np.isfinite(data.column("error", axis, "the fit"))
-    if data.run_of(axis) is not None or drift:
-        keep = keep & _clocked(data, drift)
-    blocks = [effect.block(data) for effect in effects]
-    for block in blocks:
-        keep = keep & block.known
-    rows = np.flatnonzero(keep)
+    if drift:
+        if data.time is None:
+            msg = "a drift needs the time of every reading, found none."
+            raise FitError(msg)
+        keep = keep & np.isfinite(data.time)
+    rows = np.flatnonzero(np.all([keep, *(block.known for block in blocks)], axis=0))
     if not len(rows):
         names = ", ".join(effect.name for effect in effects)
         msg = f"axis {axis}: no reading has all that {names} need."
         raise FitError(msg)
-    taken = data.take(rows)
     large = [
         (effect.size, k)
         for k, effect in enumerate(effects)
-        if effect.compensation == "plane" and effect.size > BANDED
+        if effect.compensation == "plane" and effect.size > _BANDED
     ]
     first = max(large)[1] if large else -1
-    sequence = sorted(range(len(blocks)), key=lambda k: (k != first, k))
     parts: list[sp.csr_array] = []
     components: dict[int, list[Component]] = {}
     count = 0
-    for k in sequence:
-        part = blocks[k].columns[rows]
+    for k in sorted(range(len(blocks)), key=lambda k: (k != first, k)):
+        part, table = blocks[k].columns[rows], blocks[k].table if k == first else None
         places = np.arange(count, count + effects[k].size)
-        table = blocks[k].table if k == first else None
         if table is not None:
             # In the order of the table's unknowns, so that the matrix is a band.
             places = table.unknowns
@@ -202,22 +278,13 @@ def design_of(
         components[k] = _components(k, effects[k], blocks[k], places, table)
         count += effects[k].size
     ordered = [each for k in range(len(blocks)) for each in components[k]]
-    parts.append(sp.csr_array(np.ones((len(rows), 1))))
-    ordered.append(Component(f"datum of {axis}", "datum", -1, np.array([count])))
-    count += 1
-    run_columns, knots, spans, bridges = _run_columns(
-        taken, taken.run_of(axis), drift, len(data)
-    )
-    if knots:
-        parts.append(run_columns)
-        places = np.arange(count, count + len(knots))
-        ordered.append(_run_component(f"runs of {axis}", places, drift + 1))
-        count += len(knots)
-    if wander and bridges is not None and bridges.size:
-        parts.append(bridges.columns())
-        places = np.arange(count, count + bridges.size)
-        name = f"wander of {axis}"
-        ordered.append(Component(name, "wander", -1, places, bridges.prior))
+    course, beside = _course(data, axis, rows, drift, wander)
+    constant: Any = sp.csr_array(np.ones((len(rows), 1)))
+    for kind, added in {"datum": constant, **beside}.items():
+        places = np.arange(count, count + added.shape[1])
+        parts.append(added)
+        ordered.append(_nuisance(f"{kind} of {axis}", kind, places, course))
+        count += added.shape[1]
     return Design(
         axis=axis,
         effects=tuple(effects),
@@ -226,21 +293,8 @@ def design_of(
         components=tuple(ordered),
         banded=effects[first].size if large else 0,
         labels=tuple(block.labels for block in blocks),
-        knots=knots,
-        spans=spans,
-        bridges=bridges if wander else None,
+        course=course,
     )
-
-
-def _run_component(name: str, places: Int[np.ndarray, " p"], per: int) -> Component:
-    """Return the runs; a drift of several pieces is smooth, how smooth the readings say."""
-    if per < 3:
-        return Component(name, "runs", -1, places)
-    runs = len(places) // per
-    prior = Smooth(
-        chain(np.linspace(0.0, 1.0, per)), None, runs, np.arange(len(places))
-    )
-    return Component(name, "runs", -1, places, prior)
 
 
 def _components(
@@ -250,69 +304,64 @@ def _components(
     places: Int[np.ndarray, " p"],
     table: TableEffect | None,
 ) -> list[Component]:
-    if isinstance(effect, TemperatureEffect):
-        result, first = [], 0
-        for law, nodes in effect.nodes.items():
-            own = places[first : first + len(nodes)]
-            name = f"{law} of the {effect.name}"
-            result.append(Component(name, f"temperature {law}", number, own))
-            first += len(nodes)
-        return result
+    kind = effect.compensation
+    if not isinstance(effect, TemperatureEffect):
+        return [Component(effect.name, kind, number, places, block.prior, table)]
+    ends = np.cumsum([len(nodes) for nodes in effect.nodes.values()])[:-1]
     return [
-        Component(effect.name, effect.compensation, number, places, block.prior, table)
+        Component(f"{law} of the {effect.name}", f"{kind} {law}", number, own)
+        for law, own in zip(effect.nodes, np.split(places, ends), strict=True)
     ]
 
 
-def _clocked(data: JointData, drift: int) -> Bool[np.ndarray, " t"]:
-    if drift and data.time is None:
-        msg = "a drift needs the time of every reading, found none."
-        raise FitError(msg)
-    if drift and data.time is not None:
-        return np.asarray(np.isfinite(data.time))
-    return np.ones(len(data), bool)
+def _nuisance(
+    name: str, kind: str, places: Int[np.ndarray, " p"], course: Course
+) -> Component:
+    """Return datum, runs or wander; a drift of several pieces is smooth, how much by evidence."""
+    prior: Smooth | Independent | None = course.walk if kind == "wander" else None
+    if kind == "runs" and course.pieces > 1:
+        line = chain(np.linspace(0.0, 1.0, course.pieces + 1))
+        prior = Smooth(line, None, len(course.runs), np.arange(len(places)))
+    return Component(name, kind, -1, places, prior)
 
 
-def _run_columns(
-    data: JointData, run: Int[np.ndarray, " t"] | None, drift: int, recorded: int
-) -> tuple[
-    sp.csr_array,
-    tuple[tuple[int, float], ...],
-    tuple[tuple[float, float], ...],
-    Bridges | None,
-]:
-    """Return an offset per run, or the knots of its drift, when each run began and ended.
+def _course(
+    data: JointData, axis: str, rows: Int[np.ndarray, " r"], drift: int, wander: bool
+) -> tuple[Course, dict[str, Any]]:
+    """Return what the reference does, and the columns of its offsets and bridges.
 
     One run alone has no offset. A drift has bridges between its knots, as many as all rows of
     the recording can tell.
     """
-    count = len(data)
-    run = np.zeros(count, np.int64) if run is None else run
+    own = data.run_of(axis)
+    run = np.zeros(len(rows), np.int64) if own is None else own[rows]
     labels, index = np.unique(run, return_inverse=True)
     if len(labels) < 2 and not drift:
-        return sp.csr_array((count, 0)), (), (), None
-    per = drift + 1 if drift else 1
-    share = np.ones((count, 1))
-    spans: tuple[tuple[float, float], ...] = ()
-    bridges: Bridges | None = None
+        return Course(), {}
+    course = Course(tuple(int(label) for label in labels))
+    place = np.zeros(len(rows))
     if drift and data.time is not None:
-        low = np.full(len(labels), np.inf)
-        high = np.full(len(labels), -np.inf)
-        np.minimum.at(low, index, data.time)
-        np.maximum.at(high, index, data.time)
-        span = np.maximum(high - low, 1e-12)
-        place = (data.time - low[index]) / span[index]
-        share = node_shares(place, np.linspace(0.0, 1.0, per))
-        spans = tuple(zip(low.tolist(), (low + span).tolist(), strict=True))
-        steps = steps_of(recorded, len(labels), drift)
-        bridges = Bridges(index, place, span, drift, steps)
-    columns = index[:, None] * per + np.arange(per)
-    matrix = sp.csr_array(
-        (share.reshape(-1), columns.reshape(-1), np.arange(count + 1) * per),
-        shape=(count, len(labels) * per),
-    )
-    knots = tuple(
-        (int(label), float(place))
-        for label in labels
-        for place in (np.linspace(0.0, 1.0, per) if drift else (0.5,))
-    )
-    return matrix, knots, spans, bridges
+        time = data.time[rows]
+        low, high = np.full(len(labels), np.inf), np.full(len(labels), -np.inf)
+        np.minimum.at(low, index, time)
+        np.maximum.at(high, index, time)
+        high = np.maximum(high, low + 1e-12)
+        spans = tuple(zip(low.tolist(), high.tolist(), strict=True))
+        most = min(_STEPS, len(data) // _READINGS) // (len(labels) * drift)
+        course = Course(course.runs, spans, drift, max(most, 1) if wander else 1)
+        place = (time - low[index]) / (high - low)[index]
+    cells = course.pieces * course.steps
+    cell = np.clip(np.floor(place * cells), 0, max(cells - 1, 0)).astype(np.int64)
+    right = place * cells - cell
+    first = index * (cells + 1)
+    nodes = first + cell, first + np.minimum(cell + 1, cells)
+    entries = (np.tile(np.arange(len(rows)), 2), np.concatenate(nodes))
+    shape = (len(rows), len(labels) * (cells + 1))
+    at = sp.csr_array((np.concatenate([1.0 - right, right]), entries), shape=shape)
+    parts = {"runs": course.offsets, "wander": course.bridges}
+    each = sp.eye_array(len(labels))
+    return course, {
+        kind: sp.csr_array(at @ sp.kron(each, own, format="csr"))
+        for kind, own in parts.items()
+        if own.shape[1]
+    }

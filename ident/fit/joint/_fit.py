@@ -5,15 +5,21 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from ...core._threads import cores, one_blas_thread
-from ._axis import AxisFit, Smoothness, fit_axis, weights_by_name
-from ._data import JointData
-from ._effect import AbstractEffect
-from ._prepare import Prepared, by_axis
-from ._report import curves_of, part_of, report_of
-from ._result import AbstractAlignment, JointFit, Part
+from ...core import FitError, cores, one_blas_thread
+from ._axis import AxisFit, fit_axis
+from ._design import design_of
+from ._effect import AbstractEffect, JointData
+from ._gauge import Unheld
+from ._identified import Identified, identified
+from ._result import (
+    Identifiability,
+    JointFit,
+    Options,
+    Smoothness,
+)
+from ._words import confusions_of, gauges_of
 
 _TOO_MANY = 0.1
 """Share of wild readings from which on not the readings are at fault but the effects."""
@@ -53,7 +59,7 @@ def fit_joint(
         FitError: If an input is missing, or the readings do not determine the effects.
     """
     placed = [effect.placed(data) for effect in effects]
-    return _fit(data, placed, _Options(loss, smoothness, drift), use, {})
+    return _fit(data, placed, Options(loss, smoothness, drift), use, {})
 
 
 def refit_joint(
@@ -72,137 +78,119 @@ def refit_joint(
     Raises:
         FitError: If these rows do not determine the effects.
     """
-    align = fit.align
-    assert isinstance(align, Alignment)
-    options = dataclasses.replace(align.options, smoothness=align.smoothness)
-    return _fit(data, [part.effect for part in fit.parts], options, use, align.axes)
+    return _fit(data, [part.effect for part in fit.parts], fit.options, use, fit.known)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Options:
-    """How to fit."""
+def examine_design(
+    data: JointData,
+    effects: Sequence[AbstractEffect],
+    *,
+    drift: int = 0,
+    use: Bool[np.ndarray, " t"] | None = None,
+) -> Identifiability:
+    """Return what these rows can tell of effects, whatever was or will be measured.
 
-    loss: str
-    smoothness: Smoothness
-    drift: int
+    Looks at positions, directions, accelerations, temperatures, times and runs only. Of the
+    errors it uses where there are any (rows without are left out); with no error of an axis
+    recorded at all, every row counts: a planned measurement can be examined.
+
+    Args:
+        data: Rows, measured or planned.
+        effects: What is to be fitted.
+        drift: Pieces of the drift of each run, as for `fit_joint`.
+        use: Rows that may be used; None = all.
+
+    Raises:
+        FitError: If an input is missing or no row is complete.
+    """
+    placed = [effect.placed(data) for effect in effects]
+    with one_blas_thread():
+        axes = [
+            identified(design, Unheld.of(design), data, drift)
+            for axis, own in _by_axis(placed).items()
+            for design in [design_of(axis, own, data, drift, use, axis in data.error)]
+        ]
+        gauges = tuple(gauge for known in axes for gauge in gauges_of(known))
+    share = {
+        effect.name: known.share_of(number)
+        for known in axes
+        for number, effect in enumerate(known.design.effects)
+    }
+    return Identifiability(
+        tuple(share[effect.name] for effect in placed),
+        gauges,
+        tuple(each for known in axes for each in confusions_of(known)),
+    )
+
+
+def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[AbstractEffect]]:
+    """Return the effects of each compensated axis.
+
+    Raises:
+        FitError: If there is none, or the same one twice.
+    """
+    if not effects:
+        msg = "found no effects, expected one at least."
+        raise FitError(msg)
+    result: dict[str, list[AbstractEffect]] = {}
+    names: set[str] = set()
+    for effect in effects:
+        if effect.name in names:
+            msg = f"found the {effect.name} twice, expected each effect once."
+            raise FitError(msg)
+        names.add(effect.name)
+        result.setdefault(effect.axis, []).append(effect)
+    return result
 
 
 def _fit(
     data: JointData,
     placed: Sequence[AbstractEffect],
-    options: _Options,
+    options: Options,
     use: Bool[np.ndarray, " t"] | None,
-    like: Mapping[str, Prepared],
+    like: Mapping[str, Identified],
 ) -> JointFit:
-    groups = by_axis(placed)
+    groups = _by_axis(placed)
 
     def one(axis: str) -> AxisFit:
-        own = [placed[number] for number in groups[axis]]
-
-        def with_loss(loss: str) -> AxisFit:
-            return fit_axis(
-                axis,
-                own,
-                data,
-                loss=loss,
-                smoothness=options.smoothness,
-                drift=options.drift,
-                use=use,
-                like=like.get(axis),
-            )
-
-        found = with_loss(options.loss)
+        found = fit_axis(axis, groups[axis], data, options, use, like.get(axis))
         wild = float((~found.active).mean())
         if options.loss == "student" and wild > _TOO_MANY:
             # So many that agree with each other: not they are at fault.
-            return with_loss("huber")
+            mild = dataclasses.replace(options, loss="huber")
+            return fit_axis(axis, groups[axis], data, mild, use, like.get(axis))
         return found
 
     with one_blas_thread():
-        # Axes share no unknowns; their matrix products leave the interpreter free.
-        workers = max(min(len(groups), cores()), 1)
-        # The largest first, so that none is left alone at the end.
-        size = {a: sum(placed[n].size for n in groups[a]) for a in groups}
+        # Axes share no unknowns; their matrix products leave the interpreter free. The
+        # largest first, so that none is left alone at the end.
+        size = {axis: sum(each.size for each in own) for axis, own in groups.items()}
         order = sorted(groups, key=lambda axis: -size[axis])
-        with ThreadPoolExecutor(workers) as pool:
+        with ThreadPoolExecutor(min(len(groups), cores())) as pool:
             found = dict(zip(order, pool.map(one, order), strict=True))
         fits = {axis: found[axis] for axis in groups}
-        return _result(data, groups, fits, options)
-
-
-@dataclasses.dataclass(frozen=True)
-class Alignment(AbstractAlignment):
-    """The rules of all axes.
-
-    Attributes:
-        groups: Numbers of the effects of each axis.
-        axes: Columns and rules of each axis.
-        options: Of the fit.
-        smoothness: Weights of each table and of the drift, by name.
-    """
-
-    groups: Mapping[str, Sequence[int]]
-    axes: Mapping[str, Prepared]
-    options: _Options
-    smoothness: Mapping[str, Mapping[str, float]]
-
-    def moved(
-        self, values: Sequence[Float[np.ndarray, " _p"]], datum: Mapping[str, float]
-    ) -> tuple[list[Float[np.ndarray, " _p"]], dict[str, float]]:
-        """See `AbstractAlignment`."""
-        result = [np.asarray(each, float) for each in values]
-        constants = {}
-        for axis, ready in self.axes.items():
-            design = ready.design
-            theta = np.zeros(design.size)
-            theta[design.datum] = datum.get(axis, 0.0)
-            for place, number in enumerate(self.groups[axis]):
-                theta[design.places_of(place)] = result[number]
-            theta = ready.rules.project(theta)
-            constants[axis] = float(theta[design.datum])
-            for place, number in enumerate(self.groups[axis]):
-                result[number] = theta[design.places_of(place)]
-        return result, constants
-
-
-def _result(
-    data: JointData,
-    groups: Mapping[str, Sequence[int]],
-    fits: Mapping[str, AxisFit],
-    options: _Options,
-) -> JointFit:
-    parts: dict[int, Part] = {}
-    reports = {axis: report_of(data, fit) for axis, fit in fits.items()}
-    for axis, fit in fits.items():
-        for place, number in enumerate(groups[axis]):
-            parts[number] = part_of(data, fit, reports[axis], place)
+        parts = {part.name: part for fit in fits.values() for part in fit.parts()}
+        known = {axis: fit.known for axis, fit in fits.items()}
+        runs = {axis: fit.runs() for axis, fit in fits.items()}
+        gauges = tuple(each for own in known.values() for each in gauges_of(own))
+    weights = {k: own for fit in fits.values() for k, own in fit.smoothness().items()}
     messages = [
-        f"Axis {axis}: {report.message}" if len(fits) > 1 else report.message
-        for axis, report in reports.items()
+        f"Axis {axis}: {fit.message}" if len(fits) > 1 else fit.message
+        for axis, fit in fits.items()
     ]
     return JointFit(
-        parts=tuple(parts[number] for number in sorted(parts)),
-        datum={axis: report.datum for axis, report in reports.items()},
-        noise={axis: report.noise for axis, report in reports.items()},
-        residual={axis: report.residual for axis, report in reports.items()},
-        share={axis: report.share for axis, report in reports.items()},
-        wild={axis: report.wild for axis, report in reports.items()},
-        runs={axis: report.runs for axis, report in reports.items()},
-        run_curves={axis: curves_of(fit) for axis, fit in fits.items()},
-        gauges=tuple(each for fit in fits.values() for each in fit.ready.gauges),
-        confusions=tuple(
-            each for fit in fits.values() for each in fit.ready.confusions
-        ),
-        converged=all(fit.settled for fit in fits.values()),
+        parts=tuple(parts[effect.name] for effect in placed),
+        datum={axis: fit.datum for axis, fit in fits.items()},
+        noise={axis: fit.estimate.noise for axis, fit in fits.items()},
+        residual={a: fit.over_rows(fit.left, np.nan) for a, fit in fits.items()},
+        share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
+        wild={axis: fit.over_rows(~fit.active, False) for axis, fit in fits.items()},
+        runs=runs,
+        run_curves={axis: fit.curves() for axis, fit in fits.items()},
+        gauges=gauges,
+        confusions=tuple(each for own in known.values() for each in confusions_of(own)),
+        converged=all(fit.estimate.converged for fit in fits.values()),
         message=" ".join(messages),
-        align=Alignment(
-            groups,
-            {axis: fit.ready for axis, fit in fits.items()},
-            options,
-            {
-                name: each
-                for fit in fits.values()
-                for name, each in weights_by_name(fit).items()
-            },
-        ),
+        known=known,
+        options=dataclasses.replace(options, smoothness=weights),
     )

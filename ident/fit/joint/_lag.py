@@ -1,34 +1,40 @@
 """Lags between sensors and structure by variable projection.
 
-For a trial lag only the columns of the temperature change: everything else is eliminated
+For a trial lag only the columns of the temperatures change: everything else is eliminated
 once, the rest is a problem of a few unknowns, and the restricted likelihood is a function of
-the logarithm of the lag alone.
+the logarithms of the lags alone.
 
 Source: G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973.
 """
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import final
 
 import numpy as np
-from jaxtyping import Float
+import scipy.sparse as sp
+from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
 from ...core import Estimate, FitError
-from ._data import JointData
 from ._design import Design
-from ._effect import AbstractEffect
-from ._eliminated import Rest, eliminated
+from ._effect import AbstractEffect, JointData
 from ._temperature import TemperatureEffect
 
 _GRID = 14
 _WORTH = 4.0
 """Gain in evidence below which there is no lag."""
-_STEP, _LEAST = 0.05, 1e-3
-"""Step in a logarithm for slope and curvature: to begin with, and the smallest one."""
+_STEP = 0.02
+"""Step in a lag for its slope, as a share of it."""
+_RIDGE = 1e-9
+
+Vector = Float[np.ndarray, " _n"]
+Profile = Callable[[Mapping[str, float]], tuple[float, Vector]]
+"""Returns the evidence of lags by sensor, up to a constant, and all unknowns."""
 
 
-@dataclasses.dataclass(frozen=True)
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
 class FoundLag:
     """The lag of one sensor in s, its standard deviation, and what it moves.
 
@@ -36,24 +42,20 @@ class FoundLag:
         value: Time constant in s; 0 = none shows.
         deviation: Of it, in s.
         slope: Change of all unknowns per s.
+        direction: Change of the fitted readings per s, that of the unknowns included.
     """
 
     value: float
     deviation: float
     slope: Float[np.ndarray, " n"]
+    direction: Float[np.ndarray, " r"]
 
 
 def sensors_to_fit(effects: Sequence[AbstractEffect]) -> tuple[str, ...]:
     """Return the sensors whose lag is to be fitted."""
-    return tuple(
-        dict.fromkeys(
-            sensor
-            for effect in effects
-            if isinstance(effect, TemperatureEffect)
-            for sensor, lag in effect.lags.items()
-            if lag == "fit"
-        )
-    )
+    lags = [effect.lags for effect in effects if isinstance(effect, TemperatureEffect)]
+    own = [sensor for each in lags for sensor, lag in each.items() if lag == "fit"]
+    return tuple(dict.fromkeys(own))
 
 
 def find_lags(
@@ -61,8 +63,7 @@ def find_lags(
     data: JointData,
     fit: Estimate,
     pseudo: Float[np.ndarray, " r"],
-    sensors: tuple[str, ...],
-    near: Mapping[str, float] | None = None,
+    near: Mapping[str, float],
 ) -> dict[str, FoundLag]:
     """Return the lags with the best evidence, smoothness and weights of readings as they are.
 
@@ -70,102 +71,140 @@ def find_lags(
         design: Columns; the present lags do not matter.
         data: All rows: a lag remembers those that are not fitted.
         fit: A fit with any lags.
-        pseudo: Its pseudo-readings.
-        sensors: Whose lag to find.
-        near: Lags that are about right, so that no others are tried; 0 = none showed.
+        pseudo: Its pseudo-readings about `Estimate.centre`, 0 where one is not believed.
+        near: Lags that are about right by sensor, so that no others are tried; 0 = unknown.
 
     Raises:
         FitError: If there is no clock.
     """
-    if data.time is None:
-        msg = f"axis {design.axis}: a lag needs the time of every reading, found none."
-        raise FitError(msg)
-    rest = eliminated(design, data, fit, pseudo)
-    low, high = _bounds(data.time)
-    lags = {sensor: (near or {}).get(sensor, 0.0) for sensor in sensors}
-    grid = np.linspace(low, high, _GRID)
-
-    for sensor, known in list(lags.items()):
+    profile = _profile(design, data, fit, pseudo)
+    low, high = _bounds(design.axis, data)
+    lags = dict(near)
+    for sensor, known in near.items():
         # One after the other roughly; then all together.
-        logs = np.log([known]) if known > 0.0 else grid
-        costs = [rest.profile({**lags, sensor: float(np.exp(log))})[0] for log in logs]
-        still = rest.profile({**lags, sensor: 0.0})[0]
+        grid = np.log([known]) if known > 0.0 else np.linspace(low, high, _GRID)
+        trials = [{**lags, sensor: float(lag)} for lag in np.exp(grid)]
+        costs = [profile(trial)[0] for trial in trials]
         best = int(np.argmin(costs))
-        shows = still - costs[best] > _WORTH
-        lags[sensor] = float(np.exp(logs[best])) if shows else 0.0
-    return _together(rest, design.size, lags, (low, high))
+        none = {**lags, sensor: 0.0}
+        lags = trials[best] if profile(none)[0] - costs[best] > _WORTH else none
+    shown = [sensor for sensor, lag in lags.items() if lag > 0.0]
+    if shown:
+        logs = minimize(
+            lambda logs: profile({**lags, **dict(zip(shown, np.exp(logs), strict=True))})[0],
+            np.log([lags[sensor] for sensor in shown]),
+            method="L-BFGS-B", jac="3-point", bounds=[(low, high)] * len(shown),
+            options={"gtol": 1e-2, "finite_diff_rel_step": 1e-3},
+        ).x  # fmt: skip
+        lags |= zip(shown, np.exp(logs).tolist(), strict=True)
+    return _with_deviations(design, data, fit, pseudo != 0.0, lags, profile(lags)[1])
 
 
-def _together(
-    rest: Rest,
-    size: int,
+def _with_deviations(
+    design: Design,
+    data: JointData,
+    fit: Estimate,
+    active: Bool[np.ndarray, " r"],
     lags: Mapping[str, float],
-    ends: tuple[float, float],
+    theta: Vector,
 ) -> dict[str, FoundLag]:
-    """Return all lags above 0 at their best, their logarithms searched."""
-    names = [sensor for sensor, lag in lags.items() if lag > 0.0]
-    result = {sensor: FoundLag(0.0, 0.0, np.zeros(size)) for sensor in lags}
-    if not names:
-        return result
-
-    def at(logs: Float[np.ndarray, " m"]) -> tuple[float, Float[np.ndarray, " n"]]:
-        trial = dict(zip(names, np.exp(logs).tolist(), strict=True))
-        return rest.profile({**lags, **trial})
-
-    start = np.log([lags[sensor] for sensor in names])
-    best = minimize(
-        lambda logs: at(logs)[0], start, method="L-BFGS-B", jac="3-point",
-        bounds=[ends] * len(names), options={"ftol": 1e-12, "gtol": 1e-4},
-    )  # fmt: skip
-    logs, value = np.asarray(best.x), float(best.fun)
-    width = np.full(len(logs), _STEP)
-    for _ in range(2):
-        # Two deviations: wider ones would see how lopsided the evidence is.
-        _, curvature, _ = _derivatives(at, logs, value, width)
-        width = np.sqrt(8.0 / np.maximum(np.abs(np.diag(curvature)), 1e-12))
-        width = np.clip(width, _LEAST, _STEP)
-    _, curvature, slopes = _derivatives(at, logs, value, width)
-    # Minus twice the log-likelihood: the covariance is two over its curvature.
-    curvature = curvature + 1e-12 * np.eye(len(logs))
-    spread = np.sqrt(np.abs(np.diag(2.0 * np.linalg.inv(curvature))))
-    for k, sensor in enumerate(names):
-        lag = float(np.exp(logs[k]))
-        result[sensor] = FoundLag(lag, lag * float(spread[k]), slopes[k] / lag)
-    return result
+    """Return the lags with their deviations: as further columns, linear near the best ones."""
+    shown = [sensor for sensor, lag in lags.items() if lag > 0.0]
+    own, change = _heated_places(design), np.zeros((len(design.rows), len(shown)))
+    for k, sensor in enumerate(shown):
+        ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
+        later, sooner = (
+            _heated(design, data, {**lags, sensor: end}) @ theta[own] for end in ends
+        )
+        change[:, k] = (later - sooner) / (ends[0] - ends[1])
+    seen = change * active[:, None]
+    post = fit.posterior
+    response = post.factor.solve(np.asarray(design.columns.T @ seen))
+    direction = change - design.columns @ response
+    information = seen.T @ direction
+    information += 1e-12 * np.trace(information) * np.eye(len(shown))
+    deviation = np.sqrt(post.variance * np.diag(np.linalg.inv(information)))
+    none = FoundLag(0.0, 0.0, np.zeros(design.size), np.zeros(len(design.rows)))
+    return dict.fromkeys(lags, none) | {
+        sensor: FoundLag(
+            lags[sensor], float(deviation[k]), -response[:, k], direction[:, k]
+        )
+        for k, sensor in enumerate(shown)
+    }
 
 
-def _derivatives(
-    at: Callable[[Float[np.ndarray, " m"]], tuple[float, Float[np.ndarray, " n"]]],
-    logs: Float[np.ndarray, " m"],
-    value: float,
-    width: Float[np.ndarray, " m"],
-) -> tuple[
-    Float[np.ndarray, " m"], Float[np.ndarray, "m m"], list[Float[np.ndarray, " n"]]
-]:
-    """Return slope and curvature of the evidence, and the slopes of the unknowns."""
-    count = len(logs)
-    unit = np.diag(width)
-    ends = [(at(logs + step), at(logs - step)) for step in unit]
-    both = 2.0 * width
-    slope = np.array([up[0] - down[0] for up, down in ends]) / both
-    bent = np.array([up[0] - 2.0 * value + down[0] for up, down in ends])
-    curvature = np.diag(bent / width**2)
-    for i in range(count):
-        for j in range(i):
-            four = [
-                sign * at(logs + a * unit[i] + b * unit[j])[0]
-                for a, b, sign in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
-            ]
-            curvature[i, j] = curvature[j, i] = sum(four) / (both[i] * both[j])
-    slopes = [
-        (up[1] - down[1]) / wide for (up, down), wide in zip(ends, both, strict=True)
-    ]
-    return slope, curvature, slopes
+def _heated(
+    design: Design, data: JointData, lags: Mapping[str, float]
+) -> Float[np.ndarray, "r k"]:
+    """Return the columns of the temperatures for trial lags."""
+    effects = [each for each in design.effects if isinstance(each, TemperatureEffect)]
+    blocks = [effect.lagging(lags).block(data) for effect in effects]
+    return np.hstack([each.columns[design.rows].toarray() for each in blocks])
 
 
-def _bounds(time: Float[np.ndarray, " t"]) -> tuple[float, float]:
+def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
+    effects = enumerate(design.effects)
+    own = [k for k, effect in effects if isinstance(effect, TemperatureEffect)]
+    return np.concatenate([design.places_of(k) for k in own])
+
+
+def _profile(
+    design: Design, data: JointData, fit: Estimate, pseudo: Float[np.ndarray, " r"]
+) -> Profile:
+    """Return the evidence of lags, everything but the temperatures eliminated once.
+
+    The factor of the fit has the temperatures in it. Where they are held, the others solve as
+    with them, less what the temperatures did.
+    """
+    own, factor, active = _heated_places(design), fit.posterior.factor, pseudo != 0.0
+    unit = np.zeros((design.size, len(own)))
+    unit[own, np.arange(len(own))] = 1.0
+    response = factor.solve(unit)
+
+    def solve(right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
+        """Return the solution with the temperatures held at zero."""
+        found = factor.solve(right)
+        found = found - response @ np.linalg.solve(response[own], found[own])
+        found[own] = 0.0
+        return np.asarray(found)
+
+    def beside(rows: Float[np.ndarray, "r *k"]) -> Float[np.ndarray, "n *k"]:
+        """Return the right-hand side of the others for readings, or columns of them."""
+        found = np.asarray(across @ rows)
+        found[own] = 0.0
+        return found
+
+    across = sp.csr_array(design.columns.T)
+    target = np.where(active, pseudo + design.columns @ fit.centre, 0.0)
+    right = beside(target)
+    base = solve(right)
+    rest = float(target @ target) - float(right @ base)
+
+    def profile(lags: Mapping[str, float]) -> tuple[float, Vector]:
+        columns = _heated(design, data, lags) * active[:, None]
+        coupling = beside(columns)
+        through = solve(coupling)
+        schur = columns.T @ columns - coupling.T @ through
+        right = columns.T @ target - coupling.T @ base
+        scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
+        scaled = schur / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+        values = np.linalg.solve(scaled, right / scale) / scale
+        square = max(rest - float(right @ values), 1e-300)
+        _, logdet = np.linalg.slogdet(scaled * np.outer(scale, scale))
+        theta = base - through @ values
+        theta[own] = values
+        degrees = fit.posterior.problem.degrees
+        return degrees * float(np.log(square)) + float(logdet), theta
+
+    return profile
+
+
+def _bounds(axis: str, data: JointData) -> tuple[float, float]:
     """Return the logarithms of the shortest and the longest lag that a clock could show."""
-    clock = np.unique(time[np.isfinite(time)])
+    if data.time is None:
+        msg = f"axis {axis}: a lag needs the time of every reading, found none."
+        raise FitError(msg)
+    clock = np.unique(data.time[np.isfinite(data.time)])
     if len(clock) < 3:
         msg = "all readings have the same time, expected a clock that runs."
         raise FitError(msg)

@@ -1,6 +1,5 @@
 """What comes out of a joint fit, and what its data can tell."""
 
-import abc
 import dataclasses
 from collections.abc import Mapping, Sequence
 
@@ -8,64 +7,21 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._types import RunEffect
-from ._data import JointData
-from ._effect import AbstractEffect
+from ._effect import AbstractEffect, JointData
+from ._identified import Identified
+from ._words import Confusion, Gauge
+
+Smoothness = str | float | Mapping[str, Mapping[str, float]]
+"""``"auto"``, a number, or weights by name of the table."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Gauge:
-    """What may be moved between effects without changing their sum: harmless.
+class Options:
+    """How to fit; see `fit_joint`."""
 
-    Attributes:
-        effects: Names of those between which it may be moved.
-        sentence: That, in words.
-        rule: How it was fixed, in words.
-    """
-
-    effects: tuple[str, ...]
-    sentence: str
-    rule: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Confusion:
-    """What these data cannot tell apart, whatever the errors are: what is lost is not known.
-
-    Attributes:
-        effects: Names of the two (or of one alone, where no reading shows it).
-        parameters: What is lost, in words; not all of a long table.
-        correlation: Of what the two do to the readings, −1 to 1; 0 where one stands alone.
-        sentence: What it is, and what to measure to tell them apart.
-    """
-
-    effects: tuple[str, ...]
-    parameters: tuple[str, ...]
-    correlation: float
-    sentence: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Determination:
-    """What data can tell of one effect, independent of the measured values.
-
-    Attributes:
-        effect: The effect, its nodes placed.
-        share: Information of the effect that is left after all other effects, the run effects
-            and the datum are projected out, relative to what it would have alone: mean over
-            its independent directions, 0 (nothing) to 1 (as if it were alone). Directions that a
-            gauge gives to another effect do not count; values that no reading touches count
-            as 0.
-        deviation: Standard deviation of each value per unit of noise, under the stated gauge
-            and a light smoothness; inf where the data do not tell it.
-        support: Readings that touch each value.
-        determined: Whether the data tell the value.
-    """
-
-    effect: AbstractEffect
-    share: float
-    deviation: Float[np.ndarray, " p"]
-    support: Int[np.ndarray, " p"]
-    determined: Bool[np.ndarray, " p"]
+    loss: str
+    smoothness: Smoothness
+    drift: int
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,12 +29,12 @@ class Identifiability:
     """What data can tell of effects; never looks at the measured values.
 
     Attributes:
-        effects: One per effect, in the order given.
+        share: `Part.share` of each effect, in the order given.
         gauges: Freedoms of the sum, with the rules that fix them.
         confusions: What these data cannot tell apart.
     """
 
-    effects: tuple[Determination, ...]
+    share: tuple[float, ...]
     gauges: tuple[Gauge, ...]
     confusions: tuple[Confusion, ...]
 
@@ -101,7 +57,11 @@ class Part:
         determined: Whether the data tell the value: False where no reading reaches it and
             where it is confused with another effect.
         labels: What each value is, in words.
-        share: `Determination.share`.
+        share: Information of the effect that is left after all other effects, the run effects
+            and the datum are projected out, relative to what it would have alone: mean over
+            its independent directions, 0 (nothing) to 1 (as if it were alone). Directions that a
+            gauge gives to another effect do not count; values that no reading touches count
+            as 0.
         contribution: What it adds to each reading in mm or °; NaN where an input is missing.
         rms: Root mean square of that over the readings of its axis, in mm or °.
         smoothness: Weights of the prior by name, relative to 1/noise².
@@ -162,16 +122,6 @@ class RunCurve:
     value: Float[np.ndarray, " _n"]
 
 
-class AbstractAlignment(abc.ABC):
-    """Moves what may be moved between effects to where the rules of a fit put it."""
-
-    @abc.abstractmethod
-    def moved(
-        self, values: Sequence[Float[np.ndarray, " _p"]], datum: Mapping[str, float]
-    ) -> tuple[list[Float[np.ndarray, " _p"]], dict[str, float]]:
-        """Return values of all parts and the datum of each axis under the rules."""
-
-
 @dataclasses.dataclass(frozen=True)
 class JointFit:
     """Effects fitted together; signs are those of the *error*.
@@ -191,7 +141,9 @@ class JointFit:
         confusions: What these data cannot tell apart.
         converged: Whether the iterations reached their tolerance.
         message: One sentence or more on how the fit went.
-        align: Brings values of all parts and the datum to the gauge of this fit (`in_gauge`).
+        known: What the rows tell whatever was measured in them, with the rules of the gauge, by
+            axis.
+        options: By which it was fitted, the smoothness as found.
     """
 
     parts: tuple[Part, ...]
@@ -206,7 +158,8 @@ class JointFit:
     confusions: tuple[Confusion, ...]
     converged: bool
     message: str
-    align: AbstractAlignment
+    known: Mapping[str, Identified]
+    options: Options
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -274,4 +227,17 @@ class JointFit:
             values: One array per part.
             datum: Constant of each axis in mm or °; 0 where not given.
         """
-        return self.align.moved(values, datum or {})
+        result = [np.asarray(each, float) for each in values]
+        constants = {}
+        for axis, known in self.known.items():
+            design, given = known.design, (datum or {}).get(axis, 0.0)
+            own = [k for k, part in enumerate(self.parts) if part.effect.axis == axis]
+            theta = np.zeros(design.size)
+            theta[design.datum] = given
+            for place, number in enumerate(own):
+                theta[design.places_of(place)] = result[number]
+            theta = known.rules.project(theta)
+            constants[axis] = float(theta[design.datum])
+            for place, number in enumerate(own):
+                result[number] = theta[design.places_of(place)]
+        return result, constants

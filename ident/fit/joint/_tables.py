@@ -1,61 +1,111 @@
-"""Tables as effects: leadscrew, cross, plane, over the stencil of the controller."""
+"""Tables as effects, over the stencils of the controller: leadscrew, cross, plane, crosstalk."""
 
+import abc
 import dataclasses
+import itertools
+from functools import cached_property
 from typing import final
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ...core._errors import FitError
-from .._types import Samples, TableLayout
-from ._data import JointData
-from ._effect import AbstractEffect, AbstractOwnEffect, Block, sparse_rows
+from ....models import Conventions, Crosstalk, surface_through
+from ...core import FitError, Readings, TableEffect
+from ...core._readings import padded
+from ...kinds.crosstalk import BRANCHES, MOST_TESTS
+from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, sparse_rows
+
+_LEAST_ROWS = 1024
+"""Rows are filled up to powers of two from here on, so that compiled code is used again."""
 
 
-def _ascending(nodes: Float[np.ndarray, " _n"], name: str) -> None:
-    if len(nodes) < 2 or not (np.diff(nodes) > 0).all():
-        msg = f"{name}: expected at least two nodes in ascending order."
-        raise FitError(msg)
+@dataclasses.dataclass(frozen=True, eq=False)
+class AbstractTable(AbstractEffect):
+    """A table over one or two masters; its values are in the order of the list.
 
-
-def _table_block(
-    layout: TableLayout,
-    inputs: tuple[Float[np.ndarray, " t"], ...],
-    branch: Float[np.ndarray, " t"] | None,
-    labels: tuple[str, ...],
-) -> Block:
-    """Return the block of a table; values in the order of the list, the end of a ring once.
-
-    Args:
-        layout: Where the nodes lie.
-        inputs: Position per input axis, NaN = not measured.
-        branch: Direction of motion for a table with two branches.
-        labels: Of the values.
+    The end of a ring has no value of its own, it is the start again.
     """
-    positions = np.column_stack(inputs)
-    known = np.asarray(np.isfinite(positions).all(axis=1))
-    side = None
-    if branch is not None:
-        known &= np.isfinite(branch)
-        side = (branch < 0).astype(np.int64)
-    table = layout.effect
-    # What is not known goes to the first node, with share zero.
-    filled = np.where(known[:, None], positions, [nodes[0] for nodes in layout.nodes])
-    readings = layout.readings(Samples(filled, np.zeros(len(known)), side))
-    nodes, shares = table.design(readings)
-    own = np.argsort(table.unknowns)
-    columns = sparse_rows(own[nodes], shares, known, table.size)
-    prior = dataclasses.replace(table.prior, order=own[table.prior.order])
-    return Block(columns, known, labels, ("mm",) * table.size, prior, table)
+
+    def __post_init__(self) -> None:
+        for nodes in self.table_effect.nodes:
+            if len(nodes) < 2 or not (np.diff(nodes) > 0).all():
+                msg = f"{self.name}: expected at least two nodes in ascending order."
+                raise FitError(msg)
+
+    @abc.abstractmethod
+    def layout(self) -> TableEffect:
+        """Return the table as an effect of the estimator, inputs by the names of the masters."""
+
+    @cached_property
+    def table_effect(self) -> TableEffect:
+        """The same, made once."""
+        return self.layout()
+
+    @property
+    def name(self) -> str:
+        """See `AbstractEffect`."""
+        return f"{self.compensation} of {self.axis} over {' and '.join(self.masters)}"
+
+    @property
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return self.table_effect.size
+
+    @property
+    def ranges(self) -> Ranges:
+        """See `AbstractEffect`."""
+        ways = {("direction", self.axis): ANYWHERE} if self.table_effect.way else {}
+        return ways | {
+            ("position", master): (float(nodes[0]), float(nodes[-1]))
+            for master, nodes in zip(self.masters, self.table_effect.nodes, strict=True)
+        }
+
+    def block(self, data: JointData) -> Block:
+        """See `AbstractEffect`."""
+        table, inputs = self.table_effect, {}
+        for master in self.masters:
+            inputs[master] = data.column("position", master, self.name)
+        if table.way:
+            inputs[table.way] = data.column("direction", self.axis, self.name)
+        known = np.asarray(np.isfinite(list(inputs.values())).all(axis=0))
+        filled = {name: np.where(known, own, 0.0) for name, own in inputs.items()}
+        nodes, shares = table.design(Readings(np.zeros(len(known)), filled))
+        place = np.argsort(table.unknowns)
+        columns = sparse_rows(place[nodes], shares, known, table.size)
+        prior = dataclasses.replace(table.prior, order=place[table.prior.order])
+        return Block(columns, known, self._labels(), prior, table)
+
+    def _labels(self) -> tuple[str, ...]:
+        table = self.table_effect
+        ways = (", moving positive", ", moving negative") if table.way else ("",)
+        grid = [nodes[: len(nodes) - table.ring] for nodes in reversed(table.nodes)]
+        places = [
+            ", ".join(
+                f"{master} = {value:g}"
+                for master, value in zip(self.masters, reversed(place), strict=True)
+            )
+            for place in itertools.product(*grid)
+        ]
+        return tuple(place + way for way in ways for place in places)
+
+    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
+        """Return ``(n,)``, ``(2, n)`` or ``(n2, n1)``; the end of a ring repeated."""
+        unknowns = np.empty_like(values)
+        unknowns[self.table_effect.unknowns] = values
+        return self.table_effect.to_table(unknowns)
+
+
+def _floats(*nodes: Float[np.ndarray, " _n"]) -> tuple[Float[np.ndarray, " _n"], ...]:
+    return tuple(np.asarray(each, float) for each in nodes)
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class LeadscrewEffect(AbstractOwnEffect):
+class LeadscrewEffect(AbstractTable):
     """Error of an axis over its own position, mm.
 
-    Values: one per node; bilateral: all for positive direction, then all for negative;
-    periodic: the last node is the first again and has no value of its own.
+    Values: one per node; bilateral: all for positive direction, then all for negative.
 
     Attributes:
         nodes: Along the axis in mm or °, ascending.
@@ -67,55 +117,22 @@ class LeadscrewEffect(AbstractOwnEffect):
     bilateral: bool = False
     periodic: bool = False
 
-    def __post_init__(self) -> None:
-        _ascending(self.nodes, self.name)
+    compensation = "leadscrew"
 
     @property
-    def compensation(self) -> str:
+    def name(self) -> str:
         """See `AbstractEffect`."""
-        return "leadscrew"
+        return f"leadscrew of {self.axis}"
 
-    @property
-    def layout(self) -> TableLayout:
-        """The table."""
-        return TableLayout(
-            (np.asarray(self.nodes, float),),
-            2 if self.bilateral else 1,
-            self.periodic,
-        )
-
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return self.layout.effect.size
-
-    def placed(self, data: JointData) -> "LeadscrewEffect":
-        """See `AbstractEffect`."""
-        del data
-        return self
-
-    def block(self, data: JointData) -> Block:
-        """See `AbstractEffect`."""
-        position = data.column("position", self.axis, self.name)
-        way = None
-        if self.bilateral:
-            way = data.column("direction", self.axis, self.name)
-        own = self.nodes[: len(self.nodes) - int(self.periodic)]
-        ways = (", moving positive", ", moving negative") if self.bilateral else ("",)
-        labels = tuple(f"{self.axis} = {node:g}{word}" for word in ways for node in own)
-        return _table_block(self.layout, (position,), way, labels)
-
-    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
-        """Return ``(n,)``, or ``(2, n)`` bilateral; the end of a ring repeated."""
-        rows = values.reshape(2 if self.bilateral else 1, -1)
-        if self.periodic:
-            rows = np.concatenate([rows, rows[:, :1]], axis=1)
-        return rows if self.bilateral else rows[0]
+    def layout(self) -> TableEffect:
+        """See `AbstractTable`."""
+        way = "direction" if self.bilateral else None
+        return TableEffect(_floats(self.nodes), self.masters, way, self.periodic)
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class CrossEffect(AbstractEffect):
+class CrossEffect(AbstractTable):
     """Error of an axis over the position of another, mm; one value per node.
 
     Attributes:
@@ -128,60 +145,21 @@ class CrossEffect(AbstractEffect):
     nodes: Float[np.ndarray, " n"]
     periodic: bool = False
 
-    def __post_init__(self) -> None:
-        _ascending(self.nodes, self.name)
+    compensation = "cross"
 
-    @property
-    def compensation(self) -> str:
-        """See `AbstractEffect`."""
-        return "cross"
-
-    @property
+    @cached_property
     def masters(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
         return (self.master,)
 
-    @property
-    def sensor_names(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return ()
-
-    @property
-    def name(self) -> str:
-        """See `AbstractEffect`."""
-        return f"cross of {self.axis} over {self.master}"
-
-    @property
-    def layout(self) -> TableLayout:
-        """The table."""
-        nodes = (np.asarray(self.nodes, float),)
-        return TableLayout(nodes, periodic=self.periodic)
-
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return len(self.nodes) - int(self.periodic)
-
-    def placed(self, data: JointData) -> "CrossEffect":
-        """See `AbstractEffect`."""
-        del data
-        return self
-
-    def block(self, data: JointData) -> Block:
-        """See `AbstractEffect`."""
-        position = data.column("position", self.master, self.name)
-        own = self.nodes[: self.size]
-        labels = tuple(f"{self.master} = {node:g}" for node in own)
-        return _table_block(self.layout, (position,), None, labels)
-
-    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
-        """Return ``(n,)``; the end of a ring repeated."""
-        return np.concatenate([values, values[:1]]) if self.periodic else values
+    def layout(self) -> TableEffect:
+        """See `AbstractTable`."""
+        return TableEffect(_floats(self.nodes), self.masters, None, self.periodic)
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class PlaneEffect(AbstractEffect):
+class PlaneEffect(AbstractTable):
     """Error of an axis over the positions of two masters, mm.
 
     Values: node 1 of master 2 with all nodes of master 1, then node 2 …
@@ -191,55 +169,172 @@ class PlaneEffect(AbstractEffect):
         nodes: Along master 1 and along master 2 in mm or °, ascending.
     """
 
-    masters: tuple[str, str]  # pyright: ignore[reportIncompatibleMethodOverride]
-    nodes: tuple[Float[np.ndarray, " _n1"], Float[np.ndarray, " _n2"]]
+    masters: tuple[str, str] = dataclasses.field()  # pyright: ignore[reportIncompatibleVariableOverride]
+    nodes: tuple[Float[np.ndarray, " _n1"], Float[np.ndarray, " _n2"]] = (
+        dataclasses.field()
+    )
+
+    compensation = "plane"
+
+    def layout(self) -> TableEffect:
+        """See `AbstractTable`."""
+        return TableEffect(_floats(*self.nodes), self.masters)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class CrosstalkEffect(AbstractEffect):
+    """Error of an axis from the acceleration of another: entries of the tests in mm.
+
+    Values: rows of `BRANCHES`, each with one value per test; where the directions do not
+    differ, only the rows for acceleration and for deceleration, or the first of them where
+    the controller has it for both (`Conventions.crosstalk_undirected`).
+
+    Attributes:
+        master: Axis that accelerates.
+        acceleration: Specified, in mm/s², above 0.
+        deceleration: Specified, in mm/s², below 0.
+        adaptation: Axes on whose position the entries depend (mode − 1 of them).
+        positions: Of the tests in mm, shape ``(p, k)``; None = one test.
+        mode: 1, 2 or 3.
+        velocity_dependent: Each direction has entries of its own.
+        conventions: How signs and directions are told apart; None = the defaults.
+    """
+
+    master: str
+    acceleration: float
+    deceleration: float
+    adaptation: tuple[str, ...] = ()
+    positions: Float[np.ndarray, "p k"] | None = None
+    mode: int = 1
+    velocity_dependent: bool = False
+    conventions: Conventions | None = None
 
     def __post_init__(self) -> None:
-        for nodes in self.nodes:
-            _ascending(nodes, self.name)
+        if self.mode != 1 + len(self.adaptation) or self.mode not in (1, 2, 3):
+            msg = (
+                f"{self.name}: found mode {self.mode} with {len(self.adaptation)} "
+                "adaptation axes, expected one axis less than the mode (1, 2 or 3)."
+            )
+            raise FitError(msg)
+        if not (self.acceleration > 0 > self.deceleration):
+            msg = (
+                f"{self.name}: found acceleration {self.acceleration:g} and deceleration "
+                f"{self.deceleration:g} mm/s², expected one above and one below 0."
+            )
+            raise FitError(msg)
+        points = self.points
+        if (
+            points.shape[1] != len(self.adaptation)
+            or not 1 <= len(points) <= MOST_TESTS
+        ):
+            msg = (
+                f"{self.name}: found positions of shape {points.shape}, expected 1 to "
+                f"{MOST_TESTS} tests along {len(self.adaptation)} adaptation axes."
+            )
+            raise FitError(msg)
 
-    @property
-    def compensation(self) -> str:
-        """See `AbstractEffect`."""
-        return "plane"
+    compensation = "crosstalk"
 
-    @property
-    def sensor_names(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return ()
+    @cached_property
+    def masters(self) -> tuple[str, ...]:
+        """The axis that accelerates, then the adaptation axes."""
+        return (self.master, *self.adaptation)
 
     @property
     def name(self) -> str:
         """See `AbstractEffect`."""
-        return f"plane of {self.axis} over {self.masters[0]} and {self.masters[1]}"
+        return f"crosstalk of {self.axis} from {self.master}"
 
     @property
-    def layout(self) -> TableLayout:
-        """The table."""
-        return TableLayout(tuple(np.asarray(nodes, float) for nodes in self.nodes))
+    def points(self) -> Float[np.ndarray, "p k"]:
+        """Positions of the tests in mm."""
+        if self.positions is None:
+            return np.zeros((1, 0))
+        return np.asarray(self.positions, float)
+
+    @property
+    def rules(self) -> Conventions:
+        """How signs and directions are told apart."""
+        return Conventions() if self.conventions is None else self.conventions
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Row of the values that stands for each row of `BRANCHES`."""
+        if self.velocity_dependent:
+            return (0, 1, 2, 3)
+        return (0, 0, 1, 1) if self.rules.of_crosstalk["own_deceleration"] else (0,) * 4
 
     @property
     def size(self) -> int:
         """See `AbstractEffect`."""
-        return len(self.nodes[0]) * len(self.nodes[1])
+        return (self.rows[-1] + 1) * len(self.points)
 
-    def placed(self, data: JointData) -> "PlaneEffect":
+    @property
+    def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
-        del data
-        return self
+        top = 1.2 * max(self.acceleration, -self.deceleration)
+        found = {
+            ("position", axis): (float(places.min()), float(places.max()))
+            for axis, places in zip(self.adaptation, self.points.T, strict=True)
+        }
+        found["velocity", self.master] = ANYWHERE
+        found["acceleration", self.master] = -top, top
+        return found
+
+    def model(self, values: Float[np.ndarray, "4 p"]) -> Crosstalk:
+        """Return the controller's model with these entries in mm, their sign left alone.
+
+        Raises:
+            FitError: If the tests span no surface.
+        """
+        try:
+            surface = surface_through(self.points)
+        except ValueError as error:
+            msg = f"{self.name}: {error}"
+            raise FitError(msg) from error
+        return Crosstalk(
+            surface,
+            jnp.asarray(values),
+            jnp.asarray(float(self.acceleration)),
+            jnp.asarray(float(self.deceleration)),
+            velocity_dependent=self.velocity_dependent,
+            **self.rules.of_crosstalk,
+        )
 
     def block(self, data: JointData) -> Block:
         """See `AbstractEffect`."""
-        first, second = (
-            data.column("position", master, self.name) for master in self.masters
+        inputs = [
+            data.column("acceleration", self.master, self.name),
+            data.column("velocity", self.master, self.name),
+        ]
+        inputs += [data.column("position", axis, self.name) for axis in self.adaptation]
+        known = np.asarray(np.isfinite(inputs).all(axis=0))
+        count, tests = len(known), len(self.points)
+        filled = {str(k): np.where(known, own, 0.0) for k, own in enumerate(inputs)}
+        pull, speed, *places = padded(filled, _LEAST_ROWS).values()
+        stencil = self.model(np.zeros((4, tests))).stencil(
+            pull, speed, np.reshape(places, (-1, len(pull))).T
         )
-        labels = tuple(
-            f"{self.masters[0]} = {one:g}, {self.masters[1]} = {two:g}"
-            for two in self.nodes[1]
-            for one in self.nodes[0]
-        )
-        return _table_block(self.layout, (first, second), None, labels)
+        branch, test = np.divmod(np.asarray(stencil.nodes)[:count], tests)
+        index = np.array(self.rows)[branch] * tests + test
+        weight = np.asarray(stencil.weights)[:count]
+        columns = sparse_rows(index, weight, known, self.size)
+        return Block(columns, known, self._labels())
+
+    def _labels(self) -> tuple[str, ...]:
+        words: tuple[str, ...] = BRANCHES
+        if not self.velocity_dependent:
+            words = ("acceleration", "deceleration")[: self.rows[-1] + 1]
+        places = [
+            "".join(
+                f", {axis} = {value:g}"
+                for axis, value in zip(self.adaptation, point, strict=True)
+            )
+            for point in self.points
+        ]
+        return tuple(word + place for word in words for place in places)
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
-        """Return ``(n2, n1)``."""
-        return values.reshape(len(self.nodes[1]), len(self.nodes[0]))
+        """Return ``(4, p)``, rows as `BRANCHES`; equal rows where directions do not differ."""
+        return values.reshape(-1, len(self.points))[list(self.rows)]

@@ -2,16 +2,14 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import cached_property
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...core import FitError, node_shares
-from ...kinds.temperature import Clocked, clocked
-from ._data import JointData
-from ._effect import AbstractEffect, Block
+from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, few_columns
 
 Nodes = str | int | Float[np.ndarray, " _n"]
 """``"constant"``, ``"linear"``, a number of nodes over the measured range, or °C."""
@@ -68,12 +66,9 @@ class TemperatureEffect(AbstractEffect):
                 )
                 raise FitError(msg)
 
-    @property
-    def compensation(self) -> str:
-        """See `AbstractEffect`."""
-        return "temperature"
+    compensation = "temperature"
 
-    @property
+    @cached_property
     def masters(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
         return (self.axis,) if "coefficient" in self.sensors else ()
@@ -135,59 +130,34 @@ class TemperatureEffect(AbstractEffect):
         return dataclasses.replace(self, law=law)
 
     def lagging(self, lags: Mapping[str, float]) -> "TemperatureEffect":
-        """Return the effect with these time constants in s, by sensor."""
-        return dataclasses.replace(self, lag={**self.lags, **lags})
+        """Return the effect with these time constants in s, by sensor; others are not its own."""
+        own = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}
+        return dataclasses.replace(self, lag=own)
+
+    @property
+    def ranges(self) -> Ranges:
+        """See `AbstractEffect`."""
+        found = {("position", self.axis): ANYWHERE} if self.masters else {}
+        for law, nodes in self.nodes.items():
+            half = 0.5 * max(float(np.ptp(nodes)), 1.0)
+            middle = 0.5 * float(nodes[0] + nodes[-1])
+            key = ("temperature", self.sensors[law])
+            low, high = found.get(key, (np.inf, -np.inf))
+            found[key] = min(low, middle - half), max(high, middle + half)
+        return found
 
     def block(self, data: JointData) -> Block:
         """See `AbstractEffect`; a lag to be fitted counts as none."""
-        warm = {sensor: self.structure(data, sensor) for sensor in self.sensor_names}
-        placed = self.placed(data)
-        dense, known = placed.columns(data, warm)
-        labels: list[str] = []
-        unit: list[str] = []
-        for law, nodes in placed.nodes.items():
-            labels += [f"{law} at {node:.4g} °C" for node in nodes]
-            unit += ["mm" if law == "offset" else "mm/mm"] * len(nodes)
-        return Block(sp.csr_array(dense), known, tuple(labels), tuple(unit))
-
-    def columns(
-        self, data: JointData, warm: Mapping[str, Float[np.ndarray, " t"]]
-    ) -> tuple[Float[np.ndarray, "t p"], Bool[np.ndarray, " t"]]:
-        """Return the columns, zero in rows that lack an input, and which rows have all.
-
-        Args:
-            data: Rows.
-            warm: Temperature of the structure behind each sensor in these rows, in °C.
-        """
+        nodes = self.placed(data).nodes
+        labels = [f"{law} at {node:.4g} °C" for law in nodes for node in nodes[law]]
         parts: list[np.ndarray] = []
-        known = np.ones(len(data), bool)
-        for law, nodes in self.nodes.items():
-            own = warm[self.sensors[law]]
-            known &= np.isfinite(own)
-            part = node_shares(np.where(np.isfinite(own), own, nodes[0]), nodes)
+        for law, own in nodes.items():
+            part = node_shares(self.structure(data, self.sensors[law]), own)
             if law == "coefficient":
                 place = data.column("position", self.axis, self.name)
-                known &= np.isfinite(place)
-                part = (
-                    part
-                    * (np.where(np.isfinite(place), place, 0.0) - self.reference)[
-                        :, None
-                    ]
-                )
+                part = part * (place - self.reference)[:, None]
             parts.append(part)
-        return np.where(known[:, None], np.hstack(parts), 0.0), known
-
-    def clocked(self, data: JointData, sensor: str) -> Clocked:
-        """Return the readings of a sensor on their clock.
-
-        Raises:
-            FitError: If there is none.
-        """
-        values = data.column("temperature", sensor, self.name)
-        if data.time is None:
-            msg = f"{self.name}: a lag needs the time of every reading, found none."
-            raise FitError(msg)
-        return clocked(np.asarray(data.time, float), values)
+        return few_columns(np.hstack(parts), tuple(labels))
 
     def structure(self, data: JointData, sensor: str) -> Float[np.ndarray, " t"]:
         """Return the temperature of the structure behind a sensor in °C, per row.
@@ -198,11 +168,7 @@ class TemperatureEffect(AbstractEffect):
         lag = self.lags[sensor]
         if isinstance(lag, str) or lag == 0.0:
             return data.column("temperature", sensor, self.name)
-        return self.clocked(data, sensor).structure(lag)
-
-    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
-        """Return ``(p,)``: offset values, then coefficient values."""
-        return values
+        return data.clocked(sensor, self.name).structure(lag)
 
     def split(
         self, values: Float[np.ndarray, " p"]

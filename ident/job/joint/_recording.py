@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...fit.joint import JointData
+from ...fit.joint import CHANNELS, JointData
 from .._fit_schema import FitSpec, PlaneSpec, TemperatureSpec
 from .._result import Remark
 from .._source import Tables
@@ -80,7 +80,7 @@ def read_group(
     heated = _heated(fits)
     beside = _set_ups(parts, tables, lead.sources)
     data = JointData(
-        **{table: _stacked(parts, table, counts) for table in _TABLES},
+        **{table: _stacked(parts, table, counts) for table in CHANNELS},
         time=time,
         run=label if several else None,
         runs=dict.fromkeys(heated, beside),
@@ -106,16 +106,6 @@ def read_group(
         drift=max(tables.job.spec.measurements[name].drift for name in lead.sources),
         remarks=tuple(remarks),
     )
-
-
-_TABLES = (
-    "position",
-    "error",
-    "direction",
-    "velocity",
-    "acceleration",
-    "temperature",
-)
 
 
 def _stacked(

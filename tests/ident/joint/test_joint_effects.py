@@ -21,6 +21,7 @@ from axcomp.ident.fit.joint import (
 )
 from axcomp.models import (
     Backlash,
+    Conventions,
     Cross,
     Leadscrew,
     Plane,
@@ -139,6 +140,19 @@ def test_a_crosstalk_is_that_of_the_controller(
     model = effect.model(table)
     places = np.column_stack([data.position[axis] for axis in axes]) if axes else None
     expected = model.entry(data.acceleration["Y"], data.velocity["Y"], places)
+    assert np.abs(curve - np.asarray(expected)).max() < EXACT
+
+
+def test_a_crosstalk_without_entries_of_its_own_for_slowing_down(
+    data: JointData,
+) -> None:
+    rules = Conventions(crosstalk_undirected="accelerate")
+    effect = CrosstalkEffect("X", "Y", 1500.0, -2000.0, conventions=rules)
+    curve, table = _curve(effect, data)
+    assert effect.size == 1
+    assert np.ptp(table) == 0.0
+    expected = effect.model(table).entry(data.acceleration["Y"], data.velocity["Y"])
+    assert not effect.model(table).own_deceleration
     assert np.abs(curve - np.asarray(expected)).max() < EXACT
 
 

@@ -13,6 +13,7 @@ from axcomp.ident.fit.joint import (
     JointData,
     JointFit,
     LeadscrewEffect,
+    PlaneEffect,
     TemperatureEffect,
     fit_joint,
     refit_joint,
@@ -197,3 +198,22 @@ def test_rows_without_any_complete_reading_are_refused(case: Any) -> None:
     data = dataclasses.replace(case.data, error=error)
     with pytest.raises(FitError, match="axis X: no reading has all that"):
         fit_joint(data, [BacklashEffect("X")])
+
+
+def test_a_plane_beside_a_table_of_many_nodes_is_fitted() -> None:
+    rng = np.random.default_rng(21)
+    x, y, z = (rng.uniform(0.0, high, 4000) for high in (1000.0, 500.0, 300.0))
+    true = 0.004 * np.sin(x / 200.0) * np.cos(y / 90.0) + 0.003 * np.sin(z / 60.0)
+    data = JointData(
+        position={"X": x, "Y": y, "Z": z},
+        error={"Z": true + rng.normal(0.0, 5e-4, 4000)},
+    )
+    # More nodes beside the plane than a thinner plane could make up for.
+    nodes = np.linspace(0.0, 1000.0, 21), np.linspace(0.0, 500.0, 21)
+    stack = [
+        PlaneEffect("Z", ("X", "Y"), nodes),
+        LeadscrewEffect("Z", np.linspace(0.0, 300.0, 301)),
+    ]
+    fit = fit_joint(data, stack)
+    # Smooth truths of which the tables leave next to nothing.
+    assert np.std(fit.predict(data)["Z"] - true) < 0.4 * 5e-4

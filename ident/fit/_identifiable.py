@@ -1,0 +1,264 @@
+r"""What readings cannot identify, whatever they measured: by the information of their columns.
+
+The information matrix $X^T X$ of columns that come in groups (one group per effect) shows two
+kinds of it: directions without any information (`null_space`), and directions that one group
+shares with another, which only their sum shows (`Correlations`: canonical correlations of the
+groups beside a constant, since every group may hold one). Numbers only: what a group is, and
+what to say of it, is the caller's.
+
+Source of the correlations: H. Hotelling, Relations between two sets of variates, Biometrika
+28, 1936.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from functools import cached_property
+from typing import final
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float, Int
+
+SINGULAR = 1e-9
+"""Eigenvalue of scaled information below which nothing is known."""
+_ROUNDING = 1e-12
+"""Information on a shape, relative to the largest of its group, that is rounding only."""
+_MEMBER = 0.05
+"""Part in a shared direction, relative to the largest, from which on a group is a member."""
+
+
+def null_space(
+    matrix: Float[np.ndarray, "m m"], limit: float = SINGULAR
+) -> Float[np.ndarray, "m g"]:
+    """Return the null space of an information matrix, judged with a unit diagonal."""
+    values, vectors, scale = _scaled_modes(matrix)
+    return np.asarray(vectors[:, values < limit] / scale[:, None])
+
+
+def pivoted(
+    matrix: Float[np.ndarray, "m n"],
+) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, " k"], Int[np.ndarray, " n"]]:
+    """Return an orthonormal basis, sizes in descending order, and the columns' order."""
+    found = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
+    basis, upper, order = (np.asarray(part) for part in found)
+    return basis, np.abs(np.diag(upper)), order.astype(np.int64)
+
+
+def _scaled_modes(
+    matrix: Float[np.ndarray, "m m"],
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"], Float[np.ndarray, " m"]]:
+    """Return eigenvalues and vectors of a matrix with a unit diagonal, and what scaled it."""
+    diagonal = np.diag(matrix)
+    scale = np.where(diagonal > 0, np.sqrt(np.maximum(diagonal, 0.0)), 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return np.asarray(values), np.asarray(vectors), scale
+
+
+def _whitener(matrix: Float[np.ndarray, "m m"]) -> Float[np.ndarray, "m r"]:
+    """Return columns that make information a unit matrix, what has none left out."""
+    values, vectors, scale = _scaled_modes(matrix)
+    good = values > SINGULAR
+    return np.asarray(vectors[:, good] / scale[:, None] / np.sqrt(values[good]))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shapes:
+    """Groups of values, some shapes of each, and the information on these shapes.
+
+    Attributes:
+        basis: Shapes of each group, over its values.
+        matrix: Information on all shapes, group after group.
+        constant: Number of the group that is one constant.
+    """
+
+    basis: tuple[Float[np.ndarray, "_p _m"], ...]
+    matrix: Float[np.ndarray, "m m"]
+    constant: int
+
+    @property
+    def slices(self) -> list[slice]:
+        """Columns of each group."""
+        return _slices(self.basis)
+
+    def limited(self, functionals: Sequence[Float[np.ndarray, "q _p"]]) -> "Shapes":
+        """Return the shapes that functionals of each group's values map to zero."""
+        kernels, scale = [], []
+        for own, basis, each in zip(self.slices, self.basis, functionals, strict=True):
+            kernels.append(_kernel(each @ basis))
+            most = np.diag(self.matrix)[own].max(initial=0.0)
+            scale += [most] * kernels[-1].shape[1]
+        whole = scipy.linalg.block_diag(*kernels)
+        matrix = whole.T @ self.matrix @ whole
+        some = np.diag(matrix) > _ROUNDING * np.array(scale)
+        pairs = zip(self.basis, kernels, strict=True)
+        limited = tuple(own @ kernel for own, kernel in pairs)
+        return Shapes(
+            limited, np.where(np.outer(some, some), matrix, 0.0), self.constant
+        )
+
+
+def _slices(parts: Sequence[np.ndarray]) -> list[slice]:
+    ends = np.cumsum([0, *(each.shape[1] for each in parts)]).tolist()
+    return [slice(*pair) for pair in itertools.pairwise(ends)]
+
+
+def _kernel(matrix: Float[np.ndarray, "q m"]) -> Float[np.ndarray, "m z"]:
+    """Return orthonormal columns that a matrix maps to zero."""
+    size = float(np.abs(matrix).max(initial=0.0))
+    if size == 0.0:
+        return np.eye(matrix.shape[1])
+    return np.asarray(scipy.linalg.null_space(matrix / size, rcond=SINGULAR))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shared:
+    """Directions that two or more groups share, or one with a constant.
+
+    Attributes:
+        members: Numbers of the groups.
+        correlation: The largest of these directions, 0 to 1.
+        count: Number of directions.
+        sizes: Part of each value of each member in them, relative to its largest.
+    """
+
+    members: tuple[int, ...]
+    correlation: float
+    count: int
+    sizes: tuple[Float[np.ndarray, " _p"], ...]
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Correlations:
+    """Groups beside a constant, the shapes of each made a unit matrix by themselves.
+
+    Attributes:
+        shapes: Of the groups.
+        white: Mixtures of the shapes of each group that do so.
+        matrix: Information on all of them: what is off its blocks couples groups.
+        constants: Groups that hold the constant, or all but: it is taken out of them.
+    """
+
+    shapes: Shapes
+    white: tuple[Float[np.ndarray, "_m _r"], ...]
+    matrix: Float[np.ndarray, "r r"]
+    constants: tuple[Shared, ...]
+
+    @classmethod
+    def of(cls, shapes: Shapes, limit: float) -> "Correlations":
+        """Return the correlations of groups.
+
+        Args:
+            shapes: Of the groups.
+            limit: Share left beside the constant below which a shape is the constant.
+        """
+        slices, number = shapes.slices, shapes.constant
+        along = shapes.matrix[:, slices[number]][:, 0]
+        total = float(along[slices[number]][0])
+        white: list[np.ndarray] = []
+        constants = []
+        for k, own in enumerate(slices):
+            each = _whitener(shapes.matrix[own, own])
+            shadow = each.T @ along[own] / np.sqrt(total)
+            length = float(shadow @ shadow)
+            if k == number:
+                each = each[:, :0]
+            elif 1.0 - length < limit:
+                unit = (shadow / np.sqrt(length))[:, None]
+                sizes = (_sizes(shapes.basis[k] @ each @ unit), np.zeros(1))
+                whole = float(np.sqrt(min(length, 1.0)))
+                constants.append(Shared((k, number), whole, 1, sizes))
+                each = each @ scipy.linalg.null_space(unit.T)
+            elif length > 0.0:
+                stretch = (1.0 / np.sqrt(1.0 - length) - 1.0) / length
+                each = each + each @ (stretch * np.outer(shadow, shadow))
+            white.append(each)
+        overall = scipy.linalg.block_diag(*white)
+        rest = shapes.matrix - np.outer(along, along) / total
+        matrix = np.asarray(overall.T @ rest @ overall)
+        return cls(shapes, tuple(white), matrix, tuple(constants))
+
+    @cached_property
+    def _slices(self) -> list[slice]:
+        return _slices(self.white)
+
+    @cached_property
+    def _modes(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r r"]]:
+        values, vectors = np.linalg.eigh(self.matrix)
+        return np.asarray(values), np.asarray(vectors)
+
+    def left(self) -> list[float]:
+        """Return the information left of each group beside all others.
+
+        Summed over its directions, each of which has 1 alone.
+        """
+        values, vectors = self._modes
+        inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
+        return [
+            float(np.trace(np.linalg.inv(inverse[own, own]))) for own in self._slices
+        ]
+
+    def hidden(self, number: int) -> Float[np.ndarray, " p"]:
+        """Return the part of each value of a group, 0 to 1, that no reading shows at all."""
+        basis, own = self.shapes.basis[number], self.shapes.slices[number]
+        matrix = self.shapes.matrix[own, own]
+        white = _whitener(matrix)
+        whole = np.maximum(np.linalg.norm(basis, axis=1), 1e-300)
+        left = basis - basis @ white @ (white.T @ matrix)
+        full = white.shape[1] == basis.shape[1]
+        return np.zeros(len(basis)) if full else np.linalg.norm(left, axis=1) / whole
+
+    @property
+    def weakest(self) -> float:
+        """Least information on any mixture of the groups; 1 where they are independent."""
+        return float(self._modes[0].min(initial=1.0))
+
+    def pairs(self, limit: float) -> dict[tuple[int, int], Shared]:
+        """Return what two groups share but for a share of information below a limit."""
+        result = {}
+        for second, first in itertools.product(range(len(self.white)), repeat=2):
+            block = self.matrix[self._slices[first], self._slices[second]]
+            if first >= second or not block.size:
+                continue
+            left, strength, right = np.linalg.svd(block, full_matrices=False)
+            alike = 1.0 - np.square(np.minimum(strength, 1.0)) < limit
+            if alike.any():
+                mixed = {first: left[:, alike], second: right[alike].T}
+                result[first, second] = self._shared(mixed, float(strength[0]))
+        return result
+
+    def several(self, limit: float, known: Sequence[tuple[int, int]]) -> list[Shared]:
+        """Return what three or more groups share and no two of them explain.
+
+        Args:
+            limit: Information below which a mixture of all groups is shared.
+            known: Pairs that share something themselves: looked at no more.
+        """
+        seen = set(itertools.chain.from_iterable(known))
+        values, vectors = self._modes
+        result = []
+        for weak in vectors[:, values < limit].T:
+            strength = np.array([np.square(weak[own]).sum() for own in self._slices])
+            members = np.flatnonzero(strength > _MEMBER * strength.max()).tolist()
+            if len(members) > 2 and not seen & set(members):
+                seen |= set(members)
+                mixed = {k: weak[self._slices[k], None] for k in members}
+                result.append(self._shared(mixed, 1.0))
+        return result
+
+    def _shared(
+        self, mixed: dict[int, Float[np.ndarray, "_r a"]], correlation: float
+    ) -> Shared:
+        moved = [
+            self.shapes.basis[k] @ self.white[k] @ each for k, each in mixed.items()
+        ]
+        count = int(moved[0].shape[1])
+        return Shared(tuple(mixed), correlation, count, tuple(map(_sizes, moved)))
+
+
+def _sizes(moved: Float[np.ndarray, "p a"]) -> Float[np.ndarray, " p"]:
+    size = np.linalg.norm(moved, axis=1)
+    return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))

@@ -1,0 +1,295 @@
+"""Freedoms of the sum, and the rules that fix them.
+
+Freedoms are found from the information of rows in which everything varies by itself. The
+effects give way in a fixed order: runs first, then planes, crosstalk, temperature, bilateral
+leadscrews, crosses, leadscrews, backlash; the datum keeps what is left. An effect gives way by
+having mean zero over the readings along every shape that a simpler one can carry; a temperature
+by correcting nothing at its reference temperature. Measured errors play no part.
+
+A curve stands for itself. A large plane is represented by all curves over either master and by
+smooth surfaces: what it can share with another effect is a curve or smooth.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Bool, Float
+from numpy.polynomial import legendre
+
+from ...core import node_shares
+from .._identifiable import Shapes, null_space, pivoted
+from ._design import Component, Design, design_of
+from ._effect import ANYWHERE, JointData
+from ._tables import LeadscrewEffect
+from ._temperature import TemperatureEffect
+
+_ORDER = (
+    "wander",
+    "runs",
+    "delay",
+    "plane",
+    "crosstalk",
+    "temperature coefficient",
+    "temperature offset",
+    "bilateral leadscrew",
+    "cross",
+    "leadscrew",
+    "backlash",
+    "datum",
+)
+_NOTHING = 1e-7
+"""Size of a direction, relative to all, below which a component has no part in it."""
+_DEGREE = 4
+"""Of the smooth surfaces along each master."""
+_ROWS_PER_VALUE, _MORE_ROWS = 8, 500
+_MOVED = 0.1
+"""Share of its tables over which an axis must have moved for its range to count."""
+
+
+def shapes_of(design: Design, smooth: bool) -> Shapes:
+    """Return the shapes of the stated components on the values that rows reach.
+
+    Args:
+        design: Of these rows.
+        smooth: Smooth surfaces of large planes as well, and only what readings tell; without,
+            whole lines of their nodes count as reached, however few rows there are.
+    """
+    reached = design.reached if smooth else design.diagonal > 0
+    basis = []
+    for part in design.stated:
+        own = reached[part.places]
+        basis.append(
+            np.eye(len(own))[:, own]
+            if part.table is None
+            else _plane_shapes(part.table.nodes, own, smooth)
+        )
+    kinds = [part.kind for part in design.stated]
+    matrix = _over(design, _spread(design.stated, basis, design.size))
+    return Shapes(tuple(basis), matrix, kinds.index("datum"))
+
+
+def _spread(
+    parts: Sequence[Component], basis: Sequence[np.ndarray], size: int
+) -> Float[np.ndarray, "n m"]:
+    """Return shapes of the values of each component over all unknowns."""
+    result = np.zeros((size, sum(each.shape[1] for each in basis)))
+    first = 0
+    for part, own in zip(parts, basis, strict=True):
+        result[part.places, first : first + own.shape[1]] = own
+        first += own.shape[1]
+    return result
+
+
+def _over(design: Design, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "m m"]:
+    """Return the information on mixtures of the unknowns."""
+    sparse = sp.csr_array(shapes)
+    return np.asarray((sparse.T @ design.information @ sparse).toarray())
+
+
+def _plane_shapes(
+    nodes: Sequence[np.ndarray], reached: Bool[np.ndarray, " p"], smooth: bool
+) -> Float[np.ndarray, "p m"]:
+    fast, slow = (len(own) for own in nodes)
+    parts = [
+        np.kron(np.eye(slow), np.ones((fast, 1))),
+        np.kron(np.ones((slow, 1)), np.eye(fast)),
+    ]
+    if smooth:
+        first, second = (
+            legendre.legvander(np.linspace(-1.0, 1.0, count), _DEGREE)[:, 1:]
+            for count in (slow, fast)
+        )
+        parts.append(np.kron(first, second))
+    else:
+        grid = reached.reshape(slow, fast)
+        reached = np.outer(grid.any(axis=1), grid.any(axis=0)).reshape(-1)
+    basis, size, _ = pivoted(np.where(reached[:, None], np.hstack(parts), 0.0))
+    return np.asarray(basis[:, size > 1e-9 * max(size.max(initial=0.0), 1e-300)])
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rules:
+    """Directions that may be moved, and what fixes them.
+
+    Attributes:
+        null: One direction per column, shape ``(n, g)``.
+        functionals: Zero under the rule, shape ``(q, n)``.
+    """
+
+    null: Float[np.ndarray, "n g"]
+    functionals: Float[np.ndarray, "q n"]
+
+    @classmethod
+    def of(cls, design: Design, ideal: Shapes) -> "Rules":
+        """Return the freedoms of the sum in any data, and the rule that fixes them."""
+        null = _spread(design.stated, ideal.basis, design.size)
+        null = null @ null_space(ideal.matrix)
+        return cls(null, _eliminated(design, null))
+
+    @cached_property
+    def gain(self) -> Float[np.ndarray, "g n"]:
+        """How far each direction is moved, per unknown."""
+        if not self.null.shape[1]:
+            return np.zeros((0, len(self.null)))
+        inverse = np.linalg.pinv(self.functionals @ self.null, rcond=1e-9)
+        return np.asarray(inverse @ self.functionals)
+
+    def project(self, theta: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
+        """Return values, or columns of them, under the rule; their sum stays what it is."""
+        return np.asarray(theta - self.null @ (self.gain @ theta))
+
+    def beside(self, design: Design, lost: Float[np.ndarray, "n g"]) -> "Rules":
+        """Return the rules with directions beside them that the actual rows leave open."""
+        if not lost.shape[1]:
+            return self
+        held = lost - self.null @ np.linalg.lstsq(self.null, lost, rcond=None)[0]
+        basis, left, _ = pivoted(held / np.linalg.norm(lost, axis=0))
+        # The new ones begin where the rule so far puts them.
+        more = self.project(basis[:, left > _NOTHING])
+        fixed = _eliminated(design, more)
+        return Rules(np.hstack([self.null, more]), np.vstack([self.functionals, fixed]))
+
+
+def priority(part: Component, design: Design) -> int:
+    """Return how simple a component is: the larger, the later it gives way."""
+    effect = design.effects[part.effect]
+    if part.effect >= 0 and isinstance(effect, LeadscrewEffect) and effect.bilateral:
+        return _ORDER.index("bilateral leadscrew")
+    return _ORDER.index(part.kind)
+
+
+def _eliminated(
+    design: Design, null: Float[np.ndarray, "n g"]
+) -> Float[np.ndarray, "q n"]:
+    """Return functionals that fix null directions, the least simple effect giving way first."""
+    remaining = null / np.maximum(np.linalg.norm(null, axis=0), 1e-300)
+    rows: list[Float[np.ndarray, "_ n"]] = [np.zeros((0, design.size))]
+    order = sorted(
+        enumerate(design.components), key=lambda k: (priority(k[1], design), -k[0])
+    )
+    for _, part in order:
+        if not remaining.shape[1]:
+            break
+        own = remaining[part.places]
+        # A plane has very many values: only the right side is ever wanted whole.
+        whole = own.shape[0] < own.shape[1]
+        left, size, right = np.linalg.svd(own, full_matrices=whole)
+        most = float(size.max(initial=0.0))
+        rank = int((size > _NOTHING * most).sum()) if most > _NOTHING else 0
+        if not rank:
+            continue
+        weights = _at_reference(part, design) if rank == 1 else None
+        if weights is None:
+            weights = left[:, :rank].T * design.touched[part.places]
+        functional = np.zeros((rank, design.size))
+        functional[:, part.places] = weights
+        rows.append(functional)
+        remaining = remaining @ right[rank:].T
+    return np.vstack(rows)
+
+
+def _at_reference(part: Component, design: Design) -> Float[np.ndarray, "1 p"] | None:
+    """Return what a law gives at the reference temperature; None for other components."""
+    effect = design.effects[part.effect]
+    if part.effect < 0 or not isinstance(effect, TemperatureEffect):
+        return None
+    nodes = effect.nodes[part.kind.removeprefix("temperature ")]
+    return node_shares(np.array([effect.reference_temperature]), nodes)
+
+
+def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
+    """Return the shapes with the information of rows in which everything varies by itself.
+
+    Args:
+        design: Columns of the actual rows.
+        data: The actual data, all rows.
+        drift: Pieces of the drift of each run.
+    """
+    effects = [
+        effect.lagging(dict.fromkeys(effect.sensor_names, 0.0))
+        if isinstance(effect, TemperatureEffect)
+        else effect
+        for effect in design.effects
+    ]
+    varied = _everything_varies(design, data)
+    ideal = design_of(design.axis, effects, varied, drift, measured=False, wander=False)
+    return shapes_of(ideal, smooth=False)
+
+
+def _everything_varies(design: Design, data: JointData) -> JointData:
+    """Return rows at random places, directions, accelerations, temperatures and runs.
+
+    The axes move where they moved in the data: what is alike there may be exchanged there.
+    """
+    rng = np.random.default_rng(0)
+    sizes = [
+        len(part.places) if part.table is None else sum(map(len, part.table.nodes))
+        for part in design.stated
+    ]
+    count = _ROWS_PER_VALUE * sum(sizes) + _MORE_ROWS
+    ends: dict[tuple[str, str], tuple[float, float]] = {}
+    for effect in design.effects:
+        for key, (low, high) in effect.ranges.items():
+            least, most = ends.get(key, ANYWHERE)
+            ends[key] = float(np.fmin(low, least)), float(np.fmax(high, most))
+    channels: dict[str, dict[str, np.ndarray]] = {}
+    for (channel, name), (low, high) in ends.items():
+        if np.isnan(low):
+            low, high = -1.0, 1.0
+        if channel == "position" and name in data.position:
+            place = data.position[name][design.rows]
+            place = place[np.isfinite(place)]
+            if len(place) and np.ptp(place) > _MOVED * (high - low):
+                low, high = float(place.min()), float(place.max())
+        values = rng.uniform(low, high, count)
+        if channel == "direction":
+            values = np.sign(values)
+        channels.setdefault(channel, {})[name] = values
+    clock = np.zeros(0) if data.time is None else data.time[np.isfinite(data.time)]
+    began, ended = (clock.min(), clock.max()) if len(clock) else (0.0, 1.0)
+    runs = design.course.runs
+    return JointData(
+        **channels,
+        time=rng.uniform(began, ended, count),
+        run=rng.choice(np.array(runs), count) if runs else None,
+    )
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Unheld:
+    """Directions that neither rows nor smoothness hold, found before any fit.
+
+    Attributes:
+        null: One per column, shape ``(n, g)``.
+        pins: What is added to the diagonal to hold them, shape ``(n,)``.
+        free: Number of directions that the prior leaves alone and the readings tell.
+    """
+
+    null: Float[np.ndarray, "n g"]
+    pins: Float[np.ndarray, " n"]
+    free: int
+
+    @classmethod
+    def of(cls, design: Design) -> "Unheld":
+        """Return the directions that nothing holds, and pins on single unknowns that do."""
+        straight = [
+            np.eye(len(part.places)) if part.prior is None else part.prior.straight
+            for part in design.components
+        ]
+        basis = _spread(design.components, straight, design.size)
+        null = basis @ null_space(_over(design, basis))
+        pins = np.zeros(design.size)
+        if null.shape[1]:
+            diagonal = design.diagonal
+            scale = np.where(diagonal > 0, np.sqrt(diagonal), 1.0)
+            # Unknowns that, held, hold all of them.
+            held = pivoted((null * scale[:, None]).T)[2][: null.shape[1]]
+            typical = float(np.median(diagonal[diagonal > 0]))
+            pins[held] = np.where(diagonal[held] > 0, diagonal[held], typical)
+        return cls(null, pins, basis.shape[1] - null.shape[1])

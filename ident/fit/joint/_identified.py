@@ -1,0 +1,217 @@
+"""What the rows of one axis identify: freedoms of the sum, and what they cannot tell apart.
+
+Freedoms are there in any data, and fixed by rules (`_gauge`). Beyond them the actual rows may
+confuse effects, or show one of them nowhere. All of it is numbers; `_words` says it.
+"""
+
+import dataclasses
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...core import Posterior
+from .._identifiable import Correlations, Shapes, Shared
+from ._design import Design
+from ._effect import JointData
+from ._gauge import Rules, Unheld, ideal_shapes, priority, shapes_of
+
+_SAME = 2e-7
+"""Share of a shape left beside another below which they are one in any data."""
+_HOPELESS = 1e-4
+"""Share of a shape left beside another effect below which it is lost, however many readings."""
+_ALIKE = 0.04
+"""Share from which on nothing is called lost, however few readings."""
+_SURE = 4.0
+"""Readings × share below which the amount of a shape is not known to half the noise."""
+PART = 1e-2
+"""Part of a value in a lost shape, relative to the largest, that makes it unknown."""
+_MOSTLY = 0.3
+"""The same for a node of a table in what no reading shows: neighbours fill the rest."""
+_FEW, _LIGHT = 3.0, 1e-2
+"""Readings per shape below which neighbours must help, and the weight of second differences,
+relative to the density, with which they do."""
+_SLOW = 1.0
+"""That weight for the pieces of a drift, which is slow or no drift."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Identified:
+    """One axis before its errors are looked at.
+
+    Attributes:
+        design: Columns.
+        unheld: What nothing holds.
+        ideal: Shapes of the components where everything varies by itself.
+        structure: Freedoms of the sum with their rules.
+        rules: Those, and what the rows leave open besides.
+        share: Information left, relative to the effect alone, per stated component.
+        hidden: Unknowns that no reading tells within their own component.
+        confused: What these rows do not tell apart; members are stated components.
+        nearly: Pairs of tables that would be as alike in any data, but for their nodes.
+    """
+
+    design: Design
+    unheld: Unheld
+    ideal: Shapes
+    structure: Rules
+    rules: Rules
+    share: tuple[float, ...]
+    hidden: Bool[np.ndarray, " n"]
+    confused: tuple[Shared, ...]
+    nearly: tuple[Shared, ...]
+
+    def share_of(self, number: int) -> float:
+        """Return the information left of an effect: of its weaker law for a temperature."""
+        stated = zip(self.share, self.design.stated, strict=True)
+        return min(share for share, part in stated if part.effect == number)
+
+    def variances(self, found: Posterior) -> Float[np.ndarray, " n"]:
+        """Return the variance of each unknown under the rules, per variance of one reading.
+
+        Moving to the rule changes what is unknown: from the spread of the values as solved it
+        takes what may be moved between effects, which says nothing about either.
+        """
+        plain, rules = found.inverse_diagonal, self.rules
+        if not rules.null.shape[1]:
+            return plain
+        spread = found.factor.solve(np.ascontiguousarray(rules.gain.T))
+        inner = rules.gain @ spread
+        result = plain - 2.0 * (spread * rules.null).sum(axis=1)
+        result += ((rules.null @ inner) * rules.null).sum(axis=1)
+        return np.asarray(np.maximum(result, 0.0))
+
+    @cached_property
+    def lost(self) -> Bool[np.ndarray, " n"]:
+        """Unknowns that readings reach and confuse."""
+        design = self.design
+        result = np.zeros(design.size, bool)
+        for shared in self.confused:
+            for k, size in zip(shared.members, shared.sizes, strict=True):
+                result[design.stated[k].places] |= size > PART
+        result &= design.reached
+        for part in design.components:
+            own = part.places
+            if part.prior is None:
+                # In a table neighbours bridge what no reading tells; a law has none.
+                result[own] |= (self.hidden & design.reached)[own]
+            if part.kind.startswith("temperature") and result[own].any():
+                # What the rule put to zero is no more known than the rest of the law.
+                result[own] = True
+        return result
+
+    @property
+    def unknown(self) -> Bool[np.ndarray, " n"]:
+        """Unknowns that are not known: confused, hidden or out of reach."""
+        return np.asarray(self.lost | self.hidden | ~self.design.reached)
+
+    @cached_property
+    def freedoms(self) -> tuple[tuple[int, ...], tuple[Shared, ...]]:
+        """Components that hold a constant, and what else pairs may exchange in any data.
+
+        The simpler one of a pair, that carries what they share, comes first. What a third,
+        still simpler one carries for both is stated with that one.
+        """
+        found = Correlations.of(self.ideal, _SAME)
+        pairs = found.pairs(_SAME)
+        rank = [priority(part, self.design) for part in self.design.stated]
+
+        def carried(pair: tuple[int, int]) -> bool:
+            return any(
+                all((min(k, third), max(k, third)) in pairs for k in pair)
+                for third in range(len(rank))
+                if rank[third] > max(rank[k] for k in pair)
+            )
+
+        level = tuple(each.members[0] for each in found.constants)
+        own = [shared for pair, shared in pairs.items() if not carried(pair)]
+        return level, tuple(
+            dataclasses.replace(
+                each, members=tuple(sorted(each.members, key=lambda k: -rank[k]))
+            )
+            for each in own
+        )
+
+
+def identified(
+    design: Design, unheld: Unheld, data: JointData, drift: int
+) -> Identified:
+    """Return what the rows of an axis tell of its unknowns.
+
+    Args:
+        design: Columns.
+        unheld: What neither rows nor smoothness hold.
+        data: All rows.
+        drift: Pieces of the drift of each run.
+    """
+    ideal = ideal_shapes(design, data, drift)
+    structure = Rules.of(design, ideal)
+    functionals = [structure.functionals[:, part.places] for part in design.stated]
+    shapes = shapes_of(design, smooth=True).limited(functionals)
+    matrix = shapes.matrix + _light(design, shapes)
+    limit = min(max(_HOPELESS, _SURE / len(design.rows)), _ALIKE)
+    found = Correlations.of(dataclasses.replace(shapes, matrix=matrix), limit)
+    pairs = found.pairs(limit) if found.weakest < limit else {}
+    # Two tables that are as alike where everything varies differ by their nodes only.
+    anyway = {}
+    if pairs:
+        anyway = Correlations.of(ideal.limited(functionals), limit).pairs(limit)
+    nearly = [
+        pair
+        for pair, shared in pairs.items()
+        if pair in anyway and anyway[pair].count >= shared.count
+    ]
+    told = [shared for pair, shared in pairs.items() if pair not in nearly]
+    several = found.several(min(limit, _HOPELESS), tuple(pairs))
+    return Identified(
+        design=design,
+        unheld=unheld,
+        ideal=ideal,
+        structure=structure,
+        rules=structure.beside(design, unheld.null),
+        share=_shares(found, design),
+        hidden=_hidden(found, design),
+        confused=(*found.constants, *told, *several),
+        nearly=tuple(pairs[pair] for pair in nearly),
+    )
+
+
+def _light(design: Design, shapes: Shapes) -> Float[np.ndarray, "m m"]:
+    """Return what is taken as known: a drift is slow, and neighbours help where data are few."""
+    few = len(design.rows) < _FEW * len(shapes.matrix)
+    result = np.zeros_like(shapes.matrix)
+    for part, basis, own in zip(
+        design.stated, shapes.basis, shapes.slices, strict=True
+    ):
+        amount = _SLOW if part.kind == "runs" else _LIGHT * few
+        if part.prior is None or not amount:
+            continue
+        diagonal = design.diagonal[part.places]
+        density = float(diagonal[diagonal > 0].mean()) if diagonal.any() else 1.0
+        for rows in (part.prior.rows[k] for k in np.flatnonzero(~part.prior.optional)):
+            bent = rows @ basis
+            result[own, own] += amount * density * (bent.T @ bent)
+    return result
+
+
+def _hidden(found: Correlations, design: Design) -> Bool[np.ndarray, " n"]:
+    """Return the unknowns with a part in shapes of one component that no reading shows."""
+    result = np.zeros(design.size, bool)
+    for k, part in enumerate(design.stated):
+        limit = PART if part.prior is None else _MOSTLY
+        result[part.places] = found.hidden(k) > limit
+    return result
+
+
+def _shares(found: Correlations, design: Design) -> tuple[float, ...]:
+    """Return the mean information left; what no reading reaches counts as none."""
+    result = []
+    basis = found.shapes.basis
+    for part, own, left in zip(design.stated, basis, found.left(), strict=True):
+        reached, count = design.reached[part.places], own.shape[1]
+        # Without a shape of its own, all that it can do is carried by a simpler effect.
+        mean = min(left / count, 1.0) if count else float(reached.any())
+        result.append(mean * (float(reached.mean()) if count else 1.0))
+    return tuple(result)
