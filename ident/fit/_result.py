@@ -16,6 +16,7 @@ from ..core import (
     Readings,
     Stack,
     choose_weights,
+    design_of,
     sums_of,
 )
 from ._types import RunEffect, TableFit, TableLayout
@@ -61,7 +62,7 @@ class Judged:
         """Judge readings by their residuals about an estimate."""
         ratio = residual_of(stack, readings, about) / loss.scale
         table = stack.effects[0]
-        nodes, shares = table.design(readings)
+        nodes, shares = design_of(table, readings)
         nearest = nodes[np.arange(len(nodes)), shares.argmax(axis=1)]
         wild, share = loss.wild(ratio), loss.share(ratio)
         weights = (None, share, wild.astype(float))

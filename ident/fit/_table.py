@@ -24,6 +24,7 @@ from ..core import (
 from ..core._posterior import FILL
 from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._once import judge_once
+from ._reconsider import reconsidered
 from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
 from ._types import Samples, TableFit, TableLayout
 
@@ -138,6 +139,7 @@ def estimate_table(
     smoothness: Smoothness,
     loss: str,
     start: Callable[[float], Float[np.ndarray, " r"]] | None = None,
+    near: Estimate | None = None,
 ) -> Estimate:
     """Return the estimate of a stack whose first effect is a table.
 
@@ -149,6 +151,7 @@ def estimate_table(
         smoothness: As for `fit_table`.
         loss: As for `fit_table`.
         start: Effects of runs to begin with, for the level of the table.
+        near: Where to begin, if not there.
 
     Raises:
         FitError: If the readings do not determine the unknowns or the loss is unknown.
@@ -160,8 +163,9 @@ def estimate_table(
     weights = None
     if not isinstance(smoothness, str):
         weights = _weights_of(Stack(stack.effects[:1]), smoothness)
+    floor = floor_of(first)
     return estimate(
-        stack, over, loss=loss, weights=weights, floor=floor_of(first), start=begin
+        stack, over, loss=loss, weights=weights, floor=floor, start=begin, near=near
     )
 
 
@@ -231,9 +235,17 @@ class _Memory:
                 own[: effect.contrast.shape[1]] = effect.contrast.T @ (middle - level)
             return own
 
-        found = estimate_table(
-            stack, memory(stack, readings), error, self.smoothness, loss, offsets
-        )
+        over = memory(stack, readings)
+        found = estimate_table(stack, over, error, self.smoothness, loss, offsets)
+        if loss == "student":
+
+            def again(near: Estimate) -> Estimate:
+                return estimate_table(
+                    stack, over, error, self.smoothness, loss, near=near
+                )
+
+            fixed = not isinstance(self.smoothness, str)
+            found = reconsidered(stack, readings, found, fixed, again)
         judged = Judged.of(stack, readings, found.about, found.loss)
         fit = result_of(
             self.layout,
@@ -245,8 +257,9 @@ class _Memory:
             runs=self.labels.tolist(),
             nodes=judged.nodes,
         )
-        plain = dataclasses.replace(readings, weight=None)
-        residual = residual_of(stack, plain, found.values)
+        residual = residual_of(stack, readings, found.values)
+        if readings.weight is not None:
+            residual = residual / np.sqrt(readings.weight)
         suspects: tuple[int, ...] = ()
         if len(self.labels) > 2:
             scatter = self.by_run(np.median, np.abs(residual))

@@ -135,7 +135,8 @@ def test_too_few_readings_to_judge_the_noise_by() -> None:
 
 def test_unknown_loss() -> None:
     with pytest.raises(
-        FitError, match="loss: found 'cauchy', expected 'student', 'huber', 'trim' or 'gauss'"
+        FitError,
+        match="loss: found 'cauchy', expected 'student', 'huber', 'trim' or 'gauss'",
     ):
         fit_table(LINE, readings(), loss="cauchy")
 

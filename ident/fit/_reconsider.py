@@ -1,0 +1,115 @@
+"""Second thoughts where readings agree with each other but not with the table.
+
+A smooth start takes a sharp bend for a handful of wild readings: none of them counts there, so
+that none of them can make the table rougher. Where a node lost most of its readings, a table
+that begins at their medians is tried as well, and the likelihood decides.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import scipy.ndimage
+from jaxtyping import Bool, Float, Int
+
+from ..core import Estimate, Readings, Stack
+
+_LIGHT = 1e-6
+"""Weight relative to the density that leaves a start at local medians where it is."""
+_ROUNDS = 10
+"""Rounds of medians: readings between nodes belong to two of them, so one does not do."""
+_WILD, _FAULTY = 1e-2, 1e-4
+"""Shares of wild readings and of nodes with all readings off, expected beforehand."""
+_FEW, _SHARE = 3, 0.2
+"""Wild readings next to one node, and their share there, that chance does not put there."""
+
+
+def reconsidered(
+    stack: Stack,
+    readings: Readings,
+    found: Estimate,
+    fixed: bool,
+    again: Callable[[Estimate], Estimate],
+) -> Estimate:
+    """Return the estimate, or one that believes readings which agree with each other.
+
+    Args:
+        stack: The table, and effects of runs beside it where there are any.
+        readings: All readings.
+        found: The estimate.
+        fixed: Whether the user set the smoothness.
+        again: Fit from near another estimate.
+    """
+    nodes, shares = stack.design(readings)
+    size = stack.effects[0].size
+    own = np.where(nodes < size, shares, -1.0)
+    node = nodes[np.arange(len(nodes)), own.argmax(axis=1)]
+    root = 1.0 if readings.weight is None else np.sqrt(readings.weight)
+
+    def residual(values: Float[np.ndarray, " u"]) -> Float[np.ndarray, " t"]:
+        return np.asarray(readings.value - (shares * values[nodes]).sum(axis=1))
+
+    wild = found.loss.wild(residual(found.about) * root / found.loss.scale)
+    count, lost = (
+        np.bincount(node, minlength=size),
+        np.bincount(node[wild], minlength=size),
+    )
+    if not (_mostly(count, lost) | ((lost >= _FEW) & (lost > _SHARE * count))).any():
+        return found
+    start = found.values.copy()
+    for _ in range(_ROUNDS):
+        start[:size] += _medians(node, residual(start), size)
+    post = found.posterior
+    light = post.weights if fixed else _LIGHT * post.problem.density
+    light = np.where(post.weights > 0.0, light, 0.0)
+    near = dataclasses.replace(post, values=start, weights=light)
+    rival = again(dataclasses.replace(found, posterior=near))
+
+    def cost(one: Estimate) -> float:
+        """Return minus twice the log-likelihood with wild readings anywhere in their range.
+
+        Readings of a node that lost most of them share one fault, about which they scatter
+        like good ones.
+        """
+        left = residual(one.values)
+        limit = one.loss.limit * one.loss.scale
+        far = np.abs(left) * root > limit
+        faulty = _mostly(count, np.bincount(node[far], minlength=size))
+        shift = np.where(faulty, _medians(node, left, size), 0.0)
+        apart = np.abs(left - shift[node]) * root > limit
+        used = ~far & ~faulty[node]
+        free = max(int(used.sum()) - stack.free, 1)
+        square = float(np.square((left * root)[used]).sum())
+        square += one.posterior.total - one.posterior.residual_square
+        good = float(np.log(2.0 * np.pi * max(square / free, 1e-300))) + 1.0
+        span = 2.0 * float(np.log(max(np.ptp(left), 1e-150)))
+        beside, many, faults = (
+            int((~apart & ~used).sum()),
+            int(apart.sum()),
+            int(faulty.sum()),
+        )
+        result = (free + beside - faults) * good + (many + faults) * span
+        result -= 2.0 * (many * np.log(_WILD) + faults * np.log(_FAULTY))
+        if not fixed:
+            # A smoothness that the readings chose must pay for itself.
+            result += one.posterior.evidence - one.posterior.problem.degrees * np.log(
+                one.posterior.total
+            )
+        return float(result)
+
+    return min((found, rival), key=cost)
+
+
+def _mostly(
+    count: Int[np.ndarray, " n"], lost: Int[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Return which nodes lost most of their several readings."""
+    return np.asarray((count > 1) & (lost > 0.5 * count))
+
+
+def _medians(
+    node: Int[np.ndarray, " t"], residual: Float[np.ndarray, " t"], size: int
+) -> Float[np.ndarray, " n"]:
+    """Return the median residual at each node with several readings, else zero."""
+    found = np.asarray(scipy.ndimage.median(residual, node, np.arange(size)))
+    return np.where(np.bincount(node, minlength=size) > 1, found, 0.0)
