@@ -14,6 +14,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
+from ._ipopt import least_squares_ipopt
 from ._model_fit import STATUSES, ModelFit, covariance_of, factor, held_out_rms
 from ._parameters import (
     Form,
@@ -23,7 +24,7 @@ from ._parameters import (
     fitted_arrays,
     weights_of,
 )
-from .core import FitError, least_squares_ipopt, one_blas_thread
+from .core import FitError, one_blas_thread
 
 M = TypeVar("M", bound=eqx.Module)
 

@@ -9,7 +9,8 @@ import scipy.linalg
 import scipy.sparse as sp
 from jaxtyping import Array, Float
 
-from .core import FitError, least_squares_ipopt, one_blas_thread
+from ._ipopt import least_squares_ipopt
+from .core import FitError, one_blas_thread
 
 if TYPE_CHECKING:
     from ._effects import AbstractEffect

@@ -18,7 +18,7 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 Read `_readings`, `_effect`, `_chain`, `_prior`, `_stack`, `_sums` (`_kernel` is the same
 for many readings), `_factor`, `_posterior`, `_evidence`, `_loss`, `_robust`, `_hold_out` in
 this order. Beside them stand fits of few columns with noise that drifts (`_regression`,
-`_curve`, `_drift`), and least squares by IPOPT (`_ipopt`).
+`_curve`, `_drift`).
 """
 
 from ._chain import chain as chain
@@ -40,11 +40,6 @@ from ._errors import FitError as FitError
 from ._evidence import choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
 from ._hold_out import leave_one_out as leave_one_out, simplest as simplest
-from ._ipopt import (
-    IpoptSolution as IpoptSolution,
-    IpoptStatus as IpoptStatus,
-    least_squares_ipopt as least_squares_ipopt,
-)
 from ._loss import Loss as Loss, choose_loss as choose_loss
 from ._posterior import (
     CellCovariance as CellCovariance,

@@ -24,7 +24,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from ...models import FrictionCompensation, StribeckFriction
-from ..core import least_squares_ipopt
+from .._ipopt import least_squares_ipopt
 
 Solver = Literal["optimistix", "ipopt"]
 Constraint = Literal["non-negative"]

@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import Array, Float
 from scipy.optimize import least_squares
 
-from axcomp.ident.core import least_squares_ipopt
+from axcomp.ident._ipopt import least_squares_ipopt
 
 VELOCITY = np.linspace(0.1, 50.0, 200)
 TRUTH = np.array([1.0, 0.5, 3.0, 1.3, 0.01])
