@@ -147,6 +147,7 @@ class Fit(Mapping[str, FittedEffect]):
             What the job found; `JobResult.passed` tells whether everything is fit for use.
 
         Raises:
+            FitError: If effects keep constraints, which a job does not know.
             AxcompError: If the job cannot be run.
         """
         return write_job(self.stated, Path(folder), lists or {}, axes or {}, gate or {})
@@ -156,7 +157,16 @@ class Fit(Mapping[str, FittedEffect]):
         """What the report of a job says of each effect in a sentence, ready to act on.
 
         The job is run on numbers of axes in alphabetical order, without their old lists.
+
+        Raises:
+            FitError: If models were active, which only their lists tell: `write` takes them.
         """
+        if self.stated.active:
+            active = ", ".join(self.stated.active)
+            msg = (
+                f"verdict: {active} was active while measuring; give its list to write."
+            )
+            raise FitError(msg)
         with tempfile.TemporaryDirectory() as folder:
             names = {name: k + 1 for k, name in enumerate(sorted(self.stated.axes))}
             return verdicts_of(self.write(folder, axes=names), tuple(self.effects))
@@ -220,7 +230,10 @@ def fit(
             f"found {', '.join(unknown)} among active and constraints, expected {names}"
         )
         raise ValueError(msg)
-    stated = Stated(tuple(effects), given, options, treated, tuple(active or ()), names)
+    stated = Stated(
+        tuple(effects), given, options, treated, tuple(active or ()), names,
+        tuple(constraints or ()),
+    )  # fmt: skip
     recording = recording_of(stack, without_zero_of(stack, given, remove))
     found: dict[str, FittedEffect] = {}
     noise: dict[str, float] = {}

@@ -39,6 +39,7 @@ class Stated:
         treated: Keys of the measurement.
         active: Names of effects that acted while measuring.
         names: Of the effects.
+        constrained: Names of effects that keep inequalities.
     """
 
     effects: tuple[AbstractEffect | Friction, ...]
@@ -47,6 +48,7 @@ class Stated:
     treated: Mapping[str, Any]
     active: tuple[str, ...]
     names: tuple[str, ...]
+    constrained: tuple[str, ...] = ()
 
     def place(self, effect: AbstractEffect | Friction) -> int:
         """Return which part of a joint fit an effect is."""
@@ -74,6 +76,12 @@ def write_job(
     """Write readings and job into a folder, run the job there; see `Fit.write`."""
     from .job import run_job
 
+    if stated.constrained:
+        msg = (
+            f"write: found constraints of {', '.join(stated.constrained)}, which a job does "
+            "not keep: its lists would be those of the fit without them."
+        )
+        raise FitError(msg)
     numbered = _numbered(stated, lists, axes)
     folder.mkdir(parents=True, exist_ok=True)
     job = {

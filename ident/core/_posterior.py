@@ -237,8 +237,8 @@ class Posterior:
         stack = self.problem.stack
         if stack.small:
             inverse = self.factor.border_inverse
-            flat = stack.grams.reshape(len(self.weights), -1)
-            return np.asarray(self.weights * (flat @ inverse.reshape(-1)))
+            each = stack.grams.reshape(-1, inverse.size) @ inverse.reshape(-1)
+            return np.asarray(self.weights * each)
         result = np.zeros(len(self.weights))
         for k, term in enumerate(stack.terms):
             if self.weights[k] == 0.0:

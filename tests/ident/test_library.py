@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -192,6 +193,17 @@ def test_files_need_the_numbers_of_the_axes(tmp_path: Path) -> None:
         fit.write(tmp_path)
     with pytest.raises(FitError, match="lists: found axis 3"):
         fit.write(tmp_path, lists={3: "a.lis"}, axes={"X": 1})
+
+
+def test_a_job_is_not_written_where_it_would_fit_something_else(tmp_path: Path) -> None:
+    data = along_x(0)
+    rising = {"leadscrew": lambda model: jnp.diff(model.pos)}
+    fit = axcomp.fit([SCREW], data, constraints=rising)
+    with pytest.raises(FitError, match="found constraints of leadscrew"):
+        fit.write(tmp_path, axes={"X": 1})
+    old = fit["leadscrew"].model
+    with pytest.raises(FitError, match="leadscrew was active while measuring"):
+        _ = axcomp.fit([SCREW], data, active={"leadscrew": old}).verdict
 
 
 @pytest.mark.parametrize(
