@@ -129,6 +129,9 @@ def test_length_is_reduced_to_twenty_degrees(tmp_path: Path) -> None:
         reduced.tables[0].table["pos"], plain.tables[0].table["pos"]
     )
     assert any("reduced to 20 °C" in r.message for r in reduced.tables[0].remarks)
+    keys = "expansion = 11.5\nalready_compensated = true\nreference_temperature = 22.0"
+    stated = run(tmp_path, PLACE, BOW, measurement=keys)
+    assert any("refers to 22 °C" in r.message for r in stated.tables[0].remarks)
 
 
 def test_temperature_of_the_material_may_be_a_column(tmp_path: Path) -> None:
