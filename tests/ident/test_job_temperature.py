@@ -297,6 +297,9 @@ def test_files_of_an_earlier_run_do_not_stay_where_nothing_is_written(
     assert any(
         "temperature_X.st of an earlier run" in r.message for r in result.remarks
     )
+    moved = [r.message.split()[0] for r in result.remarks if "moved to" in r.message]
+    assert len(moved) > 2
+    assert moved == sorted(moved)  # in the same order in every run
 
 
 def test_datum_leaves_the_offset_open_and_says_so(tmp_path: Path) -> None:
