@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +57,14 @@ def test_fit_writes_lists_report_and_result(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = job.parent / "out"
+    start = time.monotonic()
     assert main(["fit", str(job), "--out", str(out)]) == 0
+    waited = time.monotonic() - start
     shown = capsys.readouterr()
+    stated = re.search(r"Done \(([0-9.]+) s\)", shown.err)
+    assert stated is not None
+    # The report and what is loaded are part of it, all but the printing.
+    assert waited - 0.5 < float(stated[1]) < waited + 0.1
     assert shown.out == ""
     for word in ("leadscrew of X", "before", "predicted", "from file", "gate: passed"):
         assert word in shown.err
