@@ -130,7 +130,8 @@ def _for_the_plc(job: Job, one: AxisFiles, name: str) -> LoadStep:
             " Tc2_System. It writes TEMPC::position_0, offset_0 and coefficient of"
             f" {one.axis} (index offsets of axis"
             f" {job.spec.axes[one.axis].number}: compare with the object browser)."
-            " Load the axis list first: without the program it corrects nothing.",
+            " Load the axis list first: without the program it corrects nothing. A PLC"
+            " that stops leaves its last values in the CNC: COMP OFF TEMP then.",
         )
     return LoadStep(
         f"Keep {name}",
