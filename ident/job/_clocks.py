@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fit import FitError
-from ..kinds.temperature import clock_offset
 
 _MOST = 2**17
 """Instants at which two signals are compared before the offset is refined."""
@@ -81,6 +80,8 @@ def find_offset(
     Raises:
         FitError: If they do not tell it.
     """
+    from ..kinds.temperature import clock_offset  # takes long to load
+
     if position is not None:
         span = min(float(np.ptp(time)), float(np.ptp(other_time)))
         base = 0.5 * float(time[0] + time[-1] - other_time[0] - other_time[-1])

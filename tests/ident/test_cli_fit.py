@@ -250,3 +250,14 @@ def test_defaults_leave_a_real_run_table_inside_its_standard_error(
     # The scatter stays, the systematic part goes: predicted on cycles left out.
     assert figures["predicted"]["E"] < 0.1 * figures["before"]["E"]
     assert figures["predicted"]["R"] < figures["before"]["R"]
+
+
+def test_a_job_loads_no_compensation_and_no_library_before_it_needs_them() -> None:
+    code = (
+        "import sys, axcomp.ident.job; print(*{'scipy.stats', 'scipy.signal',"
+        " 'scipy.interpolate', 'axcomp.ident.kinds.temperature'} & set(sys.modules))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == ""
