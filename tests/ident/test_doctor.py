@@ -276,3 +276,23 @@ def test_a_marker_for_no_reading_is_refused(
     command = ["doctor", "achskw1.lis", "--before", "before.toml"]
     assert main([*command, "--after", "after.toml"]) == 1
     assert "line 4: found 9.9e+37 mm" in capsys.readouterr().err
+
+
+def test_a_list_in_increments_names_what_the_doctor_has(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from axcomp.ident.cli import main
+
+    monkeypatch.setenv("AXCOMP_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    text = LIST.dumps().replace(b"kw.ssfk.unit 1", b"kw.ssfk.unit 0")
+    (tmp_path / "achskw1.lis").write_bytes(text)
+    write_job(tmp_path, "before", 0.0)
+    write_job(tmp_path, "after", 1.0)
+    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
+    assert main([*command, "--after", "after.toml"]) == 1
+    shown = capsys.readouterr().err
+    assert "increment = … of the axis in the job" in shown
+    assert "--increment" not in shown
