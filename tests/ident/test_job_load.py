@@ -165,6 +165,24 @@ def test_lines_are_found_behind_long_strings_and_arrays(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("cycle_time = 0.001", 'cycle_time = 0.001  # """ of old'),
+        ("cycle_time = 0.001", "cycle_time = 0.001  # ''' [{ of old"),
+        ('"Portal mill 7"', '\'Portal """ mill\''),
+        ('"Portal mill 7"', "\"Portal ''' mill\"  # [\""),
+    ],
+)
+def test_marks_in_comments_and_strings_do_not_hide_keys(
+    folder: Path, old: str, new: str
+) -> None:
+    text = GOOD.replace(old, new).replace("max_slope = 5", "max_slop = 5")
+    (folder / "job.toml").write_text(text)
+    with pytest.raises(JobError, match=r"job.toml:31: gate.max_slop: unknown"):
+        load_job(folder / "job.toml")
+
+
+@pytest.mark.parametrize(
     "error", [JobError("job.toml", 3, "found"), OutputError("out", "is full")]
 )
 def test_errors_survive_pickling(error: Exception) -> None:
