@@ -46,7 +46,7 @@ def fit(
         from ..report import write_report
 
         report = write_report(result, out)
-    print_result(console, result, out, report, time.monotonic() - start)
+    print_result(console, result, out, report, start)
     if as_json:
         typer.echo(result_json(result), nl=False)
     if not result.passed:

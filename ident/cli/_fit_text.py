@@ -1,6 +1,7 @@
 """What a job found, for a terminal: errors before and after, gate, remarks, files."""
 
 import dataclasses
+import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +21,7 @@ def print_result(
     result: "JobResult",
     out: Path,
     report: Sequence[Path],
-    seconds: float,
+    start: float,
 ) -> None:
     """Print what a person wants to know first; all else is in the report.
 
@@ -31,7 +32,7 @@ def print_result(
         result: What the job found.
         out: Folder of its files.
         report: Files of the report.
-        seconds: That the user has waited.
+        start: When the user began to wait (`time.monotonic`).
     """
     from ..job.joint import TOGETHER
 
@@ -56,7 +57,7 @@ def print_result(
         if remark.message in shared - said
     )
     print_remarks(console, [*every, *result.remarks])
-    _print_files(console, result, out, report, seconds)
+    _print_files(console, result, out, report, start)
 
 
 def _print_files(
@@ -64,7 +65,7 @@ def _print_files(
     result: "JobResult",
     out: Path,
     report: Sequence[Path],
-    seconds: float,
+    start: float,
 ) -> None:
     console.print(f"Files in {out}:", markup=False)
     for file in result.files:
@@ -80,7 +81,7 @@ def _print_files(
         verdict = "NOT PASSED: do not load the rejected lists"
         if not rejected:
             verdict = "NOT PASSED: not all that was asked for is known, see the errors"
-    console.print(f"{verdict} ({seconds:.1f} s).", markup=False)
+    console.print(f"{verdict} ({time.monotonic() - start:.1f} s).", markup=False)
 
 
 def _print_member(
