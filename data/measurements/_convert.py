@@ -82,6 +82,8 @@ def as_direction(table: Table, column: Column) -> Int[np.ndarray, " t"]:
     if column.text is not None:
         signs = [_DIRECTION_WORDS.get(cell.casefold(), 0.0) for cell in column.text]
         values = np.array(signs)
+    elif column.bad is not None and _is_all_minus(column):
+        values = np.full(column.values.size, -1.0)
     else:
         values = table.numbers(column)
     wrong = np.flatnonzero(np.abs(values) != 1.0)
@@ -91,6 +93,12 @@ def as_direction(table: Table, column: Column) -> Int[np.ndarray, " t"]:
         cell = BadCell(int(table.lines[at]), found)
         raise table.cell_error(column, cell, expected)
     return values.astype(np.int64)
+
+
+def _is_all_minus(column: Column) -> bool:
+    """Whether a column holds no number, and a minus where it should."""
+    found = "" if column.bad is None else column.bad.found.strip()
+    return found in ("-", "−") and not np.isfinite(column.values).any()
 
 
 def _whole(table: Table, column: Column, expected: str) -> Int[np.ndarray, " t"]:

@@ -205,6 +205,10 @@ def _lines_of_rows(body: bytes, rows: int) -> Int[np.ndarray, " t"]:
     return np.flatnonzero(ends > starts)
 
 
+_SIGNS = frozenset(("+", "-", "−", ""))
+"""Cells of a column of directions: beside a plus, a minus is no missing number."""
+
+
 def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
     """Read line by line; the place where a wrong line or cell is found and named."""
     dialect, width = layout.dialect, len(layout.names)
@@ -236,7 +240,8 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
         parsed = [dialect.number(cell) for cell in column]
         filled = sum(cell != "" for cell in column)
         texts = parsed.count(None)
-        if filled and 2 * texts > filled:
+        signs = "+" in column and _SIGNS.issuperset(column)
+        if signs or (filled and 2 * texts > filled):
             columns.append(_text_column(name, column))
             continue
         values = np.array(

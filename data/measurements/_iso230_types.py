@@ -104,6 +104,10 @@ class Iso230:
                 return name, value
         return "A", None
 
+    def single_targets(self) -> tuple[float, ...]:
+        """Return the targets with a single approach from a side: A lacks their s."""
+        return tuple(p.target for p in self.positions if 1 in (p.runs_up, p.runs_down))
+
     def accuracy_ends(self) -> tuple[float, float] | None:
         """Return the ends of the band x̄ ± 2s, whose distance is A; None without s."""
         sides = self._sides()

@@ -49,7 +49,7 @@ def read_table(
     if magic == b"PAR1":
         return read_parquet(path)
     raw = unpacked(raw, path)
-    if plain_rows is not None and len(raw) > SHORT:
+    if plain_rows is not None and len(raw) > SHORT and not is_mat(raw):
         table = _plain_table(path, raw, plain_rows)
         if table is not None:
             return table

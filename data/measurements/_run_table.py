@@ -105,6 +105,7 @@ def read_run_table(path: Path, text: str) -> Table:
         lines=body[:, 4].astype(np.int64),
         skipped=tuple(skipped),
         remarks=tuple(remarks),
+        missing=cycles * len(sides) * count - len(rows),
     )
 
 

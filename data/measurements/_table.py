@@ -84,6 +84,7 @@ class Table:
         remarks: What the reader took for granted, one sentence each.
         counts_rows: `lines` are row numbers (Parquet, MATLAB).
         scalars: Single numbers that stand beside the columns, by name (MATLAB).
+        missing: Number of readings that the file announces and lacks (run table).
     """
 
     path: Path
@@ -95,6 +96,7 @@ class Table:
     remarks: tuple[str, ...] = ()
     counts_rows: bool = False
     scalars: tuple[tuple[str, float], ...] = ()
+    missing: int = 0
 
     def column(self, name: str) -> Column:
         """Return a column by name or header text; by number where there is no header.

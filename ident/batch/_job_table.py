@@ -20,7 +20,7 @@ _TEXTS = {
     *("measurement", "sensor", "group", "method"),
 }
 """Last parts of keys whose value is a text, though it may look like a number."""
-_FILES = {"conventions", "list", "machine_data", "file"}
+_FILES = {"conventions", "list", "machine_data", "file", "files"}
 
 
 def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
@@ -58,8 +58,7 @@ def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
             if cell is None or cell == "":
                 continue
             value = _value(key, cell)
-            if _is_file(tuple(key.split("."))) and isinstance(value, str):
-                value = os.path.relpath(path.parent / value, jobs)
+            value = _rebased(value, path.parent, jobs, tuple(key.split(".")))
             try:
                 _put(tree, key.split("."), value)
             except (TypeError, ValueError, IndexError):
@@ -161,4 +160,6 @@ def _rebased(tree: Any, old: Path, new: Path, path: tuple[str, ...] = ()) -> Any
 
 
 def _is_file(path: tuple[str, ...]) -> bool:
-    return path[-1] in _FILES and path[0] in ("machine", "axes", "measurements")
+    # An item of a list (files.0) is named by its list.
+    name = next((part for part in reversed(path) if not part.isdigit()), "")
+    return name in _FILES and path[0] in ("machine", "axes", "measurements")

@@ -23,7 +23,7 @@ def discover(
     job: Annotated[
         Path,
         typer.Argument(
-            metavar="JOB.toml", help="Job with the measurements; needs no [[fits]]."
+            metavar="JOB.toml", help="Job with the measurements; needs no [\\[fits]]."
         ),
     ],
     write: Annotated[

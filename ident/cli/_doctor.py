@@ -19,7 +19,7 @@ def doctor(
         Path,
         typer.Option(
             metavar="JOB.toml",
-            help="Job with the measurements without the lists; needs no [[fits]].",
+            help="Job with the measurements without the lists; needs no [\\[fits]].",
         ),
     ],
     after: Annotated[

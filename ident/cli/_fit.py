@@ -29,11 +29,10 @@ def fit(
     """
     from rich.console import Console
 
+    start = time.monotonic()
     console = Console(stderr=True, highlight=False)
     with console.status("reading the job") as status:
         from ..job import result_json, run_job, use_compilation_cache
-
-        start = time.monotonic()
 
         def progress(line: str) -> None:
             status.update(line)
@@ -47,7 +46,7 @@ def fit(
         from ..report import write_report
 
         report = write_report(result, out)
-    print_result(console, result, out, report)
+    print_result(console, result, out, report, start)
     if as_json:
         typer.echo(result_json(result), nl=False)
     if not result.passed:

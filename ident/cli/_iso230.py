@@ -47,8 +47,9 @@ def iso230(
     tests: dict[str, Iso230] = {}
     units: dict[str, str] = {}
     names: dict[str, str] = {}
+    missing = 0
     for name, path in files.items():
-        tests[name], units[name], names[name], remarks = _evaluate(path, axis)
+        tests[name], units[name], names[name], remarks, missing = _evaluate(path, axis)
         tests[name] = dataclasses.replace(
             tests[name], remarks=(*remarks, *tests[name].remarks)
         )
@@ -64,7 +65,9 @@ def iso230(
         tests["after"] = dataclasses.replace(
             tests["after"], remarks=(remark, *tests["after"].remarks)
         )
-    verdict = None if limit is None else _verdict(tests[last], limit, files[last], unit)
+    verdict = None
+    if limit is not None:
+        verdict = _verdict(tests[last], missing, limit, files[last], unit)
     charts: tuple[Path, ...] = ()
     if out is not None:
         from ..report._iso_chart import draw_iso_chart, write_chart
@@ -85,8 +88,8 @@ def iso230(
 
 def _evaluate(
     path: Path, axis: str | None
-) -> "tuple[Iso230, str, str, tuple[str, ...]]":
-    """Return figures, unit, axis name and remarks of one file."""
+) -> "tuple[Iso230, str, str, tuple[str, ...], int]":
+    """Return figures, unit, axis name, remarks and number of missing readings."""
     from ...data.measurements import (
         derive_error,
         explain_direction,
@@ -109,7 +112,8 @@ def _evaluate(
         for s in table.skipped
         if s.reason != "comment"
     ]
-    return figures, data.units[f"{name}.position"], axis or "", tuple(remarks)
+    unit = data.units[f"{name}.position"]
+    return figures, unit, axis or "", tuple(remarks), table.missing
 
 
 def _only_axis(table: "Table") -> str | None:
@@ -163,12 +167,22 @@ def _tolerance(text: str) -> tuple[float, str | None]:
     if value <= 0.0:
         msg = f"--tolerance: found '{text}', expected more than 0"
         raise UsageError(msg)
+    if not match[2] and value >= _PLAIN_TOLERANCE:
+        # 20 is meant as µm, and 20 mm would pass every machine.
+        msg = (
+            f"--tolerance: found '{text}' without a unit, expected {text}um or {text}mm"
+        )
+        raise UsageError(msg)
     stated = {"length": "mm", "angle": "deg"}[unit.dimension]
     return value, stated if match[2] else None
 
 
-def _verdict(test: "Iso230", limit: float, file: Path, unit: str) -> dict[str, Any]:
+def _verdict(
+    test: "Iso230", missing: int, limit: float, file: Path, unit: str
+) -> dict[str, Any]:
     """Return the verdict: A against the tolerance, the figure named.
+
+    A test with missing readings does not pass: the figures of the whole one are larger.
 
     Raises:
         MeasurementError: If the data give no accuracy to judge.
@@ -179,12 +193,20 @@ def _verdict(test: "Iso230", limit: float, file: Path, unit: str) -> dict[str, A
     if value is None:
         reason = "found one run only, expected at least two: no accuracy A to judge"
         raise MeasurementError(str(file), reason)
-    passed = value <= limit
+    within = value <= limit
+    single = test.single_targets()
+    passed = within and not missing and not single
     shown = with_arrows(name)
     sentence = (
-        f"{'PASS' if passed else 'FAIL'}: {shown} = {amount(value, unit)} "
-        f"{'≤' if passed else '>'} tolerance {amount(limit, unit)} ({file.name})"
+        f"{'PASS' if passed else 'NOT JUDGED' if within else 'FAIL'}: {shown} = "
+        f"{amount(value, unit)} {'≤' if within else '>'} tolerance "
+        f"{amount(limit, unit)} ({file.name})"
     )
+    if within and missing:
+        sentence += f", but {missing} readings that the file announces are missing"
+    elif within and single:
+        places = ", ".join(f"{target:g}" for target in single[:8])
+        sentence += f", but it leaves out targets with a single approach: {places}"
     return {
         "passed": passed,
         "figure": name,
@@ -217,6 +239,9 @@ def _figures(test: "Iso230") -> dict[str, Any]:
         "remarks": list(test.remarks),
     }
 
+
+_PLAIN_TOLERANCE = 1.0
+"""Tolerance in mm or ° from which on its unit must be stated."""
 
 _MEANING = {
     "A": "accuracy, both directions",

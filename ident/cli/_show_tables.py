@@ -167,18 +167,25 @@ def _plane_table(curve: OffsetCurve) -> Table:
     unit = "mm" if curve.metric else "inc"
     offsets = curve.offsets
     columns = _some(len(curve.nodes[0]), MOST_COLUMNS, gap=False)
+    rows = _some(len(curve.nodes[1]), MOST_ROWS, gap=False)
+    caption = f"adds/{'µm' if curve.metric else 'inc'}; "
+    caption += f"to the right: axis {curve.masters[0]}, down: axis {curve.masters[1]}"
+    for shown, nodes, what in zip(
+        (columns, rows), curve.nodes, ("columns", "rows"), strict=True
+    ):
+        if len(shown) < len(nodes):
+            caption += f"; {len(shown)} of {len(nodes)} {what} are shown"
     table = Table(
         box=None,
         pad_edge=False,
         padding=(0, 2, 0, 0),
-        caption=f"adds/{'µm' if curve.metric else 'inc'}; "
-        f"to the right: axis {curve.masters[0]}, down: axis {curve.masters[1]}",
+        caption=caption,
         caption_justify="left",
     )
     table.add_column(f"{unit}", justify="right", style="dim")
     for i in columns:
         table.add_column(f"{curve.nodes[0][i]:g}", justify="right", header_style="dim")
-    for j in _some(len(curve.nodes[1]), MOST_ROWS, gap=False):
+    for j in rows:
         cells = [
             "-" if curve.entries[j][i] is None else _plain(offsets[j][i])
             for i in columns
@@ -221,7 +228,11 @@ def _plain_table(file: ListFile, prefix: str, table: str) -> Group | None:
         )
     columns = [file.columns[key] for key in keys]
     places = sorted({at for rows in columns for at in rows.last})
+    last = -1
     for k in _some(len(places), MOST_ROWS):
+        if k != last + 1:
+            grid.add_row(*["..."] * len(grid.columns), style="dim")
+        last = k
         cells = [
             rows.texts[rows.last[places[k]]] if places[k] in rows.last else "-"
             for rows in columns

@@ -151,11 +151,13 @@ def unit_size(
         return 1.0 / LIST_UNITS
     size = increments.get(axis) if isinstance(increments, Mapping) else increments
     if size is None:
+        by_job = isinstance(increments, Mapping)
+        way = "" if by_job else "--increment, or "
         raise ExchangeError(
             where=f"{listing.source}: {prefix}.unit",
             found="0 or nothing (encoder increments)",
             expected=f"1 (0.1 µm), or the worth of an increment of axis {axis}"
-            " (--increment, or increment = … of the axis in the job)",
+            f" ({way}increment = … of the axis in the job)",
         )
     return size
 

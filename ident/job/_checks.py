@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Iterable, Iterator
 
+from ...data.measurements import find_role
 from ..exchange import ExchangeError, build_number
 from ._crosstalk_faults import crosstalk_faults, named_axes
 from ._fit_schema import (
@@ -34,7 +35,8 @@ def find_fault(job: JobFile) -> Fault | None:
 
 def _unknown(name: str, known: Iterable[str], what: str) -> str:
     names = list(known)
-    close = difflib.get_close_matches(name, names, 1, cutoff=0.0)
+    close = [known for known in names if known.casefold() == name.casefold()]
+    close = close or difflib.get_close_matches(name, names, 1, cutoff=0.0)
     hint = f" (nearest: {close[0]!r})" if close else ""
     return f"found {name!r}, expected {what}: {', '.join(names) or 'none'}{hint}"
 
@@ -72,6 +74,11 @@ def _measurements(job: JobFile) -> Iterator[Fault]:
         yield from _files(measured, where)
         if measured.axis is not None and measured.axis not in job.axes:
             yield (*where, "axis"), _unknown(measured.axis, job.axes, "an axis")
+        for text in measured.columns:
+            role = find_role(text)
+            if role is not None and role.axis not in (None, *job.axes):
+                reason = _unknown(role.axis or "", job.axes, "an axis")
+                yield (*where, "columns", text), reason
         if measured.expansion is None and measured.material_temperature is not None:
             yield (
                 (*where, "material_temperature"),
@@ -170,7 +177,7 @@ def _without(fit: FitSpec, keys: Iterable[str], where: KeyPath) -> Iterator[Faul
 
 
 def _friction(fit: FrictionSpec, where: KeyPath) -> Iterator[Fault]:
-    yield from _without(fit, ("smoothness", "n_cycles"), where)
+    yield from _without(fit, ("smoothness", "n_cycles", "manual_activation"), where)
     if fit.rated_current is not None and fit.rated_torque is not None:
         reason = "found beside rated_current, expected the one that suits the recording"
         yield (*where, "rated_torque"), reason
@@ -224,8 +231,9 @@ def _temperature(job: JobFile, fit: TemperatureSpec, where: KeyPath) -> Iterator
             key = "expansion" if measured.expansion is not None else None
             yield (
                 ("measurements", name, key or "already_compensated"),
-                "found lengths referred to 20 °C, from which the growth of the axis is"
-                " gone that a temperature fit looks for, expected them as measured",
+                f"found lengths referred to {measured.reference_temperature:g} °C, from"
+                " which the growth of the axis is gone that a temperature fit looks for,"
+                " expected them as measured",
             )
         if "temperature" in measured.active:
             yield (

@@ -47,11 +47,13 @@ class Switch:
         keyword: In ``COMP ON …`` and ``V.A.…_COMP_ACTIVE``.
         needs: What must hold before it works: ``Works once its masters are referenced``.
         demanded: Whether P-AXIS-00465 can demand it in automatic mode.
+        adds_current: It adds to the current of the motor, and not to a position.
     """
 
     keyword: str
     needs: str
     demanded: bool = True
+    adds_current: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

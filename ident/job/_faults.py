@@ -19,6 +19,7 @@ from ._fit_schema import (
     JobPart,
     LeadscrewSpec,
     PlaneSpec,
+    Plateau,
     TemperatureSpec,
 )
 from ._lines import Path as KeyPath, line_of
@@ -73,6 +74,8 @@ def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
             return ColumnChoice
         case ("fits", int(k)):
             return _FITS.get(values["fits"][k].get("compensation"))
+        case ("fits", int(), "steady"):
+            return Plateau
     return None
 
 

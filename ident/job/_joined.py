@@ -204,7 +204,7 @@ def _pairs(first: _File, other: _File) -> list[tuple[str, str, str, str | None]]
         if role in other.roles and role != "run" and not role.endswith(".direction")
     ]
     mine, theirs = _by_axis(first), _by_axis(other)
-    for axis in mine.keys() & theirs.keys():
+    for axis in (axis for axis in mine if axis in theirs):
         a, b = mine[axis], theirs[axis]
         found.append((f"{a} and {b}", a, b, None))
     errors = [role for role in first.roles if role.endswith(".error")]

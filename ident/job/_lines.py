@@ -5,8 +5,9 @@ import re
 Path = tuple[str | int, ...]
 
 _PART = re.compile(r"""\s*(?:"((?:[^"\\]|\\.)*)"|'([^']*)'|([A-Za-z0-9_-]+))\s*""")
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'')
-_LONG = re.compile(r'"""|\'\'\'')
+_FENCES = ('"""', "'''")
+_TOKEN = re.compile(r'"""|\'\'\'|"(?:[^"\\]|\\.)*"|\'[^\']*\'|#.*')
+"""What brackets do not count in: long strings, strings, comments."""
 
 
 def _key(text: str, start: int = 0) -> tuple[list[str], int]:
@@ -53,13 +54,15 @@ def key_lines(text: str) -> dict[Path, int]:
                 for k in range(1, len(parts) + 1):
                     lines.setdefault((*table, *parts[:k]), number)
                 rest = line[end + 1 :]
-        while match := _LONG.search(rest):
-            close = rest.find(match[0], match.end())
-            if close < 0:
-                fence, rest = match[0], rest[: match.start()]
-                break
-            rest = rest[: match.start()] + rest[close + 3 :]
-        bare = _STRING.sub("", rest).split("#", 1)[0]
+        bare, at = "", 0
+        while match := _TOKEN.search(rest, at):
+            bare += rest[at : match.start()]
+            at = match.end()
+            if match[0] in _FENCES:
+                close = rest.find(match[0], at)
+                fence = "" if close >= 0 else match[0]
+                at = close + 3 if close >= 0 else len(rest)
+        bare += rest[at:]
         depth += sum(bare.count(c) for c in "[{") - sum(bare.count(c) for c in "]}")
         depth = max(depth, 0)
     return lines

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ...data.lists import Finding, ListFile, Value, new_list
+from ...data.lists import Finding, ListFile, Value, compare, new_list
 from ._draft import AbstractDraft
 from ._fragments import machine_list
 from ._load import Job
@@ -26,6 +26,7 @@ class AxisFiles:
         restart: Why the controller must be restarted, or None where a reload is enough.
         remarks: What the user must know.
         findings: What `check` says of both; empty until `judge_files`.
+        same: Names of lists that say what the controller's own ones say already.
     """
 
     axis: str
@@ -38,6 +39,7 @@ class AxisFiles:
     restart: str | None
     remarks: tuple[Remark, ...]
     findings: tuple[Finding, ...] = ()
+    same: frozenset[str] = frozenset()
 
     @property
     def lists(self) -> tuple[tuple[str, ListFile], ...]:
@@ -92,6 +94,12 @@ def axis_files(
         for one in drafts:
             one.refuse_misread(job, listing)
     machine, machine_name, more = machine_list(job, axis, drafts, cycles)
+    pairs = (existing, listing), (drafts[0].lists.machine, machine)
+    same = {
+        new.source
+        for old, new in pairs
+        if old is not None and new is not None and compare(old, new).action == "none"
+    }
     remarks += more
     extra: dict[str, bytes] = {}
     for one in drafts:
@@ -104,8 +112,9 @@ def axis_files(
         machine_name=machine_name,
         extra=extra,
         is_new=listing is not None and existing is None,
-        restart=_restart(existing, listing, drafts),
+        restart=_restart(pairs, drafts),
         remarks=tuple(remarks),
+        same=frozenset(same),
     )
 
 
@@ -175,14 +184,22 @@ def _names(listing: ListFile) -> dict[str, None]:
 
 
 def _restart(
-    existing: ListFile | None,
-    listing: ListFile | None,
+    pairs: Sequence[tuple[ListFile | None, ListFile | None]],
     drafts: Sequence[AbstractDraft],
 ) -> str | None:
-    """Return why a restart is needed, or None where a reload is enough."""
-    if listing is None:
-        return None
-    if existing is None:
+    """Return why a restart is needed, or None where a reload is enough.
+
+    Args:
+        pairs: The compensation list and the axis list, each before and after.
+        drafts: The fits of this axis.
+    """
+    existing, listing = pairs[0]
+    if listing is not None and existing is None:
         return "the list is new to the controller (hochlauf.lis names it)"
-    reasons = (one.restart(existing, listing) for one in drafts)
+    reasons: list[str | None] = []
+    if existing is not None and listing is not None:
+        reasons += [one.restart(existing, listing) for one in drafts]
+    for old, new in pairs:
+        if old is not None and new is not None:
+            reasons += compare(old, new).reasons
     return next((reason for reason in reasons if reason is not None), None)

@@ -35,6 +35,7 @@ def load_sheet(
         return tuple(steps)
     for one in let_out:
         steps += _files_of(job, one)
+    steps += _loading(job, let_out)
     for one in let_out:
         steps += _switching(job, one, drafts)
     steps += _watching(job, let_out, drafts)
@@ -49,15 +50,32 @@ def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
         steps.append(_axis_list(job, one))
     for name in one.extra:
         steps.append(_for_the_plc(job, one, name))
-    if one.restart is None:
-        action, detail = (
-            "Reload the lists",
-            f"No size of a table of {one.axis} changes.",
-        )
-    else:
-        action, detail = "Restart the controller", f"{one.axis}: {one.restart}."
-    steps.append(LoadStep(action, detail))
     return steps
+
+
+def _loading(job: Job, files: Sequence[AxisFiles]) -> list[LoadStep]:
+    """Return the one restart or reload that takes over the lists of all axes."""
+    reasons = [f"{one.axis}: {one.restart}." for one in files if one.restart]
+    if reasons:
+        return [LoadStep("Restart the controller", " ".join(reasons))]
+    changed = [
+        one for one in files if any(name not in one.same for name, _ in one.lists)
+    ]
+    if not changed:
+        return []
+    axes = ", ".join(one.axis for one in changed)
+    detail = f"No size of a table of {axes} changes."
+    by_hand = [
+        one.machine_name
+        for one in changed
+        if one.machine is not None and job.spec.axes[one.axis].machine_data is None
+    ]
+    if by_hand:
+        detail += (
+            f" A restart instead where a line of {', '.join(by_hand)} was not in the axis"
+            " list yet: axis lists are not updated at run time."
+        )
+    return [LoadStep("Reload the lists", detail)]
 
 
 def _compensation_list(job: Job, one: AxisFiles) -> list[LoadStep]:
@@ -72,6 +90,8 @@ def _compensation_list(job: Job, one: AxisFiles) -> list[LoadStep]:
                 " entries in hochlauf.add.lis, or as the System Manager does.",
             )
         ]
+    if one.compensation_name in one.same:
+        return [_leave(axis.listing, one.compensation_name)]
     return [
         LoadStep(f"Keep a copy of {axis.listing}", "It is the way back."),
         LoadStep(
@@ -81,8 +101,14 @@ def _compensation_list(job: Job, one: AxisFiles) -> list[LoadStep]:
     ]
 
 
+def _leave(own: str | None, name: str) -> LoadStep:
+    return LoadStep(f"Leave {own} as it is", f"It says what {name} says.")
+
+
 def _axis_list(job: Job, one: AxisFiles) -> LoadStep:
     axis = job.spec.axes[one.axis]
+    if one.machine_name in one.same:
+        return _leave(axis.machine_data, one.machine_name)
     if axis.machine_data is not None:
         return LoadStep(
             f"Put {one.machine_name} in place",
@@ -104,7 +130,8 @@ def _for_the_plc(job: Job, one: AxisFiles, name: str) -> LoadStep:
             " Tc2_System. It writes TEMPC::position_0, offset_0 and coefficient of"
             f" {one.axis} (index offsets of axis"
             f" {job.spec.axes[one.axis].number}: compare with the object browser)."
-            " Load the axis list first: without the program it corrects nothing.",
+            " Load the axis list first: without the program it corrects nothing. A PLC"
+            " that stops leaves its last values in the CNC: COMP OFF TEMP then.",
         )
     return LoadStep(
         f"Keep {name}",
@@ -144,6 +171,7 @@ def _watching(
     names = {one.axis for one in files}
     words: dict[str, list[str]] = {}
     shown: list[str] = []
+    currents: list[str] = []
     for draft in drafts:
         switch = draft.switch
         if draft.axis not in names or switch is None:
@@ -151,9 +179,9 @@ def _watching(
         if switch.demanded:
             words.setdefault(draft.axis, []).append(switch.keyword)
         name = job.spec.axes[draft.axis].name or draft.axis
-        shown.append(f"V.A.{switch.keyword}_COMP_CURR.{name}")
+        own = currents if switch.adds_current else shown
+        own.append(f"V.A.{switch.keyword}_COMP_CURR.{name}")
     demands = "; ".join(f"{axis}: {' | '.join(own)}" for axis, own in words.items())
-    readings = ", ".join(shown)
     steps = []
     if demands:
         steps.append(
@@ -163,18 +191,31 @@ def _watching(
                 f" program that moves without them: {demands}.",
             )
         )
+    if shown:
+        steps.append(
+            LoadStep(
+                "See that it works",
+                f"Read {', '.join(shown)} at a few positions and compare with axcomp"
+                " simulate. Displays have the compensation removed; the positions on the"
+                " drive bus contain it.",
+            )
+        )
+    if currents:
+        steps.append(
+            LoadStep(
+                "See that it works",
+                f"Read {', '.join(currents)} at a few speeds in both directions and"
+                " compare with axcomp simulate. It is a current: no position contains"
+                " it.",
+            )
+        )
+    worse = "double the error" if shown else "make the marks at reversals larger"
     return [
         *steps,
         LoadStep(
-            "See that it works",
-            f"Read {readings} at a few positions and compare with axcomp simulate."
-            " Displays have the compensation removed; the positions on the drive bus"
-            " contain it.",
-        ),
-        LoadStep(
             "Measure once more with the list active",
-            "Until then the error after is computed, not verified: a wrong sign would"
-            " double the error, and only a second measurement or a log shows it.",
+            f"Until then the error after is computed, not verified: a wrong sign would"
+            f" {worse}, and only a second measurement or a log shows it.",
         ),
         LoadStep(
             "Go back",

@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from ...data.measurements import (
     DirectionUnknown,
-    Measurement,
     MeasurementError,
     MissingRole,
     derive_error,
@@ -19,7 +18,7 @@ from ...data.measurements import (
 )
 from ..discover import Observed, stack
 from ._load import Job
-from ._outside import length_at_reference
+from ._outside import has_error, length_at_reference
 from ._remove import without_zero
 from ._source import Tables
 
@@ -102,7 +101,7 @@ class _Reader:
             rotary=[key for key, axis in self.axes.items() if axis.kind != "linear"],
             name=name,
         )
-        asked = [axis for axis in self.axes if _has_error(plain, axis)]
+        asked = [axis for axis in self.axes if has_error(plain, axis)]
         self.measured = without_motion(plain, asked).with_gaps()
         self.asked = asked
         self.moving = any(
@@ -229,11 +228,3 @@ def _first_motion(place: Float[np.ndarray, " t"]) -> int:
     gone = np.abs(place[known] - place[known[0]])
     far = np.flatnonzero(gone > _LEFT * float(gone.max()))
     return int(known[far[0]]) if far.size else len(place)
-
-
-def _has_error(measured: Measurement, axis: str) -> bool:
-    there = measured.values
-    if f"{axis}.error" in there:
-        return True
-    others = (f"{axis}.position", f"{axis}.encoder")
-    return f"{axis}.actual" in there and any(role in there for role in others)

@@ -10,12 +10,14 @@ from ...data.measurements import (
     explain_direction,
     measurement,
     reduce_length,
+    with_error,
+    without_motion,
 )
 from ..proof import Measured
 from ._load import Job
 from ._remove import without_zero
 from ._schema import MeasurementSpec
-from ._source import Tables
+from ._source import Tables, refuse_absurd
 
 
 def read_outside(job: Job) -> tuple[Measured, ...]:
@@ -29,7 +31,7 @@ def read_outside(job: Job) -> tuple[Measured, ...]:
     found: list[Measured] = []
     for name, spec in job.spec.measurements.items():
         measured = _measurement(tables, name, spec)
-        axes = [axis for axis in job.spec.axes if _has_error(measured, axis)]
+        axes = [axis for axis in job.spec.axes if has_error(measured, axis)]
         if not axes:
             first = spec.axis or next(iter(job.spec.axes))
             derive_error(measured, first)  # raises, naming what is missing
@@ -54,22 +56,29 @@ def _measurement(tables: Tables, name: str, spec: MeasurementSpec) -> Measuremen
     )
 
 
-def _has_error(measured: Measurement, axis: str) -> bool:
-    both = {f"{axis}.actual", f"{axis}.position"}
-    return f"{axis}.error" in measured.values or both <= set(measured.values)
+def has_error(measured: Measurement, axis: str) -> bool:
+    """Return whether the error of an axis was recorded, or what it is derived from."""
+    there = measured.values
+    if f"{axis}.error" in there:
+        return True
+    others = (f"{axis}.position", f"{axis}.encoder")
+    return f"{axis}.actual" in there and any(role in there for role in others)
 
 
 def _outside(
     job: Job, measured: Measurement, spec: MeasurementSpec, axis: str
 ) -> Measured:
     axes = job.spec.axes
+    measured = with_error(without_motion(measured, [axis]), axis)
     error = np.asarray(derive_error(measured, axis), dtype=float)
+    refuse_absurd(measured, f"{axis}.error", error)
     positions: dict[int, np.ndarray] = {}
     for name, one in axes.items():
         place = measured.get(f"{name}.position")
         if place is None:
             continue
         place = np.asarray(place, dtype=float)
+        refuse_absurd(measured, f"{name}.position", place)
         if one.modulo is not None:
             low, high = one.modulo
             place = low + np.mod(place - low, high - low)

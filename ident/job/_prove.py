@@ -83,6 +83,7 @@ def prove(folder: OutFolder, one: Fitted, written: tuple[Path, ...]) -> Proof:
             from_file=from_file,
             predicted_sd=left.standard_deviation,
             share=one.fit.share,
+            timed=readings.timed,
         ),
         error={
             "before": error_figures(one.before, runs, wild),

@@ -31,6 +31,7 @@ class Readings:
         repeated: The runs go over the same places, so that each can be judged by the
             others.
         remarks: What was taken for granted.
+        timed: Whether `order` is a time.
     """
 
     positions: Float[np.ndarray, "t d"]
@@ -43,6 +44,7 @@ class Readings:
     slices: Mapping[str, slice]
     repeated: bool
     remarks: tuple[Remark, ...]
+    timed: bool = False
 
     def run_table(self, axis_is_master: bool) -> RunTable | None:
         """Return how the readings lie in a run table of ISO 230-2, or None.
@@ -112,6 +114,7 @@ def read_fit(
         run = cycles_of(run, direction)
     times = [part.time for part in parts]
     order = joined(times)
+    timed = order is not None
     if order is None:
         order = np.arange(start, dtype=float)
     repeated = run is not None and runs_overlap(
@@ -139,6 +142,7 @@ def read_fit(
         slices=slices,
         repeated=repeated,
         remarks=tuple(remarks),
+        timed=timed,
     )
 
 

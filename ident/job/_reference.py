@@ -68,7 +68,8 @@ def words_of_reference(
             f" error of {fit.axis} over other axes is taken as it is."
         )
     if spec.already_compensated or change is None:
-        return f"Measurement {name!r} refers to 20 °C as it is."
+        degrees = f"{spec.reference_temperature:g} °C"
+        return f"Measurement {name!r} refers to {degrees} as it is."
     return (
         f"Measurement {name!r} was reduced to {spec.reference_temperature:g} °C; that"
         f" changed readings by up to {1e3 * change:.1f} µm."

@@ -62,6 +62,7 @@ class SampleView:
             controller's rules.
         predicted_sd: Standard deviation predicted for a held-out reading.
         share: Weight that the loss left the reading, 0 (wild) to 1.
+        timed: Whether `order` is a time.
     """
 
     positions: Float[Array, "t d"]
@@ -73,6 +74,7 @@ class SampleView:
     from_file: Float[Array, " t"]
     predicted_sd: Float[Array, " t"]
     share: Float[Array, " t"]
+    timed: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -242,7 +242,8 @@ def _write(
         for fit in job.spec.fits:
             if fit.axis == one.axis:
                 kinds |= set(_for_the_plc(fit))
-        for name in {one.compensation_name, *kinds} - set(contents) - set(one.extra):
+        stale = {one.compensation_name, *kinds} - set(contents) - set(one.extra)
+        for name in sorted(stale):
             retired.append((name, folder.retire(name)))
     fresh = [
         (one.axis, one.compensation_name)

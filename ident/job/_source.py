@@ -221,8 +221,8 @@ def read_rows(
     positions = np.stack(columns_of, axis=1).astype(float)
     error = np.asarray(derive_error(measured, fit.axis), dtype=float)
     for k, axis in enumerate(masters):
-        _refuse_absurd(measured, f"{axis}.position", positions[:, k])
-    _refuse_absurd(measured, f"{fit.axis}.error", error)
+        refuse_absurd(measured, f"{axis}.position", positions[:, k])
+    refuse_absurd(measured, f"{fit.axis}.error", error)
     for k, axis in enumerate(masters):
         if (span := axes[axis].modulo) is not None:
             turn = span[1] - span[0]
@@ -240,7 +240,7 @@ def read_rows(
     return Part(positions, error, direction, run, time, tuple(remarks), change)
 
 
-def _refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None:
+def refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None:
     """Raise at a length or angle that no machine has: a marker for "no reading".
 
     Its square may be beyond floating point, so that no robust loss could set it aside.

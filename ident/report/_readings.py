@@ -98,7 +98,7 @@ def readings_of(fit: TableResult, scale: Scale) -> Readings:
         direction=np.zeros(size, dtype=int) if direction is None else direction,
         run=samples.run,
         order=order,
-        timed=bool(np.any(order != np.round(order))),
+        timed=samples.timed,
         before=samples.before * scale.factor,
         predicted=samples.predicted * scale.factor,
         from_file=samples.from_file * scale.factor,

@@ -136,3 +136,18 @@ def test_direction_that_cannot_be_told_is_refused_with_advice(
 def test_run_of_one_target_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DirectionUnknown, match="a run has only one target"):
         directions(tmp_path, [0, 0, 10, 10], run=[1, 1, 2, 2])
+
+
+@pytest.mark.parametrize("rows", [3, 4, 20, 1000])
+@pytest.mark.parametrize(
+    "cycle", [["+", "-"], ["+", "+", "-"], ["-", "-", "+"], ["-"], ["+"]]
+)
+def test_signs_alone_are_directions(
+    tmp_path: Path, rows: int, cycle: list[str]
+) -> None:
+    signs = [cycle[k % len(cycle)] for k in range(rows)]
+    path = tmp_path / "m.csv"
+    body = "".join(f"{k},0.1,{sign}\n" for k, sign in enumerate(signs))
+    path.write_text("X.position,X.error,X.direction\n" + body)
+    found = measurement(read_table(path)).require("X.direction")
+    assert found.tolist() == [1 if sign == "+" else -1 for sign in signs]

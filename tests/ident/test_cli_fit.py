@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +57,14 @@ def test_fit_writes_lists_report_and_result(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = job.parent / "out"
+    start = time.monotonic()
     assert main(["fit", str(job), "--out", str(out)]) == 0
+    waited = time.monotonic() - start
     shown = capsys.readouterr()
+    stated = re.search(r"Done \(([0-9.]+) s\)", shown.err)
+    assert stated is not None
+    # The report and what is loaded are part of it, all but reading the command line.
+    assert 0.7 * waited < float(stated[1]) < waited + 0.1
     assert shown.out == ""
     for word in ("leadscrew of X", "before", "predicted", "from file", "gate: passed"):
         assert word in shown.err
@@ -242,3 +250,14 @@ def test_defaults_leave_a_real_run_table_inside_its_standard_error(
     # The scatter stays, the systematic part goes: predicted on cycles left out.
     assert figures["predicted"]["E"] < 0.1 * figures["before"]["E"]
     assert figures["predicted"]["R"] < figures["before"]["R"]
+
+
+def test_a_job_loads_no_compensation_and_no_library_before_it_needs_them() -> None:
+    code = (
+        "import sys, axcomp.ident.job; print(*{'scipy.stats', 'scipy.signal',"
+        " 'scipy.interpolate', 'axcomp.ident.kinds.temperature'} & set(sys.modules))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == ""

@@ -85,6 +85,52 @@ def test_iso230_tolerance_that_is_no_length_is_bad_usage(
     assert "--tolerance: found" in capsys.readouterr().err
 
 
+def test_iso230_tolerance_that_looks_like_micrometres_must_state_its_unit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(laser(tmp_path))
+    assert main(["iso230", path, "--tolerance", "20"]) == 2
+    assert "without a unit, expected 20um or 20mm" in capsys.readouterr().err
+    assert main(["iso230", path, "--tolerance", "20um"]) == 1
+    assert main(["iso230", path, "--tolerance", "20mm"]) == 0
+
+
+def test_iso230_passes_no_truncated_run_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = ["UNIT=mm", "CYCLES=5", "POSITIONS=3"]
+    lines += [f"TGT_DATA[{at}]={10 * at}" for at in (1, 2, 3)]
+    for run in range(1, 6):
+        for side in ("FWD", "BWD"):
+            for at in (1, 2, 3):
+                far = 0.02 if at == 3 and run > 3 else 0.0
+                read = 10 * at + 1e-3 * run + far
+                lines.append(f"REF_DATA_{side}[{at},{run}]={read:.4f}")
+    path = tmp_path / "runs.dat"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    command = ["iso230", str(path), "--tolerance", "10um"]
+    assert main(command) == 1
+    assert "FAIL: A = " in capsys.readouterr().err
+    # Three whole cycles of five: equal numbers of runs, and all of them good.
+    path.write_text("\n".join(lines[: 6 + 18]) + "\n", encoding="utf-8")
+    assert main(command) == 1
+    shown = capsys.readouterr().err
+    assert "NOT JUDGED: A = 4.0 µm ≤ tolerance 10.0 µm" in shown
+    assert "12 readings that the file announces are missing" in shown
+
+
+def test_iso230_passes_no_test_that_ends_within_its_second_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = laser(tmp_path).read_text(encoding="utf-8").splitlines()
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(lines[: 1 + 10 + 7]) + "\n", encoding="utf-8")
+    assert main(["iso230", str(short), "--tolerance", "0.5"]) == 1
+    shown = capsys.readouterr().err
+    assert "NOT JUDGED: A = " in shown
+    assert "it leaves out targets with a single approach: 0, 25, 50" in shown
+
+
 def test_iso230_writes_the_chart_twice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -142,7 +188,7 @@ def test_single_run_cannot_be_judged(
     path.write_text(
         "target,error,run,direction\n0,0.1,1,1\n9,0.2,1,1\n", encoding="utf-8"
     )
-    assert main(["iso230", str(path), "--tolerance", "1"]) == 1
+    assert main(["iso230", str(path), "--tolerance", "0.5"]) == 1
     assert "expected at least two: no accuracy A to judge" in capsys.readouterr().err
 
 

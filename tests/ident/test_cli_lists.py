@@ -214,6 +214,47 @@ def test_show_prints_friction_and_crosstalk_tables(
     assert "Crosstalk table, 1 entry." in err
 
 
+def test_show_says_how_many_rows_and_columns_it_leaves_out(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wide = PLANE | {
+        "kw.crosscomp2.last_index_master1": 29,
+        "kw.crosscomp2.last_index_master2": 25,
+    }
+    wide |= {
+        f"kw.crosscomp2.table[{j}][{i}].correction": i
+        for j in range(26)
+        for i in range(30)
+    }
+    path = tmp_path / "achskw3.lis"
+    path.write_bytes(new_list(wide).dumps())
+    assert main(["show", str(path)]) == 0
+    shown = " ".join(capsys.readouterr().err.split())
+    assert "9 of 30 columns are shown; 24 of 26 rows are shown" in shown
+
+
+def test_show_marks_where_a_friction_table_leaves_out_rows(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = ["kopf.achs_nr 2", "frict_comp.table_entries 30"]
+    rows += [f"frict_comp.table[{k}].in {10 * k}" for k in range(30)]
+    rows += [f"frict_comp.table[{k}].out {k}" for k in range(30)]
+    path = tmp_path / "achskw2.lis"
+    path.write_text("\n".join(rows) + "\n", encoding="ascii")
+    assert main(["show", str(path)]) == 0
+    assert "..." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["discover", "doctor"])
+def test_help_names_the_table_of_fits(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command, "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert "[[fits]]" in shown
+    assert "needs no []" not in shown
+
+
 def test_show_draws_a_plane(plane: pathlib.Path, tmp_path: pathlib.Path) -> None:
     assert main(["show", str(plane), "--out", str(tmp_path / "a" / "b")]) == 0
     assert (tmp_path / "a" / "b" / "plane.png").read_bytes()[1:4] == b"PNG"

@@ -222,3 +222,77 @@ def test_the_command_needs_no_fits_and_its_status_says_whether_all_is_right(
     assert capsys.readouterr().out == sentence
     assert main([*command, "--after", "after.toml", "--json"]) == status
     assert '"verdict"' in capsys.readouterr().out
+
+
+def write_log(folder: Path, name: str, feed: float, effect: float) -> None:
+    """Write a recording of X that never stops, 50 ms behind its command."""
+    time = np.arange(0.0, 800.0 / feed, 0.02)
+    way = feed * time
+    actual = way - 0.05 * feed + (1.0 - effect) * error(way)
+    rows = np.stack([time, way, actual], axis=1)
+    np.savetxt(
+        folder / f"{name}.csv", rows, fmt="%.6f", delimiter=",",
+        header="time,X.position,X.actual", comments="",
+    )  # fmt: skip
+    (folder / f"{name}.toml").write_text(
+        f'[axes.X]\nnumber = 1\n[measurements.laser]\nfile = "{name}.csv"\n'
+    )
+
+
+def test_a_log_in_motion_that_holds_the_following_error_is_refused(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from axcomp.ident.cli import main
+
+    monkeypatch.setenv("AXCOMP_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "achskw1.lis").write_bytes(LIST.dumps())
+    write_log(tmp_path, "before", 10.0, 0.0)
+    write_log(tmp_path, "after", 20.0, 1.0)
+    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
+    assert main([*command, "--after", "after.toml"]) == 1
+    shown = capsys.readouterr()
+    assert not shown.out
+    assert "before.csv: line 2: found X moving" in shown.err
+
+
+def test_a_marker_for_no_reading_is_refused(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from axcomp.ident.cli import main
+
+    monkeypatch.setenv("AXCOMP_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "achskw1.lis").write_bytes(LIST.dumps())
+    write_job(tmp_path, "before", 0.0)
+    write_job(tmp_path, "after", 1.0)
+    lines = (tmp_path / "after.csv").read_text().splitlines()
+    lines[3] = "20.000000,9.9e37,1"
+    (tmp_path / "after.csv").write_text("\n".join(lines) + "\n")
+    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
+    assert main([*command, "--after", "after.toml"]) == 1
+    assert "line 4: found 9.9e+37 mm" in capsys.readouterr().err
+
+
+def test_a_list_in_increments_names_what_the_doctor_has(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from axcomp.ident.cli import main
+
+    monkeypatch.setenv("AXCOMP_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    text = LIST.dumps().replace(b"kw.ssfk.unit 1", b"kw.ssfk.unit 0")
+    (tmp_path / "achskw1.lis").write_bytes(text)
+    write_job(tmp_path, "before", 0.0)
+    write_job(tmp_path, "after", 1.0)
+    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
+    assert main([*command, "--after", "after.toml"]) == 1
+    shown = capsys.readouterr().err
+    assert "increment = … of the axis in the job" in shown
+    assert "--increment" not in shown

@@ -61,6 +61,8 @@ def test_good_job_loads(folder: Path) -> None:
     ("old", "new", "match"),
     [
         ("max_slope", "max_slop", r"job.toml:31: gate.max_slop: unknown key"),
+        ('"Y.position"', '"W.position"', r":22: .*W.position: found 'W', expected an ax"),
+        ('"Y.position"', '"x.velocity"', r"x.velocity: found 'x', .*nearest: 'X'"),
         ("number = 3", "nummer = 3", r"job.toml:15: axes.Z.nummer: unknown key"),
         ('unit = "um"', 'units = "um"', r":23: .*Z.error.units: unknown key"),
         ("master =", "masters =", r"fits\[0\].masters: unknown key .*'master'"),
@@ -121,6 +123,29 @@ def test_keys_of_other_compensations_are_known(folder: Path, keys: str) -> None:
     assert len(load_job(folder / "job.toml").spec.fits) == 1
 
 
+@pytest.mark.parametrize(
+    ("keys", "match"),
+    [
+        (
+            'compensation = "temperature"\nsteady = { senor = "s", within = 1.0 }\n',
+            r"steady.senor: unknown key \(nearest: 'sensor'\)",
+        ),
+        (
+            'compensation = "friction"\nmanual_activation = true\n',
+            "manual_activation: friction has no such entry",
+        ),
+    ],
+)
+def test_mistake_in_keys_of_other_compensations_is_named(
+    folder: Path, keys: str, match: str
+) -> None:
+    text = GOOD.partition("[[fits]]")[0] + "[[fits]]\n" + keys
+    text += 'axis = "Z"\nmeasurement = "probe"\n'
+    (folder / "job.toml").write_text(text)
+    with pytest.raises(JobError, match=match):
+        load_job(folder / "job.toml")
+
+
 def test_byte_that_is_no_text_is_named_with_its_line(folder: Path) -> None:
     (folder / "job.toml").write_bytes(b'title = "x"\n# gr\xfcn\n')
     with pytest.raises(JobError, match=r"job.toml:2: found byte 0xfc, expected UTF-8"):
@@ -136,6 +161,24 @@ def test_lines_are_found_behind_long_strings_and_arrays(folder: Path) -> None:
     (folder / "job.toml").write_text(text)
     line = text.splitlines().index("max_stepp = 1") + 1
     with pytest.raises(JobError, match=f"job.toml:{line}: gate.max_stepp: unknown"):
+        load_job(folder / "job.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("cycle_time = 0.001", 'cycle_time = 0.001  # """ of old'),
+        ("cycle_time = 0.001", "cycle_time = 0.001  # ''' [{ of old"),
+        ('"Portal mill 7"', '\'Portal """ mill\''),
+        ('"Portal mill 7"', "\"Portal ''' mill\"  # [\""),
+    ],
+)
+def test_marks_in_comments_and_strings_do_not_hide_keys(
+    folder: Path, old: str, new: str
+) -> None:
+    text = GOOD.replace(old, new).replace("max_slope = 5", "max_slop = 5")
+    (folder / "job.toml").write_text(text)
+    with pytest.raises(JobError, match=r"job.toml:31: gate.max_slop: unknown"):
         load_job(folder / "job.toml")
 
 

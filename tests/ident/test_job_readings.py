@@ -9,6 +9,9 @@ from axcomp.data.errors import AxcompError
 from axcomp.ident.job import JobError, JobResult, run_job
 from axcomp.ident.job._remove import without_zero
 from axcomp.ident.job._runs import cycles_of, place_in_run, ranked, runs_overlap
+from axcomp.ident.report._readings import readings_of
+from axcomp.ident.report._residuals import views_of
+from axcomp.ident.report._scale import scale_of
 
 NODES = np.arange(0.0, 401.0, 100.0)
 
@@ -129,6 +132,9 @@ def test_length_is_reduced_to_twenty_degrees(tmp_path: Path) -> None:
         reduced.tables[0].table["pos"], plain.tables[0].table["pos"]
     )
     assert any("reduced to 20 °C" in r.message for r in reduced.tables[0].remarks)
+    keys = "expansion = 11.5\nalready_compensated = true\nreference_temperature = 22.0"
+    stated = run(tmp_path, PLACE, BOW, measurement=keys)
+    assert any("refers to 22 °C" in r.message for r in stated.tables[0].remarks)
 
 
 def test_temperature_of_the_material_may_be_a_column(tmp_path: Path) -> None:
@@ -155,6 +161,20 @@ def test_line_of_the_instrument_is_removed(tmp_path: Path) -> None:
         tilted.tables[0].table["pos"], level.tables[0].table["pos"], atol=1.01e-4
     )
     assert np.ptp(tilted.tables[0].table["pos"]) > 2e-3  # the bow is still there
+
+
+@pytest.mark.parametrize(
+    ("more", "label"),
+    [(', "time" = "t"', "time in s"), ("", "row, in the order of measuring")],
+)
+def test_readings_at_whole_seconds_are_shown_over_time(
+    tmp_path: Path, more: str, label: str
+) -> None:
+    clock = 10.0 * np.arange(PLACE.size)
+    found = run(tmp_path, PLACE, BOW, clock, header="x,e,t", more=more).tables[0]
+    scale = scale_of(found.unit)
+    labels = [view.label for view in views_of(found, readings_of(found, scale), scale)]
+    assert labels[-1] == label
 
 
 def test_joined_measurements_keep_their_runs_apart(tmp_path: Path) -> None:

@@ -338,6 +338,9 @@ def test_files_of_an_earlier_run_do_not_stay_where_nothing_is_written(
     assert any(
         "temperature_X.st of an earlier run" in r.message for r in result.remarks
     )
+    moved = [r.message.split()[0] for r in result.remarks if "moved to" in r.message]
+    assert len(moved) > 2
+    assert moved == sorted(moved)  # in the same order in every run
 
 
 def test_datum_leaves_the_offset_open_and_says_so(tmp_path: Path) -> None:
@@ -355,6 +358,10 @@ def test_datum_leaves_the_offset_open_and_says_so(tmp_path: Path) -> None:
         ({"axis": 'type = "rotary"'}, "expected a linear one: the unit of the coeff"),
         ({"measured": 'active = ["temperature"]'}, "COMP OFF TEMP"),
         ({"measured": "expansion = 11.5\nmaterial_temperature = 21.0"}, "as measured"),
+        (
+            {"measured": "already_compensated = true\nreference_temperature = 22.0"},
+            "lengths referred to 22 °C",
+        ),
         ({"keys": 'sensor = "frame"\nn_cycles = 20'}, "expected at most 19"),
         ({"keys": 'sensor = "frame"\nsmoothness = 1'}, "temperature has no such entry"),
         (
@@ -377,6 +384,18 @@ def test_what_cannot_be_fitted_is_refused_in_one_line(
     warm_up(tmp_path)
     with pytest.raises(JobError, match=reason):
         run(tmp_path, **parts)
+
+
+def test_one_position_names_the_key_for_the_offset_alone(tmp_path: Path) -> None:
+    time = np.arange(0.0, 3600.0, 60.0)
+    warm = 20.0 + 5.0 * time / time[-1]
+    write(
+        tmp_path, ("t", "x", "e", "frame"),
+        (time, np.full(time.size, 50.0), 1e-3 * (warm - 20.0), warm),
+    )  # fmt: skip
+    expected = r"all readings at 50 mm, .* or sensors = \{ offset = 'frame' \}"
+    with pytest.raises(JobError, match=expected):
+        run(tmp_path)
 
 
 def test_result_and_report_say_what_was_found(tmp_path: Path) -> None:

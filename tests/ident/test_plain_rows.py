@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from scipy.io import savemat
 
 from axcomp.data.errors import AxcompError
 from axcomp.data.measurements import Table, read_table
@@ -123,3 +124,12 @@ def test_rows_of_a_recording_are_read_by_machine_code(tmp_path: Path) -> None:
 
     read_table(path, plain_rows=watched)
     assert asked == [3]
+
+
+def test_a_matlab_file_is_read_as_one_where_rows_are_read_fast(tmp_path: Path) -> None:
+    path = tmp_path / "trace.mat"
+    clock = np.arange(20_000.0)
+    savemat(path, {"t": clock, "i": np.sin(clock)})
+    table = read_table(path, plain_rows=plain_rows)
+    assert table.format == "MATLAB"
+    assert table.rows == clock.size

@@ -87,12 +87,22 @@ def test_what_a_drive_log_settles_is_stored_and_then_assumed(folder: Path) -> No
     assert main(save) == 0
 
 
-def test_a_sign_that_only_offsets_show_is_stored_as_assumed(folder: Path) -> None:
+def test_a_sign_that_only_offsets_show_is_not_stored(folder: Path) -> None:
     write_log(folder / "log.csv", -offset())
     assert main([*COMMAND, "--save", "machine.toml"]) == 1
     stored = tomllib.loads((folder / "machine.toml").read_text())
-    assert stored["assumed"] == {"cross_sign": -1}
+    assert "assumed" not in stored
     assert "cross_sign" not in stored["verified"]
+
+
+def test_a_sign_that_the_drive_has_settled_stays_stored(folder: Path) -> None:
+    save = [*COMMAND, "--save", "machine.toml"]
+    write_log(folder / "log.csv", -offset(), "A3.drive_position")
+    main(save)
+    write_log(folder / "log.csv", offset())
+    main(save)
+    stored = tomllib.loads((folder / "machine.toml").read_text())
+    assert stored["verified"]["cross_sign"] == -1
 
 
 def test_the_log_may_use_names_of_axes_and_objects(folder: Path) -> None:

@@ -103,7 +103,9 @@ class FrictionDraft(AbstractDraft):
     def switch(self) -> Switch | None:
         if self.knots is None:
             return None
-        return Switch("FRICT", "Works without referencing", demanded=False)
+        return Switch(
+            "FRICT", "Works without referencing", demanded=False, adds_current=True
+        )
 
     @property
     def replaces(self) -> tuple[str, ...]:

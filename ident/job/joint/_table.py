@@ -98,6 +98,7 @@ class TableMember(AbstractMember):
             slices=share.slices(),
             repeated=run is not None,
             remarks=tuple(share.remarks()),
+            timed=share.recording.timed,
         )
         samples = Samples(
             positions=positions, error=share.error, branch=branch, run=run

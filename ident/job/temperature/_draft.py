@@ -299,6 +299,7 @@ class TemperatureDraft(AbstractDraft):
             offset=first or 0,
             coefficient=second or 0,
             rates=rates(self._position, self._span(job)),
+            sign=int(job.conventions.temperature_sign),
         )
 
     def _chosen(self) -> tuple[int | None, int | None]:

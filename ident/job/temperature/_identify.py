@@ -54,6 +54,7 @@ def identify(recording: ThermalRecording, fit: TemperatureSpec) -> Identified:
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
+    _refuse_one_position(recording, fit)
     try:
         return _identified(recording, fit)
     except FitError as error:
@@ -61,6 +62,21 @@ def identify(recording: ThermalRecording, fit: TemperatureSpec) -> Identified:
         for number, name in enumerate(recording.sensors, 1):
             message = message.replace(f"sensor {number} of", f"sensor {name!r} of")
         raise FitError(message) from None
+
+
+def _refuse_one_position(recording: ThermalRecording, fit: TemperatureSpec) -> None:
+    position, effects = recording.readings.position, recording.effects
+    if position is None or "coefficient" not in effects:
+        return
+    places = np.unique(position[np.isfinite(position)])
+    if places.size == 1:
+        asked = recording.sensors[effects.get("offset", effects["coefficient"])]
+        msg = (
+            f"found all readings at {places[0]:g} mm, expected two positions or more for"
+            f" the coefficient of {fit.axis}, or sensors = {{ offset = {asked!r} }}: at"
+            " one position only the offset can be fitted"
+        )
+        raise FitError(msg)
 
 
 def _identified(recording: ThermalRecording, fit: TemperatureSpec) -> Identified:

@@ -53,6 +53,7 @@ class PlcProgram:
         offset: Which of them moves the offset, and
         coefficient: the coefficient.
         rates: What may change per second: offset in mm, coefficient in µm/m.
+        sign: With which the CNC adds the line to the position, +1 or −1.
     """
 
     axis: str
@@ -65,6 +66,7 @@ class PlcProgram:
     offset: int
     coefficient: int
     rates: tuple[float, float]
+    sign: int = 1
 
 
 def structured_text(program: PlcProgram) -> str:
@@ -110,11 +112,15 @@ def _head(program: PlcProgram, name: str) -> list[str]:
         f"(* Temperature compensation of axis {axis}, written by axcomp.",
         f"   Job: {title}",
         "",
-        "   deviation(T, s) = offset_0(T) + coefficient(T) * (s - position_0)",
+        "   line(T, s) = offset_0(T) + coefficient(T) * (s - position_0)",
+        f"   The CNC {'adds it to' if program.sign > 0 else 'takes it off'} the position:"
+        f" it is the measured deviation{' with the other sign' * (program.sign > 0)}.",
         "",
         f"   Measured from {low:.2f} to {high:.2f} degC; outside, the nearest value is",
         f"   held. Nothing is corrected at {program.zero:.2f} degC, the state of the axis",
-        "   list, so that a cold machine or a stopped PLC is not wrong.",
+        "   list, so that a machine whose program never ran is not wrong. A PLC that",
+        "   stops leaves its last values in the CNC: switch the compensation off then",
+        "   (COMP OFF TEMP) before the temperature has changed.",
         "",
         f"   Call FB_TempComp_{name} in every cycle of one PLC task. It needs the",
         "   library Tc2_System (ADSREAD, ADSWRITE). *)",

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.interpolate import LinearNDInterpolator
 
 _PLACE = 0.01
 """mm or °: readings that near to each other are of one place."""
@@ -164,6 +163,8 @@ class _Places:
                 at, ask = known[:, varied[0]], asked[:, varied[0]]
                 found = np.interp(ask, at, level, left=np.nan, right=np.nan)
             else:
+                from scipy.interpolate import LinearNDInterpolator
+
                 found = LinearNDInterpolator(known[:, varied], level)(asked[:, varied])
             inside = np.isfinite(found)
             keys += [key for key, use in zip(theirs, inside, strict=True) if use]

@@ -216,8 +216,9 @@ def _summary(
     for one in verdicts:
         for name, value in one.settled.items():
             sure = name not in one.doubtful
-            if name.endswith("_sign") and one.axis not in driven:
-                sure = False
+            # A job must not run on a sign that this log cannot tell.
+            if name.endswith("_sign") and not (sure and one.axis in driven):
+                continue
             if sure or name not in settled:
                 values[name] = value
             settled[name] = settled.get(name, False) or sure

@@ -1,6 +1,8 @@
 """A batch without its processes: what is collected, grouped, kept and asked for."""
 
 import json
+import re
+import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -153,6 +155,27 @@ def test_a_table_of_jobs_says_the_same_as_the_job_files(
         assert job.spec.fits == load_job(tmp_path / "jobs" / f"{name}.toml").spec.fits
 
 
+def test_files_of_a_template_and_of_a_cell_lie_beside_them(tmp_path: Path) -> None:
+    head = "[axes.X]\nnumber = 1\n[measurements.m]\n"
+    (tmp_path / "own").mkdir()
+    template = tmp_path / "own" / "kind.toml"
+    template.write_text(f'{head}files = ["a.csv", "b.csv"]\n')
+    rows = ["job,template,measurements.m.files", "one,own/kind.toml,"]
+    rows += ["two,own/kind.toml,\"['c.csv', 'd.csv']\""]
+    (tmp_path / "fleet.csv").write_text("\n".join(rows) + "\n")
+    items = collect_jobs([tmp_path / "fleet.csv"], tmp_path / "out")
+    found = []
+    for item in items:
+        assert item.text is not None
+        files = tomllib.loads(item.text)["measurements"]["m"]["files"]
+        found.append([(item.path.parent / file).resolve() for file in files])
+    root = tmp_path.resolve()
+    assert found == [
+        [root / "own" / "a.csv", root / "own" / "b.csv"],
+        [root / "c.csv", root / "d.csv"],
+    ]
+
+
 def test_every_key_of_a_job_can_be_a_column(tmp_path: Path) -> None:
     cells = {
         "title": "x", "axes.X.number": 1, "measurements.m.file": "m.csv",
@@ -303,7 +326,9 @@ def test_questions_to_the_table_are_answered_on_the_command_line(
     # Machine m1 has the jobs 6 to 11, the first of them was rejected.
     assert rows == [{"job": f"{k:05d}", "passed": k > 6} for k in range(6, 12)]
     assert main(asked) == 0
-    assert pv.read_csv(pa.py_buffer(capfd.readouterr().out.encode())).num_rows == 6
+    shown = capfd.readouterr().out
+    assert pv.read_csv(pa.py_buffer(shown.encode())).num_rows == 6
+    assert not re.search(r"\.0*[1-9]\d{6}", shown)  # no mm with 17 digits
     assert main(["results", out, "--where", "nothing = 1"]) == 1
     assert "nothing" in capfd.readouterr().err
     assert main(["results", str(batch)]) == 1

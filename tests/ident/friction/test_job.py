@@ -104,6 +104,16 @@ def test_list_takes_what_the_law_takes(done: tuple[Path, JobResult]) -> None:
     assert error["from_file"].sound.rms < 1.02 * error["predicted"].sound.rms
 
 
+def test_load_sheet_speaks_of_speeds_and_of_no_position(
+    done: tuple[Path, JobResult],
+) -> None:
+    steps = {step.action: step.detail for step in done[1].load_sheet}
+    assert "at a few speeds in both directions" in steps["See that it works"]
+    assert "no position contains it" in steps["See that it works"]
+    assert not any("at a few positions" in detail for detail in steps.values())
+    assert "double the error" not in steps["Measure once more with the list active"]
+
+
 def test_list_is_strict_and_within_the_limits(done: tuple[Path, JobResult]) -> None:
     folder, result = done
     listing = ListFile.read(folder / "out" / "achskw1.lis")

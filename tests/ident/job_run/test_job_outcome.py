@@ -235,3 +235,39 @@ def test_load_sheet_tells_files_order_check_and_the_way_back(tmp_path: Path) -> 
     old_list(tmp_path)
     again = run_job(screw_job(tmp_path, axis='list = "achskw1.lis"'), tmp_path / "out")
     assert "Reload the lists" in {step.action for step in again.load_sheet}
+
+
+def test_load_sheet_loads_as_diff_says_and_once_for_all_axes(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    old_list(tmp_path)
+    (tmp_path / "achsmds1.lis").write_text("kenngr.achs_nr 1\n")
+    axis = 'list = "achskw1.lis"\nmachine_data = "achsmds1.lis"'
+    path = screw_job(tmp_path, axis=axis)
+    first = run_job(path, tmp_path / "out")
+    steps = {step.action: step.detail for step in first.load_sheet}
+    # What `axcomp diff` says of the axis list.
+    assert "an axis list" in steps["Restart the controller"]
+    assert "Reload the lists" not in steps
+    actions = [step.action for step in first.load_sheet]
+    assert actions.count("Restart the controller") == 1
+    for name in ("achskw1.lis", "achsmds1.lis"):
+        (tmp_path / name).write_bytes((tmp_path / "out" / name).read_bytes())
+    again = {step.action for step in run_job(path, tmp_path / "out").load_sheet}
+    assert {"Leave achskw1.lis as it is", "Leave achsmds1.lis as it is"} <= again
+    assert not again & {"Restart the controller", "Reload the lists"}
+    assert not any("Replace" in action or "Keep a copy" in action for action in again)
+
+
+def test_load_sheet_asks_for_one_restart_for_two_new_lists(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    path = screw_job(tmp_path)
+    text = path.read_text()
+    fit = "[[fits]]" + text.partition("[[fits]]")[2]
+    second = fit.replace('axis = "X"', 'axis = "Y"').replace('"laser"', '"other"')
+    text = text.replace(
+        "[measurements.laser]", "[axes.Y]\nnumber = 2\n[measurements.laser]"
+    )
+    measured = '[measurements.other]\nfile = "laser.csv"\naxis = "Y"\n'
+    path.write_text(text + measured + second)
+    actions = [step.action for step in run_job(path, tmp_path / "out").load_sheet]
+    assert actions.count("Restart the controller") == 1

@@ -197,6 +197,24 @@ def test_program_writes_the_objects_of_the_axis_in_their_units(plc: Make) -> Non
     assert [offset for offset, _ in cnc.written].count(0x10045) == 1
 
 
+@pytest.mark.parametrize(
+    ("sign", "words"),
+    [
+        (
+            1,
+            "adds it to the position: it is the measured deviation with the other sign.",
+        ),
+        (-1, "takes it off the position: it is the measured deviation."),
+    ],
+)
+def test_head_says_with_which_sign_the_line_counts(sign: int, words: str) -> None:
+    head = " ".join(text_of(sign=sign).partition("*)")[0].split())
+    assert f"The CNC {words}" in head
+    assert "deviation(T, s)" not in head
+    assert "A PLC that stops leaves its last values in the CNC" in head
+    assert "stopped PLC is not wrong" not in head
+
+
 def test_restarted_plc_goes_on_from_what_the_cnc_has(plc: Make) -> None:
     cnc = Cnc(x10043=-200.0, x10044=-350, x10045=-2001996)
     block = plc(cnc)
