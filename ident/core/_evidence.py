@@ -20,7 +20,7 @@ from ._effect import TableEffect
 from ._posterior import Posterior, Problem
 from ._stack import Stack
 
-_SCALES = (1e-3, 1e-1, 1e1, 1e3, 1e5)
+_SCALES = (1e-1, 1e1, 1e3, 1e5)
 """Weights of second differences, relative to the density, that are tried first."""
 _WORTH = 2.0
 """Gain in evidence below which the simpler of two priors is taken."""

@@ -16,7 +16,6 @@ from ..temperature import (
     TemperatureDraft,
     ThermalRecording,
     drift_instead,
-    states_drift,
     zero_of,
 )
 from ._member import AbstractMember
@@ -120,14 +119,13 @@ class TemperatureMember(AbstractMember):
             reference_temperature=effect.reference_temperature,
             remarks=tuple(share.remarks()),
             carriers=share.tables,
-            drift=states_drift(job, self.fit),
         )
         fit = self._line(share, effect, structure)
         instead = drift_instead(recording, fit)
         found = Identified(
             fit=fit,
             open=(),
-            determined=instead is None or recording.drift,
+            determined=True,
             dropped=False,
             groups=share.recording.fold[rows],
             predicted=share.predicted[rows],

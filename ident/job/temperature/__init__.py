@@ -11,7 +11,6 @@ from ._recording import (
     ThermalRecording as ThermalRecording,
     only_sensor as only_sensor,
     sensor_name as sensor_name,
-    states_drift as states_drift,
 )
 from ._result import (
     TemperatureResult as TemperatureResult,

@@ -102,7 +102,7 @@ def _identified(recording: ThermalRecording, fit: TemperatureSpec) -> Identified
     return Identified(
         fit=found,
         open=open_pairs,
-        determined=dropped or not (open_pairs or (instead and not recording.drift)),
+        determined=dropped or not open_pairs,
         dropped=dropped,
         groups=groups,
         predicted=predicted,

@@ -16,7 +16,6 @@ from ....data.measurements import (
 from ...fit import FitError
 from ...kinds.temperature import ThermalReadings, steady
 from .._fit_schema import Effect, TemperatureSpec
-from .._load import Job
 from .._remove import without_zero
 from .._result import Remark
 from .._source import Tables, measured_for
@@ -40,7 +39,6 @@ class ThermalRecording:
         remarks: What was taken for granted.
         carriers: Tables of the same group, which hold what no temperature moves; None
             where the line is fitted alone.
-        drift: The job says how much the instrument drifts, be it nothing.
     """
 
     readings: ThermalReadings
@@ -51,7 +49,6 @@ class ThermalRecording:
     reference_temperature: float
     remarks: tuple[Remark, ...]
     carriers: tuple[str, ...] | None = None
-    drift: bool = False
 
 
 def sensor_name(text: str) -> str:
@@ -107,14 +104,6 @@ def read_thermal(tables: Tables, fit: TemperatureSpec) -> ThermalRecording:
         datum=datum,
         reference_temperature=reference,
         remarks=tuple(remarks),
-        drift=states_drift(tables.job, fit),
-    )
-
-
-def states_drift(job: Job, fit: TemperatureSpec) -> bool:
-    """Return whether the job says how much the instruments of a fit drift."""
-    return all(
-        "drift" in job.spec.measurements[name].model_fields_set for name in fit.sources
     )
 
 
