@@ -21,7 +21,7 @@ import lineax as lx
 import numpy as np
 import optimistix as optx
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from ...models import FrictionCompensation, StribeckFriction
 from .._ipopt import least_squares_ipopt
@@ -47,6 +47,8 @@ The relative gain of cost is its square: 1e-5, and 1e-2 where only a start is so
 _IPOPT_TOLERANCE = 1e-3
 """IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
 _STEPS, _IPOPT_STEPS = 80, 50
+_ROUNDS, _FAR = 4, 0.5
+"""The tolerance is of the residual at the start: it begins anew where less is left of it."""
 _INSIDE = 1e-3
 """How far inside its limits a start begins, in parts of their distance or of itself."""
 _SPEEDS = 32
@@ -300,7 +302,8 @@ class _Bounded(eqx.Module):
 @eqx.filter_jit
 def _levenberg_marquardt(
     start: Float[Array, " 10"], problem: Problem, tolerance: Float[Array, ""]
-) -> tuple[Float[Array, " 10"], Int[Array, ""], Bool[Array, ""]]:
+) -> tuple[Float[Array, " 10"], Bool[Array, ""], Float[Array, ""]]:
+    """Return values, whether they converged, and what is left of the residual."""
     numbers = _Bounded.of(start, problem)
     root_count = jnp.sqrt(jnp.sum(problem.compared))
 
@@ -322,7 +325,9 @@ def _levenberg_marquardt(
         throw=False,
     )
     converged = jnp.asarray(found.result == optx.RESULTS.successful)
-    return numbers.values(found.value), found.stats["num_steps"], converged
+    values = numbers.values(found.value)
+    left = jnp.linalg.norm(_residual(values, problem)) / numbers.length
+    return values, converged, left
 
 
 def solve(
@@ -331,8 +336,8 @@ def solve(
     tolerance: float,
     solver: Solver = "optimistix",
     constraints: Sequence[Constraint] = (),
-) -> tuple[Float[np.ndarray, " 10"], int, bool]:
-    """Return where a solver ends, its steps, and whether it converged.
+) -> tuple[Float[np.ndarray, " 10"], bool]:
+    """Return where a solver ends, and whether it converged.
 
     Args:
         problem: What is to be solved.
@@ -353,10 +358,14 @@ def solve(
             tolerance=_IPOPT_TOLERANCE,
             max_steps=_IPOPT_STEPS,
         )
-        return found.values, found.steps, found.converged
-    given = jnp.asarray(start), problem, jnp.asarray(tolerance)
-    values, steps, converged = _levenberg_marquardt(*given)
-    return np.asarray(values), int(steps), bool(converged)
+        return found.values, found.converged
+    values, converged = jnp.asarray(start), jnp.asarray(False)
+    for _ in range(_ROUNDS):
+        given = problem, jnp.asarray(tolerance)
+        values, converged, left = _levenberg_marquardt(values, *given)
+        if left > _FAR:
+            break
+    return np.asarray(values), bool(converged)
 
 
 @jax.jit
