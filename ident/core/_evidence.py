@@ -117,7 +117,7 @@ def _descend(problem: Problem, start: Vector, gain: float) -> Posterior | None:
         weights = np.zeros(len(start))
         weights[alive] = np.exp(np.clip(logs, low, high))
         found = problem.at(weights)
-        if found is None or not np.isfinite(found.evidence):
+        if found is None or not np.isfinite([found.evidence, *found.slopes]).all():
             return None
         if best is None or found.evidence < best.evidence:
             best = found
