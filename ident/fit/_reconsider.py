@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.ndimage
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from ..core import Estimate, Readings, Stack
 
@@ -24,6 +24,17 @@ _FEW, _SHARE = 3, 0.2
 """Wild readings next to one node, and their share there, that chance does not put there."""
 
 
+def crowded(nodes: Float[np.ndarray, "3 n"]) -> Bool[np.ndarray, " n"]:
+    """Return the nodes with more wild readings than chance puts there.
+
+    Args:
+        nodes: Readings next to each unknown, the weight they keep, those that are wild.
+    """
+    count, _, lost = nodes
+    several = (lost >= _FEW) & (lost > _SHARE * count)
+    return np.asarray(_mostly(count, lost) | several)
+
+
 def reconsidered(
     stack: Stack,
     readings: Readings,
@@ -32,6 +43,8 @@ def reconsidered(
     again: Callable[[Estimate], Estimate],
 ) -> Estimate:
     """Return the estimate, or one that believes readings which agree with each other.
+
+    Worth its time where nodes are `crowded`.
 
     Args:
         stack: The table, and effects of runs beside it where there are any.
@@ -44,18 +57,12 @@ def reconsidered(
     size = stack.effects[0].size
     own = np.where(nodes < size, shares, -1.0)
     node = nodes[np.arange(len(nodes)), own.argmax(axis=1)]
+    count = np.bincount(node, minlength=size)
     root = 1.0 if readings.weight is None else np.sqrt(readings.weight)
 
     def residual(values: Float[np.ndarray, " u"]) -> Float[np.ndarray, " t"]:
         return np.asarray(readings.value - (shares * values[nodes]).sum(axis=1))
 
-    wild = found.loss.wild(residual(found.about) * root / found.loss.scale)
-    count, lost = (
-        np.bincount(node, minlength=size),
-        np.bincount(node[wild], minlength=size),
-    )
-    if not (_mostly(count, lost) | ((lost >= _FEW) & (lost > _SHARE * count))).any():
-        return found
     start = found.values.copy()
     for _ in range(_ROUNDS):
         start[:size] += _medians(node, residual(start), size)
@@ -83,11 +90,8 @@ def reconsidered(
         square += one.posterior.total - one.posterior.residual_square
         good = float(np.log(2.0 * np.pi * max(square / free, 1e-300))) + 1.0
         span = 2.0 * float(np.log(max(np.ptp(left), 1e-150)))
-        beside, many, faults = (
-            int((~apart & ~used).sum()),
-            int(apart.sum()),
-            int(faulty.sum()),
-        )
+        beside, many = int((~apart & ~used).sum()), int(apart.sum())
+        faults = int(faulty.sum())
         result = (free + beside - faults) * good + (many + faults) * span
         result -= 2.0 * (many * np.log(_WILD) + faults * np.log(_FAULTY))
         if not fixed:
@@ -101,7 +105,7 @@ def reconsidered(
 
 
 def _mostly(
-    count: Int[np.ndarray, " n"], lost: Int[np.ndarray, " n"]
+    count: Shaped[np.ndarray, " n"], lost: Shaped[np.ndarray, " n"]
 ) -> Bool[np.ndarray, " n"]:
     """Return which nodes lost most of their several readings."""
     return np.asarray((count > 1) & (lost > 0.5 * count))

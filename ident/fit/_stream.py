@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from ..core import Loss, Stack, Sums, leave_one_out, one_blas_thread, sums_of
 from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._pieces import AbstractPass, Apply, Part, Place, Stream, added
+from ._reconsider import crowded
 from ._result import NONE_LEFT_OUT, Judged, fold_of, result_of
 from ._table import TOO_MANY, estimate_table
 from ._types import Samples, TableFit, TableLayout
@@ -118,14 +119,13 @@ def _attempt(
     last = looks[0]
     assert last.extent is not None
     count = int(last.extent.counts.sum())
-    nodes, crowded = None, 0
+    nodes, many = None, 0
     if loss != "gauss":
         last = stream.ask(
             _SumUp(layout, whole.about, whole.loss, True, False, grouping, True)
         )
-        near, _, rejected = nodes = last.nodes
-        several = (rejected >= 3) & (rejected > 0.2 * near)
-        crowded = int((several | ((near > 1) & (rejected > 0.5 * near))).sum())
+        nodes = last.nodes
+        many = int(crowded(nodes).sum())
     fit = result_of(
         layout,
         whole,
@@ -138,7 +138,7 @@ def _attempt(
     left = {} if grouping is None else leave_one_out(whole, last.groups, {})
     folds = {label: fold_of(fit, post) for label, post in left.items()}
     wild = count - int(whole.posterior.problem.count)
-    return StreamedFit(fit, count, wild, crowded, folds)
+    return StreamedFit(fit, count, wild, many, folds)
 
 
 @dataclasses.dataclass(frozen=True)
