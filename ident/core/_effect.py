@@ -89,6 +89,17 @@ def _smooth(
     return Smooth(slow, fast, branches, np.frombuffer(order, np.int64), axes)
 
 
+@functools.lru_cache(maxsize=8)
+def _model(nodes: tuple[bytes, ...], both: bool, ring: bool) -> Plane | Leadscrew:
+    """Return the model of tables on the same nodes, which many jobs share."""
+    axes = [axis_nodes(np.frombuffer(each, np.float64)) for each in nodes]
+    if len(axes) == 2:
+        first, second = axes
+        return Plane(first, second, jnp.zeros((second.count, first.count)))
+    empty = jnp.zeros(axes[0].count)
+    return Leadscrew(axes[0], empty, empty if both else None, ring or None)
+
+
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class TableEffect(AbstractEffect):
@@ -112,14 +123,8 @@ class TableEffect(AbstractEffect):
     @cached_property
     def model(self) -> Plane | Leadscrew:
         """The controller's model of such a table, all values 0."""
-        if len(self.nodes) == 2:
-            first, second = (axis_nodes(nodes) for nodes in self.nodes)
-            return Plane(first, second, jnp.zeros((second.count, first.count)))
-        nodes = axis_nodes(self.nodes[0])
-        empty = jnp.zeros(nodes.count)
-        return Leadscrew(
-            nodes, empty, None if self.way is None else empty, self.ring or None
-        )
+        nodes = tuple(each.tobytes() for each in self.nodes)
+        return _model(nodes, self.way is not None, self.ring)
 
     @property
     def axes(self) -> tuple[AbstractNodes, ...]:
@@ -252,6 +257,18 @@ class ColumnsEffect(AbstractEffect):
         raise AssertionError
 
 
+@functools.lru_cache(maxsize=64)
+def _contrast(counted: bytes, present: bytes) -> Float[np.ndarray, "g c"]:
+    counts, there = (np.frombuffer(each, bool) for each in (counted, present))
+    own = counts[there]
+    if not own.any():
+        own = np.ones(len(own), bool)
+    columns = scipy.linalg.null_space(own[None].astype(float))
+    result = np.zeros((len(counts), columns.shape[1]))
+    result[there] = columns
+    return result
+
+
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class GroupEffect(AbstractEffect):
@@ -275,13 +292,7 @@ class GroupEffect(AbstractEffect):
     @cached_property
     def contrast(self) -> Float[np.ndarray, "g c"]:
         """Orthonormal columns over the groups."""
-        own = self.counted[self.present]
-        if not own.any():
-            own = np.ones(len(own), bool)
-        columns = scipy.linalg.null_space(own[None].astype(float))
-        result = np.zeros((len(self.counted), columns.shape[1]))
-        result[self.present] = columns
-        return result
+        return _contrast(self.counted.tobytes(), self.present.tobytes())
 
     @property
     def size(self) -> int:

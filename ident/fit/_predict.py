@@ -6,11 +6,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..core import FitError, GroupEffect, leave_one_out, one_blas_thread, sums_of
-from ..core._effect import Design
+from ..core import (
+    FitError,
+    GroupEffect,
+    design_of,
+    leave_one_out,
+    one_blas_thread,
+    sums_of,
+)
 from ..core._readings import padded
 from ._result import fold_of
-from ._table import with_runs
 from ._types import Samples, TableFit, TableLayout
 
 
@@ -31,7 +36,15 @@ def predict(
     Raises:
         FitError: If a table with two directions is asked without any.
     """
-    nodes, shares = _design(fit.layout, positions, branch)
+    layout = fit.layout
+    if layout.branches == 2 and branch is None:
+        msg = (
+            "a table with two directions says something else in each: "
+            "give the direction of every position (branch)."
+        )
+        raise FitError(msg)
+    samples = Samples(positions, np.zeros(len(positions)), branch)
+    nodes, shares = layout.effect.design(samples.readings)
     values = fit.layout.effect.to_values(fit.values)
     mean = np.einsum("tk,tk->t", shares, values[nodes])
     return mean, np.sqrt(fit.covariance.variance(nodes, shares))
@@ -40,38 +53,21 @@ def predict(
 def deviations(
     fits: Sequence[TableFit],
     which: Int[np.ndarray, " t"],
-    positions: Float[np.ndarray, "t d"],
-    branch: Int[np.ndarray, " t"] | None = None,
+    samples: Samples,
 ) -> Float[np.ndarray, " t"]:
-    """Return the standard deviation of one of several tables at each position, in mm or °.
+    """Return the standard deviation of one of several tables at each reading, in mm or °.
 
     Args:
         fits: Tables of one layout.
-        which: Table that is asked at each position.
-        positions: As for `predict`.
-        branch: As for `predict`.
+        which: Table that is asked for each reading.
+        samples: The readings.
     """
-    nodes, shares = _design(fits[0].layout, positions, branch)
+    nodes, shares = design_of(fits[0].layout.effect, samples.readings)
     result = np.zeros(len(which))
     for number, fit in enumerate(fits):
         own = which == number
         result[own] = fit.covariance.variance(nodes[own], shares[own])
     return np.sqrt(result)
-
-
-def _design(
-    layout: TableLayout,
-    positions: Float[np.ndarray, "t d"],
-    branch: Int[np.ndarray, " t"] | None,
-) -> Design:
-    if layout.branches == 2 and branch is None:
-        msg = (
-            "a table with two directions says something else in each: "
-            "give the direction of every position (branch)."
-        )
-        raise FitError(msg)
-    samples = Samples(positions, np.zeros(len(positions)), branch)
-    return layout.effect.design(layout.readings(samples))
 
 
 def leave_out(
@@ -94,10 +90,8 @@ def leave_out(
     found = fit.estimate
     assert found is not None  # every fit of `fit_table` has one
     stack = found.posterior.problem.stack
-    kind, effect = "none", stack.effects[-1]
-    if isinstance(effect, GroupEffect):
-        kind = "offset" if effect.trend is None else "drift"
-    _, readings = with_runs(fit.layout, samples, kind)
+    by_run = isinstance(stack.effects[-1], GroupEffect)
+    readings = samples.readings
     sums, present = {}, {}
     with one_blas_thread():
         nodes, shares = stack.design(readings)
@@ -107,7 +101,7 @@ def leave_out(
             sums[label], _ = sums_of(
                 stack, readings.take(own), found.about, found.loss, design=rows
             )
-            if kind != "none":
+            if by_run:
                 rest = readings.inputs["run"][~own]
                 present[label] = np.bincount(rest, minlength=len(fit.runs)) > 0
         left = leave_one_out(found, sums, present)

@@ -49,7 +49,7 @@ class StreamedFit:
         """Return which of some readings are wild, and the weight that the loss leaves each."""
         found, layout = self.fit.estimate, self.fit.layout
         assert found is not None
-        stack, readings = Stack((layout.effect,)), layout.readings(samples)
+        stack, readings = Stack((layout.effect,)), samples.readings
         judged = Judged.of(stack, readings, found.about, found.loss)
         return judged.wild, judged.share
 
@@ -203,7 +203,7 @@ class _SumUp(AbstractPass):
             parts = {int(g): samples.take(labels == g) for g in np.unique(labels)}
         groups, nodes = {}, np.zeros((3, 1))
         for label, own in parts.items():
-            readings = self.layout.readings(own)
+            readings = own.readings
             groups[label], _ = sums_of(
                 stack, readings, self.theta, self.loss, self.full
             )

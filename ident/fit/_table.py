@@ -79,9 +79,14 @@ def fit_table(
     check_layout(layout)
     extent = Extent.of(layout, samples)
     check_smoothness(smoothness)
-    labels, readings = with_runs(layout, samples, run_effects)
+    labels = _runs(samples, run_effects)
     fit_to = _Memory(
-        layout, readings, labels, smoothness, run_effects == "drift", allow_gaps
+        layout,
+        samples.readings,
+        labels,
+        smoothness,
+        run_effects == "drift",
+        allow_gaps,
     )
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
@@ -120,7 +125,7 @@ def fit_values(
     Raises:
         FitError: If the readings do not determine the table.
     """
-    readings = layout.readings(Samples(positions, error, branch))
+    readings = Samples(positions, error, branch).readings
     stack = Stack((layout.effect,))
     with one_blas_thread():
         zero = np.zeros(stack.size)
@@ -275,39 +280,31 @@ class _Memory:
         )
 
 
-def with_runs(
-    layout: TableLayout, samples: Samples, effects: str
-) -> tuple[Int[np.ndarray, " r"], Readings]:
-    """Return the runs that have effects of their own, and the readings."""
-    readings = layout.readings(samples)
+def _runs(samples: Samples, effects: str) -> Int[np.ndarray, " r"]:
+    """Return the runs that have effects of their own."""
     if effects not in ("none", "offset", "drift"):
         msg = f"run_effects: found {effects!r}, expected 'none', 'offset' or 'drift'."
         raise FitError(msg)
     if effects == "none":
-        return np.zeros(0, np.int64), readings
+        return np.zeros(0, np.int64)
     if samples.run is None:
         msg = f"run_effects {effects!r} need the run of every reading, found none."
         raise FitError(msg)
-    labels, index = np.unique(samples.run, return_inverse=True)
-    inputs = {**readings.inputs, "run": index.reshape(-1)}
-    if effects == "drift":
-        if samples.order is None:
-            msg = (
-                "run_effects 'drift' need the place of every reading within its run, "
-                "found none."
-            )
-            raise FitError(msg)
-        inputs["order"] = samples.order - 0.5
-    own = labels if len(labels) > 1 else labels[:0]
-    return own.astype(np.int64), dataclasses.replace(readings, inputs=inputs)
+    if effects == "drift" and samples.order is None:
+        msg = (
+            "run_effects 'drift' need the place of every reading within its run, "
+            "found none."
+        )
+        raise FitError(msg)
+    labels = np.unique(samples.run)
+    return (labels if len(labels) > 1 else labels[:0]).astype(np.int64)
 
 
 def _too_many_wild(fit: TableFit, samples: Samples) -> bool:
     """Tell whether so many readings are wild that it must be the table that is wrong."""
     wild = fit.wild
     if wild.any() and samples.run is not None:
-        labels, index = np.unique(samples.run, return_inverse=True)
-        index = index.reshape(-1)
+        labels, index = np.unique(samples.run), samples.readings.inputs["run"]
         lost = np.bincount(index, wild) / np.bincount(index)
         # A run of garbage is at fault itself.
         garbage = (lost > _GARBAGE) | np.isin(labels, fit.suspect_runs)

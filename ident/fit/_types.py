@@ -46,18 +46,6 @@ class TableLayout:
         way = "direction" if self.branches == 2 else None
         return TableEffect(nodes, names, way, self.periodic)
 
-    def readings(self, samples: "Samples") -> Readings:
-        """Return samples as readings of the effect."""
-        inputs = {
-            f"position {k + 1}": np.ascontiguousarray(samples.positions[:, k], float)
-            for k in range(len(self.nodes))
-        }
-        if self.branches == 2:
-            assert samples.branch is not None  # checked beforehand
-            inputs["direction"] = 1.0 - 2.0 * samples.branch
-        weight = None if samples.weight is None else np.asarray(samples.weight, float)
-        return Readings(np.asarray(samples.error, float), inputs, weight)
-
 
 @dataclasses.dataclass(frozen=True)
 class Samples:
@@ -80,6 +68,22 @@ class Samples:
     weight: Float[Array, " t"] | None = None
     run: Int[Array, " t"] | None = None
     order: Float[Array, " t"] | None = None
+
+    @cached_property
+    def readings(self) -> Readings:
+        """The same as inputs of `TableLayout.effect`; runs by number from 0, places centred."""
+        inputs = {
+            f"position {k + 1}": np.ascontiguousarray(column, float)
+            for k, column in enumerate(self.positions.T)
+        }
+        if self.branch is not None:
+            inputs["direction"] = 1.0 - 2.0 * self.branch
+        if self.run is not None:
+            inputs["run"] = np.unique(self.run, return_inverse=True)[1].reshape(-1)
+        if self.order is not None:
+            inputs["order"] = self.order - 0.5
+        weight = None if self.weight is None else np.asarray(self.weight, float)
+        return Readings(np.asarray(self.error, float), inputs, weight)
 
     def take(self, keep: Bool[Array, " t"] | Int[Array, " n"]) -> "Samples":
         """Return the readings for which ``keep`` is true, or those of these rows."""

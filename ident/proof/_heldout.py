@@ -73,7 +73,7 @@ def held_out(
     which = np.array(list(left)).searchsorted(groups)
     offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)
     own = offsets[which, np.arange(len(before))]
-    spread = deviations(folds, which, samples.positions, samples.branch)
+    spread = deviations(folds, which, samples)
     noise = np.array([fold.noise**2 for fold in folds])
     deviation = np.sqrt(
         spread**2

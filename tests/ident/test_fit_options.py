@@ -254,7 +254,8 @@ def test_several_tables_asked_at_once_say_what_each_says_alone(planar: bool) -> 
     ]
     which = rng.integers(0, 3, 120)
     alone = np.array([predict(fit, positions)[1] for fit in fits])
-    found = deviations(fits, which, positions)
+    samples = Samples(positions, np.zeros(120))
+    found = deviations(fits, which, samples)
     assert np.array_equal(found, alone[which, np.arange(120)])
 
 
