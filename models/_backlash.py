@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ._direction import DirectionState, directions
 from ._filter import Past, SineSquaredFilter
-from ._nodes import float_array
+from ._nodes import Values, float_array
 
 
 @final
@@ -33,7 +33,7 @@ class Backlash(eqx.Module):
     The offset has no derivative with respect to the position.
     """
 
-    width: Float[Array, ""] = eqx.field(converter=float_array)
+    width: Float[Values, ""] = eqx.field(converter=float_array)
     """Size of the backlash in mm or °, positive or negative (P-AXIS-00103)."""
     reference: int = eqx.field(default=1, static=True)
     """Direction without an offset: 1 or −1 (P-AXIS-00021 = 1 or 2)."""
@@ -58,7 +58,7 @@ class Backlash(eqx.Module):
             direction: Of the motion, ±1; in between while a reversal is being spread.
         """
         against = 0.5 * (jnp.asarray(direction) - float(self.reference))
-        return self.width * against
+        return jnp.asarray(self.width * against)
 
     def start(self, direction: int = 1) -> BacklashState:
         """Return the state before the first cycle (`Conventions.start_direction`)."""

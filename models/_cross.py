@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._nodes import AbstractNodes, float_array
+from ._nodes import AbstractNodes, Values, float_array
 from ._primitive import interpolate
 from ._stencil import Stencil, linear_stencil
 
@@ -25,7 +25,7 @@ class Cross(eqx.Module):
 
     nodes: AbstractNodes
     """Nodes along the master axis."""
-    values: Float[Array, " p"] = eqx.field(converter=float_array)
+    values: Float[Values, " p"] = eqx.field(converter=float_array)
     """Table entries in mm."""
     sign: float = eqx.field(default=1.0, static=True)
     """Offset per entry: +1 or −1 (S-11)."""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ._filter import Past, SineSquaredFilter
-from ._nodes import Setpoints, float_array, is_known
+from ._nodes import Setpoints, Values, float_array, is_known
 from ._primitive import interpolate
 from ._stencil import Stencil, linear_stencil
 from ._surface import AbstractSurface
@@ -87,12 +87,12 @@ class Crosstalk(AbstractCrosstalk):
 
     surface: AbstractSurface
     """Between the tests: one test, a polygon, a grid, triangles or a thin plate."""
-    values: Float[Array, "4 p"] = eqx.field(converter=float_array)
+    values: Float[Values, "4 p"] = eqx.field(converter=float_array)
     """Entries of the tests in mm: for acceleration in positive and in negative
     direction, then for deceleration in both (P-COMP-00087…90)."""
-    acceleration: Float[Array, ""] = eqx.field(converter=float_array)
+    acceleration: Float[Values, ""] = eqx.field(converter=float_array)
     """Specified acceleration in mm/s², positive (P-COMP-00066)."""
-    deceleration: Float[Array, ""] = eqx.field(converter=float_array)
+    deceleration: Float[Values, ""] = eqx.field(converter=float_array)
     """Specified deceleration in mm/s², negative (P-COMP-00067)."""
     velocity_dependent: bool = eqx.field(default=True, static=True)
     """Entries differ by direction; else those for positive direction act in both."""
@@ -226,7 +226,7 @@ class LegacyCrosstalk(AbstractCrosstalk):
 
     nodes: Setpoints
     """Accelerations of the entries in mm/s² (the older P-COMP-00066)."""
-    values: Float[Array, " p"] = eqx.field(converter=float_array)
+    values: Float[Values, " p"] = eqx.field(converter=float_array)
     """Entries in mm (the older P-COMP-00067)."""
     cycles: int = eqx.field(  # pyright: ignore[reportIncompatibleMethodOverride]
         default=0, static=True

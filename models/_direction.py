@@ -8,7 +8,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from ._kernels import take
-from ._nodes import float_array
+from ._nodes import Values, float_array
 from ._running import last_flagged
 
 
@@ -16,9 +16,9 @@ from ._running import last_flagged
 class DirectionState(eqx.Module):
     """Where an axis stands and which way it went last."""
 
-    direction: Float[Array, ""] = eqx.field(converter=float_array)
+    direction: Float[Values, ""] = eqx.field(converter=float_array)
     """Of the last step, ±1; before the first one the direction to start from (S-21)."""
-    position: Float[Array, ""] = eqx.field(converter=float_array)
+    position: Float[Values, ""] = eqx.field(converter=float_array)
     """In the last cycle, in mm or °; without a meaning before the first cycle."""
     begun: Bool[Array, ""]
     """Whether there was a cycle: the first position of all is no step."""

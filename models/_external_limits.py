@@ -8,7 +8,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from ._nodes import float_array, is_known
+from ._nodes import Values, float_array, is_known
 
 WARNED = 70583
 EXCEEDED = 70584
@@ -49,11 +49,11 @@ class ExternalLimits(eqx.Module):
     the report that limits are missing (S-55).
     """
 
-    warning: Float[Array, " a"] = eqx.field(converter=float_array)
+    warning: Float[Values, " a"] = eqx.field(converter=float_array)
     """P-AXIS-00743 in mm or °; 0: no warning."""
-    error: Float[Array, " a"] = eqx.field(converter=float_array)
+    error: Float[Values, " a"] = eqx.field(converter=float_array)
     """P-AXIS-00744 in mm or °."""
-    acceleration: Float[Array, " a"] = eqx.field(converter=float_array)
+    acceleration: Float[Values, " a"] = eqx.field(converter=float_array)
     """P-AXIS-00745 in mm/s² or °/s²."""
     of_change: bool = eqx.field(default=False, static=True)
     """Whether the first two limit the change per cycle instead of the offset (S-54)."""

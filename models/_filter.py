@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._nodes import float_array
+from ._nodes import Values, float_array
 from ._smoothing import smooth
 
 
@@ -19,7 +19,7 @@ from ._smoothing import smooth
 class Past(eqx.Module):
     """The values of the cycles before a piece of a log."""
 
-    values: Float[Array, " m"] = eqx.field(converter=float_array)
+    values: Float[Values, " m"] = eqx.field(converter=float_array)
     """Oldest first, in the unit of what is filtered."""
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ._nodes import Setpoints, float_array, is_known
+from ._nodes import Setpoints, Values, float_array, is_known
 from ._primitive import interpolate
 from ._stencil import Stencil, linear_stencil
 
@@ -62,9 +62,9 @@ class FrictionTable(AbstractFriction):
 
     nodes: Setpoints
     """Speeds of the entries in mm/s or °/s, not negative (P-COMP-00046)."""
-    values: Float[Array, " p"] = eqx.field(converter=float_array)
+    values: Float[Values, " p"] = eqx.field(converter=float_array)
     """Entries in drive units (P-COMP-00047)."""
-    scaling: Float[Array, ""] = eqx.field(default=1.0, converter=float_array)
+    scaling: Float[Values, ""] = eqx.field(default=1.0, converter=float_array)
     """Share of the entries that acts: scaling_factor / 1000 (P-COMP-00045)."""
     held_below: bool = eqx.field(default=True, static=True)
     """Below the first entry it is held; else a line from 0 at rest leads to it."""
@@ -98,7 +98,7 @@ class FrictionTable(AbstractFriction):
             found = found * self._rise(place)
         if not self.held_above and count > 1:
             found = found + self._beyond(place) * (self.values[-1] - self.values[-2])
-        return self.scaling * found
+        return jnp.asarray(self.scaling * found)
 
     def numpy_level(
         self, speed: Float[np.ndarray, " t"], direction: Float[np.ndarray, " t"]

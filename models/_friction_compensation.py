@@ -14,7 +14,7 @@ from ._friction import AbstractFriction
 from ._friction_hold import HoldState, ReversalHold
 from ._kept import kept
 from ._kernels import take
-from ._nodes import float_array, is_known
+from ._nodes import Values, float_array, is_known
 from ._running import last_flagged
 
 
@@ -68,7 +68,7 @@ class FrictionCompensation(eqx.Module):
     """Current over velocity, in drive units."""
     reversal_lookahead: int = eqx.field(default=0, static=True)
     """Cycles N before a reversal with falling current (P-COMP-00044)."""
-    position_delay: Float[Array, ""] = eqx.field(default=0.0, converter=float_array)
+    position_delay: Float[Values, ""] = eqx.field(default=0.0, converter=float_array)
     """Distance in mm or ° over which the current rises (P-COMP-00043); 0: at once."""
     delay_cycles: int = eqx.field(default=0, static=True)
     """Cycles that all values come later (P-COMP-00058)."""

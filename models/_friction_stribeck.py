@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._friction import AbstractFriction
-from ._nodes import float_array, is_known
+from ._nodes import Values, float_array, is_known
 
 _LARGEST_POWER = 5.7
 """Logarithm of the power from which on exp(−power) is nothing beside 1. Its square is still a
@@ -28,19 +28,21 @@ class StribeckFriction(AbstractFriction):
     rest they are 0, as is that with respect to the velocity.
     """
 
-    coulomb: Float[Array, ""] | Float[Array, " 2"] = eqx.field(converter=float_array)
+    coulomb: Float[Values, ""] | Float[Values, " 2"] = eqx.field(converter=float_array)
     """Coulomb level $c$ in drive units."""
-    breakaway: Float[Array, ""] | Float[Array, " 2"] = eqx.field(converter=float_array)
+    breakaway: Float[Values, ""] | Float[Values, " 2"] = eqx.field(
+        converter=float_array
+    )
     """Break-away level $s$ in drive units, the limit of small speeds."""
-    stribeck_velocity: Float[Array, ""] | Float[Array, " 2"] = eqx.field(
+    stribeck_velocity: Float[Values, ""] | Float[Values, " 2"] = eqx.field(
         converter=float_array
     )
     """Stribeck velocity $v_s$ in mm/s or °/s, positive."""
-    stribeck_shape: Float[Array, ""] | Float[Array, " 2"] = eqx.field(
+    stribeck_shape: Float[Values, ""] | Float[Values, " 2"] = eqx.field(
         converter=float_array
     )
     r"""Exponent $\delta$, positive: 1 (Tustin) and 2 (Gauss) are usual."""
-    viscous: Float[Array, ""] | Float[Array, " 2"] = eqx.field(converter=float_array)
+    viscous: Float[Values, ""] | Float[Values, " 2"] = eqx.field(converter=float_array)
     """Viscous coefficient $b$ in drive units per mm/s or °/s."""
 
     def __check_init__(self) -> None:

@@ -7,7 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Real
 
-from ._nodes import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints, float_array
+from ._nodes import (
+    AbstractNodes,
+    EquidistantNodes,
+    ModuloNodes,
+    Setpoints,
+    Values,
+    float_array,
+)
 from ._primitive import interpolate
 from ._stencil import Stencil, linear_stencil
 
@@ -26,9 +33,9 @@ class Leadscrew(eqx.Module):
 
     nodes: EquidistantNodes | Setpoints
     """Nodes along the axis, common to both directions."""
-    pos: Float[Array, " p"] = eqx.field(converter=float_array)
+    pos: Float[Values, " p"] = eqx.field(converter=float_array)
     """Entries in mm for motion in positive direction, or for both."""
-    neg: Float[Array, " p"] | None = eqx.field(
+    neg: Float[Values, " p"] | None = eqx.field(
         default=None, converter=lambda neg: None if neg is None else float_array(neg)
     )
     """Entries in mm for motion in negative direction; None: unilateral."""
@@ -63,7 +70,7 @@ class Leadscrew(eqx.Module):
     def values(self) -> Float[Array, " n"]:
         """All entries in a row, as `stencil` counts them: pos, then neg."""
         if self.neg is None:
-            return self.pos
+            return jnp.asarray(self.pos)
         return jnp.concatenate([self.pos, self.neg])
 
     @eqx.filter_jit

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ._nodes import float_array
+from ._nodes import Values, float_array
 
 COMPENSATIONS: tuple[str, ...] = (
     "backlash",
@@ -36,40 +36,40 @@ class Motion(eqx.Module):
     One row per cycle. Linear axes in mm, rotary axes in °, per s and s².
     """
 
-    position: Float[Array, "t a"] = eqx.field(converter=float_array)
+    position: Float[Values, "t a"] = eqx.field(converter=float_array)
     """Command positions."""
-    velocity: Float[Array, "t a"] = eqx.field(converter=float_array)
+    velocity: Float[Values, "t a"] = eqx.field(converter=float_array)
     """Command velocities: friction, and the side of crosstalk tables."""
-    acceleration: Float[Array, "t a"] = eqx.field(converter=float_array)
+    acceleration: Float[Values, "t a"] = eqx.field(converter=float_array)
     """Command accelerations: crosstalk."""
-    temperature: Float[Array, "t s"] | None = eqx.field(
+    temperature: Float[Values, "t s"] | None = eqx.field(
         default=None, converter=_optional_floats
     )
     """Temperatures of all sensors in °C; None: there is no sensor."""
-    homed: Bool[Array, "t a"] | None = eqx.field(
+    homed: Bool[Values, "t a"] | None = eqx.field(
         default=None, converter=_optional_flags
     )
     """Which axes are homed; None: all, and have been for long."""
-    active: Bool[Array, "t a c"] | None = eqx.field(
+    active: Bool[Values, "t a c"] | None = eqx.field(
         default=None, converter=_optional_flags
     )
     """Which of `COMPENSATIONS` are selected, e.g. by COMP ON and OFF (`commanded`).
 
     None: those that need no command, and have been for long.
     """
-    direction: Float[Array, "t a"] | None = eqx.field(
+    direction: Float[Values, "t a"] | None = eqx.field(
         default=None, converter=_optional_floats
     )
     """Directions of motion ±1; None: those of the steps of the positions."""
-    actual: Float[Array, "t a"] | None = eqx.field(
+    actual: Float[Values, "t a"] | None = eqx.field(
         default=None, converter=_optional_floats
     )
     """Actual positions, for the conventions that take them instead of commands."""
-    actual_velocity: Float[Array, "t a"] | None = eqx.field(
+    actual_velocity: Float[Values, "t a"] | None = eqx.field(
         default=None, converter=_optional_floats
     )
     """Actual velocities, likewise: crosstalk (S-61)."""
-    actual_acceleration: Float[Array, "t a"] | None = eqx.field(
+    actual_acceleration: Float[Values, "t a"] | None = eqx.field(
         default=None, converter=_optional_floats
     )
     """Actual accelerations, likewise."""

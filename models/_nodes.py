@@ -20,6 +20,14 @@ _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """A position may miss the node it was computed for by a few roundings of this size."""
 
 
+if TYPE_CHECKING:
+    Values = Any
+else:
+    Values = Array
+"""Array of a field that converts what it is given: for a checker of types anything, so that
+NumPy arrays and numbers are welcome; when run, a JAX array."""
+
+
 def float_array(value: Any) -> Array:
     """Return the value as an array of 64-bit floats (converter of all model fields)."""
     if isinstance(value, Array) and value.dtype == jnp.float64:
@@ -85,9 +93,9 @@ class AbstractNodes(eqx.Module):
 class EquidistantNodes(AbstractNodes):
     """Nodes at ``start + i · interval``, ``i = 0 … count − 1``."""
 
-    start: Float[Array, ""] = eqx.field(converter=float_array)
+    start: Float[Values, ""] = eqx.field(converter=float_array)
     """Position of the first node in mm or °."""
-    interval: Float[Array, ""] = eqx.field(converter=float_array)
+    interval: Float[Values, ""] = eqx.field(converter=float_array)
     """Distance of neighbouring nodes in mm or °, positive."""
     count: int = eqx.field(  # pyright: ignore[reportIncompatibleMethodOverride]
         static=True
@@ -105,7 +113,8 @@ class EquidistantNodes(AbstractNodes):
     @property
     def positions(self) -> Float[Array, " p"]:
         """Node positions in mm or °, ascending."""
-        return self.start + jnp.arange(self.count, dtype=jnp.float64) * self.interval
+        start, interval = jnp.asarray(self.start), jnp.asarray(self.interval)
+        return start + jnp.arange(self.count, dtype=jnp.float64) * interval
 
     def coordinate(self, position: Float[Array, " t"]) -> Float[Array, " t"]:
         """Return the place of each position counted in nodes, from 0 to count − 1.
@@ -120,7 +129,7 @@ class EquidistantNodes(AbstractNodes):
 
     def covers(self, position: Float[Array, " t"]) -> Bool[Array, " t"]:
         """Return whether each position lies in the table, both ends included."""
-        place = (position - self.start) / self.interval
+        place: Array = (position - self.start) / self.interval
         last = float(self.count - 1)
         return (place >= -self._slack) & (place <= last + self._slack)
 
@@ -135,7 +144,7 @@ class EquidistantNodes(AbstractNodes):
 class Setpoints(AbstractNodes):
     """Nodes at given ascending positions."""
 
-    points: Float[Array, " p"] = eqx.field(converter=float_array)
+    points: Float[Values, " p"] = eqx.field(converter=float_array)
     """Node positions in mm or °, strictly ascending."""
 
     def __check_init__(self) -> None:
@@ -161,7 +170,7 @@ class Setpoints(AbstractNodes):
     @property
     def positions(self) -> Float[Array, " p"]:
         """Node positions in mm or °, ascending."""
-        return self.points
+        return jnp.asarray(self.points)
 
     def coordinate(self, position: Float[Array, " t"]) -> Float[Array, " t"]:
         """Return the place of each position counted in nodes, from 0 to count − 1."""
@@ -183,7 +192,8 @@ class Setpoints(AbstractNodes):
 
     def covers(self, position: Float[Array, " t"]) -> Bool[Array, " t"]:
         """Return whether each position lies in the table, both ends included."""
-        return (position >= self.points[0]) & (position <= self.points[-1])
+        points = jnp.asarray(self.points)
+        return (position >= points[0]) & (position <= points[-1])
 
 
 @final

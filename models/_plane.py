@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._nodes import AbstractNodes, EquidistantNodes, float_array
+from ._nodes import AbstractNodes, EquidistantNodes, Values, float_array
 from ._primitive import interpolate
 from ._stencil import Stencil, linear_stencil
 
@@ -27,7 +27,7 @@ class Plane(eqx.Module):
     """Nodes along master 1."""
     nodes2: AbstractNodes
     """Nodes along master 2."""
-    values: Float[Array, "j i"] = eqx.field(converter=float_array)
+    values: Float[Values, "j i"] = eqx.field(converter=float_array)
     """Table entries in mm, ``[j, i]`` with j along master 2 (S-17)."""
     sign: float = eqx.field(default=1.0, static=True)
     """Offset per entry: +1 or −1 (S-11)."""

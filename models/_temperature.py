@@ -1,7 +1,7 @@
 r"""Temperature compensation: a straight line over the position, per temperature."""
 
 import abc
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._filter import SineSquaredFilter
-from ._nodes import Setpoints, float_array
+from ._nodes import Setpoints, Values, float_array
 from ._primitive import interpolate
 
 
@@ -25,7 +25,7 @@ class AbstractParameter(eqx.Module):
 class ConstantParameter(AbstractParameter):
     """A parameter that no temperature changes."""
 
-    value: Float[Array, ""] = eqx.field(converter=float_array)
+    value: Float[Values, ""] = eqx.field(converter=float_array)
     """In the unit of the parameter."""
 
     def __call__(self, temperature: Float[Array, "t s"]) -> Float[Array, " t"]:
@@ -43,7 +43,7 @@ class TemperatureCurve(AbstractParameter):
 
     nodes: Setpoints
     """Temperatures in °C, strictly ascending."""
-    values: Float[Array, " p"] = eqx.field(converter=float_array)
+    values: Float[Values, " p"] = eqx.field(converter=float_array)
     """Of the parameter at these temperatures."""
     sensor: int = eqx.field(default=0, static=True)
     """Number of the sensor, from 0."""
@@ -87,6 +87,13 @@ def parameter(value: Any) -> AbstractParameter:
     return ConstantParameter(value)
 
 
+if TYPE_CHECKING:
+    Parameter = Any
+else:
+    Parameter = AbstractParameter
+"""A field that takes numbers as well (`parameter`), also for a checker of types."""
+
+
 @final
 class TemperatureLine(eqx.Module):
     r"""Temperature compensation of one axis (P-AXIS-00271 … 00275, 00482).
@@ -95,11 +102,11 @@ class TemperatureLine(eqx.Module):
     it stands (S-43). Units: mm in, mm out.
     """
 
-    position_0: AbstractParameter = eqx.field(converter=parameter)
+    position_0: Parameter = eqx.field(converter=parameter)
     """Reference position $s_0$ in mm (P-AXIS-00272)."""
-    offset_0: AbstractParameter = eqx.field(converter=parameter)
+    offset_0: Parameter = eqx.field(converter=parameter)
     """Deviation at the reference position in mm (P-AXIS-00273)."""
-    coefficient: AbstractParameter = eqx.field(converter=parameter)
+    coefficient: Parameter = eqx.field(converter=parameter)
     """Deviation per distance from there in mm/mm, 1e-6 per µm/m (P-AXIS-00274)."""
     cycles: int = eqx.field(default=0, static=True)
     """Cycles of the sin² filter; 0 and 1: at once (P-AXIS-00275)."""
@@ -117,8 +124,9 @@ class TemperatureLine(eqx.Module):
         """Return Δs in mm at positions in mm and temperatures in °C, without filter."""
         sensors = jnp.asarray(temperature, dtype=jnp.float64)
         place = jnp.asarray(position, dtype=jnp.float64)
-        away = place - self.position_0(sensors)
-        return self.offset_0(sensors) + self.coefficient(sensors) * away
+        away: Array = place - self.position_0(sensors)
+        found: Array = self.offset_0(sensors) + self.coefficient(sensors) * away
+        return found
 
     def offset(
         self,
