@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -41,6 +42,8 @@ class Diagnosis:
             where there is none.
         probability: Of the verdict, given that one of them is true.
         sentence: For the person at the machine.
+        sign: 1 where the list surely acts with the sign that it has, −1 where surely
+            with the opposite one, whatever else may be wrong; 0 where neither is sure.
     """
 
     axis: int
@@ -49,6 +52,17 @@ class Diagnosis:
     value: float | None
     probability: float
     sentence: str
+    sign: int = 0
+
+    def as_tree(self) -> dict[str, Any]:
+        """Return it as result.json has it."""
+        return {
+            "verdict": self.verdict,
+            "value": self.value,
+            "probability": self.probability,
+            "sign": self.sign,
+            "sentence": self.sentence,
+        }
 
 
 def diagnose(
@@ -157,6 +171,8 @@ def _judged(
     by_word: dict[str, float] = {}
     for one, share in zip(cases, shares, strict=True):
         by_word[one.word] = by_word.get(one.word, 0.0) + float(share)
+    signs = np.array([one.sign for one in cases])
+    sign = next((way for way in (1, -1) if shares[signs == way].sum() >= SURE), 0)
     word = max(by_word, key=lambda name: by_word[name])
     first = max(
         (k for k, one in enumerate(cases) if one.word == word), key=lambda k: shares[k]
@@ -182,4 +198,5 @@ def _judged(
         best.value if sure else None,
         by_word[word],
         text,
+        sign,
     )
