@@ -82,7 +82,13 @@ def _print_files(
     if result.verdict is not Verdict.GOOD:
         assumed = any(fit.judgement.has(Code.ASSUMED) for fit in result.fits)
         words = short_verdict(result.verdict, assumed=assumed)
-        verdict = f"{words[0].upper()}{words[1:]}. Done"
+        worst = [
+            f"{fit.compensation} of {fit.axis}"
+            for fit in result.fits
+            if fit.judgement.verdict is result.verdict
+        ]
+        which = "" if len(worst) == len(result.fits) else f" ({', '.join(worst)})"
+        verdict = f"{words[0].upper()}{words[1:]}{which}. Done"
     if result.verdict is Verdict.REJECTED and not result.confirmed:
         verdict = "NOT CONFIRMED: the second measurement shows another effect, take the lists out"
     elif not result.passed:

@@ -60,15 +60,27 @@ def _measuring(
     job: Job, drafts: Sequence[AbstractDraft], results: Sequence[AbstractResult]
 ) -> list[LoadStep]:
     """Return the second measurement, where none has shown yet what the lists do."""
-    if all(one.judgement.has(Code.VERIFIED) or not one.files for one in results):
+    unproven = [
+        draft.switch
+        for draft, one in zip(drafts, results, strict=True)
+        if draft.switch is not None and not one.judgement.has(Code.VERIFIED)
+    ]
+    if not unproven:
         return []
-    shown = any(d.switch is not None and not d.switch.adds_current for d in drafts)
-    worse = "double the error" if shown else "make the marks at reversals larger"
+    if all(switch.adds_current for switch in unproven):
+        return [
+            LoadStep(
+                "Measure once more with the list active",
+                "A circle without and with it: a wrong sign would make the marks at"
+                " reversals larger. A log of the controller settles the sign (axcomp"
+                " verify --save).",
+            )
+        ]
     return [
         LoadStep(
-            "Measure once more with the lists active",
+            "Measure once more with the list active",
             "Until then the error after is computed, not verified: a wrong sign would"
-            f" {worse}. Put the second measurement into a job AFTER.toml (same axes and"
+            " double the error. Put the second measurement into a job AFTER.toml (same axes and"
             " measurements, list = the file that was loaded, active = what was on):"
             f" axcomp fit {job.path.name} --after AFTER.toml, with the same --out, says"
             " what became of each error and settles the signs.",

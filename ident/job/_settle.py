@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -80,9 +81,8 @@ def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Re
         write_atomically(path, merged.dumps())
     words = ", ".join(f"{name} = {value}" for name, value in settled.items())
     if words:
-        hint = (
-            "" if named else f' Name it in the job: [machine] conventions = "{path}".'
-        )
+        own = os.path.relpath(path, job.path.parent)
+        hint = "" if named else f' Name it in the job: [machine] conventions = "{own}".'
         remarks.append(Remark("info", f"Settled and saved in {path}: {words}.{hint}"))
     return remarks
 
