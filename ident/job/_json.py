@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from ._result import AbstractResult, JobResult
-from ._verdict import Code
 
 _DEPTH = 3
 """Down to the entries of a fit."""
@@ -99,7 +98,6 @@ def as_tree(result: JobResult) -> dict[str, Any]:
 
 def _fit(fit: AbstractResult) -> dict[str, Any]:
     judged, again = fit.judgement, fit.again
-    verified = again is not None and judged.has(Code.VERIFIED)
     diagnosis = None if again is None else again.diagnosis
     return {
         "compensation": fit.compensation,
@@ -120,7 +118,7 @@ def _fit(fit: AbstractResult) -> dict[str, Any]:
         "remarks": [vars(remark) for remark in fit.remarks],
         "conventions": [vars(convention) for convention in fit.conventions],
         "files": [str(file) for file in fit.files],
-        "verified_by": dict(again.source) if again and verified else None,
+        "verified_by": dict(again.source) if again and fit.confirmed else None,
         "diagnosis": None if diagnosis is None else diagnosis.as_tree(),
     }
 

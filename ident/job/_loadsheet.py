@@ -7,7 +7,6 @@ from ._lists import AxisFiles
 from ._load import Job
 from ._result import AbstractResult, LoadStep
 from ._sign_steps import sign_steps
-from ._verdict import Code
 
 
 def load_sheet(
@@ -63,7 +62,7 @@ def _measuring(
     unproven = [
         draft.switch
         for draft, one in zip(drafts, results, strict=True)
-        if draft.switch is not None and not one.judgement.has(Code.VERIFIED)
+        if draft.switch is not None and not one.confirmed
     ]
     if not unproven:
         return []

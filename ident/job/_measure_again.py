@@ -97,12 +97,10 @@ def plan_second(
         return None, ()
     name, why = str(earlier["file"]), "the lists have changed since"
     if earlier["lists"] == lists:
+        after = _unchanged(job.file(name), earlier["inputs"])
+        if after is not None:
+            return Second(after, name, str(earlier["date"]), lists), ()
         why = "it has changed since, or is gone"
-        path = job.file(name)
-        if path.is_file():
-            after = load_job(path, needs_fits=False)
-            if _hashes(after) == earlier["inputs"]:
-                return Second(after, name, str(earlier["date"]), lists), ()
     words = (
         f"The second measurement of {earlier['date']} ({name}) no longer counts: {why}."
         " Measure again with the lists of this run, and give it with --after."
@@ -242,6 +240,15 @@ def _earlier(root: Path) -> dict[str, Any] | None:
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return dict(found) if complete else None
+
+
+def _unchanged(path: Path, inputs: Mapping[str, str]) -> Job | None:
+    """Return the job of an earlier second measurement; None where it is another now."""
+    try:
+        after = load_job(path, needs_fits=False)
+        return after if _hashes(after) == inputs else None
+    except (AxcompError, OSError):
+        return None
 
 
 def _hashes(after: Job) -> dict[str, str]:

@@ -171,10 +171,18 @@ class AbstractResult(abc.ABC):
         return None if self.again is None else self.again.readings
 
     @property
+    def confirmed(self) -> bool:
+        """Whether a second measurement shows that the list does what it says."""
+        if self.again is None or self.judgement.verdict is Verdict.REJECTED:
+            return False
+        found = self.again.diagnosis
+        right = found is not None and found.verdict == "right"
+        return right or self.judgement.verdict is Verdict.GOOD
+
+    @property
     def measured_as(self) -> str:
         """What these readings may be called: ``verified`` only where they show it."""
-        good = self.judgement.verdict is Verdict.GOOD
-        return "verified" if good else "measured again"
+        return "verified" if self.confirmed else "measured again"
 
     @property
     def expectation(self) -> Expectation | None:
@@ -361,9 +369,8 @@ class JobResult:
 
     @property
     def confirmed(self) -> bool:
-        """Whether a second measurement, where there is one, shows all that it can show."""
-        judged = [fit for fit in self.fits if fit.again is not None]
-        return all(fit.judgement.verdict is Verdict.GOOD for fit in judged)
+        """Whether a second measurement, where there is one, confirms all that it shows."""
+        return all(fit.confirmed for fit in self.fits if fit.again is not None)
 
     @property
     def passed(self) -> bool:

@@ -22,8 +22,12 @@ def settled_by(
     """Return the rules of the controller that the diagnoses settle."""
     votes: dict[str, set[int | str]] = {}
     for one in results:
-        found = None if one.again is None else one.again.diagnosis
-        if found is None or found.sign == 0:
+        again = one.again
+        found = None if again is None else again.diagnosis
+        if again is None or found is None or found.sign == 0:
+            continue
+        # Scatter of the runs may look like a fault: the error must go the same way.
+        if again.rms is not None and (again.rms - again.before) * found.sign > 0:
             continue
         proven = found.verdict == "right" or _as_predicted(one)
         for rule in one.conventions:

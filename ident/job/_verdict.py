@@ -116,18 +116,19 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     found = again.diagnosis
     if found is not None and found.verdict not in ("right", "cannot tell"):
         return Reason(Code.DIAGNOSED, {"verdict": found.verdict, "value": found.value})
-    if again.rms is not None and again.rms >= NO_GAIN * again.before:
+    promised = again.predicted < NO_GAIN * again.before
+    if promised and again.rms is not None and again.rms >= NO_GAIN * again.before:
         return Reason(Code.NO_BETTER)
     return None
 
 
 def _doubts(fit: "AbstractResult") -> list[Reason]:
-    """Return what figures leave open: those measured again, else the predicted ones."""
+    """Return what figures leave open, the predicted ones and those measured again."""
     before, predicted = fit.error.get("before"), fit.error.get("predicted")
     again = fit.again
+    if before and predicted and predicted.sound.rms >= NO_GAIN * before.sound.rms:
+        return [Reason(Code.NO_GAIN)]
     if again is not None and again.rms is not None:
         if again.rms > LESS * again.predicted:
             return [Reason(Code.LESS_THAN_PREDICTED)]
-    elif before and predicted and predicted.sound.rms >= NO_GAIN * before.sound.rms:
-        return [Reason(Code.NO_GAIN)]
     return []

@@ -76,7 +76,8 @@ def _nothing(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 
 def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    return f"This list would not help: {_fall(fit, scale)}."
+    seen = "" if fit.again is None else f"; {_again(fit, scale)}"
+    return f"This list would not help: {_fall(fit, scale)}{seen}."
 
 
 def _assumed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:

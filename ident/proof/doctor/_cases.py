@@ -168,8 +168,7 @@ def cases_of(
     factor, width = float(scaled.factor[-1]), float(scaled.deviation[-1])
     range_cost = min(0.0, float(np.log(2.5 * width / (2.0 * _LARGEST))))
     free_case = float(scaled.likelihood[-1]) + range_cost
-    way = 1 if factor > 0 else -1
-    cases.append(Case("cannot tell", None, free_case, _UNKNOWN, sign=way))
+    cases.append(Case("cannot tell", None, free_case, _UNKNOWN))
     return Explained(cases, factor, blind)
 
 

@@ -42,8 +42,8 @@ class Diagnosis:
             where there is none.
         probability: Of the verdict, given that one of them is true.
         sentence: For the person at the machine.
-        sign: 1 where the list surely acts with the sign that it has, −1 where surely
-            with the opposite one, whatever else may be wrong; 0 where neither is sure.
+        sign: 1 where the list surely acts with the sign that it has, right or shifted,
+            −1 where surely with the opposite one; 0 where neither is sure.
     """
 
     axis: int
@@ -171,15 +171,14 @@ def _judged(
     by_word: dict[str, float] = {}
     for one, share in zip(cases, shares, strict=True):
         by_word[one.word] = by_word.get(one.word, 0.0) + float(share)
-    signs = np.array([one.sign for one in cases])
-    sign = next((way for way in (1, -1) if shares[signs == way].sum() >= SURE), 0)
     word = max(by_word, key=lambda name: by_word[name])
     first = max(
         (k for k, one in enumerate(cases) if one.word == word), key=lambda k: shares[k]
     )
     best = cases[first]
     blind = explained.blind if word == "right" else None
-    sure = by_word[word] >= SURE and word != "cannot tell" and blind is None
+    told = by_word[word] >= SURE and word != "cannot tell"
+    sure = told and blind is None
     text = sentence_of(
         word if sure else "cannot tell",
         best.value,
@@ -198,5 +197,5 @@ def _judged(
         best.value if sure else None,
         by_word[word],
         text,
-        sign,
+        best.sign if told else 0,
     )

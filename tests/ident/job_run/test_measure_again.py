@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from screw import offsets, screw_error, screw_job, state_conventions, table
 
 from axcomp.data.measurements import measurement, read_table
 from axcomp.ident.cli import main
 from axcomp.ident.exchange import read_conventions
 from axcomp.ident.job import run_job
+
+from .screw import offsets, screw_error, screw_job, state_conventions, table
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "iso230"
 
@@ -216,30 +217,27 @@ def test_sign_that_a_log_settled_is_not_turned_by_an_instrument(
     assert "was settled before and stays" in capsys.readouterr().err
 
 
-@pytest.fixture
-def ess_w42(tmp_path: Path) -> Path:
-    """Runs 1 to 3 of a real run table as a job that has run once."""
-    source = DATA / "ess_w42_X_ILD50_5pos5cyc_ISO230.dat"
-    if not source.is_file():
-        pytest.skip(f"needs ../shared/data/iso230/{source.name}")
-    real_runs(tmp_path / "laser.csv", (1, 2, 3), None)
-    path = screw_job(tmp_path)
-    nodes = "setpoints = [-4, -2, 0, 2, 4]"
+def real_job(folder: Path, name: str, nodes: list[int], runs: range) -> Path:
+    """Runs of a real run table as a job that has run once."""
+    if not (DATA / name).is_file():
+        pytest.skip(f"needs ../shared/data/iso230/{name}")
+    real_runs(folder / "laser.csv", name, runs, None)
+    path = screw_job(folder)
+    plain = "start = 0.0\ninterval = 100.0\npoints = 5"
+    # Limits of a short axis with large errors.
     path.write_text(
-        path.read_text().replace("start = 0.0\ninterval = 100.0\npoints = 5", nodes)
+        path.read_text().replace(plain, f"setpoints = {nodes}")
+        + "[gate]\nmax_slope = 100\nmax_kink = 100\nmax_velocity = 100\n"
+        "max_acceleration = 100000\n"
     )
-    # One reading in 8 mm decides slope and step: limits of a short axis.
-    path.write_text(f"{path.read_text()}[gate]\nmax_slope = 100\nmax_kink = 100\n"
-                    "max_velocity = 100\nmax_acceleration = 100000\n")  # fmt: skip
-    run_job(path, tmp_path / "out")
+    run_job(path, folder / "out")
     return path
 
 
-def real_runs(path: Path, runs: tuple[int, ...], added: float | None) -> None:
+def real_runs(path: Path, name: str, runs: range, added: float | None) -> None:
     """Runs of the real table, with the list in ``out`` acting `added` times."""
-    read = read_table(DATA / "ess_w42_X_ILD50_5pos5cyc_ISO230.dat")
-    measured = measurement(read, axis="X")
-    rows = np.isin(measured.require("run"), runs)
+    measured = measurement(read_table(DATA / name), axis="X")
+    rows = np.isin(measured.require("run"), list(runs))
     target, actual, run, way = (
         np.asarray(measured.require(role))[rows]
         for role in ("X.position", "X.actual", "run", "X.direction")
@@ -249,23 +247,51 @@ def real_runs(path: Path, runs: tuple[int, ...], added: float | None) -> None:
     table(path, "target,actual,run,direction", target, actual, run, way)
 
 
-@pytest.mark.parametrize(("added", "status"), [(1.0, 0), (-1.0, 1)])
-def test_real_run_table_is_judged_by_its_other_runs(
-    ess_w42: Path, added: float, status: int
+B02, W42 = "ess_b02_X_9pos5cyc_ISO230.dat", "ess_w42_X_ILD50_5pos5cyc_ISO230.dat"
+REAL = {
+    "other runs of b02": (B02, [*range(-20, 21, 5)], range(1, 4), range(4, 6)),
+    "w42 with the list": (W42, [-4, -2, 0, 2, 4], range(1, 6), range(1, 6)),
+}
+
+
+@pytest.mark.parametrize("added", [1.0, -1.0])
+@pytest.mark.parametrize("case", sorted(REAL))
+def test_real_run_table_is_verified_or_its_sign_is_named(
+    tmp_path: Path, case: str, added: float
 ) -> None:
-    after = after_job(ess_w42.parent, added)
-    real_runs(ess_w42.parent / "after.csv", (4, 5), added)
-    assert fit(ess_w42, "--after", str(after)) == status
-    one = fitted(ess_w42)
-    error = one["error"]
-    assert isinstance(error, dict)
-    saved = read_conventions(ess_w42.parent / "out" / "conventions.toml")
+    name, nodes, first, second = REAL[case]
+    job = real_job(tmp_path, name, nodes, first)
+    after = after_job(tmp_path, added)
+    real_runs(tmp_path / "after.csv", name, second, added)
+    assert fit(job, "--after", str(after)) == int(added < 0)
+    saved = read_conventions(tmp_path / "out" / "conventions.toml")
     assert saved.conventions.leadscrew_sign == -int(added)
-    if status:
-        assert one["verdict"] == "rejected"
-        # Twice the error, and what the runs scatter.
-        assert error["measured_again"]["rms"] > 1.7 * error["before"]["rms"]
+    one = fitted(job)
+    error, found = one["error"], one["diagnosis"]
+    assert isinstance(error, dict)
+    assert isinstance(found, dict)
+    assert found["verdict"] == ("right" if added > 0 else "sign")
+    assert ("verified" in error) == (added > 0)
+    if added > 0:
+        if case.startswith("w42"):  # the same readings, but for 0.05 µm of rounding
+            assert error["verified"]["rms"] == pytest.approx(
+                error["from_file"]["rms"], abs=5e-5
+            )
+        else:  # the scatter of the runs is left
+            assert error["verified"]["rms"] < 0.2 * error["before"]["rms"]
     else:
-        assert one["verdict"] == "good"
-        # Two runs scatter about the mean of three others.
-        assert error["verified"]["rms"] < 1.5 * error["predicted"]["rms"]
+        assert error["measured_again"]["rms"] > error["before"]["rms"]
+        assert one["verified_by"] is None
+
+
+@pytest.mark.parametrize("added", [1.0, -1.0])
+def test_scatter_of_a_real_run_table_settles_nothing(
+    tmp_path: Path, added: float
+) -> None:
+    # Its runs differ by more than their mean error: two others cannot tell the sign.
+    job = real_job(tmp_path, W42, [-4, -2, 0, 2, 4], range(1, 4))
+    after = after_job(tmp_path, added)
+    real_runs(tmp_path / "after.csv", W42, range(4, 6), added)
+    assert fit(job, "--after", str(after)) == 1
+    assert fitted(job)["verified_by"] is None
+    assert not (tmp_path / "out" / "conventions.toml").exists()
