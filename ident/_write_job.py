@@ -99,11 +99,10 @@ def write_job(
 
 def verdicts_of(result: "JobResult", names: Sequence[str]) -> dict[str, str]:
     """Return the verdict on each fit of a job, by the names of the effects."""
-    from .report._scale import scale_of
-    from .report._verdict import verdict_of
+    from .report import headline_of, scale_of
 
     return {
-        name: verdict_of(one, scale_of(one.unit), None).sentence
+        name: headline_of(one, scale_of(one.unit)).sentence
         for name, one in zip(names, result.fits, strict=True)
     }
 

@@ -38,6 +38,9 @@ class Convention:
         choices: All values that it can take.
         rule: Number in the list of contradictions and silent points (S-…).
         meaning: One line.
+        decides: ``sign`` where another value turns what a list adds, ``owner`` where it
+            hands it to another axis or master, else empty. A list is unproven as long as
+            such a rule is assumed.
     """
 
     name: str
@@ -46,10 +49,13 @@ class Convention:
     choices: tuple[int | str, ...]
     rule: str
     meaning: str
+    decides: Literal["sign", "owner", ""]
 
 
-def _about(rule: str, meaning: str) -> dict[str, str]:
-    return {"rule": rule, "meaning": meaning}
+def _about(
+    rule: str, meaning: str, decides: Literal["sign", "owner", ""] = ""
+) -> dict[str, str]:
+    return {"rule": rule, "meaning": meaning, "decides": decides}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,12 +68,14 @@ class Conventions:
 
     plane_sign: Sign = dataclasses.field(
         default=1,
-        metadata=_about("S-11", "Offset per entry of a plane table."),
+        metadata=_about("S-11", "Offset per entry of a plane table.", "sign"),
     )
     plane_index: Literal["ji", "ij"] = dataclasses.field(
         default="ji",
         metadata=_about(
-            "S-17", "First index of a plane table: master 2 (ji) or master 1 (ij)."
+            "S-17",
+            "First index of a plane table: master 2 (ji) or master 1 (ij).",
+            "owner",
         ),
     )
     plane_input: Literal["command", "actual"] = dataclasses.field(
@@ -76,7 +84,7 @@ class Conventions:
     )
     cross_sign: Sign = dataclasses.field(
         default=1,
-        metadata=_about("S-11", "Offset per entry of a cross table."),
+        metadata=_about("S-11", "Offset per entry of a cross table.", "sign"),
     )
     cross_edge: Literal["hold", "zero"] = dataclasses.field(
         default="hold",
@@ -84,11 +92,13 @@ class Conventions:
     )
     cross_list: Literal["slave", "master"] = dataclasses.field(
         default="slave",
-        metadata=_about("S-10", "Axis in whose list the data of a cross table stand."),
+        metadata=_about(
+            "S-10", "Axis in whose list the data of a cross table stand.", "owner"
+        ),
     )
     leadscrew_sign: Sign = dataclasses.field(
         default=-1,
-        metadata=_about("S-18", "Offset per entry of a leadscrew table."),
+        metadata=_about("S-18", "Offset per entry of a leadscrew table.", "sign"),
     )
     leadscrew_input: Literal["all", "none"] = dataclasses.field(
         default="all",
@@ -111,7 +121,7 @@ class Conventions:
     backlash_reference: Sign = dataclasses.field(
         default=1,
         metadata=_about(
-            "S-45", "Direction of the reference flank where P-AXIS-00021 is 1."
+            "S-45", "Direction of the reference flank where P-AXIS-00021 is 1.", "sign"
         ),
     )
     backlash_start: Literal["direction", "reference"] = dataclasses.field(
@@ -124,7 +134,7 @@ class Conventions:
     )
     temperature_sign: Sign = dataclasses.field(
         default=1,
-        metadata=_about("S-43", "Offset per Δs of the temperature line."),
+        metadata=_about("S-43", "Offset per Δs of the temperature line.", "sign"),
     )
     temperature_filter: Literal["switching", "values"] = dataclasses.field(
         default="switching",
@@ -154,7 +164,7 @@ class Conventions:
     friction_sign: Sign = dataclasses.field(
         default=1,
         metadata=_about(
-            "S-47", "Current per entry of a friction table for positive motion."
+            "S-47", "Current per entry of a friction table for positive motion.", "sign"
         ),
     )
     friction_below: Literal["hold", "line"] = dataclasses.field(
@@ -208,13 +218,14 @@ class Conventions:
     )
     crosstalk_sign: Sign = dataclasses.field(
         default=1,
-        metadata=_about("S-42", "Offset per entry of a crosstalk list."),
+        metadata=_about("S-42", "Offset per entry of a crosstalk list.", "sign"),
     )
     crosstalk_accelerate: Literal["sign", "speed"] = dataclasses.field(
         default="sign",
         metadata=_about(
             "S-34",
             "Accelerating is where a is not negative, or where |v| does not shrink.",
+            "sign",
         ),
     )
     crosstalk_undirected: Literal["own", "accelerate"] = dataclasses.field(
@@ -282,6 +293,7 @@ class Conventions:
                 choices=_choices(field.name),
                 rule=field.metadata["rule"],
                 meaning=field.metadata["meaning"],
+                decides=field.metadata["decides"],
             )
             for field in dataclasses.fields(self)
         )

@@ -61,7 +61,7 @@ def _misplaced(view: ListView, rows: Rows, row: Parameter) -> None:
 
 def _too_new(view: ListView, rows: Rows, row: Parameter) -> None:
     view.add(
-        "warning",
+        "error",
         f"{row.key} exists as of build {row.since}; {view.build} does not take it over",
         view.name_place(rows, 0),
         parameter=row,

@@ -44,7 +44,7 @@ def write_page(
         errors: By compensation and unit, and stage: errors (rms) of all fits.
     """
     parts = [
-        "<h1>Batch summary</h1>",
+        f"<h1>Batch summary{_headline(summary)}</h1>",
         f"<p>{summary.jobs} jobs: {summary.failed} wrote no list, {summary.rejected} fits did"
         f" not pass their gate or checks, {summary.unverified} fits lie in"
         " <code>unverified/</code>: the conventions of their machines are assumed, and a wrong"
@@ -77,6 +77,12 @@ def write_page(
     path = folder / NAME
     write_atomically(path, text.encode())
     return path
+
+
+def _headline(summary: "Summary") -> str:
+    """Return what nobody may overlook: how many lists rest on a sign that is assumed."""
+    count = summary.verdicts.get("unproven", 0)
+    return f": {count} fits computed; sign unproven" if count else ""
 
 
 def _spread(

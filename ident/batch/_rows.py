@@ -79,6 +79,7 @@ def _fit_row(k: int, fit: Mapping[str, Any], general: list[str], whole: bool) ->
         "deviation": _flat(fit.get("standard_deviations", {}).get("table")),
         "support": _flat(fit.get("support")),
         "files": list(fit["files"]),
+        "verdict": fit.get("verdict"),
     }
     for stage, figures in fit["error"].items():
         for figure in ("rms", "max"):
@@ -88,7 +89,8 @@ def _fit_row(k: int, fit: Mapping[str, Any], general: list[str], whole: bool) ->
             row[f"{stage}_{figure}"] = figures.get(figure)
     levels = {remark["level"] for remark in fit["remarks"]}
     row["gate_failed"] = [one["name"] for one in fit["gate"] if not one["passed"]]
-    row["passed"] = bool(fit["passed"]) and whole and "error" not in levels
+    sound = whole and fit.get("verdict") != "rejected" and "error" not in levels
+    row["passed"] = bool(fit["passed"]) and sound
     row["warnings"] = general + [
         remark["message"]
         for remark in fit["remarks"]

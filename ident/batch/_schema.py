@@ -25,6 +25,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
         "bool",
         "every convention used is verified; else the list lies in `unverified/`",
     ),
+    "verdict": (
+        "string",
+        "`good`, `unproven`, `undetermined`, `rejected`; null where the job failed",
+    ),
     "folder": (
         "string",
         "of the job's files, relative to that of the batch; null where failed",

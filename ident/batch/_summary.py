@@ -81,6 +81,8 @@ class Summary:
         rejected: Fits whose list must not be loaded.
         gate: Checks that failed, by name.
         unverified: Fits whose list lies in ``unverified/``.
+        verdicts: Fits by verdict; ``unproven``: computed, no measurement has settled
+            the sign.
         spreads: By kind of fit.
         outliers: Machines to look at, worst first.
         trends: Axes that change steadily, fastest first.
@@ -92,6 +94,7 @@ class Summary:
     rejected: int
     gate: dict[str, int]
     unverified: int
+    verdicts: dict[str, int]
     spreads: tuple[Spread, ...]
     outliers: tuple[Outlier, ...]
     trends: tuple[Trend, ...]
@@ -105,7 +108,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         history: Folders of earlier batches, for the trends.
     """
     columns = [
-        *("job", "state", "reason", "passed", "verified", "machine_id", "measured_at"),
+        *("job", "state", "reason", "passed", "verified", "verdict", "machine_id", "measured_at"),
         *("compensation", "axis", "unit", "gate_failed"),
         *(f"{stage}_rms" for stage in _STAGES),
     ]
@@ -133,6 +136,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         rejected=sum(not row["passed"] for row in fits),
         gate=dict(gate.most_common()),
         unverified=sum(not row["verified"] for row in fits),
+        verdicts=dict(Counter(row["verdict"] for row in fits if row["verdict"])),
         spreads=tuple(_spread(*kind, own) for kind, own in kinds.items()),
         outliers=tuple(
             sorted(

@@ -47,7 +47,7 @@ def demo(
         if picture is not None:
             from ..report import write_picture
 
-            write_picture(result.job, picture, second=result.seconds)
+            write_picture(result.job, picture)
     _print(console, out, result)
     if as_json:
         typer.echo(json.dumps(_as_dict(result), indent=2))

@@ -42,7 +42,8 @@ job.toml       what to make of it; run it again with
                    axcomp fit job.toml --out result
 result/        the new lists, and report.html, which tells how good they are
 second/        the same measurements once more with the new lists loaded, at other
-               positions, and the job that evaluates them
+               positions, and the job that names them:
+                   axcomp fit job.toml --out result --after second/job.toml
 work/          the same kind of machine at work, with every fault at once: one log in
                motion, one job that finds all compensations together, their lists and
                report, and the log of a second run with all of them loaded
@@ -155,15 +156,12 @@ def second_job() -> str:
         text = text.replace(entry, f'{entry}list = "../result/achskw{number}.lis"\n')
     for kind in ("leadscrew", "cross", "plane"):
         text = text.replace("active = []", f'active = ["{kind}"]', 1)
-        fit = f'compensation = "{kind}"\n'
-        text = text.replace(fit, f"{fit}smoothness = 1.0\n")
-    return text
+    return text[: text.index("[[fits]]")]
 
 
 _SECOND_HEAD = """\
-# Evaluates the second measurement of `axcomp demo`, the new lists active: its "before"
-# is what is really left of the error. Its table is not wanted, so that no smoothness
-# is searched for."""
+# The second measurement of `axcomp demo`, the new lists active. From the folder above:
+#     axcomp fit job.toml --out result --after second/job.toml"""
 
 
 class FolderError(AxcompError):

@@ -13,12 +13,12 @@ from ..job import (
     FrictionResult,
     JobResult,
     TableResult,
-    run_job,
+    begin_job,
     write_atomically,
 )
 from ..machine import VirtualMachine, example_drive, example_machine
 from ..proof import circular_test
-from ..report import SecondMeasurement, write_report
+from ..report import write_report
 from . import _demo_files as files
 from ._demo_work import WorkResult, run_work
 
@@ -30,17 +30,16 @@ class Outcome:
     """What the demo tells of one compensation; lengths in mm.
 
     Attributes:
-        fit: What the job found.
-        second: The measurement with the written list active.
+        fit: What the job found, measured again with the written list active.
     """
 
     fit: TableResult
-    second: SecondMeasurement
 
     @property
     def verified(self) -> ErrorFigures:
         """Size of the error with the list active, as measured."""
-        return self.second.figures
+        assert self.fit.measured is not None  # the demo measures every table again
+        return self.fit.measured.figures
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,11 +77,6 @@ class DemoResult:
     report: Path
     wall_time: float
 
-    @property
-    def seconds(self) -> dict[int, SecondMeasurement]:
-        """The second measurements by the place of the fit."""
-        return {place: one.second for place, one in enumerate(self.outcomes)}
-
 
 def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     """Run the whole demo into a folder.
@@ -100,20 +94,22 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     say("measuring a machine with known faults")
     _write_inputs(out, machine)
     files.seal_folder(out)
-    job = run_job(out / "job.toml", out / "result", say)
+    run = begin_job(out / "job.toml", out / "result", say)
     say("loading the lists and measuring again")
     loaded = machine.with_lists(
-        ListFile.read(out / "result" / fit.files[0]) for fit in job.tables
+        ListFile.read(out / "result" / fit.files[0])
+        for fit in run.results
+        if isinstance(fit, TableResult)
     )
-    seconds = _measure_again(out, loaded, say)
+    job = run.measured_again(_measure_again(out, loaded)).finish()
     say("drawing the report")
-    page, *_ = write_report(job, out / "result", second=dict(enumerate(seconds)))
+    page, *_ = write_report(job, out / "result")
     work = run_work(out / "work", _SEED + 14, say)
     say("drawing the report of the working machine")
     write_report(work.job, out / "work" / "result")
     files.seal_folder(out)
     return DemoResult(
-        outcomes=tuple(map(Outcome, job.tables, seconds)),
+        outcomes=tuple(map(Outcome, job.tables)),
         spikes=_spikes(job, out / "result"),
         job=job,
         work=work,
@@ -143,28 +139,12 @@ def _write_inputs(out: Path, machine: VirtualMachine) -> None:
     write_atomically(out / "README.txt", files.README.encode())
 
 
-def _measure_again(
-    out: Path, machine: VirtualMachine, say: Callable[[str], None]
-) -> list[SecondMeasurement]:
-    """Measure with the lists active; evaluate it as a user would, by a job of its own.
+def _measure_again(out: Path, machine: VirtualMachine) -> Path:
+    """Measure with the lists active, and return the job that says so.
 
     The instruments' zeros are taken off exactly as they were the first time.
     """
     folder = out / "second"
-    paths = files.write_measurements(folder, files.measure(machine, _SEED + 100))
+    files.write_measurements(folder, files.measure(machine, _SEED + 100))
     write_atomically(folder / "job.toml", files.second_job().encode())
-    result = run_job(folder / "job.toml", folder / "result", say)
-    found = []
-    for fit, path in zip(result.tables, paths, strict=True):
-        view = fit.samples
-        found.append(
-            SecondMeasurement(
-                name=f"second/{path.name}",
-                positions=view.positions,
-                error=view.before,
-                direction=view.direction,
-                run=view.run,
-                wild=fit.fit.wild,
-            )
-        )
-    return found
+    return folder / "job.toml"

@@ -18,13 +18,22 @@ def fit(
         Path,
         typer.Option(help="Folder for lists, report and result."),
     ] = Path("axcomp-out"),
+    after: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="JOB2.toml",
+            help="Job of a second measurement, made with the lists of the first one"
+            " loaded: says what became of each error, and settles signs.",
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print result.json on standard output.")
     ] = False,
 ) -> None:
     """Run a job: measurements → lists, report, result.
 
-    Ends with exit status 1 where a gate fails (the list then lies in rejected/).
+    Ends with exit status 1 where a gate fails (the list then lies in rejected/), or a
+    second measurement does not show what was predicted.
     AXCOMP_CACHE=off does without the compilation cache in the user's cache folder.
     """
     from rich.console import Console
@@ -41,7 +50,7 @@ def fit(
                 console.print(line, markup=False)
 
         use_compilation_cache()
-        result = run_job(job, out, progress=progress)
+        result = run_job(job, out, progress=progress, after=after)
         progress("drawing the report")
         from ..report import write_report
 
@@ -49,5 +58,5 @@ def fit(
     print_result(console, result, out, report, start)
     if as_json:
         typer.echo(result_json(result), nl=False)
-    if not result.passed:
+    if not (result.passed and result.confirmed):
         raise typer.Exit(1)

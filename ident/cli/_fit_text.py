@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ._group_text import print_group, without_pairs
-from ._said import print_remarks
+from ._said import print_remarks, tell
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -70,13 +70,28 @@ def _print_files(
     console.print(f"Files in {out}:", markup=False)
     for file in result.files:
         console.print(f"  {file}", markup=False)
+    from ..job import Code, Verdict
+    from ..report import short_verdict
+
     page = next((file for file in report if file.suffix == ".html"), None)
     if page is not None:
         # Some writers name files relative to the folder, others with it.
         shown = page if page.is_file() else out / page
         console.print(f"Report: {shown}", markup=False, soft_wrap=True)
     verdict = "Done"
-    if not result.passed:
+    if result.verdict is not Verdict.GOOD:
+        assumed = any(fit.judgement.has(Code.ASSUMED) for fit in result.fits)
+        words = short_verdict(result.verdict, assumed=assumed)
+        worst = [
+            f"{fit.compensation} of {fit.axis}"
+            for fit in result.fits
+            if fit.judgement.verdict is result.verdict
+        ]
+        which = "" if len(worst) == len(result.fits) else f" ({', '.join(worst)})"
+        verdict = f"{words[0].upper()}{words[1:]}{which}. Done"
+    if result.verdict is Verdict.REJECTED and not result.confirmed:
+        verdict = "NOT CONFIRMED: the second measurement shows another effect, take the lists out"
+    elif not result.passed:
         rejected = any(file.parts[0] == "rejected" for file in result.files)
         verdict = "NOT PASSED: do not load the rejected lists"
         if not rejected:
@@ -92,8 +107,11 @@ def _print_member(
     opening: str,
 ) -> None:
     """Print gate and remarks of one fit of a group, without what is said elsewhere."""
+    name = f"{found.compensation} of {found.axis}: "
     if found.gate:
-        _print_gate(console, found, f"{found.compensation} of {found.axis}: ")
+        _print_gate(console, found, name)
+    if not found.left_out:
+        _print_verdict(console, found, name)
     remarks = [
         dataclasses.replace(remark, message=without_pairs(remark.message, group))
         for remark in found.remarks
@@ -115,7 +133,8 @@ def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) ->
         title_justify="left",
     )
     table.add_column("error")
-    stages = {"before": "before", "predicted": "predicted", "from_file": "from file"}
+    order = ("before", "predicted", "from_file", "verified", "measured_again")
+    stages = {key: key.replace("_", " ") for key in order if key in found.error}
     for words in stages.values():
         table.add_column(words, justify="right")
     rows: dict[str, list[float | None]] = {
@@ -137,7 +156,17 @@ def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) ->
         table.add_row(name, *cells)
     console.print(table)
     _print_gate(console, found)
+    _print_verdict(console, found)
     print_remarks(console, [r for r in found.remarks if r.message not in shared])
+
+
+def _print_verdict(
+    console: "Console", found: "AbstractResult", start: str = ""
+) -> None:
+    from ..report import headline_of, scale_of
+
+    sentence = headline_of(found, scale_of(found.unit)).sentence
+    tell(console, f"{start}verdict: {sentence}")
 
 
 def _print_gate(console: "Console", found: "AbstractResult", start: str = "") -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 _SELECT = (
-    "job, machine_id, axis, compensation, state, passed, before_rms, predicted_rms,"
+    "job, machine_id, axis, compensation, state, passed, verdict, before_rms, predicted_rms,"
     " from_file_rms, reason"
 )
 

@@ -21,6 +21,7 @@ from ._outside import read_outside as read_outside
 from ._result import (
     AbstractResult as AbstractResult,
     ConventionState as ConventionState,
+    Expectation as Expectation,
     JobResult as JobResult,
     LoadStep as LoadStep,
     Remark as Remark,
@@ -28,7 +29,23 @@ from ._result import (
     Streamed as Streamed,
     TableResult as TableResult,
 )
-from ._run import input_hashes as input_hashes, run_job as run_job
+from ._run import (
+    JobRun as JobRun,
+    begin_job as begin_job,
+    input_hashes as input_hashes,
+    run_job as run_job,
+)
+from ._second import (
+    MeasuredAgain as MeasuredAgain,
+    SecondMeasurement as SecondMeasurement,
+    SecondMeasurementError as SecondMeasurementError,
+)
+from ._verdict import (
+    Code as Code,
+    Judgement as Judgement,
+    Reason as Reason,
+    Verdict as Verdict,
+)
 
 if TYPE_CHECKING:
     from ._found_fits import (

@@ -25,6 +25,7 @@ def _states(
             value=str(rule.value),
             state="verified" if rule.name in verified else "assumed",
             meaning=f"{rule.meaning} ({rule.rule})",
+            decides=rule.decides,
         )
         for rule in conventions.listing()
         if rule.name.startswith(prefixes)

@@ -14,10 +14,12 @@ from ._conventions import convention_states
 from ._fit_schema import FitSpec
 from ._load import Job
 from ._result import AbstractResult, Remark
+from ._second import SecondMeasurement
 
 if TYPE_CHECKING:
     from ._lists import AxisFiles
     from ._output import OutFolder
+    from ._source import Tables
 
 Leftovers = dict[tuple[str, str], np.ndarray]
 """By axis and measurement: what earlier tables add to each of its readings, mm or °."""
@@ -133,6 +135,21 @@ class AbstractDraft(abc.ABC):
 
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
         """Return why a restart is needed, or None where a reload is enough."""
+        return None
+
+    def left_over(self, tables: "Tables", fit: FitSpec) -> SecondMeasurement | None:
+        """Return the error that a second measurement shows, the list active.
+
+        Args:
+            tables: Files of the second job.
+            fit: The specification, with the measurements of that job.
+
+        Returns:
+            None where no such measurement shows what this compensation does.
+
+        Raises:
+            AxcompError: If the measurement does not suit the fit.
+        """
         return None
 
     def left_by(self) -> Leftovers:

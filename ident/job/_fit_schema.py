@@ -121,7 +121,7 @@ class FrictionSpec(FitSpec, frozen=True):
     solver: Literal["optimistix", "ipopt"] = "optimistix"
     constraints: list[Literal["non-negative"]] = []
     reversal: bool = False
-    level: Annotated[float, Field(ge=0)] = 1.0
+    level: Annotated[float, Field(ge=0)] | None = None
     rated_current: Positive | None = None
     rated_torque: Positive | None = None
     torque_unit: Positive | None = None

@@ -81,11 +81,13 @@ def as_tree(result: JobResult) -> dict[str, Any]:
         "title": result.title,
         "machine": dict(result.machine),
         "passed": result.passed,
+        "verdict": str(result.verdict),
         "fits": [_fit(fit) for fit in result.fits],
         "groups": [group.as_tree() for group in result.groups],
         "remarks": [vars(remark) for remark in result.remarks],
         "load_sheet": [vars(step) for step in result.load_sheet],
         "files": [str(file) for file in result.files],
+        "second_measurement": result.second,
         "clocks": [vars(clock) for clock in result.clocks],
         "inputs": dict(result.inputs),
         "versions": dict(result.versions),
@@ -95,6 +97,8 @@ def as_tree(result: JobResult) -> dict[str, Any]:
 
 
 def _fit(fit: AbstractResult) -> dict[str, Any]:
+    judged, again = fit.judgement, fit.again
+    diagnosis = None if again is None else again.diagnosis
     return {
         "compensation": fit.compensation,
         "axis": fit.axis,
@@ -107,12 +111,15 @@ def _fit(fit: AbstractResult) -> dict[str, Any]:
         "error": {name: error.as_tree() for name, error in fit.error.items()},
         "held_out": fit.held_out,
         "passed": fit.passed,
+        "verdict": str(judged.verdict),
+        "reasons": [reason.as_tree() for reason in judged.reasons],
         "gate": [vars(check) for check in fit.gate],
         "findings": [dict(finding) for finding in fit.findings],
         "remarks": [vars(remark) for remark in fit.remarks],
         "conventions": [vars(convention) for convention in fit.conventions],
         "files": [str(file) for file in fit.files],
-        "verified_by": fit.verified_by,
+        "verified_by": dict(again.source) if again and fit.confirmed else None,
+        "diagnosis": None if diagnosis is None else diagnosis.as_tree(),
     }
 
 

@@ -149,6 +149,8 @@ def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:
     """Yield every file that a job names, with its key."""
     if spec.machine.conventions is not None:
         yield ("machine", "conventions"), spec.machine.conventions
+    if spec.verify is not None:
+        yield ("verify", "job"), spec.verify.job
     for name, axis in spec.axes.items():
         if axis.listing is not None:
             yield ("axes", name, "list"), axis.listing

@@ -5,21 +5,26 @@ from collections.abc import Sequence
 from ._draft import AbstractDraft
 from ._lists import AxisFiles
 from ._load import Job
-from ._result import LoadStep
+from ._result import AbstractResult, LoadStep
+from ._sign_steps import sign_steps
 
 
 def load_sheet(
     job: Job,
     files: Sequence[AxisFiles],
     drafts: Sequence[AbstractDraft],
+    results: Sequence[AbstractResult],
     rejected: Sequence[str],
 ) -> tuple[LoadStep, ...]:
     """Return the steps that bring the lists of a job onto the controller.
+
+    The first ones settle signs that are assumed, the last one measures again.
 
     Args:
         job: The job.
         files: Lists by axis.
         drafts: All fits.
+        results: What came of them, in the same order.
         rejected: Axes whose lists failed the gate: they have no step.
     """
     steps: list[LoadStep] = []
@@ -33,13 +38,53 @@ def load_sheet(
     let_out = [one for one in files if one.axis not in rejected and one.lists]
     if not let_out:
         return tuple(steps)
+    steps += sign_steps(job, drafts, results)
     for one in let_out:
         steps += _files_of(job, one)
     steps += _loading(job, let_out)
     for one in let_out:
         steps += _switching(job, one, drafts)
     steps += _watching(job, let_out, drafts)
-    return tuple(steps)
+    steps.append(
+        LoadStep(
+            "Go back",
+            "COMP OFF for the axis, or the kept copies and a reload"
+            " (a restart where a size changed).",
+        )
+    )
+    return (*steps, *_measuring(job, drafts, results))
+
+
+def _measuring(
+    job: Job, drafts: Sequence[AbstractDraft], results: Sequence[AbstractResult]
+) -> list[LoadStep]:
+    """Return the second measurement, where none has shown yet what the lists do."""
+    unproven = [
+        draft.switch
+        for draft, one in zip(drafts, results, strict=True)
+        if draft.switch is not None and not one.confirmed
+    ]
+    if not unproven:
+        return []
+    if all(switch.adds_current for switch in unproven):
+        return [
+            LoadStep(
+                "Measure once more with the list active",
+                "A circle without and with it: a wrong sign would make the marks at"
+                " reversals larger. A log of the controller settles the sign (axcomp"
+                " verify --save).",
+            )
+        ]
+    return [
+        LoadStep(
+            "Measure once more with the list active",
+            "Until then the error after is computed, not verified: a wrong sign would"
+            " double the error. Put the second measurement into a job AFTER.toml (same axes and"
+            " measurements, list = the file that was loaded, active = what was on):"
+            f" axcomp fit {job.path.name} --after AFTER.toml, with the same --out, says"
+            " what became of each error and settles the signs.",
+        )
+    ]
 
 
 def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
@@ -209,17 +254,4 @@ def _watching(
                 " it.",
             )
         )
-    worse = "double the error" if shown else "make the marks at reversals larger"
-    return [
-        *steps,
-        LoadStep(
-            "Measure once more with the list active",
-            f"Until then the error after is computed, not verified: a wrong sign would"
-            f" {worse}, and only a second measurement or a log shows it.",
-        ),
-        LoadStep(
-            "Go back",
-            "COMP OFF for the axis, or the kept copies and a reload"
-            " (a restart where a size changed).",
-        ),
-    ]
+    return steps

@@ -23,20 +23,36 @@ from ._source import Tables, refuse_absurd
 def read_outside(job: Job) -> tuple[Measured, ...]:
     """Return the errors of every axis that the measurements of a job hold.
 
+    Measurements without any error, such as the current of a drive, are left out.
+
     Raises:
-        MeasurementError: If a file holds nothing usable, or no error of any axis.
+        MeasurementError: If a file holds nothing usable, or none an error of any axis.
         JobError: If a measurement does not suit.
     """
     tables = Tables(job)
     found: list[Measured] = []
-    for name, spec in job.spec.measurements.items():
+    for name, axes in errors_in(tables).items():
+        spec = job.spec.measurements[name]
         measured = _measurement(tables, name, spec)
-        axes = [axis for axis in job.spec.axes if has_error(measured, axis)]
-        if not axes:
-            first = spec.axis or next(iter(job.spec.axes))
-            derive_error(measured, first)  # raises, naming what is missing
         found += [_outside(job, measured, spec, axis) for axis in axes]
+    if not found:
+        name, spec = next(iter(job.spec.measurements.items()))
+        first = spec.axis or next(iter(job.spec.axes))
+        derive_error(_measurement(tables, name, spec), first)  # raises: what is missing
     return tuple(found)
+
+
+def errors_in(tables: Tables) -> dict[str, tuple[str, ...]]:
+    """Return the axes whose error each measurement of a job holds, by its name.
+
+    Raises:
+        MeasurementError: If a file holds nothing usable.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    for name, spec in tables.job.spec.measurements.items():
+        measured = _measurement(tables, name, spec)
+        found[name] = tuple(a for a in tables.job.spec.axes if has_error(measured, a))
+    return found
 
 
 def _measurement(tables: Tables, name: str, spec: MeasurementSpec) -> Measurement:

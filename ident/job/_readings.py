@@ -46,6 +46,21 @@ class Readings:
     remarks: tuple[Remark, ...]
     timed: bool = False
 
+    def zero_at_datum(self, table: AbstractTable) -> float:
+        """Return the error where it is to be zero: median of the readings nearest to it.
+
+        Both directions count alike; 0 without a datum.
+        """
+        if self.datum is None:
+            return 0.0
+        reach = [0.5 * np.diff(each.positions).min() for each in table.nodes]
+        away = np.max(np.abs(self.positions - self.datum) / reach, axis=1)
+        near = away <= max(1.0, float(away.min()))
+        if self.direction is None or table.branches == 1:
+            return float(np.median(self.error[near]))
+        ways = [near & (self.direction == way) for way in (1, -1)]
+        return float(np.mean([np.median(self.error[w]) for w in ways if w.any()]))
+
     def run_table(self, axis_is_master: bool) -> RunTable | None:
         """Return how the readings lie in a run table of ISO 230-2, or None.
 

@@ -13,6 +13,8 @@ from jaxtyping import Float, Int
 from ..fit import TableFit
 from ..proof import ErrorFigures, GateCheck
 from ._clocks import ClockState
+from ._second import MeasuredAgain, SecondMeasurement
+from ._verdict import Judgement, Verdict, judgement_of
 
 if TYPE_CHECKING:
     from .joint import GroupResult
@@ -37,12 +39,37 @@ class ConventionState:
         value: The value taken.
         state: ``assumed`` or ``verified``.
         meaning: One line.
+        decides: ``sign`` or ``owner`` where a list is unproven without it, else empty.
     """
 
     name: str
     value: str
     state: str
     meaning: str = ""
+    decides: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Expectation:
+    """What a person sees on the machine where a sign is as the list takes it.
+
+    Attributes:
+        places: Positions of axes in mm or °, by name.
+        direction: ±1 from which the axis comes, or None where it does not matter.
+        value: What the list adds there, in mm, ° or the unit of the current.
+        unit: ``mm``, ``deg`` or the unit of the current.
+        temperatures: Of sensors in °C, by name.
+        speed: In mm/s or °/s, for what acts in motion.
+        reversal: The value is what a reversal no longer loses.
+    """
+
+    places: Mapping[str, float]
+    direction: int | None
+    value: float
+    unit: str
+    temperatures: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    speed: float | None = None
+    reversal: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,7 +136,7 @@ class AbstractResult(abc.ABC):
             failed gate lie in ``rejected/``.
         findings: What `axcomp check` says of the files, in its JSON shape.
         held_out: What the prediction left out together: ``run``, ``block``, …
-        verified_by: Name of a second measurement that confirmed it, or None.
+        again: What a second measurement with the list active says of it, or None.
         group: Fits that it was identified together with, by the name of their group:
             the error before is then what these leave; None = alone.
     """
@@ -125,13 +152,42 @@ class AbstractResult(abc.ABC):
     files: tuple[Path, ...]
     findings: tuple[Mapping[str, Any], ...] = ()
     held_out: str = "block"
-    verified_by: str | None = None
+    again: MeasuredAgain | None = None
     group: str | None = None
 
     @property
     def passed(self) -> bool:
         """Whether every check of the gate passed."""
         return all(check.passed for check in self.gate)
+
+    @functools.cached_property
+    def judgement(self) -> Judgement:
+        """The verdict on it and its reasons."""
+        return judgement_of(self)
+
+    @property
+    def measured(self) -> SecondMeasurement | None:
+        """The readings with the list active, or None."""
+        return None if self.again is None else self.again.readings
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether a second measurement shows that the list does what it says."""
+        if self.again is None or self.judgement.verdict is Verdict.REJECTED:
+            return False
+        found = self.again.diagnosis
+        right = found is not None and found.verdict == "right"
+        return right or self.judgement.verdict is Verdict.GOOD
+
+    @property
+    def measured_as(self) -> str:
+        """What these readings may be called: ``verified`` only where they show it."""
+        return "verified" if self.confirmed else "measured again"
+
+    @property
+    def expectation(self) -> Expectation | None:
+        """What settles its sign at the machine; None where nothing written is seen there."""
+        return None
 
     @property
     def over(self) -> tuple[str, ...]:
@@ -199,6 +255,27 @@ class TableResult(AbstractResult):
         """Axes over whose positions it acts, where these are others than its own."""
         return () if self.masters == (self.axis,) else self.masters
 
+    @property
+    def expectation(self) -> Expectation | None:
+        """The largest offset of the written list at a node that was measured."""
+        sign = next(
+            (int(r.value) for r in self.conventions if r.name.endswith("_sign")), 1
+        )
+        best: Expectation | None = None
+        for branch, entries in self.table.items():
+            reached = np.where(self.support[branch] > 0, np.abs(entries), -1.0)
+            index = np.unravel_index(int(np.argmax(reached)), reached.shape)
+            value = sign * float(entries[index])
+            if best is None or abs(value) > abs(best.value):
+                places = zip(self.masters, self.nodes, reversed(index), strict=True)
+                best = Expectation(
+                    {name: float(nodes[int(k)]) for name, nodes, k in places},
+                    {"pos": 1, "neg": -1}.get(branch) if len(self.table) > 1 else None,
+                    value,
+                    self.unit,
+                )
+        return best
+
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         parameters: dict[str, Any] = {
@@ -253,6 +330,8 @@ class JobResult:
         job: The job as resolved (defaults filled in), for the record.
         clocks: How files of one measurement were put onto one clock.
         groups: Fits that were identified together.
+        second: The second measurement, where there is one: ``file``, ``sha256``,
+            ``date``, hashes of its ``inputs`` and of the ``lists`` that it is about.
     """
 
     title: str
@@ -267,6 +346,7 @@ class JobResult:
     job: Mapping[str, Any]
     clocks: tuple[ClockState, ...] = ()
     groups: tuple["GroupResult", ...] = ()
+    second: Mapping[str, Any] | None = None
 
     @functools.cached_property
     def tree(self) -> dict[str, Any]:
@@ -281,8 +361,22 @@ class JobResult:
         return tuple(fit for fit in self.fits if isinstance(fit, TableResult))
 
     @property
+    def verdict(self) -> Verdict:
+        """The worst verdict of its fits."""
+        order = list(Verdict)
+        found = [fit.judgement.verdict for fit in self.fits]
+        return max(found, key=order.index, default=Verdict.GOOD)
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether a second measurement, where there is one, confirms all that it shows."""
+        return all(fit.confirmed for fit in self.fits if fit.again is not None)
+
+    @property
     def passed(self) -> bool:
         """Whether every list passed its gate and nothing requested is missing."""
+        if any(f.judgement.verdict is Verdict.REJECTED for f in self.fits):
+            return False
         return all(fit.passed for fit in self.fits) and not any(
             remark.level == "error"
             for remark in (

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..proof import GateCheck
+from ._clocks import ClockState
 from ._draft import AbstractDraft, Leftovers
 from ._errors import UntoldError
 from ._fit_schema import FitSpec, TemperatureSpec
@@ -21,18 +22,16 @@ from ._judge import judge_files
 from ._lists import AxisFiles, axis_files
 from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
+from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
 from ._plc_names import temperature_names
-from ._result import (
-    JobResult,
-    Remark,
-)
+from ._result import AbstractResult, JobResult, Remark
 from ._rooms import plan_all
 from ._source import Tables
 from ._untold import left_out, untold_alone
 
 if TYPE_CHECKING:
-    from .joint import GroupDraft
+    from .joint import GroupDraft, GroupResult
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
 
@@ -42,6 +41,7 @@ def run_job(
     out: Path,
     progress: Callable[[str], None] | None = None,
     *,
+    after: Path | None = None,
     sync: bool = True,
 ) -> JobResult:
     """Run a job file and write lists and ``result.json`` into a folder.
@@ -52,6 +52,8 @@ def run_job(
         path: The job file.
         out: Folder to write into; made where it does not exist.
         progress: Called with a short line before each longer step.
+        after: Job of a second measurement, made with these lists loaded; left out: the
+            one that ``[verify]`` names, or that of an earlier run with the same lists.
         sync: Whether every file survives a power cut once it is there; False where the
             caller sees to it (`sync_folder`) before anybody looks.
 
@@ -63,6 +65,18 @@ def run_job(
             then left half-written.
         OSError: If a file cannot be read.
     """
+    return begin_job(path, out, progress, after=after, sync=sync).finish()
+
+
+def begin_job(
+    path: Path,
+    out: Path,
+    progress: Callable[[str], None] | None = None,
+    *,
+    after: Path | None = None,
+    sync: bool = True,
+) -> "JobRun":
+    """Write the lists of a job; arguments and errors as `run_job`."""
     start = time.perf_counter()
     say = progress or (lambda line: None)
     job = load_job(path)
@@ -88,8 +102,9 @@ def run_job(
     )
     files, remarks = judge_files(job, files)
     failed = _failed(drafts, gates, files)
+    second, lost = plan_second(job, after, out, files, failed)
     written, moved = _write(job, folder, files, failed)
-    results = []
+    results: list[AbstractResult] = []
     for one, gate in zip(drafts, gates, strict=True):
         own = next(each for each in files if each.axis == one.axis)
         results.append(
@@ -103,22 +118,87 @@ def run_job(
         dataclasses.replace(each, group=together.get(one.index))
         for one, each in zip(drafts, results, strict=True)
     ]
-    result = JobResult(
-        title=job.spec.title or path.stem,
-        machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
-        fits=tuple(results),
-        inputs=_hashes(job),
-        versions=_versions(),
-        load_sheet=load_sheet(job, files, drafts, failed),
-        remarks=(*remarks, *moved),
-        files=(*folder.written, Path("result.json")),
-        wall_time=time.perf_counter() - start,
-        job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
-        clocks=tables.clocks,
-        groups=tuple(sums),
-    )
-    folder.write("result.json", result_json(result).encode())
-    return result
+    return JobRun(
+        job, folder, files, drafts, results, tuple(sums), failed, tables.clocks,
+        (*remarks, *moved, *lost), start, second,
+    )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class JobRun:
+    """A job whose lists are written, ready to be measured again.
+
+    Attributes:
+        job: The job.
+        folder: Where its files lie.
+        files: Lists by axis.
+        drafts: All fits.
+        results: What came of them, in the same order.
+        groups: Fits that were identified together.
+        failed: Axes whose lists must not be loaded.
+        clocks: How files of one measurement were put onto one clock.
+        remarks: What concerns the job as a whole.
+        start: When it began (`time.perf_counter`).
+        second: The second measurement, where there is one.
+    """
+
+    job: Job
+    folder: OutFolder
+    files: Sequence[AxisFiles]
+    drafts: Sequence[AbstractDraft]
+    results: Sequence[AbstractResult]
+    groups: tuple["GroupResult", ...]
+    failed: Sequence[str]
+    clocks: tuple[ClockState, ...]
+    remarks: tuple[Remark, ...]
+    start: float
+    second: Second | None
+
+    def measured_again(self, after: Path) -> "JobRun":
+        """Return the run with a second measurement, made with the lists that it wrote.
+
+        Raises:
+            AxcompError: If that measurement's job cannot be used.
+            OSError: If it cannot be read.
+        """
+        root, failed = self.folder.root, self.failed
+        second, _ = plan_second(self.job, after, root, self.files, failed)
+        return dataclasses.replace(self, second=second)
+
+    def finish(self) -> JobResult:
+        """Write ``result.json``, with what a second measurement says, and return it."""
+        job, second = self.job, self.second
+        results, remarks = list(self.results), list(self.remarks)
+        if second is not None:
+            sums = {
+                one.axis: (
+                    one.error["before"].sound.rms,
+                    one.error["predicted"].sound.rms,
+                )
+                for group in self.groups
+                for one in group.axes
+            }
+            results, more = measure_again(
+                job, second, self.drafts, results, self.folder.root, sums
+            )
+            remarks += more
+        result = JobResult(
+            title=job.spec.title or job.path.stem,
+            machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
+            fits=tuple(results),
+            inputs=_hashes(job),
+            versions=_versions(),
+            load_sheet=load_sheet(job, self.files, self.drafts, results, self.failed),
+            remarks=tuple(remarks),
+            files=(*self.folder.written, Path("result.json")),
+            wall_time=time.perf_counter() - self.start,
+            job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
+            clocks=self.clocks,
+            groups=self.groups,
+            second=None if second is None else second.record,
+        )
+        self.folder.write("result.json", result_json(result).encode())
+        return result
 
 
 def input_hashes(path: Path) -> dict[str, str]:

@@ -104,6 +104,12 @@ class Gate(JobPart, frozen=True):
     max_current: Limit | None = None
 
 
+class Verify(JobPart, frozen=True):
+    """The job of a measurement that was made with the lists of this one loaded."""
+
+    job: str
+
+
 class JobFile(JobPart, frozen=True):
     """A whole job."""
 
@@ -114,6 +120,7 @@ class JobFile(JobPart, frozen=True):
     measurements: Annotated[dict[str, MeasurementSpec], Field(min_length=1)]
     fits: list[AnyFit] = Field(default_factory=list)
     gate: Gate = Gate()
+    verify: Verify | None = None
 
     def resolved(self) -> dict[str, Any]:
         """Return the job with its defaults filled in, for the record."""

@@ -8,7 +8,7 @@ from typing import final
 from ...data.lists import ListFile, Value
 from ..proof import GateCheck
 from ._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
-from ._fit_schema import TableSpec
+from ._fit_schema import FitSpec, TableSpec
 from ._fitting import AbstractFitted, Fitted, fit_plan
 from ._gating import cycles_for, pass_gate
 from ._lists import AxisFiles
@@ -18,6 +18,7 @@ from ._plan import plan_fit
 from ._prove import Proof, offset_at_readings, prove, result_of
 from ._readings import read_fit
 from ._result import Remark, TableResult
+from ._second import SecondMeasurement
 from ._source import Tables
 from ._table_entries import refuse_misread, restart_of_table, table_entries
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
@@ -115,6 +116,19 @@ class AbstractTableDraft(AbstractDraft):
 
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
         return restart_of_table(existing, listing, self.one)
+
+    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+        assert isinstance(fit, TableSpec)
+        table = self.one.plan.table
+        found = read_fit(tables, self.index, fit, table, {})
+        own = table.masters == (table.axis,)
+        return SecondMeasurement.of(
+            ", ".join(fit.sources),
+            found.positions,
+            found.error - found.zero_at_datum(table),
+            found.direction if own else None,
+            found.run if own and found.run_table(own) is not None else None,
+        )
 
     def prove(
         self,

@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ._job_text import job_text as job_text
     from ._overview import write_picture as write_picture
-    from ._second import (
-        SecondMeasurement as SecondMeasurement,
-        SecondMeasurementError as SecondMeasurementError,
-    )
+    from ._scale import scale_of as scale_of
+    from ._verdict import headline_of as headline_of, short_verdict as short_verdict
     from ._write import write_report as write_report
 
 _HOMES = {
-    "SecondMeasurement": "_second",
-    "SecondMeasurementError": "_second",
+    "headline_of": "_verdict",
     "job_text": "_job_text",
+    "scale_of": "_scale",
+    "short_verdict": "_verdict",
     "write_picture": "_overview",
     "write_report": "_write",
 }

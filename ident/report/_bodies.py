@@ -6,16 +6,13 @@ from collections.abc import Callable
 from ..job import AbstractResult, TableResult
 from ._body import Body
 from ._scale import Scale
-from ._second import SecondMeasurement
 from ._table_body import table_body
 
 _ROOMS = ("backlash", "crosstalk", "friction", "temperature")
 """Kinds with a body of their own, imported when a result asks for it."""
 
 
-def body_of(
-    fit: AbstractResult, scale: Scale, second: SecondMeasurement | None
-) -> Body:
+def body_of(fit: AbstractResult, scale: Scale) -> Body:
     """Return plots, facts and wild readings of a fit."""
     if fit.compensation in _ROOMS and not fit.left_out:
         name = fit.compensation
@@ -29,4 +26,4 @@ def body_of(
 
         assert isinstance(fit, LeftOutResult)
         return left_out_body(fit, scale)
-    return table_body(fit, scale, second)
+    return table_body(fit, scale)

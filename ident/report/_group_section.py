@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 
-from ..job import AxisSum, GroupResult, Remark
+from ..job import AxisSum, Code, GroupResult, Remark
 from ._group_plots import share_plot, sum_plot
 from ._plot import Plot
 from ._scale import count, number, percent, scale_of
@@ -65,12 +65,14 @@ def group_section(
         sections: Of all fits, in the order of the job.
     """
     missing = [each for each in group.effects if each.index is not None and each.why]
-    level = "warn" if missing or group.lost else "good"
+    own = [sections[index] for index in group.fits]
+    proven = all(section.verdict.level == "good" for section in own)
+    level = "warn" if missing or group.lost or not proven else "good"
     return GroupSection(
         name=f"group-{place}",
         heading=f"Identified together: group {group.name}",
         level=level,
-        sentence=_sentence(group, len(missing)),
+        sentence=_opening(own) + _sentence(group, len(missing)),
         remarks=tuple(sorted(group.remarks, key=lambda r: _LEVELS.get(r.level, 3))),
         sums=tuple(_sum_row(one) for one in group.axes),
         effects=tuple(_effect_rows(group, sections)),
@@ -82,6 +84,13 @@ def group_section(
         ),
         facts=tuple(_facts(group)),
     )
+
+
+def _opening(sections: Sequence[Section]) -> str:
+    """Return what the verdicts on the fits say of the group as a whole."""
+    if any(section.fit.judgement.has(Code.ASSUMED) for section in sections):
+        return "Computed; signs unproven. "
+    return ""
 
 
 def _sentence(group: GroupResult, missing: int) -> str:

@@ -8,10 +8,9 @@ from ...data.measurements import Iso230, describe_iso230, iso230
 from ..job import SampleView, TableResult
 from ._iso_chart import draw_iso_chart
 from ._plot import Plot
-from ._second import SecondMeasurement
 
 
-def iso_plot(fit: TableResult, second: SecondMeasurement | None) -> Plot | None:
+def iso_plot(fit: TableResult) -> Plot | None:
     """Draw all runs before, predicted and verified; None without a run table."""
     figures = fit.error.get("before")
     if figures is None or not figures.iso230 or fit.samples.run is None:
@@ -23,9 +22,9 @@ def iso_plot(fit: TableResult, second: SecondMeasurement | None) -> Plot | None:
         "before": _evaluate(fit.samples, fit.samples.before, rows),
         "predicted": _evaluate(fit.samples, fit.samples.predicted, rows),
     }
-    proven = None if second is None else second.iso230
-    if proven is not None:
-        tests["verified"] = proven
+    seen = fit.measured
+    if seen is not None and (proven := seen.iso230) is not None:
+        tests[fit.measured_as] = proven
     # The chart marks B with a mathematical sign; a name may hold a dollar all the same.
     with mpl.rc_context({"text.parse_math": True}):
         name = fit.axis.replace("$", r"\$")

@@ -1,7 +1,7 @@
 """The whole job in one picture: each error before and after, at the same scale."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,6 @@ from ._plane import PlaneTable, bar, heat, label, plane_table
 from ._plot import Plot
 from ._readings import Readings, readings_of
 from ._scale import Scale, number, scale_of
-from ._second import SecondMeasurement
 
 _MOST = 6
 """Fits that are drawn; the picture is a summary."""
@@ -44,23 +43,19 @@ class Cloud:
         return float(np.sqrt(np.mean(self.error**2)))
 
 
-def overview_plot(
-    fits: Sequence[AbstractResult], second: Mapping[int, SecondMeasurement]
-) -> Plot | None:
+def overview_plot(fits: Sequence[AbstractResult]) -> Plot | None:
     """Draw every table before and after: verified where it was, else predicted."""
-    shown = [
-        (place, fit) for place, fit in enumerate(fits) if isinstance(fit, TableResult)
-    ][:_MOST]
+    shown = [fit for fit in fits if isinstance(fit, TableResult)][:_MOST]
     if not shown:
         return None
-    heights = [_height(fit) for _, fit in shown]
+    heights = [_height(fit) for fit in shown]
     figure = Figure(figsize=(7.2, sum(heights) + 0.2), layout="constrained")
     panels = figure.subplots(len(shown), 2, squeeze=False, height_ratios=heights)
     sentences = [
-        _draw_fit(figure, list(row), fit, second.get(place))
-        for row, (place, fit) in zip(panels, shown, strict=True)
+        _draw_fit(figure, list(row), fit)
+        for row, fit in zip(panels, shown, strict=True)
     ]
-    for row, (_, fit) in zip(panels, shown, strict=True):
+    for row, fit in zip(panels, shown, strict=True):
         if fit.fit.layout.branches == 2:
             keys = row[0].get_legend_handles_labels()
             figure.legend(*keys, loc="outside upper right", ncols=2, markerscale=2)
@@ -69,21 +64,15 @@ def overview_plot(
     return Plot("overview", "Before and after, at the same scale", figure, caption)
 
 
-def write_picture(
-    result: JobResult,
-    path: Path,
-    *,
-    second: Mapping[int, SecondMeasurement] | None = None,
-) -> None:
+def write_picture(result: JobResult, path: Path) -> None:
     """Write the overview of a job as a PNG, small enough for a README.
 
     Args:
         result: What the job found; at least one fit.
         path: File to write.
-        second: Measurements with the written lists active, by the place of the fit.
     """
     with style.house_style():
-        plot = overview_plot(result.fits, second or {})
+        plot = overview_plot(result.fits)
         if plot is not None:
             plot.figure.savefig(path, format="png", dpi=110)
 
@@ -96,13 +85,12 @@ def _draw_fit(
     figure: Figure,
     panels: list[Axes],
     fit: TableResult,
-    second: SecondMeasurement | None,
 ) -> str:
     """Draw one row and return its sentence."""
     scale = scale_of(fit.unit)
     readings = readings_of(fit, scale)
     before = _before(readings)
-    after, kind = _after(readings, second, scale)
+    after, kind = _after(readings, fit, scale)
     if len(fit.masters) == 2:
         _draw_maps(figure, panels, fit, scale, (before, after))
     else:
@@ -124,16 +112,14 @@ def _before(readings: Readings) -> Cloud:
     )
 
 
-def _after(
-    readings: Readings, second: SecondMeasurement | None, scale: Scale
-) -> tuple[Cloud, str]:
-    if second is not None:
+def _after(readings: Readings, fit: TableResult, scale: Scale) -> tuple[Cloud, str]:
+    if (second := fit.measured) is not None:
         keep = second.sound
         ways = second.direction
         if ways is None:
             ways = np.zeros(len(keep), dtype=np.int64)
         error = second.error[keep] * scale.factor
-        return Cloud(second.positions[keep], error, ways[keep]), "verified"
+        return Cloud(second.positions[keep], error, ways[keep]), fit.measured_as
     keep = readings.sound
     cloud = Cloud(
         readings.positions[keep], readings.predicted[keep], readings.direction[keep]

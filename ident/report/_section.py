@@ -6,8 +6,7 @@ from ..job import AbstractResult, ErrorFigures, Remark
 from ._bodies import body_of
 from ._plot import Plot
 from ._scale import Scale, percent, scale_of
-from ._second import SecondMeasurement
-from ._verdict import Verdict, verdict_of
+from ._verdict import Headline, headline_of
 from ._words import WildRow
 
 _LEVELS = {"error": 0, "warning": 1, "info": 2}
@@ -17,6 +16,7 @@ _COLUMNS = (
     ("predicted", "predicted", "computed on readings left out of the fit"),
     ("from_file", "from the file", "computed: the written file, read back"),
     ("verified", "verified", "measured with the list active"),
+    ("measured_again", "measured again", "with the list active"),
 )
 
 _ROWS = (
@@ -68,7 +68,7 @@ class Section:
 
     name: str
     heading: str
-    verdict: Verdict
+    verdict: Headline
     remarks: tuple[Remark, ...]
     figures: FiguresTable
     plots: tuple[Plot, ...]
@@ -79,23 +79,20 @@ class Section:
     wild_runs: bool
     fit: AbstractResult
     scale: Scale
-    second: SecondMeasurement | None
 
 
-def section_of(
-    fit: AbstractResult, place: int, second: SecondMeasurement | None = None
-) -> Section:
+def section_of(fit: AbstractResult, place: int) -> Section:
     """Return the section of one fit; ``place`` counts the fits of the job from 1."""
     scale = scale_of(fit.unit)
-    body = body_of(fit, scale, second)
+    body = body_of(fit, scale)
     remarks = sorted(fit.remarks, key=lambda remark: _LEVELS.get(remark.level, 3))
     over = " over " + ", ".join(fit.over) if fit.over else ""
     return Section(
         name=f"{place}-{fit.compensation}-{_plain(fit.axis)}",
         heading=f"{place}. {fit.compensation.capitalize()} of {fit.axis}{over}",
-        verdict=verdict_of(fit, scale, second),
+        verdict=headline_of(fit, scale),
         remarks=tuple(remarks),
-        figures=figures_table(fit, scale, second),
+        figures=figures_table(fit, scale),
         plots=tuple(body.plots),
         gate=tuple(_gate_rows(fit)),
         facts=tuple(body.facts),
@@ -104,17 +101,12 @@ def section_of(
         wild_runs=body.wild_runs,
         fit=fit,
         scale=scale,
-        second=second,
     )
 
 
-def figures_table(
-    fit: AbstractResult, scale: Scale, second: SecondMeasurement | None
-) -> FiguresTable:
+def figures_table(fit: AbstractResult, scale: Scale) -> FiguresTable:
     """Return the table of error figures in display units."""
     figures: dict[str, ErrorFigures] = dict(fit.error)
-    if second is not None:
-        figures["verified"] = second.figures
     columns = [column for column in _COLUMNS if column[0] in figures]
     wild = any(each.rms_without_wild is not None for each in figures.values())
     rows = []
@@ -173,7 +165,7 @@ def summary_row(section: Section) -> tuple[str, ...]:
         cells.get("before", "–"),
         cells.get("predicted", "–"),
         gain,
-        cells.get("verified", section.fit.verified_by or "not yet"),
+        cells.get("verified", "no" if section.fit.again else "not yet"),
     )
 
 

@@ -10,18 +10,15 @@ from ._readings import Readings, readings_of
 from ._residuals import residual_plot
 from ._runs import runs_plot
 from ._scale import Scale
-from ._second import SecondMeasurement
 from ._spread import spread_plot
 from ._words import how_it_was_made, wild_rows
 
 
-def table_body(
-    fit: TableResult, scale: Scale, second: SecondMeasurement | None
-) -> Body:
+def table_body(fit: TableResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted table."""
     readings = readings_of(fit, scale)
     return Body(
-        plots=_plots(fit, readings, scale, second),
+        plots=_plots(fit, readings, scale),
         facts=how_it_was_made(fit, readings, scale),
         wild=wild_rows(fit, readings, scale),
         wild_count=readings.total_wild,
@@ -33,7 +30,6 @@ def _plots(
     fit: TableResult,
     readings: Readings,
     scale: Scale,
-    second: SecondMeasurement | None,
 ) -> list[Plot]:
     """Draw what the data can show, most telling first."""
     if len(fit.masters) == 2:
@@ -47,7 +43,7 @@ def _plots(
         drawn = [
             curve_plot(fit, readings, scale),
             change_plot(fit, scale),
-            iso_plot(fit, second),
+            iso_plot(fit),
         ]
     drawn += [
         residual_plot(fit, readings, scale),

@@ -1,71 +1,142 @@
-"""The verdict at the top of a fit's section: one sentence, ready to act on."""
+"""The headline of a fit: its verdict in one sentence, ready to act on."""
 
 import dataclasses
+from collections.abc import Callable
 
-from ..job import AbstractResult, ErrorFigures
+from ..job import AbstractResult, Code, ErrorFigures, Reason, Verdict
 from ._scale import Scale, percent
-from ._second import SecondMeasurement
+
+_DOES = {
+    "sign": "the list doubles the error: sign. Controller or instrument counts the other"
+    " way round than assumed",
+    "unit": "the unit of the list is wrong",
+    "shift": "the table is applied at another place",
+    "twice": "the list is applied twice",
+    "wrong axis": "the list acts on another axis, follows another one, or is not active",
+}
+"""What a diagnosis means for the person who loaded the list."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Verdict:
-    """One sentence on a fit; ``level`` is good, warn or bad."""
+class Headline:
+    """One sentence on a fit; ``level`` is good, warn or bad, ``word`` stands in tables."""
 
     level: str
+    word: str
     sentence: str
 
 
-def verdict_of(
-    fit: AbstractResult, scale: Scale, second: SecondMeasurement | None
-) -> Verdict:
-    """Return the verdict that stands at the top of a fit's section."""
-    failed = [check for check in fit.gate if not check.passed]
-    loud = [remark for remark in fit.remarks if remark.level == "error"]
-    numbers = _fall(fit, scale)
-    if failed:
-        names = ", ".join(
-            f"{check.name.replace('_', ' ')} {check.value:.4g} {check.unit} "
-            f"(limit {check.limit:.4g})"
-            for check in failed
-        )
-        return Verdict("bad", f"Do not load: the gate stopped this list. {names}.")
-    if fit.left_out and loud:
-        return Verdict("bad", loud[0].message)
-    if loud:
-        return Verdict("bad", f"Do not load yet: {loud[0].message}")
-    before, after = fit.error.get("before"), fit.error.get("predicted")
-    if before and after and after.sound.rms >= 0.98 * before.sound.rms:
-        return Verdict("warn", f"This list would not help: {numbers}.")
-    if second is None and fit.verified_by is None:
-        return Verdict(
-            "good",
-            f"Ready to load: {numbers}. Computed; not yet verified by a second "
-            "measurement.",
-        )
-    if second is None:
-        return Verdict(
-            "good", f"Ready to load: {numbers}; verified by {fit.verified_by}."
-        )
-    return _verified(fit, scale, second, numbers)
+_LOOK = {
+    Verdict.GOOD: ("good", "good"),
+    Verdict.UNPROVEN: ("warn", "unproven"),
+    Verdict.UNDETERMINED: ("bad", "stop"),
+    Verdict.REJECTED: ("bad", "stop"),
+}
 
 
-def _verified(
-    fit: AbstractResult, scale: Scale, second: SecondMeasurement, numbers: str
-) -> Verdict:
-    seen = second.figures.sound.rms
-    before = fit.error["before"].sound.rms
-    after = fit.error["predicted"].sound.rms
-    found = (
-        f"a second measurement with the list active ({second.name}) found "
-        f"{scale.figure(seen)} {scale.error} rms"
+def headline_of(fit: AbstractResult, scale: Scale) -> Headline:
+    """Return the headline that stands at the top of a fit's section."""
+    judged = fit.judgement
+    level, word = _LOOK[judged.verdict]
+    if not judged.reasons:
+        return Headline(level, word, f"Ready to load: {_fall(fit, scale)}.")
+    reason = judged.reasons[0]
+    return Headline(level, word, _SENTENCES[reason.code](fit, scale, reason))
+
+
+def short_verdict(verdict: Verdict, *, assumed: bool) -> str:
+    """Return a verdict in a few words, for one line over several fits."""
+    if verdict is Verdict.UNPROVEN and assumed:
+        return "computed; sign unproven"
+    return {
+        Verdict.GOOD: "ready",
+        Verdict.UNPROVEN: "unproven",
+        Verdict.UNDETERMINED: "not determined",
+        Verdict.REJECTED: "do not load",
+    }[verdict]
+
+
+def _gate(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    names = ", ".join(
+        f"{check.name.replace('_', ' ')} {check.value:.4g} {check.unit} "
+        f"(limit {check.limit:.4g})"
+        for check in fit.gate
+        if not check.passed
     )
-    if seen >= 0.98 * before:
-        return Verdict(
-            "bad", f"Take the list out again: {found}, no better than before."
+    return f"Do not load: the gate stopped this list. {names}."
+
+
+def _error(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    message = str(reason.fields["message"])
+    return message if fit.left_out else f"Do not load yet: {message}"
+
+
+def _nothing(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    return f"Nothing to load, no list was asked for or needed: {_fall(fit, scale)}."
+
+
+def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    seen = "" if fit.again is None else f"; {_again(fit, scale)}"
+    return f"This list would not help: {_fall(fit, scale)}{seen}."
+
+
+def _assumed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    names = ", ".join(reason.fields["conventions"])
+    if fit.again is not None:
+        found = fit.again.diagnosis
+        why = "it was not judged" if found is None else found.sentence
+        return (
+            f"Computed; sign unproven: {_again(fit, scale)}, yet {names} stays assumed:"
+            f" {why}."
         )
-    if seen > 1.5 * after:
-        return Verdict("warn", f"Better, but less than predicted: {numbers}; {found}.")
-    return Verdict("good", f"Verified: {numbers}; {found}.")
+    return (
+        f"Computed; sign unproven: {_fall(fit, scale)}. No measurement has settled {names}:"
+        " begin with the first step of the load sheet."
+    )
+
+
+def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    assert fit.again is not None  # it made the diagnosis
+    found = fit.again.diagnosis
+    words = "" if found is None else f" ({found.sentence})"
+    does = _DOES[str(reason.fields["verdict"])]
+    return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
+
+
+def _no_better(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    return f"Take the list out again: {_again(fit, scale)}, no better than before."
+
+
+def _less(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    return (
+        f"Better, but less than predicted: {_fall(fit, scale)}; {_again(fit, scale)}."
+    )
+
+
+def _verified(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    return f"Verified: {_fall(fit, scale)}; {_again(fit, scale)}."
+
+
+_SENTENCES: dict[Code, Callable[[AbstractResult, Scale, Reason], str]] = {
+    Code.GATE: _gate,
+    Code.ERROR: _error,
+    Code.NOTHING_WRITTEN: _nothing,
+    Code.NO_GAIN: _no_gain,
+    Code.ASSUMED: _assumed,
+    Code.DIAGNOSED: _diagnosed,
+    Code.NO_BETTER: _no_better,
+    Code.LESS_THAN_PREDICTED: _less,
+    Code.VERIFIED: _verified,
+}
+
+
+def _again(fit: AbstractResult, scale: Scale) -> str:
+    again = fit.again
+    assert again is not None  # the reasons that ask for it come from it
+    text = f"a second measurement with the list active ({again.job}, {again.date})"
+    if again.rms is None:
+        return f"{text} shows what it does"
+    return f"{text} found {scale.figure(again.rms)} {scale.error} rms"
 
 
 def _fall(fit: AbstractResult, scale: Scale) -> str:

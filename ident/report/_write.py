@@ -13,44 +13,31 @@ from ._group_section import GroupSection, group_section
 from ._job_text import job_text
 from ._overview import overview_plot
 from ._plot import Plot
-from ._second import SecondMeasurement
 from ._section import Section, section_of, summary_row
 
 _TEMPLATE = "report.html.jinja"
-_WORDS = {"good": "good", "warn": "look", "bad": "stop"}
 _LEVELS = {"error": 0, "warning": 1, "info": 2}
 
 
-def write_report(
-    result: JobResult,
-    out: Path,
-    *,
-    second: Mapping[int, SecondMeasurement] | None = None,
-) -> tuple[Path, ...]:
+def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
     """Write ``report.html`` and ``plots/*.svg`` into a folder and return their paths.
 
     Args:
         result: What the job found.
         out: Folder of the report; it is made where it is missing.
-        second: Measurements taken with the written lists active, by the place of the
-            fit in ``result.fits``; only these are called verified.
 
     Returns:
         The page first, then the plots. Each file is replaced atomically.
     """
-    second = second or {}
     with style.house_style():
-        sections = [
-            section_of(fit, place + 1, second.get(place))
-            for place, fit in enumerate(result.fits)
-        ]
+        sections = [section_of(fit, place + 1) for place, fit in enumerate(result.fits)]
         groups = [
             group_section(group, place + 1, sections)
             for place, group in enumerate(result.groups)
         ]
         # A single fit shows its before and after in its own section.
-        several = len(result.fits) > 1 or second
-        overview = overview_plot(result.fits, second) if several else None
+        several = len(result.fits) > 1 or result.second
+        overview = overview_plot(result.fits) if several else None
         files = _svg_files(overview, [*groups, *sections])
     page = _render(result, overview, groups, sections, files)
     plots = out / "plots"
@@ -96,7 +83,6 @@ def _render(
         sections=sections,
         remarks=sorted(result.remarks, key=lambda r: _LEVELS.get(r.level, 3)),
         summary_row=summary_row,
-        words=_WORDS,
         svgs={
             name: markupsafe.Markup(style.to_inline(text))
             for name, text in files.items()

@@ -110,7 +110,7 @@ def _fit(
             GateCheck("max_slope", 4.0, 20.0, "µm/mm", True, "between X = 20 and 30"),
         ),
         remarks=(Remark("info", "An info."), Remark("warning", "A warning.")),
-        conventions=(ConventionState("leadscrew_sign", "-1", "assumed"),),
+        conventions=(ConventionState("leadscrew_sign", "-1", "assumed", "", "sign"),),
         files=(Path("achskw3.lis"),),
     )
 

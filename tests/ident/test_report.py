@@ -11,21 +11,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from axcomp.ident.job import GateCheck, JobResult, Remark, TableResult
-from axcomp.ident.report import (
+from axcomp.ident.job import (
+    Code,
+    ConventionState,
+    GateCheck,
+    JobResult,
+    MeasuredAgain,
+    Remark,
     SecondMeasurement,
     SecondMeasurementError,
-    _style,
-    write_report,
+    TableResult,
+    Verdict,
 )
+from axcomp.ident.proof import Diagnosis
+from axcomp.ident.report import _style, write_report
 from axcomp.ident.report._job_text import job_text
 
 Make = Callable[..., TableResult]
 MakeJob = Callable[..., JobResult]
 
 
-def page_of(result: JobResult, out: Path, **options: object) -> str:
-    page, *_ = write_report(result, out, **options)  # type: ignore[arg-type]
+def page_of(result: JobResult, out: Path) -> str:
+    page, *_ = write_report(result, out)
     return page.read_text("utf-8")
 
 
@@ -35,11 +42,22 @@ def words(page: str) -> str:
     return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).split())
 
 
-def second(fit: TableResult, size: float, name: str = "again.csv") -> SecondMeasurement:
+def again(fit: TableResult, size: float, verdict: str = "right") -> TableResult:
+    """A fit whose list was measured again, with the error that is left."""
     rng = np.random.default_rng(11)
-    error = size * rng.normal(size=len(fit.samples.before))
     view = fit.samples
-    return SecondMeasurement(name, view.positions, error, view.direction, view.run)
+    error = size * rng.normal(size=len(view.before))
+    sign = -1 if verdict == "sign" else 1
+    seen = SecondMeasurement("laser", view.positions, error, view.direction, view.run)
+    found = Diagnosis(3, fit.compensation, verdict, 1.0 * sign, 1.0, "so it is", sign)
+    before, after = (fit.error[key].sound.rms for key in ("before", "predicted"))
+    return dataclasses.replace(
+        fit,
+        again=MeasuredAgain(
+            "after.toml", "ab" * 32, "2026-11-22", seen, found, before, after
+        ),
+        conventions=(ConventionState("leadscrew_sign", "-1", "verified", "", "sign"),),
+    )
 
 
 @pytest.fixture
@@ -131,7 +149,10 @@ def test_verdict_states_the_figures_and_that_nothing_is_verified(
         f"falls from {1000 * before.rms:.1f} µm rms"
         f" (largest {1000 * before.max:.1f} µm) to {1000 * after.rms:.1f} µm rms"
     ) in text
-    assert "not yet verified by a second measurement" in text
+    assert fit.judgement.verdict is Verdict.UNPROVEN
+    assert "Computed; sign unproven: on readings that the fit did not see" in text
+    assert "No measurement has settled leadscrew_sign" in text
+    assert "passed unproven" in text
     assert "ISO 230-2:2014" in text
 
 
@@ -160,23 +181,37 @@ def test_list_that_would_not_help_is_not_called_good(
 
 @pytest.mark.usefixtures("no_drawing")
 @pytest.mark.parametrize(
-    ("size", "sentence"),
+    ("size", "verdict", "code", "sentence"),
     [
-        (0.0018, "Verified: on readings that the fit did not see"),
-        (0.006, "Better, but less than predicted"),
-        (0.05, "Take the list out again: a second measurement"),
+        (
+            0.0018,
+            "right",
+            Code.VERIFIED,
+            "Verified: on readings that the fit did not see",
+        ),
+        (0.006, "right", Code.LESS_THAN_PREDICTED, "Better, but less than predicted"),
+        (
+            0.05,
+            "right",
+            Code.NO_BETTER,
+            "Take the list out again: a second measurement",
+        ),
+        (0.04, "sign", Code.DIAGNOSED, "the list doubles the error: sign"),
     ],
 )
 def test_second_measurement_decides_the_verdict(
-    leadscrew: Make, job: MakeJob, tmp_path: Path, size: float, sentence: str
-) -> None:
+    leadscrew: Make, job: MakeJob, tmp_path: Path,
+    size: float, verdict: str, code: Code, sentence: str,
+) -> None:  # fmt: skip
     # Before: 19 µm rms; predicted: 2 µm.
-    fit = leadscrew()
-    again = second(fit, size)
-    text = words(page_of(job(fit), tmp_path, second={0: again}))
+    fit = again(leadscrew(), size, verdict)
+    assert [reason.code for reason in fit.judgement.reasons] == [code]
+    text = words(page_of(job(fit), tmp_path))
     assert sentence in text
-    assert f"{1000 * again.figures.rms:.1f}" in text
-    assert "Verified by a second measurement with the list active: again.csv" in text
+    assert fit.measured is not None
+    assert f"found {1000 * fit.measured.figures.rms:.1f} µm rms" in text
+    verified = "Verified by a second measurement with the list active: after.toml"
+    assert (verified in text) == (code in (Code.VERIFIED, Code.LESS_THAN_PREDICTED))
     assert "nothing here is verified" not in text
 
 

@@ -19,11 +19,12 @@ from ...proof import (
     reversal_dynamics,
 )
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
-from .._fit_schema import BacklashSpec
+from .._fit_schema import BacklashSpec, FitSpec
 from .._gating import limits_of
 from .._lists import AxisFiles
 from .._load import Job
 from .._output import OutFolder
+from .._second import SecondMeasurement
 from .._source import Tables
 from ._known import KnownBacklash, known_backlash
 from ._recording import Recording, read_recording
@@ -162,6 +163,20 @@ class BacklashDraft(AbstractDraft):
                 gate_check("max_change", change, limits.max_change, unit, words)
             )
         return tuple(lines)
+
+    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+        assert isinstance(fit, BacklashSpec)
+        recording = read_recording(tables, fit)
+        found = recording.fit(fit.loss)
+        again = dataclasses.replace(self, recording=recording, found=found)
+        way, where, before, _, _ = again._readings()
+        return SecondMeasurement(
+            ", ".join(fit.sources),
+            where[:, None],
+            before,
+            way.astype(np.int64),
+            wild=again._wild,
+        )
 
     def left_by(self) -> Leftovers:
         way = self.recording.direction

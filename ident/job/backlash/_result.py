@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...kinds.backlash import BacklashFit
-from .._result import AbstractResult
+from .._result import AbstractResult, Expectation
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +49,18 @@ class BacklashResult(AbstractResult):
     fit: BacklashFit
     view: ReversalView
     moving: bool
+
+    @property
+    def expectation(self) -> Expectation | None:
+        """What a reversal loses at the middle of the readings."""
+        place = float(np.median(self.view.position))
+        return Expectation(
+            {self.axis: place},
+            -self.reference,
+            abs(self.width),
+            self.unit,
+            reversal=True,
+        )
 
     @property
     def message(self) -> str:

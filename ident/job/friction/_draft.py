@@ -31,6 +31,7 @@ from ._listing import (
     driven_speeds,
     knots_of,
     law_curve,
+    level_of,
     numbers_of,
     out_unit,
 )
@@ -46,6 +47,7 @@ def plan_friction(
 
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_drive(tables, fit)
+        level = level_of(fit, "friction_sign" in job.verified)
         where = f"friction of {fit.axis} from {fit.sources[0]}"
         try:
             found = identify(recording, fit, job.spec.controller.cycle_time)
@@ -57,12 +59,12 @@ def plan_friction(
             sure = not recording.unsure
             if sure and curve is not None and unit.current is not None:
                 fastest = float(np.max(np.abs(samples.velocity)))
-                knots = knots_of(curve, fit, unit.current, fastest)
-            rest = remaining(samples, found, speeds, curve, knots, fit.level)
+                knots = knots_of(curve, fit, level, unit.current, fastest)
+            rest = remaining(samples, found, speeds, curve, knots, level)
         except FitError as error:
             raise job.untold(("fits", index), f"{where}: {error}") from None
         return FrictionDraft(
-            index, fit, lists, recording, found, curve, unit, knots, rest
+            index, fit, lists, recording, found, curve, unit, knots, rest, level
         )
 
     return draft
@@ -80,6 +82,7 @@ class FrictionDraft(AbstractDraft):
         unit: What one unit of the list is.
         knots: The entries; None where none are written.
         rest: What the list leaves of the recording.
+        level: Share of the friction that the list gives.
     """
 
     recording: DriveRecording
@@ -88,6 +91,7 @@ class FrictionDraft(AbstractDraft):
     unit: OutUnit
     knots: Knots | None
     rest: Remaining
+    level: float
 
     @property
     def compensation(self) -> str:
@@ -206,7 +210,7 @@ class FrictionDraft(AbstractDraft):
             output=found.output,
             reversal=found.reversal,
             knots=self.knots,
-            level=self.spec.level,
+            level=self.level,
             out_unit=self.unit.current,
             curve=curve,
             view=FrictionView(
@@ -302,12 +306,15 @@ class FrictionDraft(AbstractDraft):
                     " average. A list knows no direction: it gives the mean of both.",
                 )
             )
-        if self.spec.level != 1.0:
+        if self.level != 1.0:
+            why = ""
+            if self.spec.level is None:
+                why = ", as long as no measurement has settled the sign of its current"
             remarks.append(
                 Remark(
                     "info",
-                    f"The list gives {self.spec.level:.0%} of the friction (level), a"
-                    " cautious beginning; scaling_factor stays at 1000.",
+                    f"The list gives {self.level:.0%} of the friction (level), a"
+                    f" cautious beginning{why}; scaling_factor stays at 1000.",
                 )
             )
         found = self.found.reversal

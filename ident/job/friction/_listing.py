@@ -143,15 +143,34 @@ def law_curve(fit: FrictionFit, speeds: DrivenSpeeds) -> LawCurve:
     )
 
 
-def knots_of(curve: LawCurve, spec: FrictionSpec, unit: float, fastest: float) -> Knots:
-    """Return the entries of the list; ``level`` scales them.
+FIRST_LEVEL = 0.15
+"""Share of the friction that a list gives until the sign of its current is settled."""
+
+
+def level_of(spec: FrictionSpec, settled: bool) -> float:
+    """Return the share of the friction that the list gives.
+
+    Args:
+        spec: Of the fit; what it states counts.
+        settled: Whether a measurement has settled the sign of the current: one of full
+            size with the wrong sign shakes the machine.
+    """
+    if spec.level is not None:
+        return spec.level
+    return 1.0 if settled else FIRST_LEVEL
+
+
+def knots_of(
+    curve: LawCurve, spec: FrictionSpec, level: float, unit: float, fastest: float
+) -> Knots:
+    """Return the entries of the list; ``level`` is the share of the friction in them.
 
     Raises:
         FitError: If the law makes no table.
     """
     return place_knots(
         curve.speed,
-        curve.mean * spec.level,
+        curve.mean * level,
         curve.weight,
         entries=spec.table_entries or _ENTRIES,
         unit=unit,

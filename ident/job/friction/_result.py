@@ -15,7 +15,7 @@ from ...friction import (
     Stribeck,
 )
 from ...proof import CircularTest
-from .._result import AbstractResult
+from .._result import AbstractResult, Expectation
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,6 +122,23 @@ class FrictionResult(AbstractResult):
     circle: CircularTest | None
     drive_offset: float | None
     length_unit: str
+
+    @property
+    def expectation(self) -> Expectation | None:
+        """The largest current that the written list adds, moving positive."""
+        if self.knots is None:
+            return None
+        sign = next(
+            (int(r.value) for r in self.conventions if r.name.endswith("_sign")), 1
+        )
+        largest = int(np.argmax(np.abs(self.knots.out)))
+        return Expectation(
+            {},
+            1,
+            sign * float(self.knots.out[largest] * self.knots.unit),
+            self.unit,
+            speed=float(self.knots.velocity[largest]) / 1000.0,
+        )
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""

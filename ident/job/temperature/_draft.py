@@ -15,13 +15,14 @@ from ...fit import FitError
 from ...kinds.temperature import TemperatureFit
 from ...proof import GateCheck, choose_cycles, error_figures, reversal_dynamics
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
-from .._fit_schema import TemperatureSpec
+from .._fit_schema import FitSpec, TemperatureSpec
 from .._gating import limits_of
 from .._lists import AxisFiles
 from .._load import Job
 from .._output import OutFolder
 from .._plc_names import temperature_names
 from .._result import Remark
+from .._second import SecondMeasurement
 from .._source import Tables
 from ._gate import RATE, judge_law, largest_correction, rates
 from ._identify import Identified, identify
@@ -156,6 +157,16 @@ class TemperatureDraft(AbstractDraft):
             return ()
         return judge_law(
             self._law(job), self._position, self._span(job), self.axis, limits_of(job)
+        )
+
+    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+        assert isinstance(fit, TemperatureSpec)
+        readings = read_thermal(tables, fit).readings
+        known = np.isfinite(readings.error)
+        error, place = readings.error[known], readings.position
+        positions = np.zeros((len(error), 1)) if place is None else place[known, None]
+        return SecondMeasurement.of(
+            ", ".join(fit.sources), positions, error - np.median(error)
         )
 
     def prove(

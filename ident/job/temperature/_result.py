@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...kinds.temperature import Law, TemperatureFit
-from .._result import AbstractResult
+from .._result import AbstractResult, Expectation
 from ._table import ThermalLaw
 
 
@@ -71,6 +71,23 @@ class TemperatureResult(AbstractResult):
     span: tuple[float, float] | None
     cycles: int
     view: ThermalView
+
+    @property
+    def expectation(self) -> Expectation | None:
+        """The largest correction of the written line at a place that was measured."""
+        view = self.view
+        added = view.from_file - view.before
+        row = int(np.argmax(np.abs(added)))
+        place = 0.0 if view.position is None else float(view.position[row])
+        return Expectation(
+            {} if view.position is None else {self.axis: place},
+            None,
+            float(added[row]),
+            self.unit,
+            temperatures=dict(
+                zip(self.sensors, view.structure[row].tolist(), strict=True)
+            ),
+        )
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""

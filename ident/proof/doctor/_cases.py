@@ -49,6 +49,8 @@ class Case:
         prior: Probability beforehand.
         note: ``master`` where another master is followed, ``axis`` where it acts on
             another axis, ``nowhere`` where it acts on none that was measured.
+        sign: 1 where the list acts here with its sign, −1 with the opposite one, 0 where
+            it does neither.
     """
 
     word: str
@@ -56,6 +58,7 @@ class Case:
     likelihood: float
     prior: float
     note: str = ""
+    sign: int = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -133,7 +136,9 @@ def cases_of(
     scales = [*_SCALES, 0.0, np.nan]
     scaled = fits([plain] * len(scales), scales)
     cases = [
-        Case(word, scale, float(scaled.likelihood[k]), prior)
+        Case(
+            word, scale, float(scaled.likelihood[k]), prior, sign=1 if scale > 0 else -1
+        )
         for k, (scale, (word, prior)) in enumerate(_SCALES.items())
     ]
     blind: float | None = None
@@ -151,7 +156,7 @@ def cases_of(
             kept = matters & (tried > float(scaled.likelihood[0]) - _EXCLUDED)
             if kept.any():
                 blind = float(np.abs(sizes[seen][kept]).max())
-            cases.append(Case("shift", value, mean_likelihood(tried), _SHIFTED))
+            cases.append(Case("shift", value, mean_likelihood(tried), _SHIFTED, sign=1))
     for swap in channel.swaps:
         column = channel.column(dataclasses.replace(channel.plain, masters=swap))
         prior = 0.5 * _ELSEWHERE / len(channel.swaps)

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -41,6 +42,8 @@ class Diagnosis:
             where there is none.
         probability: Of the verdict, given that one of them is true.
         sentence: For the person at the machine.
+        sign: 1 where the list surely acts with the sign that it has, right or shifted,
+            −1 where surely with the opposite one; 0 where neither is sure.
     """
 
     axis: int
@@ -49,6 +52,17 @@ class Diagnosis:
     value: float | None
     probability: float
     sentence: str
+    sign: int = 0
+
+    def as_tree(self) -> dict[str, Any]:
+        """Return it as result.json has it."""
+        return {
+            "verdict": self.verdict,
+            "value": self.value,
+            "probability": self.probability,
+            "sign": self.sign,
+            "sentence": self.sentence,
+        }
 
 
 def diagnose(
@@ -163,7 +177,8 @@ def _judged(
     )
     best = cases[first]
     blind = explained.blind if word == "right" else None
-    sure = by_word[word] >= SURE and word != "cannot tell" and blind is None
+    told = by_word[word] >= SURE and word != "cannot tell"
+    sure = told and blind is None
     text = sentence_of(
         word if sure else "cannot tell",
         best.value,
@@ -182,4 +197,5 @@ def _judged(
         best.value if sure else None,
         by_word[word],
         text,
+        best.sign if told else 0,
     )

@@ -10,7 +10,7 @@ import pytest
 from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.exchange import friction_from_list
-from axcomp.ident.job import FrictionResult, JobResult, run_job
+from axcomp.ident.job import FrictionResult, JobResult, Verdict, run_job
 from axcomp.ident.job.friction._proof import Remaining
 from axcomp.ident.report import write_report
 from axcomp.models import AbstractFriction, Conventions, StribeckFriction
@@ -35,7 +35,8 @@ axis = "X"
 measurement = "trace"
 {keys}
 """
-FULL = f"rated_current = {RATED}\ntorque_unit = {SHARE}"
+PLAIN = f"rated_current = {RATED}\ntorque_unit = {SHARE}"
+FULL = f"{PLAIN}\nlevel = 1.0"
 
 
 def motion(speeds: tuple[float, ...] = (1, 2, 4, 8, 16, 40, 100)) -> np.ndarray:
@@ -183,7 +184,7 @@ def test_current_that_opposes_the_motion_is_turned_round(tmp_path: Path) -> None
 
 def test_level_scales_the_list_and_leaves_the_knob_alone(tmp_path: Path) -> None:
     record(tmp_path)
-    half = friction(run(tmp_path, keys=f"{FULL}\nlevel = 0.5"))
+    half = friction(run(tmp_path, keys=f"{PLAIN}\nlevel = 0.5"))
     listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
     assert half.knots is not None
     assert half.curve is not None
@@ -192,6 +193,24 @@ def test_level_scales_the_list_and_leaves_the_knob_alone(tmp_path: Path) -> None
     # Rounding to units of 12 mA, and knots that lie beside the curve.
     assert share[half.curve.weight > 0].mean() == pytest.approx(0.5, abs=0.02)
     assert listing.integer("frict_comp.scaling_factor") == 1000
+
+
+@pytest.mark.parametrize(("settled", "level"), [(False, 0.15), (True, 1.0)])
+def test_list_is_weak_by_default_until_its_sign_is_settled(
+    tmp_path: Path, settled: bool, level: float
+) -> None:
+    record(tmp_path)
+    (tmp_path / "rules.toml").write_text("[verified]\nfriction_sign = 1\n")
+    machine = '[machine]\nconventions = "rules.toml"' if settled else ""
+    found = friction(run(tmp_path, keys=PLAIN, axis=machine))
+    assert found.level == level
+    assert found.knots is not None
+    assert found.curve is not None
+    share = found.knots.current(found.curve.speed) / found.curve.mean
+    # Rounding to units of 12 mA, and knots that lie beside the curve.
+    assert share[found.curve.weight > 0].mean() == pytest.approx(level, abs=0.02)
+    verdict = Verdict.GOOD if settled else Verdict.UNPROVEN
+    assert found.judgement.verdict is verdict
 
 
 def test_existing_list_keeps_all_but_its_friction_table(tmp_path: Path) -> None:
@@ -277,7 +296,7 @@ def test_a_list_that_misses_the_prediction_is_stopped(
 
 def test_figures_and_headline_are_those_of_the_written_level(tmp_path: Path) -> None:
     record(tmp_path)
-    result = run(tmp_path, keys=f"{FULL}\nlevel = 0.5")
+    result = run(tmp_path, keys=f"{PLAIN}\nlevel = 0.5")
     found = friction(result)
     before, predicted, written = (
         found.error[key].sound.rms for key in ("before", "predicted", "from_file")

@@ -1,13 +1,18 @@
 """A second measurement, with the new list active: all that may be called verified."""
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...data.errors import AxcompError
 from ...data.measurements import Iso230, iso230
-from ..proof import ErrorFigures, RunTable, error_figures
+from ..proof import Diagnosis, ErrorFigures, RunTable, error_figures
+
+_WILD = 6.0
+"""Standard deviations from the median at which a reading is the instrument's fault."""
 
 
 class SecondMeasurementError(AxcompError):
@@ -50,6 +55,20 @@ class SecondMeasurement:
                 self.name, f"{found} of them numbers", "one number or more, and no gaps"
             )
 
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        positions: Float[np.ndarray, "t d"],
+        error: Float[np.ndarray, " t"],
+        direction: Int[np.ndarray, " t"] | None = None,
+        run: Int[np.ndarray, " t"] | None = None,
+    ) -> "SecondMeasurement":
+        """Return readings with the wild ones among them marked."""
+        away = np.abs(error - np.median(error))
+        wild = away > _WILD * 1.4826 * np.median(away)
+        return cls(name, positions, error, direction, run, wild)
+
     @property
     def sound(self) -> Bool[np.ndarray, " t"]:
         """Readings that are not wild."""
@@ -71,3 +90,38 @@ class SecondMeasurement:
         if self.run is None or self.direction is None or self.positions.shape[1] != 1:
             return None
         return iso230(self.positions[:, 0], self.error, self.run, self.direction)
+
+
+@dataclasses.dataclass(frozen=True)
+class MeasuredAgain:
+    """What a second measurement says of one fit.
+
+    Attributes:
+        job: Job of the second measurement, relative to the first one.
+        sha256: Its hash.
+        date: Day on which it was first evaluated, as ``2026-11-22``.
+        readings: The error with the list active; None where it shows none of this fit.
+        diagnosis: What the list does, by what changed between the measurements; None
+            where no such measurement tells it.
+        before: Error in the first measurement, rms without wild readings; of the whole
+            axis for a fit of a group.
+        predicted: Likewise, as predicted with the list active.
+    """
+
+    job: str
+    sha256: str
+    date: str
+    readings: SecondMeasurement | None
+    diagnosis: Diagnosis | None
+    before: float
+    predicted: float
+
+    @property
+    def rms(self) -> float | None:
+        """Error with the list active, rms without wild readings; None: not measured."""
+        return None if self.readings is None else self.readings.figures.sound.rms
+
+    @property
+    def source(self) -> Mapping[str, Any]:
+        """File, hash and date, as result.json names them."""
+        return {"file": self.job, "sha256": self.sha256, "date": self.date}

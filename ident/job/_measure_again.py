@@ -1,0 +1,270 @@
+"""The second measurement: the lists as loaded, measured again (docs/measure-again.md)."""
+
+import dataclasses
+import datetime
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...data.errors import AxcompError
+from ...data.lists import ListFile
+from ..exchange import ExchangeError
+from ..proof import Diagnosis, diagnose, not_judged
+from ._draft import AbstractDraft
+from ._lists import AxisFiles
+from ._load import Job, load_job, sha256
+from ._outside import errors_in, read_outside
+from ._result import AbstractResult, Remark
+from ._second import MeasuredAgain
+from ._settle import save_settled, settled_by, with_settled
+from ._source import Tables
+
+
+@dataclasses.dataclass(frozen=True)
+class Second:
+    """A second measurement that is about the lists of this run.
+
+    Attributes:
+        job: Its job.
+        name: Of that file, relative to the first job.
+        date: Day on which it was first evaluated.
+        lists: Hashes of the lists, by file name.
+    """
+
+    job: Job
+    name: str
+    date: str
+    lists: Mapping[str, str]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What result.json keeps of it, so that a rerun does not lose it."""
+        return {
+            "file": self.name,
+            "sha256": sha256(self.job.path),
+            "date": self.date,
+            "inputs": _hashes(self.job),
+            "lists": dict(self.lists),
+        }
+
+
+def plan_second(
+    job: Job,
+    asked: Path | None,
+    root: Path,
+    files: Sequence[AxisFiles],
+    failed: Sequence[str],
+) -> tuple[Second | None, tuple[Remark, ...]]:
+    """Return the second measurement of a run, before its lists are written.
+
+    The one that is asked for; else the one that ``[verify]`` names; else that of an
+    earlier run into the same folder, as long as lists and measurement are the same.
+
+    Args:
+        job: The first job.
+        asked: Job of the second measurement, as the user names it.
+        root: The output folder, as an earlier run left it.
+        files: The lists of this run.
+        failed: Axes whose lists must not be loaded.
+
+    Raises:
+        JobError: If the second measurement that is asked for was made with other lists.
+        OSError: If its job cannot be read.
+    """
+    lists = {
+        name: hashlib.sha256(listing.dumps()).hexdigest()
+        for one in files
+        if one.axis not in failed
+        for name, listing in one.lists
+    }
+    earlier = _earlier(root)
+    stated = job.spec.verify
+    if asked is None and stated is not None:
+        asked = job.file(stated.job)
+    if asked is not None:
+        after = load_job(asked, needs_fits=False)
+        name = os.path.relpath(asked, job.path.parent)
+        other = _other_list(job, after, root, files, lists)
+        if other is not None:
+            raise after.error((), other)
+        same = earlier is not None and earlier.get("inputs") == _hashes(after)
+        date = earlier["date"] if same and earlier else _today()
+        return Second(after, name, date, lists), ()
+    if earlier is None:
+        return None, ()
+    name, why = str(earlier["file"]), "the lists have changed since"
+    if earlier["lists"] == lists:
+        after = _unchanged(job.file(name), earlier["inputs"])
+        if after is not None:
+            return Second(after, name, str(earlier["date"]), lists), ()
+        why = "it has changed since, or is gone"
+    words = (
+        f"The second measurement of {earlier['date']} ({name}) no longer counts: {why}."
+        " Measure again with the lists of this run, and give it with --after."
+    )
+    return None, (Remark("warning", words),)
+
+
+def measure_again(
+    job: Job,
+    second: Second,
+    drafts: Sequence[AbstractDraft],
+    results: Sequence[AbstractResult],
+    root: Path,
+    sums: Mapping[str, tuple[float, float]],
+) -> tuple[list[AbstractResult], list[Remark]]:
+    """Return the results with what the second measurement says, and save what it settles.
+
+    Args:
+        job: The first job.
+        second: The second measurement.
+        drafts: All fits.
+        results: What came of them, in the same order.
+        root: Folder of the lists.
+        sums: Error of axes that groups were identified on, before and predicted, as rms
+            in mm or °: what the group as a whole is compared with.
+
+    Raises:
+        AxcompError: If the measurement cannot be used.
+        OSError: If a file cannot be read.
+    """
+    diagnoses, remarks = _diagnoses(job, second, results, root)
+    tables = Tables(second.job)
+    measured = errors_in(tables)
+    found = []
+    for draft, result in zip(drafts, results, strict=True):
+        diagnosis = diagnoses.get((result.axis_number, result.compensation))
+        readings = None
+        names = [name for name, axes in measured.items() if result.axis in axes]
+        names = [name for name in draft.fit.sources if name in names] or names
+        if result.files and names:
+            update = {"measurement": None, "measurements": names}
+            try:
+                readings = draft.left_over(tables, draft.fit.model_copy(update=update))
+            except AxcompError as error:
+                remarks.append(Remark("warning", f"Not measured again: {error}"))
+        if readings is None and diagnosis is None:
+            found.append(result)
+            continue
+        before, predicted = (
+            sums[result.axis]
+            if result.group is not None and result.axis in sums
+            else (result.error[key].sound.rms for key in ("before", "predicted"))
+        )
+        again = MeasuredAgain(
+            second.name, sha256(second.job.path), second.date,
+            readings, diagnosis, before, predicted,
+        )  # fmt: skip
+        found.append(dataclasses.replace(result, again=again))
+    settled, more = settled_by(found)
+    if settled:
+        more += save_settled(job, root, settled)
+    found = [_with_figures(with_settled(one, settled)) for one in found]
+    return found, [*remarks, *more]
+
+
+def _with_figures(result: AbstractResult) -> AbstractResult:
+    """Return a result with the measured figures: as verified only where it is."""
+    if result.again is None or result.again.readings is None:
+        return result
+    key = result.measured_as.replace(" ", "_")
+    error = {**result.error, key: result.again.readings.figures}
+    return dataclasses.replace(result, error=error)
+
+
+def _diagnoses(
+    job: Job, second: Second, results: Sequence[AbstractResult], root: Path
+) -> tuple[dict[tuple[int, str], Diagnosis], list[Remark]]:
+    """Return what each list does, by axis number and compensation."""
+    lists = [ListFile.read(root / name) for name in second.lists]
+    names = {axis.number: name for name, axis in job.spec.axes.items()}
+    remarks = [
+        Remark("info", line) for line in not_judged(lists, job.conventions, names)
+    ]
+    axes = second.job.spec.axes
+    try:
+        found = diagnose(
+            lists,
+            read_outside(job),
+            read_outside(second.job),
+            job.conventions,
+            {a.number: a.increment for a in axes.values() if a.increment is not None},
+            modulo={
+                axis.number: (axis.modulo[0], axis.modulo[1])
+                for axis in axes.values()
+                if axis.modulo is not None
+            },
+            names=names,
+        )
+    except ExchangeError as error:
+        words = f"What the lists do cannot be diagnosed from {second.name}: {error}"
+        return {}, [*remarks, Remark("warning", words)]
+    return {(one.axis, one.compensation): one for one in found}, remarks
+
+
+def _other_list(
+    job: Job,
+    after: Job,
+    root: Path,
+    files: Sequence[AxisFiles],
+    lists: Mapping[str, str],
+) -> str | None:
+    """Return why the second measurement is not about the lists of this run, or None.
+
+    Loaded was what its job names, else what an earlier run left in the folder.
+    """
+    for one in files:
+        axis = after.spec.axes.get(one.axis)
+        name = one.compensation_name
+        if axis is None or name not in lists:
+            continue
+        stated = axis.listing
+        path = root / name if stated is None else after.file(stated)
+        if path.is_file() and sha256(path) != lists[name]:
+            return (
+                f"found {path}, which is not the {name} that {job.path.name} makes now,"
+                " expected the second measurement to be made with the lists of the first"
+                " job: fit without --after, load its lists and measure again"
+            )
+    return None
+
+
+def _earlier(root: Path) -> dict[str, Any] | None:
+    """Return what an earlier run into the folder says of its second measurement."""
+    try:
+        found = json.loads((root / "result.json").read_bytes())["second_measurement"]
+        complete = {"file", "date", "inputs", "lists"} <= set(found)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return dict(found) if complete else None
+
+
+def _unchanged(path: Path, inputs: Mapping[str, str]) -> Job | None:
+    """Return the job of an earlier second measurement; None where it is another now."""
+    try:
+        after = load_job(path, needs_fits=False)
+        return after if _hashes(after) == inputs else None
+    except (AxcompError, OSError):
+        return None
+
+
+def _hashes(after: Job) -> dict[str, str]:
+    """Return the hashes of a second job and of its measurements, by name."""
+    lists = {
+        after.file(name)
+        for axis in after.spec.axes.values()
+        for name in (axis.listing, axis.machine_data)
+        if name is not None
+    }
+    # What this run writes and saves itself tells nothing of the measurement.
+    if (rules := after.spec.machine.conventions) is not None:
+        lists.add(after.file(rules))
+    files = [after.path, *(file for file in after.inputs if file not in lists)]
+    return {os.path.relpath(file, after.path.parent): sha256(file) for file in files}
+
+
+def _today() -> str:
+    return datetime.date.today().isoformat()

@@ -1,0 +1,134 @@
+"""The verdict on a fit as data: what is known of its list, and by what."""
+
+import dataclasses
+import enum
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ._result import AbstractResult
+
+NO_GAIN = 0.98
+"""Share of the error before that a list must undercut to count as a gain."""
+LESS = 1.5
+"""Ratio of the measured to the predicted error, from which on less came of a list."""
+
+
+class Verdict(enum.StrEnum):
+    """What is known of the list of a fit, from best to worst."""
+
+    GOOD = "good"
+    UNPROVEN = "unproven"
+    UNDETERMINED = "undetermined"
+    REJECTED = "rejected"
+
+
+class Code(enum.StrEnum):
+    """Why a verdict is what it is; the fields of the reason are given in brackets."""
+
+    GATE = "gate"
+    """Checks failed [checks]."""
+    ERROR = "error"
+    """The job says so itself [message]."""
+    NOTHING_WRITTEN = "nothing_written"
+    """There is no list to load."""
+    NO_GAIN = "no_gain"
+    """Readings held out would not have gained by it."""
+    ASSUMED = "assumed"
+    """Signs or owners that no measurement has settled [conventions]."""
+    DIAGNOSED = "diagnosed"
+    """The second measurement shows what the list does instead, or shows nothing sure
+    [verdict, value]."""
+    NO_BETTER = "no_better"
+    """With the list active the error is no smaller than before."""
+    LESS_THAN_PREDICTED = "less_than_predicted"
+    """With the list active the error is smaller, by less than predicted."""
+    VERIFIED = "verified"
+    """The second measurement shows what was predicted [file, sha256, date]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Reason:
+    """One reason of a verdict.
+
+    Attributes:
+        code: Which.
+        fields: What goes with it.
+    """
+
+    code: Code
+    fields: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def as_tree(self) -> dict[str, Any]:
+        """Return it as result.json has it."""
+        return {"code": str(self.code), **self.fields}
+
+
+@dataclasses.dataclass(frozen=True)
+class Judgement:
+    """Verdict and reasons of a fit, the weightiest reason first."""
+
+    verdict: Verdict
+    reasons: tuple[Reason, ...] = ()
+
+    def has(self, code: Code) -> bool:
+        """Return whether it rests on a reason."""
+        return any(reason.code is code for reason in self.reasons)
+
+
+def judgement_of(fit: "AbstractResult") -> Judgement:
+    """Return the verdict on a fit, with what a second measurement says where there is one."""
+    failed = [check.name for check in fit.gate if not check.passed]
+    if failed:
+        return Judgement(Verdict.REJECTED, (Reason(Code.GATE, {"checks": failed}),))
+    loud = [remark.message for remark in fit.remarks if remark.level == "error"]
+    if loud:
+        lost = fit.left_out or not fit.files
+        verdict = Verdict.UNDETERMINED if lost else Verdict.REJECTED
+        return Judgement(verdict, (Reason(Code.ERROR, {"message": loud[0]}),))
+    if not fit.files:
+        return Judgement(Verdict.GOOD, (Reason(Code.NOTHING_WRITTEN),))
+    if (fault := _fault_measured(fit)) is not None:
+        return Judgement(Verdict.REJECTED, (fault,))
+    reasons = _doubts(fit)
+    assumed = [
+        rule.name
+        for rule in fit.conventions
+        if rule.decides and rule.state == "assumed"
+    ]
+    if assumed:
+        reasons.append(Reason(Code.ASSUMED, {"conventions": assumed}))
+        if fit.again is not None:
+            found = None if fit.again.diagnosis is None else fit.again.diagnosis.verdict
+            reasons.append(Reason(Code.DIAGNOSED, {"verdict": found, "value": None}))
+    if reasons:
+        return Judgement(Verdict.UNPROVEN, tuple(reasons))
+    if fit.again is None:
+        return Judgement(Verdict.GOOD)
+    return Judgement(Verdict.GOOD, (Reason(Code.VERIFIED, fit.again.source),))
+
+
+def _fault_measured(fit: "AbstractResult") -> Reason | None:
+    """Return the fault that the second measurement shows, or None."""
+    again = fit.again
+    if again is None:
+        return None
+    found = again.diagnosis
+    if found is not None and found.verdict not in ("right", "cannot tell"):
+        return Reason(Code.DIAGNOSED, {"verdict": found.verdict, "value": found.value})
+    promised = again.predicted < NO_GAIN * again.before
+    if promised and again.rms is not None and again.rms >= NO_GAIN * again.before:
+        return Reason(Code.NO_BETTER)
+    return None
+
+
+def _doubts(fit: "AbstractResult") -> list[Reason]:
+    """Return what figures leave open, the predicted ones and those measured again."""
+    before, predicted = fit.error.get("before"), fit.error.get("predicted")
+    again = fit.again
+    if before and predicted and predicted.sound.rms >= NO_GAIN * before.sound.rms:
+        return [Reason(Code.NO_GAIN)]
+    if again is not None and again.rms is not None:
+        if again.rms > LESS * again.predicted:
+            return [Reason(Code.LESS_THAN_PREDICTED)]
+    return []
