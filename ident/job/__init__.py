@@ -27,6 +27,7 @@ from ._result import (
     SampleView as SampleView,
     Streamed as Streamed,
     TableResult as TableResult,
+    WholeAxis as WholeAxis,
 )
 from ._run import input_hashes as input_hashes, run_job as run_job
 

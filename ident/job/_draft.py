@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...data.lists import ListFile, Value
+from ...models import TemperatureLine
 from ..proof import GateCheck
 from ._conventions import convention_states
 from ._fit_schema import FitSpec
@@ -117,6 +118,32 @@ class AbstractDraft(abc.ABC):
 
     def cycles(self, job: Job) -> int | None:
         """Return the cycles that its jump at reversal wants, or None."""
+        return None
+
+    def jump(self, job: Job) -> float:
+        """Return by how much it moves the standing axis at most where it comes or goes.
+
+        In mm or °; 0 where nothing is written, or nothing is added at standstill.
+        """
+        return 0.0
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the temperatures that it follows, as its law counts them."""
+        return ()
+
+    def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
+        """Return the temperature line that a PLC makes of it, or None.
+
+        Args:
+            job: The job.
+            machine: The axis list that is written, or the entries to add to it.
+        """
+        return None
+
+    @property
+    def predicted(self) -> float | None:
+        """Rms on readings that the fit did not see, about their middle; None: unknown."""
         return None
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:

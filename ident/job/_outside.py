@@ -1,5 +1,7 @@
 """What instruments outside of the controller measured: all axes of a job, no fits."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ...data.measurements import (
@@ -19,6 +21,8 @@ from ._remove import without_zero
 from ._schema import MeasurementSpec
 from ._source import Tables, refuse_absurd
 
+_SENSOR = "temperature."
+
 
 def read_outside(job: Job) -> tuple[Measured, ...]:
     """Return the errors of every axis that the measurements of a job hold.
@@ -35,8 +39,32 @@ def read_outside(job: Job) -> tuple[Measured, ...]:
         if not axes:
             first = spec.axis or next(iter(job.spec.axes))
             derive_error(measured, first)  # raises, naming what is missing
-        found += [_outside(job, measured, spec, axis) for axis in axes]
+        found += [_outside(job, _standing(measured, axis), spec, axis) for axis in axes]
     return tuple(found)
+
+
+def read_error(
+    tables: Tables, name: str, axis: str
+) -> tuple[Measured, Mapping[str, np.ndarray]]:
+    """Return the error of one axis in one measurement, and the temperatures, by sensor.
+
+    Raises:
+        MeasurementError: If the file holds nothing usable, or no error of the axis.
+        JobError: If the measurement does not suit.
+    """
+    spec = tables.job.spec.measurements[name]
+    measured = _standing(_measurement(tables, name, spec), axis)
+    warmth = {
+        role.removeprefix(_SENSOR): np.asarray(measured.values[role], dtype=float)
+        for role in measured.values
+        if role.startswith(_SENSOR)
+    }
+    return _outside(tables.job, measured, spec, axis), warmth
+
+
+def _standing(measured: Measurement, axis: str) -> Measurement:
+    """Return the readings that tell the error of an axis."""
+    return with_error(without_motion(measured, [axis]), axis)
 
 
 def _measurement(tables: Tables, name: str, spec: MeasurementSpec) -> Measurement:
@@ -69,7 +97,6 @@ def _outside(
     job: Job, measured: Measurement, spec: MeasurementSpec, axis: str
 ) -> Measured:
     axes = job.spec.axes
-    measured = with_error(without_motion(measured, [axis]), axis)
     error = np.asarray(derive_error(measured, axis), dtype=float)
     refuse_absurd(measured, f"{axis}.error", error)
     positions: dict[int, np.ndarray] = {}

@@ -26,10 +26,12 @@ from ._plc_names import temperature_names
 from ._result import (
     JobResult,
     Remark,
+    WholeAxis,
 )
-from ._rooms import plan_all
+from ._rooms import Plans, plan_all
 from ._source import Tables
 from ._untold import left_out, untold_alone
+from ._whole import judge_whole
 
 if TYPE_CHECKING:
     from .joint import GroupDraft
@@ -70,7 +72,8 @@ def run_job(
     try:
         folder.refuse_sources(_names(job))
         tables = Tables(job)
-        drafts, groups = _fit_all(job, tables, say)
+        plans = plan_all(job, tables)
+        drafts, groups = _fit_all(job, tables, plans, say)
     except BaseException:
         folder.drop()
         raise
@@ -87,6 +90,8 @@ def run_job(
         for axis in dict.fromkeys(one.axis for one in drafts)
     )
     files, remarks = judge_files(job, files)
+    whole = judge_whole(tables, drafts, gates, files, plans.lists)
+    files, gates = _with_whole(whole, drafts, files, gates)
     failed = _failed(drafts, gates, files)
     written, moved = _write(job, folder, files, failed)
     results = []
@@ -116,6 +121,7 @@ def run_job(
         job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
         clocks=tables.clocks,
         groups=tuple(sums),
+        whole=whole,
     )
     folder.write("result.json", result_json(result).encode())
     return result
@@ -157,7 +163,7 @@ def _for_the_plc(fit: FitSpec) -> tuple[str, ...]:
 
 
 def _fit_all(
-    job: Job, tables: Tables, say: Callable[[str], None]
+    job: Job, tables: Tables, plans: Plans, say: Callable[[str], None]
 ) -> tuple[list[AbstractDraft], list["GroupDraft"]]:
     """Fit one after the other; a later table takes what earlier ones leave.
 
@@ -168,7 +174,6 @@ def _fit_all(
     left: Leftovers = {}
     drafts: dict[int, AbstractDraft] = {}
     fits = job.spec.fits
-    plans = plan_all(job, tables)
     groups = []
     for plan in plans.groups:
         say(f"fitting {plan.words}")
@@ -200,6 +205,31 @@ def _fit_all(
     if len(untold) == len(fits):
         raise untold[0]
     return [drafts[k] for k in range(len(fits))], groups
+
+
+def _with_whole(
+    whole: Sequence[WholeAxis],
+    drafts: Sequence[AbstractDraft],
+    files: Sequence[AxisFiles],
+    gates: Sequence[tuple[GateCheck, ...]],
+) -> tuple[tuple[AxisFiles, ...], list[tuple[GateCheck, ...]]]:
+    """Return lists and gates with what was found of each axis as a whole.
+
+    A list is let out with all that acts on its axis, or not at all: every fit that is
+    written has the lines of its axis.
+    """
+    lines = {one.axis: one.gate for one in whole}
+    remarks = {one.axis: one.remarks for one in whole}
+    return (
+        tuple(
+            dataclasses.replace(one, remarks=(*one.remarks, *remarks.get(one.axis, ())))
+            for one in files
+        ),
+        [
+            (*gate, *lines.get(one.axis, ())) if one.switch is not None else gate
+            for one, gate in zip(drafts, gates, strict=True)
+        ],
+    )
 
 
 def _failed(

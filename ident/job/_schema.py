@@ -102,6 +102,8 @@ class Gate(JobPart, frozen=True):
     max_acceleration: Limit | None = None
     max_change: Limit | None = None
     max_current: Limit | None = None
+    max_switching: Limit | None = None
+    max_jump: Limit | None = None
 
 
 class JobFile(JobPart, frozen=True):

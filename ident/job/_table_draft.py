@@ -5,6 +5,8 @@ import dataclasses
 from pathlib import Path
 from typing import final
 
+import numpy as np
+
 from ...data.lists import ListFile, Value
 from ..proof import GateCheck
 from ._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
@@ -19,6 +21,7 @@ from ._prove import Proof, offset_at_readings, prove, result_of
 from ._readings import read_fit
 from ._result import Remark, TableResult
 from ._source import Tables
+from ._switching import jump_of, switching_checks
 from ._table_entries import refuse_misread, restart_of_table, table_entries
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
@@ -107,8 +110,12 @@ class AbstractTableDraft(AbstractDraft):
     def cycles(self, job: Job) -> int | None:
         return cycles_for(job, self.one)
 
+    def jump(self, job: Job) -> float:
+        return jump_of(self.one)
+
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        return pass_gate(job, self.one, cycles if self._bilateral else None)
+        lines = pass_gate(job, self.one, cycles if self._bilateral else None)
+        return (*lines, *switching_checks(job, self.one))
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
         refuse_misread(job, listing, self.one)
@@ -149,6 +156,11 @@ class TableDraft(AbstractTableDraft):
     """A table fitted to readings in memory."""
 
     one: Fitted
+
+    @property
+    def predicted(self) -> float | None:
+        left = self.one.held_out.residual[~self.one.fit.wild]
+        return float(np.std(left)) if left.size else None
 
     def left_by(self) -> Leftovers:
         one = self.one

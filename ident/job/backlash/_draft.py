@@ -18,6 +18,7 @@ from ...proof import (
     gate_check,
     reversal_dynamics,
 )
+from ...proof.axis import check_switching
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import BacklashSpec
 from .._gating import limits_of
@@ -105,15 +106,18 @@ class BacklashDraft(AbstractDraft):
         if not self.written:
             return None
         limits = limits_of(job)
-        listing = self.lists.machine
+        cycle_time, listing = job.spec.controller.cycle_time, self.lists.machine
         stated = None if listing is None else listing.integer("lr_param.n_backlash_cyc")
         return choose_cycles(
             abs(self.width),
-            job.spec.controller.cycle_time,
-            limits.max_velocity,
+            cycle_time,
+            min(limits.max_velocity, limits.max_switching / cycle_time),
             limits.max_acceleration,
             stated,
         )
+
+    def jump(self, job: Job) -> float:
+        return abs(self.width) if self.written else 0.0
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
         if not self.written:
@@ -152,6 +156,14 @@ class BacklashDraft(AbstractDraft):
                 limits.max_acceleration,
                 f"{unit}/s²",
                 where,
+            ),
+            check_switching(
+                jump,
+                spread,
+                limits,
+                unit,
+                "lr_param.n_backlash_cyc",
+                "start-up or COMP ON/OFF",
             ),
         ]
         old = self.known.old
