@@ -1,0 +1,267 @@
+"""All that will act on each axis, read from the files of a job and judged together."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...data.measurements import MeasurementError
+from ..exchange import ExchangeError, Motion
+from ..proof import GateCheck, gate_check
+from ..proof.axis import (
+    Loaded,
+    Together,
+    Travel,
+    added_beyond,
+    judge_together,
+    judge_workspace,
+    warm_states,
+)
+from ._acting import acting_after, acting_before
+from ._draft import AbstractDraft, AxisLists
+from ._gating import limits_of
+from ._lists import AxisFiles
+from ._load import Job
+from ._outside import read_error
+from ._result import Remark, WholeAxis
+from ._source import Tables
+
+
+def judge_whole(
+    tables: Tables,
+    drafts: Sequence[AbstractDraft],
+    gates: Sequence[Sequence[GateCheck]],
+    files: Sequence[AxisFiles],
+    lists: Mapping[str, AxisLists],
+) -> tuple[WholeAxis, ...]:
+    """Return what acts on each axis that is written, judged as one.
+
+    Args:
+        tables: Files of the job.
+        drafts: All fits.
+        gates: What the gate said of each.
+        files: The lists of each axis.
+        lists: What every axis of the job has already.
+    """
+    job, found = tables.job, []
+    every = {one.axis: one for one in files}
+    for one in files:
+        own = [k for k, draft in enumerate(drafts) if draft.axis == one.axis]
+        acting = [drafts[k] for k in own if drafts[k].jump(job) > 0]
+        if not acting:
+            continue
+        own_lists = lists[one.axis]
+        unaccompanied = own_lists.compensation is None and own_lists.machine is None
+        if len(acting) == 1 and unaccompanied:
+            names: tuple[str, ...] = (acting[0].compensation,)
+        else:
+            loaded = acting_after(job, one.axis, own_lists, one, acting)
+            names = tuple(loaded.used)
+        axis = _Axis(tables, one.axis, names, acting, own_lists)
+        if len(names) == 1 and len(acting) == 1:
+            lines = next(gates[k] for k in own if drafts[k] is acting[0])
+            whole = axis.alone(lines)
+        else:
+            whole = axis.together(loaded)
+        found.append(_with_partner(job, whole, every, lists, drafts))
+    return tuple(found)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Axis:
+    """One axis with the fits that are written for it."""
+
+    tables: Tables
+    name: str
+    names: tuple[str, ...]
+    drafts: Sequence[AbstractDraft]
+    lists: AxisLists
+
+    @property
+    def job(self) -> Job:
+        return self.tables.job
+
+    @property
+    def unit(self) -> str:
+        return "mm" if self.job.spec.axes[self.name].kind == "linear" else "°"
+
+    def alone(self, lines: Sequence[GateCheck]) -> WholeAxis:
+        """Return an axis on which one fit acts alone: its gate is that of the axis."""
+        (draft,) = self.drafts
+        jump = draft.jump(self.job)
+        where = f"{draft.compensation}, in all, where it comes or goes"
+        check = gate_check(
+            "max_jump", jump, limits_of(self.job).max_jump, self.unit, where
+        )
+        return self._whole((check,), {c.name: c.value for c in lines}, (), [])
+
+    def together(self, loaded: Loaded) -> WholeAxis:
+        """Return an axis on which several compensations act."""
+        remarks: list[Remark] = []
+        readings: list[Together] = []
+        try:
+            lines = judge_workspace(loaded, self._travel(), limits_of(self.job))
+            readings = self._readings(loaded, remarks)
+        except ExchangeError as error:
+            words = f"What acts on {self.name} was not judged as a whole: {error}"
+            return self._whole((), {}, (), [Remark("warning", words)])
+        values = {c.name.removeprefix("axis "): c.value for c in lines}
+        checks = (*lines, *(one.check(self.unit) for one in readings))
+        remarks += [self._doubled(one) for one in readings if not one.passed]
+        return self._whole(checks, values, readings, remarks)
+
+    def _whole(
+        self,
+        checks: tuple[GateCheck, ...],
+        values: Mapping[str, float],
+        readings: Sequence[Together],
+        remarks: list[Remark],
+    ) -> WholeAxis:
+        limits, name = limits_of(self.job), self.name
+        jump = next((c for c in checks if c.name == "max_jump"), None)
+        if jump is not None and not jump.passed:
+            words = (
+                f"{name} moves by up to {jump.value:.4g} {self.unit} by itself where"
+                f" {' and '.join(self.names)} come or go, more than max_jump"
+                f" ({limits.max_jump:g} {self.unit}). Move the zero of the tables to"
+                f" where {name} is homed (datum), take the bulk of it out mechanically,"
+                " or raise max_jump in [gate] if the builder of the machine allows it."
+            )
+            remarks = [*remarks, Remark("error", words)]
+        return WholeAxis(
+            axis=name,
+            compensations=self.names,
+            largest_offset=values.get("max_correction", float("nan")),
+            slope=1e-3 * values.get("max_slope", float("nan")),
+            kink=values.get("max_kink", float("nan")),
+            velocity=values.get("max_velocity", float("nan")),
+            acceleration=values.get("max_acceleration", float("nan")),
+            jump=float("nan") if jump is None else jump.value,
+            error={
+                f"{one.measurement}, {one.compensation}": {
+                    "before": one.before,
+                    "alone": one.alone,
+                    "together": one.together,
+                }
+                for one in readings
+            },
+            gate=checks,
+            remarks=tuple(remarks),
+        )
+
+    def _travel(self) -> Travel:
+        axes = self.job.spec.axes
+        spans = {
+            axis.number: (float(axis.limits[0]), float(axis.limits[1]))
+            for axis in axes.values()
+            if axis.limits is not None
+        }
+        spans |= {
+            axis.number: (float(axis.modulo[0]), float(axis.modulo[1]))
+            for axis in axes.values()
+            if axis.modulo is not None
+        }
+        return Travel(
+            names={axis.number: name for name, axis in axes.items()},
+            spans=spans,
+            closed=frozenset(spans),
+            warmth=warm_states(self._warmth()),
+            unit="mm" if self.unit == "mm" else "deg",
+            cycle_time=self.job.spec.controller.cycle_time,
+        )
+
+    def _warmth(self) -> dict[str, tuple[float, float]]:
+        """Return how warm the sensors get that temperature laws follow."""
+        found: dict[str, tuple[float, float]] = {}
+        for draft in self.drafts:
+            line: Any = draft.line(self.job, self.lists.machine)
+            for name in draft.sensors if line is not None else ():
+                ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
+                found[name] = (float(ends[0]), float(ends[1]))
+        return found
+
+    def _readings(self, loaded: Loaded, remarks: list[Remark]) -> list[Together]:
+        """Return what is left of each measurement; remarks of what cannot be told."""
+        before, found = acting_before(self.job, self.name, self.lists), []
+        for draft in self.drafts:
+            for source in draft.fit.sources:
+                spec = self.job.spec.measurements[source]
+                try:
+                    measured, warmth = read_error(self.tables, source, self.name)
+                    motion = self._motion(measured, warmth)
+                    added = added_beyond(loaded, before, spec.active, motion)
+                except (ExchangeError, MeasurementError) as error:
+                    words = (
+                        f"Measurement {source!r} does not tell what all that acts on"
+                        f" {self.name} leaves of its error: {error}"
+                    )
+                    remarks.append(Remark("info", words))
+                    continue
+                zero = spec.remove == "none" and spec.datum is None
+                found.append(
+                    judge_together(
+                        source, draft.compensation, measured.error, added,
+                        draft.predicted, zero,
+                    )
+                )  # fmt: skip
+        return found
+
+    def _motion(self, measured: Any, warmth: Mapping[str, np.ndarray]) -> Motion:
+        sensors = [name for draft in self.drafts for name in draft.sensors]
+        way = measured.direction
+        return Motion(
+            positions=measured.positions,
+            directions={} if way is None else {measured.axis: way},
+            time=None,
+            temperatures={name: warmth[name] for name in sensors if name in warmth},
+        )
+
+    def _doubled(self, one: Together) -> Remark:
+        others = [name for name in self.names if name != one.compensation]
+        return Remark(
+            "error",
+            f"With all that will act on {self.name}, {one.together:.4g} {self.unit} rms"
+            f" are left of measurement {one.measurement!r}, where the"
+            f" {one.compensation} alone leaves {one.alone:.4g} {self.unit}: it and"
+            f" {' and '.join(others)} correct the same error. State in"
+            f" [measurements.{one.measurement}] what was on while measuring (active),"
+            ' identify them together (the same group = "…" in their [[fits]]), or switch'
+            f" one of them off in the axis list of {self.name} (machine_data).",
+        )
+
+
+def _with_partner(
+    job: Job,
+    whole: WholeAxis,
+    files: Mapping[str, AxisFiles],
+    lists: Mapping[str, AxisLists],
+    drafts: Sequence[AbstractDraft],
+) -> WholeAxis:
+    """Return an axis with what its gantry partner lacks of its compensations."""
+    axes = job.spec.axes
+    partners = [
+        name
+        for name, axis in axes.items()
+        if name == axes[whole.axis].gantry or axis.gantry == whole.axis
+    ]
+    for partner in partners:
+        own = [one for one in drafts if one.axis == partner]
+        loaded = acting_after(job, partner, lists[partner], files.get(partner), own)
+        lacking = [name for name in whole.compensations if name not in loaded.used]
+        where = f"{partner} has all that acts on {whole.axis}"
+        if lacking:
+            where = f"{partner} has no {' and no '.join(lacking)}"
+        check = gate_check("gantry", len(lacking), 0.0, "lists missing", where)
+        remarks = whole.remarks
+        if lacking:
+            words = (
+                f"{partner} is the gantry partner of {whole.axis} and has no"
+                f" {' and no '.join(lacking)}: one of the two alone would twist the"
+                f" gantry by up to {whole.largest_offset:.4g} mm. Fit {partner} as well"
+                f' ([[fits]] with axis = "{partner}"), or give its list ([axes.{partner}]'
+                " list = …) if it has one."
+            )
+            remarks = (*remarks, Remark("error", words))
+        whole = dataclasses.replace(whole, gate=(*whole.gate, check), remarks=remarks)
+    return whole

@@ -1,0 +1,98 @@
+"""What acts on one axis with its lists as they lie on the controller."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.lists import ListFile
+from ....models import Conventions, TemperatureLine
+from ...exchange import (
+    Increments,
+    InUse,
+    Motion,
+    Ranges,
+    Reading,
+    machine_lists,
+    model_of,
+    simulate,
+)
+
+POSITIONS = ("cross", "plane", "leadscrew", "temperature", "backlash", "crosstalk")
+"""Compensations that add to a position; friction adds to the current of the drive."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Loaded:
+    """What acts on one axis: its lists, and how the controller reads them.
+
+    Attributes:
+        axis: Logical number.
+        lists: Compensation list and axis list, as far as there are any. Without an axis
+            list everything in the compensation list acts.
+        conventions: Rules of the controller.
+        increment: Worth of an encoder increment, for lists with ``unit 0``.
+        modulo: Range in ° by axis, for the axes that turn.
+        lines: Temperature lines as a PLC makes them, by axis.
+    """
+
+    axis: int
+    lists: tuple[ListFile, ...]
+    conventions: Conventions
+    increment: Increments = None
+    modulo: Ranges = dataclasses.field(default_factory=dict)
+    lines: Mapping[int, TemperatureLine] = dataclasses.field(default_factory=dict)
+
+    @functools.cached_property
+    def used(self) -> Mapping[str, InUse]:
+        """What adds to the position of the axis, by compensation.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        found = machine_lists(self.lists).in_use(self.conventions, self.lines)
+        mine = {one.name: one for one in found if one.axis == self.axis}
+        return {name: mine[name] for name in POSITIONS if name in mine}
+
+    @property
+    def reading(self) -> Reading:
+        """How the lists are read; what waits for COMP ON is taken as switched on."""
+        return Reading(
+            self.conventions, self.increment, self.modulo, self.lines, commanded=True
+        )
+
+    def inputs(self, name: str) -> tuple[int, ...]:
+        """Return the axes over whose positions a compensation acts at standstill."""
+        return () if name in ("backlash", "crosstalk") else self.used[name].masters
+
+    @functools.cached_property
+    def models(self) -> Mapping[str, object]:
+        """The model of each compensation.
+
+        Raises:
+            ExchangeError: If a list makes none.
+        """
+        return {name: model_of(one, self.reading) for name, one in self.used.items()}
+
+    def parts(self, motion: Motion) -> dict[str, Float[np.ndarray, " t"]]:
+        """Return what the controller adds, by compensation, in mm or °.
+
+        What the motion lacks a velocity or an acceleration for is left out.
+
+        Raises:
+            ExchangeError: If a list makes no table, or the motion lacks a position.
+        """
+        if not self.used:
+            return {}
+        (found,) = simulate(
+            self.lists,
+            motion,
+            self.conventions,
+            self.increment,
+            modulo=self.modulo,
+            lines=self.lines,
+            axes=(self.axis,),
+        )
+        return dict(found.parts)
