@@ -75,6 +75,7 @@ from ._leadscrew import (
     leadscrew_from_list as leadscrew_from_list,
 )
 from ._machine_lists import (
+    PREFIXES as PREFIXES,
     InUse as InUse,
     MachineLists as MachineLists,
     axes_in_use as axes_in_use,

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Float
 
 from ...data.lists import ListFile, Value
+from ...data.measurements import Measurement
 from ...models import TemperatureLine
 from ..proof import GateCheck
 from ._conventions import convention_states
@@ -20,8 +22,52 @@ if TYPE_CHECKING:
     from ._lists import AxisFiles
     from ._output import OutFolder
 
-Leftovers = dict[tuple[str, str], np.ndarray]
-"""By axis and measurement: what earlier tables add to each of its readings, mm or °."""
+
+class Beside(abc.ABC):
+    """A compensation that acted in no reading of a fit, and will act beside it.
+
+    Attributes:
+        words: Which it is.
+    """
+
+    words: str
+
+    @abc.abstractmethod
+    def at(self, measured: Measurement) -> Float[np.ndarray, " t"]:
+        """Return what it adds to the readings of a measurement, in mm or °.
+
+        Raises:
+            JobError: If they do not hold what it looks at.
+        """
+
+
+@dataclasses.dataclass(frozen=True)
+class Leftovers:
+    """What other lists add to the readings that a fit is made of.
+
+    Attributes:
+        earlier: By axis and measurement: what earlier tables add to each of its
+            readings, mm or °.
+        beside: By fit and measurement: what acts beside it and did not while measuring.
+    """
+
+    earlier: dict[tuple[str, str], np.ndarray] = dataclasses.field(default_factory=dict)
+    beside: dict[tuple[int, str], tuple[Beside, ...]] = dataclasses.field(
+        default_factory=dict
+    )
+
+    def add(self, index: int, source: str, one: Beside) -> None:
+        """Add what acts beside a fit."""
+        key = index, source
+        self.beside[key] = (*self.beside.get(key, ()), one)
+
+    def take(self, added: Mapping[tuple[str, str], np.ndarray]) -> None:
+        """Take up what a table adds to its readings, by axis and measurement."""
+        for key, value in added.items():
+            self.earlier[key] = (
+                self.earlier[key] + value if key in self.earlier else value
+            )
+
 
 Planned = Callable[[Leftovers], "AbstractDraft"]
 """A fit that was planned: its existing lists read, its keys understood."""
@@ -162,7 +208,7 @@ class AbstractDraft(abc.ABC):
         """Return why a restart is needed, or None where a reload is enough."""
         return None
 
-    def left_by(self) -> Leftovers:
+    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
         """Return what the new table adds to the readings of its measurements."""
         return {}
 

@@ -99,17 +99,7 @@ def _outside(
     axes = job.spec.axes
     error = np.asarray(derive_error(measured, axis), dtype=float)
     refuse_absurd(measured, f"{axis}.error", error)
-    positions: dict[int, np.ndarray] = {}
-    for name, one in axes.items():
-        place = measured.get(f"{name}.position")
-        if place is None:
-            continue
-        place = np.asarray(place, dtype=float)
-        refuse_absurd(measured, f"{name}.position", place)
-        if one.modulo is not None:
-            low, high = one.modulo
-            place = low + np.mod(place - low, high - low)
-        positions[one.number] = place
+    positions = positions_of(job, measured)
     if spec.expansion is not None and axes[axis].number in positions:
         error = length_at_reference(measured, spec, positions[axes[axis].number], error)
     if positions:
@@ -129,6 +119,22 @@ def _outside(
         active=frozenset(spec.active),
         line=spec.remove == "line",
     )
+
+
+def positions_of(job: Job, measured: Measurement) -> dict[int, np.ndarray]:
+    """Return the positions of all axes that a measurement has, by logical number."""
+    positions: dict[int, np.ndarray] = {}
+    for name, one in job.spec.axes.items():
+        place = measured.get(f"{name}.position")
+        if place is None:
+            continue
+        place = np.asarray(place, dtype=float)
+        refuse_absurd(measured, f"{name}.position", place)
+        if one.modulo is not None:
+            low, high = one.modulo
+            place = low + np.mod(place - low, high - low)
+        positions[one.number] = place
+    return positions
 
 
 def length_at_reference(

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..proof import GateCheck
-from ._draft import AbstractDraft, Leftovers
+from ._beside import hand_on, leftovers
+from ._draft import AbstractDraft
 from ._errors import UntoldError
 from ._fit_schema import FitSpec, TemperatureSpec
 from ._fragments import startup_fragment
@@ -171,7 +172,7 @@ def _fit_all(
     it leaves the readings of both directions on the reference flank, where a table of
     one direction belongs.
     """
-    left: Leftovers = {}
+    left = leftovers(job, plans)
     drafts: dict[int, AbstractDraft] = {}
     fits = job.spec.fits
     groups = []
@@ -180,6 +181,8 @@ def _fit_all(
         group = plan.fit(job, tables)
         groups.append(group)
         drafts |= {one.index: one for one in (*group.drafts, *group.unfit)}
+        for one in group.drafts:
+            hand_on(job, plans, one, left)
     untold: list[UntoldError] = []
     alone = untold_alone(job, tables, plans)
     order = sorted(plans.single, key=lambda k: fits[k].compensation != "backlash")
@@ -200,8 +203,8 @@ def _fit_all(
             continue
         if one.axis not in [fits[later].axis for later in order[place + 1 :]]:
             continue
-        for key, added in one.left_by().items():
-            left[key] = left[key] + added if key in left else added
+        left.take(one.left_by())
+        hand_on(job, plans, one, left)
     if len(untold) == len(fits):
         raise untold[0]
     return [drafts[k] for k in range(len(fits))], groups

@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import final
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from ...data.lists import ListFile, Value
 from ..proof import GateCheck
-from ._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
+from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Switch
 from ._fit_schema import TableSpec
 from ._fitting import AbstractFitted, Fitted, fit_plan
 from ._gating import cycles_for, pass_gate
@@ -44,17 +45,35 @@ def plan_table(
 
     def draft(left: Leftovers) -> AbstractDraft:
         log, words = in_pieces(tables, index, fit, plan.table)
+        beside = {
+            name: left.beside[index, name]
+            for name in fit.sources
+            if (index, name) in left.beside
+        }
         if log is not None:
+            _refuse_beside(job, index, beside)
             return StreamedDraft(index, fit, lists, fit_log_plan(job, plan, log))
         extra = {
-            name: left[fit.axis, name]
+            name: left.earlier[fit.axis, name]
             for name in fit.sources
-            if (fit.axis, name) in left
+            if (fit.axis, name) in left.earlier
         }
-        readings = read_fit(tables, index, fit, plan.table, extra, words)
+        readings = read_fit(tables, index, fit, plan.table, extra, beside, words)
         return TableDraft(index, fit, lists, fit_plan(job, plan, readings))
 
     return draft
+
+
+def _refuse_beside(
+    job: Job, index: int, beside: Mapping[str, Sequence[Beside]]
+) -> None:
+    for name, others in beside.items():
+        raise job.error(
+            ("measurements", name, "stream"),
+            f"found a log that is read in pieces, beside {others[0].words}, which was off"
+            f" while measuring and will act as well: expected stream = false, so that"
+            f" fits[{index}] can correct what it leaves",
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,7 +181,7 @@ class TableDraft(AbstractTableDraft):
         left = self.one.held_out.residual[~self.one.fit.wild]
         return float(np.std(left)) if left.size else None
 
-    def left_by(self) -> Leftovers:
+    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
         one = self.one
         added = offset_at_readings(one, one.plan.table.model(one.integers)) - one.active
         return {

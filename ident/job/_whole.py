@@ -219,6 +219,14 @@ class _Axis:
 
     def _doubled(self, one: Together) -> Remark:
         others = [name for name in self.names if name != one.compensation]
+        warm = (
+            ""
+            if "temperature" not in self.names
+            else (
+                " Lengths that were not measured at the reference temperature are brought"
+                " there by expansion and material_temperature."
+            )
+        )
         return Remark(
             "error",
             f"With all that will act on {self.name}, {one.together:.4g} {self.unit} rms"
@@ -227,7 +235,7 @@ class _Axis:
             f" {' and '.join(others)} correct the same error. State in"
             f" [measurements.{one.measurement}] what was on while measuring (active),"
             ' identify them together (the same group = "…" in their [[fits]]), or switch'
-            f" one of them off in the axis list of {self.name} (machine_data).",
+            f" one of them off in the axis list of {self.name} (machine_data).{warm}",
         )
 
 
@@ -252,7 +260,7 @@ def _with_partner(
         where = f"{partner} has all that acts on {whole.axis}"
         if lacking:
             where = f"{partner} has no {' and no '.join(lacking)}"
-        check = gate_check("gantry", len(lacking), 0.0, "lists missing", where)
+        check = gate_check("gantry", float(len(lacking)), 0.0, "lists missing", where)
         remarks = whole.remarks
         if lacking:
             words = (

@@ -1,6 +1,7 @@
 """The backlash of one axis: fitted, judged, written into the axis list, read back."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import final
 
@@ -175,7 +176,7 @@ class BacklashDraft(AbstractDraft):
             )
         return tuple(lines)
 
-    def left_by(self) -> Leftovers:
+    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
         way = self.recording.direction
         if not self.written or way is None:
             return {}

@@ -307,7 +307,9 @@ class FrictionDraft(AbstractDraft):
                 Remark(
                     "info",
                     f"The list gives {self.spec.level:.0%} of the friction (level), a"
-                    " cautious beginning; scaling_factor stays at 1000.",
+                    " cautious beginning; scaling_factor stays at 1000. The rest remains,"
+                    " as the figures say: once slow reversals with the list show less"
+                    " following error, not more, raise level and fit again.",
                 )
             )
         found = self.found.reversal
