@@ -1,7 +1,7 @@
 """What the lists of a machine add along a motion: each compensation, and the sum."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -63,7 +63,7 @@ def simulate(
     modulo: Ranges | None = None,
     lines: Mapping[int, TemperatureLine] | None = None,
     cycle_time: float | None = None,
-    axes: Sequence[int] | None = None,
+    only: Callable[[InUse], bool] | None = None,
 ) -> tuple[AxisOffsets, ...]:
     """Return what the controller adds to each axis along a motion.
 
@@ -79,7 +79,8 @@ def simulate(
         modulo: Range in ° by axis, for the axes that turn.
         lines: Temperature lines as a PLC makes them, by axis.
         cycle_time: Of the controller in s, to hold the time step of the motion against.
-        axes: Only what acts on these axes is computed and returned; None: on all.
+        only: Which compensations are computed; None: all. Axes that have none of them are
+            left out.
 
     Raises:
         ExchangeError: If a list makes no table, an axis has two lists, or the motion
@@ -89,8 +90,8 @@ def simulate(
     ranges = modulo or {}
     machine = machine_lists(lists)
     used = machine.in_use(conventions, lines or ())
-    if axes is not None:
-        used = tuple(one for one in used if one.axis in axes)
+    if only is not None:
+        used = tuple(one for one in used if only(one))
     own = {one.axis for one in used if one.name in ("temperature", "backlash")}
     if not machine.compensation and not own:
         names = ", ".join(one.source for one in lists)
@@ -109,9 +110,8 @@ def simulate(
     reading = Reading(conventions, increment, ranges, lines or {}, commanded=True)
     controller = controller_of(computed, machine, numbers, reading)
     found = _run(controller, motion, numbers, reading)
-    shown = sorted({one.axis for one in used} | set(machine.compensation))
-    if axes is not None:
-        shown = [axis for axis in shown if axis in axes]
+    listed = set(machine.compensation) if only is None else set[int]()
+    shown = sorted({one.axis for one in used} | listed)
     return tuple(
         _axis(axis, numbers.index(axis), found, {o: w for o, w in why.items()
                                                  if o.axis == axis}, motion)

@@ -97,15 +97,23 @@ class _Acting(Beside):
             except DirectionUnknown:
                 pass
         motion = Motion(positions=places, directions=directions, time=None)
-        try:
-            return self.loaded.parts(motion)[self.name]
-        except ExchangeError as error:
+        added = self.loaded.parts(motion)
+        if self.name not in added:
+            axes = self.job.spec.axes
+            missing = [
+                f"{name}.position"
+                for name, axis in axes.items()
+                if axis.number in self.loaded.inputs(self.name)
+                and axis.number not in places
+            ]
             raise self.job.error(
                 (),
                 f"{self.words} will act on {self.axis} as well and was off while"
-                f" {measured.source} was measured: {error}, or the same group in the"
-                " [[fits]] of both",
-            ) from None
+                f" {measured.source} was measured: found no {', '.join(missing)} there,"
+                " expected it, so that the new table corrects what is left, or the same"
+                ' group = "…" in the [[fits]] of both',
+            )
+        return added[self.name]
 
 
 def _overlapping(job: Job, fit: FitSpec, before: Loaded) -> Iterator[str]:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ...data.measurements import MeasurementError
 from ..exchange import ExchangeError, Motion
 from ..proof import GateCheck, gate_check
 from ..proof.axis import (
@@ -18,7 +17,7 @@ from ..proof.axis import (
     judge_workspace,
     warm_states,
 )
-from ._acting import acting_after, acting_before
+from ._acting import acting_after, acting_before, adds_nothing
 from ._draft import AbstractDraft, AxisLists
 from ._gating import limits_of
 from ._lists import AxisFiles
@@ -46,24 +45,24 @@ def judge_whole(
     """
     job, found = tables.job, []
     every = {one.axis: one for one in files}
-    for one in files:
-        own = [k for k, draft in enumerate(drafts) if draft.axis == one.axis]
-        acting = [drafts[k] for k in own if drafts[k].jump(job) > 0]
+    for own in files:
+        mine = [k for k, draft in enumerate(drafts) if draft.axis == own.axis]
+        acting = {k: drafts[k] for k in mine if drafts[k].jump(job) > 0}
         if not acting:
             continue
-        own_lists = lists[one.axis]
-        unaccompanied = own_lists.compensation is None and own_lists.machine is None
-        if len(acting) == 1 and unaccompanied:
-            names: tuple[str, ...] = (acting[0].compensation,)
-        else:
-            loaded = acting_after(job, one.axis, own_lists, one, acting)
-            names = tuple(loaded.used)
-        axis = _Axis(tables, one.axis, names, acting, own_lists)
-        if len(names) == 1 and len(acting) == 1:
-            lines = next(gates[k] for k in own if drafts[k] is acting[0])
-            whole = axis.alone(lines)
-        else:
-            whole = axis.together(loaded)
+        axis = _Axis(tables, own.axis, tuple(acting.values()), lists[own.axis])
+        loaded = None
+        if len(acting) > 1 or axis.has_lists:
+            loaded = acting_after(job, own.axis, lists[own.axis], own, axis.drafts)
+        try:
+            names = axis.compensations(loaded)
+            if loaded is not None and len(names) > 1:
+                whole = axis.together(loaded, names)
+            else:
+                k = next(k for k in acting if drafts[k].compensation in names)
+                whole = axis.alone(drafts[k], gates[k])
+        except ExchangeError as error:
+            whole = axis.unread(error)
         found.append(_with_partner(job, whole, every, lists, drafts))
     return tuple(found)
 
@@ -74,8 +73,7 @@ class _Axis:
 
     tables: Tables
     name: str
-    names: tuple[str, ...]
-    drafts: Sequence[AbstractDraft]
+    drafts: tuple[AbstractDraft, ...]
     lists: AxisLists
 
     @property
@@ -86,33 +84,59 @@ class _Axis:
     def unit(self) -> str:
         return "mm" if self.job.spec.axes[self.name].kind == "linear" else "°"
 
-    def alone(self, lines: Sequence[GateCheck]) -> WholeAxis:
+    @property
+    def has_lists(self) -> bool:
+        """Whether there is a list that something else may stand in."""
+        return (self.lists.compensation, self.lists.machine) != (None, None)
+
+    def compensations(self, loaded: Loaded | None) -> tuple[str, ...]:
+        """Return what acts on the axis; tables of zeros do not.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        fitted = tuple(draft.compensation for draft in self.drafts)
+        if loaded is None:
+            return fitted
+        return tuple(
+            name
+            for name, one in loaded.used.items()
+            if name in fitted or not adds_nothing(one)
+        )
+
+    def alone(self, draft: AbstractDraft, lines: Sequence[GateCheck]) -> WholeAxis:
         """Return an axis on which one fit acts alone: its gate is that of the axis."""
-        (draft,) = self.drafts
         jump = draft.jump(self.job)
         where = f"{draft.compensation}, in all, where it comes or goes"
         check = gate_check(
             "max_jump", jump, limits_of(self.job).max_jump, self.unit, where
         )
-        return self._whole((check,), {c.name: c.value for c in lines}, (), [])
+        names = (draft.compensation,)
+        return self._whole(names, (check,), {c.name: c.value for c in lines}, (), [])
 
-    def together(self, loaded: Loaded) -> WholeAxis:
-        """Return an axis on which several compensations act."""
+    def together(self, loaded: Loaded, names: tuple[str, ...]) -> WholeAxis:
+        """Return an axis on which several compensations act.
+
+        Raises:
+            ExchangeError: If a list makes no table.
+        """
+        lines = judge_workspace(loaded, self._travel(), limits_of(self.job))
         remarks: list[Remark] = []
-        readings: list[Together] = []
-        try:
-            lines = judge_workspace(loaded, self._travel(), limits_of(self.job))
-            readings = self._readings(loaded, remarks)
-        except ExchangeError as error:
-            words = f"What acts on {self.name} was not judged as a whole: {error}"
-            return self._whole((), {}, (), [Remark("warning", words)])
+        readings = self._readings(loaded, names, remarks)
         values = {c.name.removeprefix("axis "): c.value for c in lines}
         checks = (*lines, *(one.check(self.unit) for one in readings))
-        remarks += [self._doubled(one) for one in readings if not one.passed]
-        return self._whole(checks, values, readings, remarks)
+        remarks += [self._doubled(one, names) for one in readings if not one.passed]
+        return self._whole(names, checks, values, readings, remarks)
+
+    def unread(self, error: ExchangeError) -> WholeAxis:
+        """Return an axis of which a list cannot be read."""
+        words = f"What acts on {self.name} was not judged as a whole: {error}"
+        names = tuple(draft.compensation for draft in self.drafts)
+        return self._whole(names, (), {}, (), [Remark("warning", words)])
 
     def _whole(
         self,
+        names: tuple[str, ...],
         checks: tuple[GateCheck, ...],
         values: Mapping[str, float],
         readings: Sequence[Together],
@@ -123,7 +147,7 @@ class _Axis:
         if jump is not None and not jump.passed:
             words = (
                 f"{name} moves by up to {jump.value:.4g} {self.unit} by itself where"
-                f" {' and '.join(self.names)} come or go, more than max_jump"
+                f" {' and '.join(names)} come or go, more than max_jump"
                 f" ({limits.max_jump:g} {self.unit}). Move the zero of the tables to"
                 f" where {name} is homed (datum), take the bulk of it out mechanically,"
                 " or raise max_jump in [gate] if the builder of the machine allows it."
@@ -131,7 +155,7 @@ class _Axis:
             remarks = [*remarks, Remark("error", words)]
         return WholeAxis(
             axis=name,
-            compensations=self.names,
+            compensations=names,
             largest_offset=values.get("max_correction", float("nan")),
             slope=1e-3 * values.get("max_slope", float("nan")),
             kink=values.get("max_kink", float("nan")),
@@ -181,23 +205,25 @@ class _Axis:
                 found[name] = (float(ends[0]), float(ends[1]))
         return found
 
-    def _readings(self, loaded: Loaded, remarks: list[Remark]) -> list[Together]:
+    def _readings(
+        self, loaded: Loaded, names: tuple[str, ...], remarks: list[Remark]
+    ) -> list[Together]:
         """Return what is left of each measurement; remarks of what cannot be told."""
         before, found = acting_before(self.job, self.name, self.lists), []
         for draft in self.drafts:
             for source in draft.fit.sources:
                 spec = self.job.spec.measurements[source]
-                try:
-                    measured, warmth = read_error(self.tables, source, self.name)
-                    motion = self._motion(measured, warmth)
-                    added = added_beyond(loaded, before, spec.active, motion)
-                except (ExchangeError, MeasurementError) as error:
+                measured, warmth = read_error(self.tables, source, self.name)
+                motion = self._motion(measured, warmth)
+                added = added_beyond(loaded, before, spec.active, motion)
+                lacking = [name for name in names if name not in added]
+                if lacking:
                     words = (
-                        f"Measurement {source!r} does not tell what all that acts on"
-                        f" {self.name} leaves of its error: {error}"
+                        f"Measurement {source!r} does not hold what {', '.join(lacking)}"
+                        f" of {self.name} follows: what all together leave of it was"
+                        " judged without."
                     )
                     remarks.append(Remark("info", words))
-                    continue
                 zero = spec.remove == "none" and spec.datum is None
                 found.append(
                     judge_together(
@@ -209,19 +235,21 @@ class _Axis:
 
     def _motion(self, measured: Any, warmth: Mapping[str, np.ndarray]) -> Motion:
         sensors = [name for draft in self.drafts for name in draft.sensors]
+        if not all(name in warmth for name in sensors):
+            sensors = []
         way = measured.direction
         return Motion(
             positions=measured.positions,
             directions={} if way is None else {measured.axis: way},
             time=None,
-            temperatures={name: warmth[name] for name in sensors if name in warmth},
+            temperatures={name: warmth[name] for name in sensors},
         )
 
-    def _doubled(self, one: Together) -> Remark:
-        others = [name for name in self.names if name != one.compensation]
+    def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
+        others = [name for name in names if name != one.compensation]
         warm = (
             ""
-            if "temperature" not in self.names
+            if "temperature" not in names
             else (
                 " Lengths that were not measured at the reference temperature are brought"
                 " there by expansion and material_temperature."

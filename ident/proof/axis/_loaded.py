@@ -79,12 +79,13 @@ class Loaded:
     def parts(self, motion: Motion) -> dict[str, Float[np.ndarray, " t"]]:
         """Return what the controller adds, by compensation, in mm or °.
 
-        What the motion lacks a velocity or an acceleration for is left out.
+        What the motion lacks positions, temperatures, a velocity or an acceleration for is
+        left out.
 
         Raises:
-            ExchangeError: If a list makes no table, or the motion lacks a position.
+            ExchangeError: If a list makes no table.
         """
-        if not self.used:
+        if not any(self._is_told(one, motion) for one in self.used.values()):
             return {}
         (found,) = simulate(
             self.lists,
@@ -93,6 +94,18 @@ class Loaded:
             self.increment,
             modulo=self.modulo,
             lines=self.lines,
-            axes=(self.axis,),
+            only=lambda one: self._is_told(one, motion),
         )
         return dict(found.parts)
+
+    def _is_told(self, one: InUse, motion: Motion) -> bool:
+        """Return whether it adds to this axis, and a motion has what it looks at."""
+        if one.axis != self.axis or one.name not in POSITIONS:
+            return False
+        if one.name == "temperature" and self.axis in self.lines:
+            if not motion.temperatures:
+                return False
+        if one.name == "backlash":
+            return self.axis in {*motion.directions, *motion.positions}
+        needed = one.masters[1:] if one.name == "crosstalk" else one.masters
+        return all(axis in motion.positions for axis in needed)

@@ -153,7 +153,7 @@ def _table(
 ) -> GateTable:
     machine = next((one for one in loaded.lists if one.kind == "axis"), None)
     return GateTable(
-        names=tuple(travel.names[axis] for axis in axes),
+        names=tuple(travel.names.get(axis, f"axis {axis}") for axis in axes),
         nodes=tuple(nodes),
         offset=branches,
         change=None,
