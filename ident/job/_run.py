@@ -101,9 +101,8 @@ def run_job(
         results.append(
             one.prove(job, folder, gate, own, written[one.axis], cycles.get(one.axis))
         )
-    proven = {one.index: each for one, each in zip(drafts, results, strict=True)}
     by_axis = {one.axis: one for one in files}
-    sums = [group.prove(job, folder, by_axis, written, proven) for group in groups]
+    sums = [group.prove(job, by_axis) for group in groups]
     together = {index: one.name for one in sums for index in one.fits}
     results = [
         dataclasses.replace(each, group=together.get(one.index))

@@ -102,8 +102,12 @@ class Gate(JobPart, frozen=True):
     max_acceleration: Limit | None = None
     max_change: Limit | None = None
     max_current: Limit | None = None
-    max_switching: Limit | None = None
-    max_jump: Limit | None = None
+    max_switching: Limit | None = Field(
+        None, description="mm (°) in one cycle where a compensation comes or goes"
+    )
+    max_jump: Limit | None = Field(
+        None, description="mm (°) by which the axis moves by itself then, in all"
+    )
 
 
 class JobFile(JobPart, frozen=True):
