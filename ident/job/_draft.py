@@ -174,6 +174,11 @@ class AbstractDraft(abc.ABC):
         return 0.0
 
     @property
+    def in_memory(self) -> bool:
+        """Whether its readings fit into memory; else they are read in pieces."""
+        return True
+
+    @property
     def sensors(self) -> tuple[str, ...]:
         """Names of the temperatures that it follows, as its law counts them."""
         return ()

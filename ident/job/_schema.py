@@ -102,12 +102,14 @@ class Gate(JobPart, frozen=True):
     max_acceleration: Limit | None = None
     max_change: Limit | None = None
     max_current: Limit | None = None
-    max_switching: Limit | None = Field(
-        None, description="mm (°) in one cycle where a compensation comes or goes"
-    )
-    max_jump: Limit | None = Field(
-        None, description="mm (°) by which the axis moves by itself then, in all"
-    )
+    max_switching: Annotated[
+        Limit | None,
+        Field(description="mm (°) in one cycle where a compensation comes or goes"),
+    ] = None
+    max_jump: Annotated[
+        Limit | None,
+        Field(description="mm (°) by which the axis moves by itself then, in all"),
+    ] = None
 
 
 class JobFile(JobPart, frozen=True):

@@ -199,5 +199,9 @@ class StreamedDraft(AbstractTableDraft):
 
     one: StreamedFitted
 
+    @property
+    def in_memory(self) -> bool:
+        return False
+
     def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
         return prove_streamed(folder, self.one, written)

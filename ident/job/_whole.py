@@ -1,13 +1,15 @@
 """All that will act on each axis, read from the files of a job and judged together."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ...data.measurements import MeasurementError
 from ..exchange import ExchangeError, Motion
-from ..proof import GateCheck, gate_check
+from ..proof import GateCheck, Measured, gate_check
 from ..proof.axis import (
     Loaded,
     Together,
@@ -17,7 +19,7 @@ from ..proof.axis import (
     judge_workspace,
     warm_states,
 )
-from ._acting import acting_after, acting_before, adds_nothing
+from ._acting import acting_after, acting_before, adds_nothing, ranges_of
 from ._draft import AbstractDraft, AxisLists
 from ._gating import limits_of
 from ._lists import AxisFiles
@@ -25,6 +27,9 @@ from ._load import Job
 from ._outside import read_error
 from ._result import Remark, WholeAxis
 from ._source import Tables
+
+_Read = tuple[Measured, Mapping[str, np.ndarray]]
+"""The error of an axis in one measurement, and the temperatures in it."""
 
 
 def judge_whole(
@@ -171,7 +176,7 @@ class _Axis:
                 for one in readings
             },
             gate=checks,
-            remarks=tuple(remarks),
+            remarks=tuple(dict.fromkeys(remarks)),
         )
 
     def _travel(self) -> Travel:
@@ -181,14 +186,19 @@ class _Axis:
             for axis in axes.values()
             if axis.limits is not None
         }
-        spans |= {
-            axis.number: (float(axis.modulo[0]), float(axis.modulo[1]))
-            for axis in axes.values()
-            if axis.modulo is not None
-        }
+        spans |= ranges_of(self.job)
+        reached: dict[int, tuple[float, float]] = {}
+        for _, _, reading in self._measured:
+            places = {} if isinstance(reading, str) else reading[0].positions
+            for number, place in places.items():
+                low, high = reached.get(number, (np.inf, -np.inf))
+                reached[number] = (
+                    float(place.min(initial=low)),
+                    float(place.max(initial=high)),
+                )
         return Travel(
             names={axis.number: name for name, axis in axes.items()},
-            spans=spans,
+            spans=reached | spans,
             closed=frozenset(spans),
             warmth=warm_states(self._warmth()),
             unit="mm" if self.unit == "mm" else "deg",
@@ -210,30 +220,50 @@ class _Axis:
     ) -> list[Together]:
         """Return what is left of each measurement; remarks of what cannot be told."""
         before, found = acting_before(self.job, self.name, self.lists), []
-        for draft in self.drafts:
-            for source in draft.fit.sources:
-                spec = self.job.spec.measurements[source]
-                measured, warmth = read_error(self.tables, source, self.name)
+        for draft, source, reading in self._measured:
+            spec = self.job.spec.measurements[source]
+            added, why = dict[str, np.ndarray](), str(reading)
+            if not isinstance(reading, str):
+                measured, warmth = reading
                 motion = self._motion(measured, warmth)
                 added = added_beyond(loaded, before, spec.active, motion)
-                lacking = [name for name in names if name not in added]
-                if lacking:
-                    words = (
-                        f"Measurement {source!r} does not hold what {', '.join(lacking)}"
-                        f" of {self.name} follows: what all together leave of it was"
-                        " judged without."
-                    )
-                    remarks.append(Remark("info", words))
-                zero = spec.remove == "none" and spec.datum is None
-                found.append(
-                    judge_together(
-                        source, draft.compensation, measured.error, added,
-                        draft.predicted, zero,
-                    )
-                )  # fmt: skip
+                why = f"it lacks what {', '.join(n for n in names if n not in added)} follows"
+            if not added.keys() >= set(names):
+                words = (
+                    f"What all that acts on {self.name} leaves of measurement {source!r} is"
+                    f" not known: {why}."
+                )
+                remarks.append(Remark("info", words))
+                continue
+            known, kind = (
+                spec.remove == "none" and spec.datum is None,
+                draft.compensation,
+            )
+            found.append(
+                judge_together(
+                    source, kind, measured.error, added, draft.predicted, known
+                )
+            )
         return found
 
-    def _motion(self, measured: Any, warmth: Mapping[str, np.ndarray]) -> Motion:
+    @functools.cached_property
+    def _measured(self) -> list[tuple[AbstractDraft, str, _Read | str]]:
+        """Every measurement of each fit, or why it is not known."""
+        return [
+            (draft, source, self._read(draft, source))
+            for draft in self.drafts
+            for source in draft.fit.sources
+        ]
+
+    def _read(self, draft: AbstractDraft, source: str) -> _Read | str:
+        if not draft.in_memory:
+            return "it is read in pieces"
+        try:
+            return read_error(self.tables, source, self.name)
+        except MeasurementError as error:
+            return str(error)
+
+    def _motion(self, measured: Measured, warmth: Mapping[str, np.ndarray]) -> Motion:
         sensors = [name for draft in self.drafts for name in draft.sensors]
         if not all(name in warmth for name in sensors):
             sensors = []

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.lists import ListFile
-from ....models import Conventions, TemperatureLine
+from ....models import Conventions, TemperatureCurve, TemperatureLine
 from ...exchange import (
     Increments,
     InUse,
@@ -87,9 +87,13 @@ class Loaded:
         """
         if not any(self._is_told(one, motion) for one in self.used.values()):
             return {}
+        whole = motion
+        if self.axis not in motion.positions and self._has_no_slope:
+            still = {self.axis: np.zeros(motion.rows)}
+            whole = dataclasses.replace(motion, positions={**motion.positions, **still})
         (found,) = simulate(
             self.lists,
-            motion,
+            whole,
             self.conventions,
             self.increment,
             modulo=self.modulo,
@@ -105,7 +109,18 @@ class Loaded:
         if one.name == "temperature" and self.axis in self.lines:
             if not motion.temperatures:
                 return False
+            if self._has_no_slope:
+                return True
         if one.name == "backlash":
             return self.axis in {*motion.directions, *motion.positions}
         needed = one.masters[1:] if one.name == "crosstalk" else one.masters
         return all(axis in motion.positions for axis in needed)
+
+    @property
+    def _has_no_slope(self) -> bool:
+        """Whether the temperature law of the PLC is the same at all positions."""
+        line = self.lines.get(self.axis)
+        coefficient = None if line is None else line.coefficient
+        return isinstance(coefficient, TemperatureCurve) and not np.any(
+            np.asarray(coefficient.values)
+        )
