@@ -25,7 +25,11 @@ from ._axis_models import (
     write_lists as write_lists,
 )
 from ._capacity import build_number as build_number
-from ._controller import controller_from_lists as controller_from_lists
+from ._controller import (
+    Reading as Reading,
+    controller_from_lists as controller_from_lists,
+    model_of as model_of,
+)
 from ._conventions_file import (
     StoredConventions as StoredConventions,
     read_conventions as read_conventions,
@@ -71,6 +75,7 @@ from ._leadscrew import (
     leadscrew_from_list as leadscrew_from_list,
 )
 from ._machine_lists import (
+    PREFIXES as PREFIXES,
     InUse as InUse,
     MachineLists as MachineLists,
     axes_in_use as axes_in_use,
@@ -126,6 +131,9 @@ from ._tables import (
     PlaneTable as PlaneTable,
     refuse_lost_nodes as refuse_lost_nodes,
 )
-from ._temperature_table import read_temperature_table as read_temperature_table
+from ._temperature_table import (
+    read_temperature_table as read_temperature_table,
+    temperature_line as temperature_line,
+)
 from ._toml import TomlError as TomlError, read_toml as read_toml
 from ._units import LIST_UNITS as LIST_UNITS

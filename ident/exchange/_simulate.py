@@ -1,7 +1,7 @@
 """What the lists of a machine add along a motion: each compensation, and the sum."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -63,6 +63,7 @@ def simulate(
     modulo: Ranges | None = None,
     lines: Mapping[int, TemperatureLine] | None = None,
     cycle_time: float | None = None,
+    only: Callable[[InUse], bool] | None = None,
 ) -> tuple[AxisOffsets, ...]:
     """Return what the controller adds to each axis along a motion.
 
@@ -78,6 +79,8 @@ def simulate(
         modulo: Range in ° by axis, for the axes that turn.
         lines: Temperature lines as a PLC makes them, by axis.
         cycle_time: Of the controller in s, to hold the time step of the motion against.
+        only: Which compensations are computed; None: all. Axes that have none of them are
+            left out.
 
     Raises:
         ExchangeError: If a list makes no table, an axis has two lists, or the motion
@@ -87,6 +90,8 @@ def simulate(
     ranges = modulo or {}
     machine = machine_lists(lists)
     used = machine.in_use(conventions, lines or ())
+    if only is not None:
+        used = tuple(one for one in used if only(one))
     own = {one.axis for one in used if one.name in ("temperature", "backlash")}
     if not machine.compensation and not own:
         names = ", ".join(one.source for one in lists)
@@ -105,7 +110,8 @@ def simulate(
     reading = Reading(conventions, increment, ranges, lines or {}, commanded=True)
     controller = controller_of(computed, machine, numbers, reading)
     found = _run(controller, motion, numbers, reading)
-    shown = sorted({one.axis for one in used} | set(machine.compensation))
+    listed = set(machine.compensation) if only is None else set[int]()
+    shown = sorted({one.axis for one in used} | listed)
     return tuple(
         _axis(axis, numbers.index(axis), found, {o: w for o, w in why.items()
                                                  if o.axis == axis}, motion)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ...data.measurements import read_table
@@ -56,14 +57,35 @@ def read_temperature_table(
             expected="ascending temperatures",
         )
     number = _number(sensors, sensor, str(path))
+    return temperature_line(warmth, offsets, slopes, number, conventions, machine)
+
+
+def temperature_line(
+    warmth: Float[np.ndarray, " n"],
+    offsets: Float[np.ndarray, " n"],
+    slopes: Float[np.ndarray, " n"],
+    sensor: int,
+    conventions: Conventions,
+    machine: ListFile | None = None,
+) -> TemperatureLine:
+    """Return the temperature line that a PLC makes of a table.
+
+    Args:
+        warmth: Temperatures in °C, ascending.
+        offsets: ``offset_0`` in mm.
+        slopes: ``coefficient`` in µm/m.
+        sensor: Number of the sensor that it follows.
+        conventions: Sign of the line.
+        machine: Axis list with the reference position and the filter; None: 0 and none.
+    """
     place, cycles = (
         0 if machine is None else optional(machine, f"lr_param.temp_comp_{name}")
         for name in ("position_0", "n_cycles")
     )
     return TemperatureLine(
         position_0=constant(place / LIST_UNITS),
-        offset_0=TemperatureCurve.of(warmth, offsets, number),
-        coefficient=TemperatureCurve.of(warmth, 1e-6 * slopes, number),
+        offset_0=TemperatureCurve.of(warmth, offsets, sensor),
+        coefficient=TemperatureCurve.of(warmth, 1e-6 * slopes, sensor),
         cycles=cycles,
         sign=float(conventions.temperature_sign),
     )

@@ -28,6 +28,7 @@ from ._result import (
     SampleView as SampleView,
     Streamed as Streamed,
     TableResult as TableResult,
+    WholeAxis as WholeAxis,
 )
 from ._run import (
     JobRun as JobRun,

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Float
 
 from ...data.lists import ListFile, Value
+from ...data.measurements import Measurement
+from ...models import TemperatureLine
 from ..proof import GateCheck
 from ._conventions import convention_states
 from ._fit_schema import FitSpec
@@ -21,8 +24,52 @@ if TYPE_CHECKING:
     from ._output import OutFolder
     from ._source import Tables
 
-Leftovers = dict[tuple[str, str], np.ndarray]
-"""By axis and measurement: what earlier tables add to each of its readings, mm or °."""
+
+class Beside(abc.ABC):
+    """A compensation that acted in no reading of a fit, and will act beside it.
+
+    Attributes:
+        words: Which it is.
+    """
+
+    words: str
+
+    @abc.abstractmethod
+    def at(self, measured: Measurement) -> Float[np.ndarray, " t"]:
+        """Return what it adds to the readings of a measurement, in mm or °.
+
+        Raises:
+            JobError: If they do not hold what it looks at.
+        """
+
+
+@dataclasses.dataclass(frozen=True)
+class Leftovers:
+    """What other lists add to the readings that a fit is made of.
+
+    Attributes:
+        earlier: By axis and measurement: what earlier tables add to each of its
+            readings, mm or °.
+        beside: By fit and measurement: what acts beside it and did not while measuring.
+    """
+
+    earlier: dict[tuple[str, str], np.ndarray] = dataclasses.field(default_factory=dict)
+    beside: dict[tuple[int, str], tuple[Beside, ...]] = dataclasses.field(
+        default_factory=dict
+    )
+
+    def add(self, index: int, source: str, one: Beside) -> None:
+        """Add what acts beside a fit."""
+        key = index, source
+        self.beside[key] = (*self.beside.get(key, ()), one)
+
+    def take(self, added: Mapping[tuple[str, str], np.ndarray]) -> None:
+        """Take up what a table adds to its readings, by axis and measurement."""
+        for key, value in added.items():
+            self.earlier[key] = (
+                self.earlier[key] + value if key in self.earlier else value
+            )
+
 
 Planned = Callable[[Leftovers], "AbstractDraft"]
 """A fit that was planned: its existing lists read, its keys understood."""
@@ -121,6 +168,37 @@ class AbstractDraft(abc.ABC):
         """Return the cycles that its jump at reversal wants, or None."""
         return None
 
+    def jump(self, job: Job) -> float:
+        """Return by how much it moves the standing axis at most where it comes or goes.
+
+        In mm or °; 0 where nothing is written, or nothing is added at standstill.
+        """
+        return 0.0
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether its readings fit into memory; else they are read in pieces."""
+        return True
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the temperatures that it follows, as its law counts them."""
+        return ()
+
+    def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
+        """Return the temperature line that a PLC makes of it, or None.
+
+        Args:
+            job: The job.
+            machine: The axis list that is written, or the entries to add to it.
+        """
+        return None
+
+    @property
+    def predicted(self) -> float | None:
+        """Rms on readings that the fit did not see, about their middle; None: unknown."""
+        return None
+
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
         """Return every line of the gate; none where nothing is written."""
         return ()
@@ -152,7 +230,7 @@ class AbstractDraft(abc.ABC):
         """
         return None
 
-    def left_by(self) -> Leftovers:
+    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
         """Return what the new table adds to the readings of its measurements."""
         return {}
 

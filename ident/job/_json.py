@@ -83,6 +83,7 @@ def as_tree(result: JobResult) -> dict[str, Any]:
         "passed": result.passed,
         "verdict": str(result.verdict),
         "fits": [_fit(fit) for fit in result.fits],
+        "whole": {one.axis: one.as_tree() for one in result.whole},
         "groups": [group.as_tree() for group in result.groups],
         "remarks": [vars(remark) for remark in result.remarks],
         "load_sheet": [vars(step) for step in result.load_sheet],

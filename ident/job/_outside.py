@@ -1,5 +1,7 @@
 """What instruments outside of the controller measured: all axes of a job, no fits."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ...data.measurements import (
@@ -19,6 +21,8 @@ from ._remove import without_zero
 from ._schema import MeasurementSpec
 from ._source import Tables, refuse_absurd
 
+_SENSOR = "temperature."
+
 
 def read_outside(job: Job) -> tuple[Measured, ...]:
     """Return the errors of every axis that the measurements of a job hold.
@@ -34,7 +38,7 @@ def read_outside(job: Job) -> tuple[Measured, ...]:
     for name, axes in errors_in(tables).items():
         spec = job.spec.measurements[name]
         measured = _measurement(tables, name, spec)
-        found += [_outside(job, measured, spec, axis) for axis in axes]
+        found += [_outside(job, _standing(measured, axis), spec, axis) for axis in axes]
     if not found:
         name, spec = next(iter(job.spec.measurements.items()))
         first = spec.axis or next(iter(job.spec.axes))
@@ -53,6 +57,30 @@ def errors_in(tables: Tables) -> dict[str, tuple[str, ...]]:
         measured = _measurement(tables, name, spec)
         found[name] = tuple(a for a in tables.job.spec.axes if has_error(measured, a))
     return found
+
+
+def read_error(
+    tables: Tables, name: str, axis: str
+) -> tuple[Measured, Mapping[str, np.ndarray]]:
+    """Return the error of one axis in one measurement, and the temperatures, by sensor.
+
+    Raises:
+        MeasurementError: If the file holds nothing usable, or no error of the axis.
+        JobError: If the measurement does not suit.
+    """
+    spec = tables.job.spec.measurements[name]
+    measured = _standing(_measurement(tables, name, spec), axis)
+    warmth = {
+        role.removeprefix(_SENSOR): np.asarray(measured.values[role], dtype=float)
+        for role in measured.values
+        if role.startswith(_SENSOR)
+    }
+    return _outside(tables.job, measured, spec, axis), warmth
+
+
+def _standing(measured: Measurement, axis: str) -> Measurement:
+    """Return the readings that tell the error of an axis."""
+    return with_error(without_motion(measured, [axis]), axis)
 
 
 def _measurement(tables: Tables, name: str, spec: MeasurementSpec) -> Measurement:
@@ -85,20 +113,9 @@ def _outside(
     job: Job, measured: Measurement, spec: MeasurementSpec, axis: str
 ) -> Measured:
     axes = job.spec.axes
-    measured = with_error(without_motion(measured, [axis]), axis)
     error = np.asarray(derive_error(measured, axis), dtype=float)
     refuse_absurd(measured, f"{axis}.error", error)
-    positions: dict[int, np.ndarray] = {}
-    for name, one in axes.items():
-        place = measured.get(f"{name}.position")
-        if place is None:
-            continue
-        place = np.asarray(place, dtype=float)
-        refuse_absurd(measured, f"{name}.position", place)
-        if one.modulo is not None:
-            low, high = one.modulo
-            place = low + np.mod(place - low, high - low)
-        positions[one.number] = place
+    positions = positions_of(job, measured)
     if spec.expansion is not None and axes[axis].number in positions:
         error = length_at_reference(measured, spec, positions[axes[axis].number], error)
     if positions:
@@ -118,6 +135,22 @@ def _outside(
         active=frozenset(spec.active),
         line=spec.remove == "line",
     )
+
+
+def positions_of(job: Job, measured: Measurement) -> dict[int, np.ndarray]:
+    """Return the positions of all axes that a measurement has, by logical number."""
+    positions: dict[int, np.ndarray] = {}
+    for name, one in job.spec.axes.items():
+        place = measured.get(f"{name}.position")
+        if place is None:
+            continue
+        place = np.asarray(place, dtype=float)
+        refuse_absurd(measured, f"{name}.position", place)
+        if one.modulo is not None:
+            low, high = one.modulo
+            place = low + np.mod(place - low, high - low)
+        positions[one.number] = place
+    return positions
 
 
 def length_at_reference(

@@ -11,6 +11,7 @@ from ..exchange import (
     AbstractTable,
     ExchangeError,
     Model,
+    is_activated,
     refuse_lost_nodes,
 )
 from ._active import was_active
@@ -109,7 +110,7 @@ def plan_fit(
         axis_list=axis_list,
         old=old,
         active=active,
-        remarks=(*unread, *_remarks(job, fit, existing, old, active)),
+        remarks=(*unread, *_remarks(job, fit, existing, axis_list, old, active)),
     )
 
 
@@ -146,6 +147,7 @@ def _remarks(
     job: Job,
     fit: TableSpec,
     existing: ListFile | None,
+    axis_list: ListFile | None,
     old: Model | None,
     active: bool,
 ) -> list[Remark]:
@@ -184,6 +186,8 @@ def _remarks(
         ("leadscrew", "kw.ssfk"),
     ):
         field = "pos" if kind == "leadscrew" else "correction"
+        if axis_list is not None and is_activated(axis_list, kind):
+            continue  # the axis is judged with it
         values = existing.table(prefix, field).values()
         if kind not in on | others and any(values):
             found.append(

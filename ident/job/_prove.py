@@ -24,6 +24,7 @@ from ._result import (
     TableResult,
 )
 from ._source import masters_of
+from ._switching import switching_remarks
 
 
 def offset_at_readings(one: Fitted, model: Model) -> Float[np.ndarray, " t"]:
@@ -146,6 +147,7 @@ def result_of(
             *proof.remarks,
             *fit_remarks(one, proof.counts, linear),
             *_without_use(proof.error, proof.by_run),
+            *switching_remarks(job, one),
             *files.remarks,
         ),
         files=files.of_lists(written),

@@ -1,13 +1,14 @@
 """From measurements to readings of one fit: errors, positions, directions, runs."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..exchange import AbstractTable
 from ..proof import RunTable
+from ._draft import Beside
 from ._fit_schema import TableSpec
 from ._load import Job
 from ._result import Remark
@@ -83,6 +84,7 @@ def read_fit(
     fit: TableSpec,
     table: AbstractTable,
     extra: Mapping[str, Float[np.ndarray, " t"]],
+    beside: Mapping[str, Sequence[Beside]],
     words: tuple[Remark, ...] = (),
 ) -> Readings:
     """Return the readings of a fit, all its measurements joined.
@@ -94,6 +96,7 @@ def read_fit(
         table: What will be written.
         extra: By measurement, what earlier fits of this axis add to it; a later fit
             takes what they leave.
+        beside: By measurement, what will act on the axis as well and was off then.
         words: What there is to say of them already.
 
     Raises:
@@ -119,6 +122,16 @@ def read_fit(
                     "info",
                     f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
                     " this one corrects what that list leaves.",
+                )
+            )
+        for one in beside.get(name, ()):
+            assert part.measured is not None  # of `read_part`
+            error = error + one.at(part.measured)
+            remarks.append(
+                Remark(
+                    "info",
+                    f"Beside this table acts {one.words}, which was off while {name!r} was"
+                    " measured: this table corrects what it leaves.",
                 )
             )
         errors.append(error)

@@ -307,6 +307,49 @@ def _values(branches: Mapping[str, np.ndarray]) -> Any:
 
 
 @dataclasses.dataclass(frozen=True)
+class WholeAxis:
+    """All that will act on one axis, read from the files and judged together.
+
+    NaN where it was not judged. Lengths in mm (or °).
+
+    Attributes:
+        axis: Name in the job.
+        compensations: What acts on its position.
+        largest_offset: Of the sum.
+        slope: Of the sum, in mm per mm.
+        kink: Change of the velocity at a node, in mm/s at the feed of the gate.
+        velocity: That is added at this feed, in mm/s.
+        acceleration: Likewise, in mm/s².
+        jump: By which the axis moves by itself at most where all comes or goes.
+        error: rms by measurement and fit: ``before``, by this list ``alone``, by all
+            ``together``; empty where one list acts alone, as its own figures stand.
+        gate: Lines of the gate for the axis.
+        remarks: What the user must know.
+    """
+
+    axis: str
+    compensations: tuple[str, ...]
+    largest_offset: float
+    slope: float
+    kink: float
+    velocity: float
+    acceleration: float
+    jump: float
+    error: Mapping[str, Mapping[str, float]]
+    gate: tuple[GateCheck, ...]
+    remarks: tuple[Remark, ...]
+
+    def as_tree(self) -> dict[str, Any]:
+        """Return what result.json says of the axis; its remarks stand with its fits."""
+        known = {
+            name: None if value != value else value  # NaN
+            for name, value in vars(self).items()
+            if name != "remarks"
+        }
+        return known | {"gate": [vars(check) for check in self.gate]}
+
+
+@dataclasses.dataclass(frozen=True)
 class LoadStep:
     """One line of the load sheet: what to do, with which file or entry, and why."""
 
@@ -332,6 +375,7 @@ class JobResult:
         groups: Fits that were identified together.
         second: The second measurement, where there is one: ``file``, ``sha256``,
             ``date``, hashes of its ``inputs`` and of the ``lists`` that it is about.
+        whole: All that will act on each axis, judged together.
     """
 
     title: str
@@ -347,6 +391,7 @@ class JobResult:
     clocks: tuple[ClockState, ...] = ()
     groups: tuple["GroupResult", ...] = ()
     second: Mapping[str, Any] | None = None
+    whole: tuple[WholeAxis, ...] = ()
 
     @functools.cached_property
     def tree(self) -> dict[str, Any]:

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..proof import GateCheck
+from ._beside import hand_on, leftovers
 from ._clocks import ClockState
-from ._draft import AbstractDraft, Leftovers
+from ._draft import AbstractDraft
 from ._errors import UntoldError
 from ._fit_schema import FitSpec, TemperatureSpec
 from ._fragments import startup_fragment
@@ -25,10 +26,11 @@ from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
 from ._plc_names import temperature_names
-from ._result import AbstractResult, JobResult, Remark
-from ._rooms import plan_all
+from ._result import AbstractResult, JobResult, Remark, WholeAxis
+from ._rooms import Plans, plan_all
 from ._source import Tables
 from ._untold import left_out, untold_alone
+from ._whole import judge_whole
 
 if TYPE_CHECKING:
     from .joint import GroupDraft, GroupResult
@@ -84,7 +86,8 @@ def begin_job(
     try:
         folder.refuse_sources(_names(job))
         tables = Tables(job)
-        drafts, groups = _fit_all(job, tables, say)
+        plans = plan_all(job, tables)
+        drafts, groups = _fit_all(job, tables, plans, say)
     except BaseException:
         folder.drop()
         raise
@@ -101,6 +104,8 @@ def begin_job(
         for axis in dict.fromkeys(one.axis for one in drafts)
     )
     files, remarks = judge_files(job, files)
+    whole = judge_whole(tables, drafts, gates, files, plans.lists)
+    files, gates = _with_whole(whole, drafts, files, gates)
     failed = _failed(drafts, gates, files)
     second, lost = plan_second(job, after, out, files, failed)
     written, moved = _write(job, folder, files, failed)
@@ -110,9 +115,8 @@ def begin_job(
         results.append(
             one.prove(job, folder, gate, own, written[one.axis], cycles.get(one.axis))
         )
-    proven = {one.index: each for one, each in zip(drafts, results, strict=True)}
     by_axis = {one.axis: one for one in files}
-    sums = [group.prove(job, folder, by_axis, written, proven) for group in groups]
+    sums = [group.prove(job, by_axis) for group in groups]
     together = {index: one.name for one in sums for index in one.fits}
     results = [
         dataclasses.replace(each, group=together.get(one.index))
@@ -120,7 +124,7 @@ def begin_job(
     ]
     return JobRun(
         job, folder, files, drafts, results, tuple(sums), failed, tables.clocks,
-        (*remarks, *moved, *lost), start, second,
+        (*remarks, *moved, *lost), start, second, whole,
     )  # fmt: skip
 
 
@@ -140,6 +144,7 @@ class JobRun:
         remarks: What concerns the job as a whole.
         start: When it began (`time.perf_counter`).
         second: The second measurement, where there is one.
+        whole: All that will act on each axis, judged together.
     """
 
     job: Job
@@ -153,6 +158,7 @@ class JobRun:
     remarks: tuple[Remark, ...]
     start: float
     second: Second | None
+    whole: tuple[WholeAxis, ...]
 
     def measured_again(self, after: Path) -> "JobRun":
         """Return the run with a second measurement, made with the lists that it wrote.
@@ -196,6 +202,7 @@ class JobRun:
             clocks=self.clocks,
             groups=self.groups,
             second=None if second is None else second.record,
+            whole=self.whole,
         )
         self.folder.write("result.json", result_json(result).encode())
         return result
@@ -237,7 +244,7 @@ def _for_the_plc(fit: FitSpec) -> tuple[str, ...]:
 
 
 def _fit_all(
-    job: Job, tables: Tables, say: Callable[[str], None]
+    job: Job, tables: Tables, plans: Plans, say: Callable[[str], None]
 ) -> tuple[list[AbstractDraft], list["GroupDraft"]]:
     """Fit one after the other; a later table takes what earlier ones leave.
 
@@ -245,16 +252,17 @@ def _fit_all(
     it leaves the readings of both directions on the reference flank, where a table of
     one direction belongs.
     """
-    left: Leftovers = {}
+    left = leftovers(job, plans)
     drafts: dict[int, AbstractDraft] = {}
     fits = job.spec.fits
-    plans = plan_all(job, tables)
     groups = []
     for plan in plans.groups:
         say(f"fitting {plan.words}")
         group = plan.fit(job, tables)
         groups.append(group)
         drafts |= {one.index: one for one in (*group.drafts, *group.unfit)}
+        for one in group.drafts:
+            hand_on(job, plans, one, left)
     untold: list[UntoldError] = []
     alone = untold_alone(job, tables, plans)
     order = sorted(plans.single, key=lambda k: fits[k].compensation != "backlash")
@@ -275,11 +283,36 @@ def _fit_all(
             continue
         if one.axis not in [fits[later].axis for later in order[place + 1 :]]:
             continue
-        for key, added in one.left_by().items():
-            left[key] = left[key] + added if key in left else added
+        left.take(one.left_by())
+        hand_on(job, plans, one, left)
     if len(untold) == len(fits):
         raise untold[0]
     return [drafts[k] for k in range(len(fits))], groups
+
+
+def _with_whole(
+    whole: Sequence[WholeAxis],
+    drafts: Sequence[AbstractDraft],
+    files: Sequence[AxisFiles],
+    gates: Sequence[tuple[GateCheck, ...]],
+) -> tuple[tuple[AxisFiles, ...], list[tuple[GateCheck, ...]]]:
+    """Return lists and gates with what was found of each axis as a whole.
+
+    A list is let out with all that acts on its axis, or not at all: every fit that is
+    written has the lines of its axis.
+    """
+    lines = {one.axis: one.gate for one in whole}
+    remarks = {one.axis: one.remarks for one in whole}
+    return (
+        tuple(
+            dataclasses.replace(one, remarks=(*one.remarks, *remarks.get(one.axis, ())))
+            for one in files
+        ),
+        [
+            (*gate, *lines.get(one.axis, ())) if one.switch is not None else gate
+            for one, gate in zip(drafts, gates, strict=True)
+        ],
+    )
 
 
 def _failed(

@@ -102,6 +102,14 @@ class Gate(JobPart, frozen=True):
     max_acceleration: Limit | None = None
     max_change: Limit | None = None
     max_current: Limit | None = None
+    max_switching: Annotated[
+        Limit | None,
+        Field(description="mm (°) in one cycle where a compensation comes or goes"),
+    ] = None
+    max_jump: Annotated[
+        Limit | None,
+        Field(description="mm (°) by which the axis moves by itself then, in all"),
+    ] = None
 
 
 class Verify(JobPart, frozen=True):

@@ -47,7 +47,10 @@ _ABSURD = 1e9
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """The readings of one measurement; ``change`` by a reduction to a temperature, mm."""
+    """The readings of one measurement; ``change`` by a reduction to a temperature, mm.
+
+    ``measured`` are all columns of the same rows.
+    """
 
     positions: np.ndarray
     error: np.ndarray
@@ -56,6 +59,7 @@ class Part:
     time: np.ndarray | None
     remarks: tuple[str, ...]
     change: float | None = None
+    measured: Measurement | None = None
 
 
 class Tables:
@@ -237,7 +241,9 @@ def read_rows(
     remarks += words
     run = measured.get("run")
     time = measured.get("time")
-    return Part(positions, error, direction, run, time, tuple(remarks), change)
+    return Part(
+        positions, error, direction, run, time, tuple(remarks), change, measured
+    )
 
 
 def refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None:

@@ -2,12 +2,15 @@
 
 import abc
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import final
 
+import numpy as np
+
 from ...data.lists import ListFile, Value
 from ..proof import GateCheck
-from ._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
+from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Switch
 from ._fit_schema import FitSpec, TableSpec
 from ._fitting import AbstractFitted, Fitted, fit_plan
 from ._gating import cycles_for, pass_gate
@@ -20,6 +23,7 @@ from ._readings import read_fit
 from ._result import Remark, TableResult
 from ._second import SecondMeasurement
 from ._source import Tables
+from ._switching import jump_of, switching_checks
 from ._table_entries import refuse_misread, restart_of_table, table_entries
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
@@ -42,17 +46,35 @@ def plan_table(
 
     def draft(left: Leftovers) -> AbstractDraft:
         log, words = in_pieces(tables, index, fit, plan.table)
+        beside = {
+            name: left.beside[index, name]
+            for name in fit.sources
+            if (index, name) in left.beside
+        }
         if log is not None:
+            _refuse_beside(job, index, beside)
             return StreamedDraft(index, fit, lists, fit_log_plan(job, plan, log))
         extra = {
-            name: left[fit.axis, name]
+            name: left.earlier[fit.axis, name]
             for name in fit.sources
-            if (fit.axis, name) in left
+            if (fit.axis, name) in left.earlier
         }
-        readings = read_fit(tables, index, fit, plan.table, extra, words)
+        readings = read_fit(tables, index, fit, plan.table, extra, beside, words)
         return TableDraft(index, fit, lists, fit_plan(job, plan, readings))
 
     return draft
+
+
+def _refuse_beside(
+    job: Job, index: int, beside: Mapping[str, Sequence[Beside]]
+) -> None:
+    for name, others in beside.items():
+        raise job.error(
+            ("measurements", name, "stream"),
+            f"found a log that is read in pieces, beside {others[0].words}, which was off"
+            f" while measuring and will act as well: expected stream = false, so that"
+            f" fits[{index}] can correct what it leaves",
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,8 +130,12 @@ class AbstractTableDraft(AbstractDraft):
     def cycles(self, job: Job) -> int | None:
         return cycles_for(job, self.one)
 
+    def jump(self, job: Job) -> float:
+        return jump_of(self.one)
+
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        return pass_gate(job, self.one, cycles if self._bilateral else None)
+        lines = pass_gate(job, self.one, cycles if self._bilateral else None)
+        return (*lines, *switching_checks(job, self.one))
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
         refuse_misread(job, listing, self.one)
@@ -120,7 +146,7 @@ class AbstractTableDraft(AbstractDraft):
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         table = self.one.plan.table
-        found = read_fit(tables, self.index, fit, table, {})
+        found = read_fit(tables, self.index, fit, table, {}, {})
         own = table.masters == (table.axis,)
         return SecondMeasurement.of(
             ", ".join(fit.sources),
@@ -164,7 +190,12 @@ class TableDraft(AbstractTableDraft):
 
     one: Fitted
 
-    def left_by(self) -> Leftovers:
+    @property
+    def predicted(self) -> float | None:
+        left = self.one.held_out.residual[~self.one.fit.wild]
+        return float(np.std(left)) if left.size else None
+
+    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
         one = self.one
         added = offset_at_readings(one, one.plan.table.model(one.integers)) - one.active
         return {
@@ -181,6 +212,10 @@ class StreamedDraft(AbstractTableDraft):
     """A table fitted to a log in pieces."""
 
     one: StreamedFitted
+
+    @property
+    def in_memory(self) -> bool:
+        return False
 
     def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
         return prove_streamed(folder, self.one, written)

@@ -6,6 +6,7 @@ from ...data.lists import ListFile, Value
 from ..exchange import ExchangeError
 from ._fitting import AbstractFitted
 from ._load import Job
+from ._switching import chosen_cycles
 
 _RESIZED = {"cross": 110639, "plane": 110640, "leadscrew": 110638}
 """Error of the controller when `max_points` changes after start-up."""
@@ -31,7 +32,7 @@ def table_entries(job: Job, one: AbstractFitted) -> dict[str, Value]:
     except ExchangeError as error:
         raise job.error(("fits", plan.index), str(error)) from None
     options = {
-        "n_cycles": spec.n_cycles,
+        "n_cycles": chosen_cycles(job, one),
         "manual_activation": spec.manual_activation,
     }
     sizes = {key: value for key, value in found.items() if "[" not in key}

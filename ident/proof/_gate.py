@@ -53,6 +53,9 @@ class GateLimits:
         max_acceleration: That the table adds, smoothed over 10 ms, in mm/s².
         max_change: Against the existing list; None = not judged.
         max_current: Of friction lists, as share of the rated value.
+        max_switching: In one cycle, where a compensation comes or goes (COMP ON/OFF,
+            homing, reload, start-up).
+        max_jump: In all, by which the axis moves by itself then.
     """
 
     max_correction: float = 1.0
@@ -65,6 +68,8 @@ class GateLimits:
     max_acceleration: float = 5_000.0
     max_change: float | None = None
     max_current: float = 0.5
+    max_switching: float = 0.02
+    max_jump: float = 0.5
 
 
 def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:

@@ -142,13 +142,13 @@ def test_existing_axis_list_keeps_everything_else(tmp_path: Path) -> None:
     )
     found = run(
         tmp_path,
-        PLAIN + "\nn_cycles = 7\nmanual_activation = true",
+        PLAIN + "\nn_cycles = 18\nmanual_activation = true",
         axis='machine_data = "achsmds1.lis"',
     )
     text = (tmp_path / "out" / "achsmds1.lis").read_text()
     assert text.startswith("kopf.achs_nr 1 # mine\n")
     edited = ListFile.read(tmp_path / "out" / "achsmds1.lis")
-    assert edited.integer("lr_param.temp_comp_n_cycles") == 7
+    assert edited.integer("lr_param.temp_comp_n_cycles") == 18
     assert edited.integer("lr_param.temp_comp_manual_activation") == 1
     assert any("temp_comp_coefficient of" in r.message for r in found.remarks)
 

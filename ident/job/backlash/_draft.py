@@ -1,6 +1,7 @@
 """The backlash of one axis: fitted, judged, written into the axis list, read back."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import final
 
@@ -18,6 +19,7 @@ from ...proof import (
     gate_check,
     reversal_dynamics,
 )
+from ...proof.axis import check_switching
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import BacklashSpec, FitSpec
 from .._gating import limits_of
@@ -106,15 +108,18 @@ class BacklashDraft(AbstractDraft):
         if not self.written:
             return None
         limits = limits_of(job)
-        listing = self.lists.machine
+        cycle_time, listing = job.spec.controller.cycle_time, self.lists.machine
         stated = None if listing is None else listing.integer("lr_param.n_backlash_cyc")
         return choose_cycles(
             abs(self.width),
-            job.spec.controller.cycle_time,
-            limits.max_velocity,
+            cycle_time,
+            min(limits.max_velocity, limits.max_switching / cycle_time),
             limits.max_acceleration,
             stated,
         )
+
+    def jump(self, job: Job) -> float:
+        return abs(self.width) if self.written else 0.0
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
         if not self.written:
@@ -154,6 +159,14 @@ class BacklashDraft(AbstractDraft):
                 f"{unit}/s²",
                 where,
             ),
+            check_switching(
+                jump,
+                spread,
+                limits,
+                unit,
+                "lr_param.n_backlash_cyc",
+                "start-up or COMP ON/OFF",
+            ),
         ]
         old = self.known.old
         if limits.max_change is not None and old is not None:
@@ -178,7 +191,7 @@ class BacklashDraft(AbstractDraft):
             wild=again._wild,
         )
 
-    def left_by(self) -> Leftovers:
+    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
         way = self.recording.direction
         if not self.written or way is None:
             return {}

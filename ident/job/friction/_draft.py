@@ -309,12 +309,16 @@ class FrictionDraft(AbstractDraft):
         if self.level != 1.0:
             why = ""
             if self.spec.level is None:
-                why = ", as long as no measurement has settled the sign of its current"
+                why = (
+                ", as long as no measurement has settled the sign of its current"
+            )
             remarks.append(
                 Remark(
                     "info",
                     f"The list gives {self.level:.0%} of the friction (level), a"
-                    f" cautious beginning{why}; scaling_factor stays at 1000.",
+                    f" cautious beginning{why}; scaling_factor stays at 1000. The rest remains,"
+                    " as the figures say: once slow reversals with the list show less"
+                    " following error, not more, raise level and fit again.",
                 )
             )
         found = self.found.reversal

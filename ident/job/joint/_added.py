@@ -1,60 +1,77 @@
-"""What the written files of one fit add to every reading of its group."""
+"""What the written files of an axis add to the readings of its group, all together."""
 
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from ...exchange import Motion
+from ...proof.axis import added_beyond
+from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
 from .._lists import AxisFiles
 from .._load import Job
-from .._output import OutFolder
-from .._result import AbstractResult, TableResult
-from ..backlash import BacklashDraft, BacklashResult
-from ..crosstalk import CrosstalkDraft
-from ..temperature import TemperatureResult
-from ._share import Share
+from ..temperature import TemperatureDraft
+from ._recording import GroupRecording
 
 
-def added_by(
-    draft: AbstractDraft,
-    share: Share,
+def added_by_files(
     job: Job,
-    folder: OutFolder,
     files: AxisFiles,
-    written: tuple[Path, ...],
-    result: AbstractResult,
-) -> Float[np.ndarray, " t"]:
-    """Return what is added beyond what acted while measuring, in mm or °, per row.
+    drafts: Sequence[AbstractDraft],
+    recording: GroupRecording,
+    rows: Int[np.ndarray, " n"],
+) -> Float[np.ndarray, " n"]:
+    """Return what the controller adds beyond what acted while measuring, in mm or °.
 
-    0 where the row is not used.
+    The files of the axis are read back and run as one: what looks up a position that
+    others move, or switches another off, does so here too.
 
     Args:
-        draft: The fit.
-        share: Its part of the joint fit.
         job: The job.
-        folder: Where the files lie.
         files: The lists of the axis.
-        written: Their names in the folder.
-        result: The fit with its proof.
+        drafts: The fits of the group on this axis.
+        recording: What was measured.
+        rows: Readings of it that count.
     """
-    rows = share.rows
-    added = np.zeros(len(rows))
-    if isinstance(result, TableResult):
-        added[rows] = result.samples.from_file - result.samples.before
-    elif isinstance(result, TemperatureResult):
-        added[rows] = result.view.from_file - result.view.before
-    elif isinstance(result, BacklashResult):
-        assert isinstance(draft, BacklashDraft)  # whose result it is
-        view, way = result.view, result.view.direction.astype(float)
-        # The proof is about the mean of both directions, the controller goes from the
-        # reference direction.
-        width = 2.0 * way * (view.from_file - view.before)
-        added[rows] = 0.5 * (way - draft.reference) * width
-    elif isinstance(draft, CrosstalkDraft):
-        place = draft.recording.rows
-        assert place is not None  # of a group
-        known = place >= 0
-        added[place[known]] = draft.added_to_log(job, folder, files, written)[known]
-        added[~rows] = 0.0
-    return added
+    lists, source = drafts[0].lists, drafts[0].fit.sources[0]
+    before = acting_before(job, files.axis, lists)
+    after = acting_after(job, files.axis, lists, files, drafts)
+    active = job.spec.measurements[source].active
+    motion = _motion(job, drafts, recording, rows)
+    own = {draft.compensation for draft in drafts} | set(active)
+    added = added_beyond(after, before, active, motion)
+    known = [value for name, value in added.items() if name in own]
+    return np.asarray(np.sum(known, axis=0)) if known else np.zeros(len(rows))
+
+
+def _motion(
+    job: Job,
+    drafts: Sequence[AbstractDraft],
+    recording: GroupRecording,
+    rows: Int[np.ndarray, " n"],
+) -> Motion:
+    """Return the readings as independent positions: neither filters nor delays."""
+    data, axes = recording.data, job.spec.axes
+
+    def columns(table: Mapping[str, np.ndarray]) -> dict[int, np.ndarray]:
+        taken = {axes[name].number: values[rows] for name, values in table.items()}
+        return {axis: each for axis, each in taken.items() if np.isfinite(each).all()}
+
+    warmth = {}
+    for draft in drafts:
+        if isinstance(draft, TemperatureDraft):
+            # As the structure follows its sensors, which the PLC does as well.
+            heat = draft.found.fit.temperature
+            warmth = {name: heat[:, k] for k, name in enumerate(draft.sensors)}
+    return Motion(
+        positions=columns(data.position),
+        directions={
+            axis: np.where(way < 0, -1, 1)
+            for axis, way in columns(data.direction).items()
+        },
+        time=None,
+        velocities=columns(data.velocity),
+        accelerations=columns(data.acceleration),
+        temperatures=warmth,
+    )

@@ -2,19 +2,16 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from ...fit.joint import Gauge, Part
 from ...proof import error_figures
 from .._draft import AbstractDraft
 from .._lists import AxisFiles
 from .._load import Job
-from .._output import OutFolder
-from .._result import AbstractResult, Remark
-from ._added import added_by
+from .._result import Remark
+from ._added import added_by_files
 from ._identify import IdentifiedGroup
 from ._left_out import LeftOutDraft
 from ._member import AbstractMember
@@ -45,31 +42,14 @@ class GroupDraft:
     drafts: tuple[AbstractDraft, ...]
     unfit: tuple[LeftOutDraft, ...] = ()
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        files: Mapping[str, AxisFiles],
-        written: Mapping[str, tuple[Path, ...]],
-        results: Mapping[int, AbstractResult],
-    ) -> GroupResult:
-        """Return the group with the sum of all its written files, read back.
+    def prove(self, job: Job, files: Mapping[str, AxisFiles]) -> GroupResult:
+        """Return the group with what all files of its axes leave together.
 
         Args:
             job: The job.
-            folder: Where the files lie.
             files: Lists by axis.
-            written: Names of what was written by axis.
-            results: Of its fits, by their index in the job.
         """
         fit, unfit = self.found.fit, [one.index for one in self.unfit]
-        added = [
-            added_by(
-                one, share, job, folder, files[one.axis], written[one.axis],
-                results[one.index],
-            )
-            for one, share in zip(self.drafts, self.shares, strict=True)
-        ]  # fmt: skip
         return GroupResult(
             name=self.name,
             fits=tuple(sorted([*(one.index for one in self.members), *unfit])),
@@ -82,7 +62,7 @@ class GroupDraft:
                 LostPair(each.effects, each.parameters, each.correlation, each.sentence)
                 for each in fit.confusions
             ),
-            axes=tuple(self._sum(job, axis, added) for axis in fit.axes),
+            axes=tuple(self._sum(job, files[axis]) for axis in fit.axes),
             order=self.recording.order,
             timed=self.recording.timed,
             held_out=self.recording.held_out,
@@ -151,10 +131,8 @@ class GroupDraft:
             )
         return tuple(found)
 
-    def _sum(
-        self, job: Job, axis: str, added: Sequence[Float[np.ndarray, " t"]]
-    ) -> AxisSum:
-        fit, found = self.found.fit, self.found
+    def _sum(self, job: Job, files: AxisFiles) -> AxisSum:
+        axis, fit, found = files.axis, self.found.fit, self.found
         mine = [k for k, one in enumerate(self.members) if one.axis == axis]
         rows = np.flatnonzero(self.shares[mine[0]].rows)
         error = self.recording.data.error[axis][rows]
@@ -172,7 +150,8 @@ class GroupDraft:
         ]
         for part in unwritten:
             predicted += part.contribution[rows]
-        from_file = error + np.sum([added[k][rows] for k in mine], axis=0)
+        own = [self.drafts[k] for k in mine]
+        from_file = error + added_by_files(job, files, own, self.recording, rows)
         wild = np.asarray(fit.wild[axis][rows])
         if not any(found.constant[k] for k in mine):
             # No list takes a constant away: what is left is judged about its middle.

@@ -10,10 +10,11 @@ import numpy as np
 
 from ....data.lists import ListFile, Value
 from ....models import ConstantParameter, TemperatureLine
-from ...exchange import ExchangeError, entries_of_temperature
+from ...exchange import ExchangeError, entries_of_temperature, temperature_line
 from ...fit import FitError
 from ...kinds.temperature import TemperatureFit
 from ...proof import GateCheck, choose_cycles, error_figures, reversal_dynamics
+from ...proof.axis import check_switching
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import FitSpec, TemperatureSpec
 from .._gating import limits_of
@@ -155,9 +156,45 @@ class TemperatureDraft(AbstractDraft):
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
         if not self.written:
             return ()
-        return judge_law(
-            self._law(job), self._position, self._span(job), self.axis, limits_of(job)
+        limits = limits_of(job)
+        lines = judge_law(
+            self._law(job), self._position, self._span(job), self.axis, limits
         )
+        switching = check_switching(
+            self.jump(job),
+            self._filter(job),
+            limits,
+            "mm",
+            f"{_LINE}_n_cycles",
+            "COMP ON/OFF, homing, reload or loss of power, while warm",
+        )
+        return (*lines, switching)
+
+    def jump(self, job: Job) -> float:
+        if not self.written:
+            return 0.0
+        return largest_correction(self._law(job), self._position, self._span(job))
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        return self.recording.sensors
+
+    def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
+        if not self.written:
+            return None
+        law, rules = self._law(job), job.conventions
+        first, second = (
+            temperature_line(
+                law.temperature,
+                law.offset,
+                law.coefficient,
+                sensor or 0,
+                rules,
+                machine,
+            )
+            for sensor in self._chosen()
+        )
+        return dataclasses.replace(first, coefficient=second.coefficient)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TemperatureSpec)
@@ -264,10 +301,11 @@ class TemperatureDraft(AbstractDraft):
             return self.fit.n_cycles
         listing, limits = self.lists.machine, limits_of(job)
         stated = None if listing is None else listing.integer(f"{_LINE}_n_cycles")
+        cycle_time = job.spec.controller.cycle_time
         return choose_cycles(
-            largest_correction(self._law(job), self._position, self._span(job)),
-            job.spec.controller.cycle_time,
-            limits.max_velocity,
+            self.jump(job),
+            cycle_time,
+            min(limits.max_velocity, limits.max_switching / cycle_time),
             limits.max_acceleration,
             stated,
         )
@@ -275,8 +313,7 @@ class TemperatureDraft(AbstractDraft):
     def _switching(self, job: Job) -> list[Remark]:
         if not self.written:
             return []
-        jump = largest_correction(self._law(job), self._position, self._span(job))
-        cycles, limits = self._filter(job), limits_of(job)
+        jump, cycles, limits = self.jump(job), self._filter(job), limits_of(job)
         fast, _ = reversal_dynamics(jump, cycles, job.spec.controller.cycle_time)
         words = (
             f"Switching it on or off on the warm machine (COMP, homing) moves {self.axis}"

@@ -1,0 +1,146 @@
+"""What acts on an axis: while its readings were taken, and with the files of a job."""
+
+import dataclasses
+from collections.abc import Sequence
+
+from ...data.lists import ListFile, new_list
+from ..exchange import (
+    ACTIVATION,
+    PREFIXES,
+    Increments,
+    InUse,
+    Ranges,
+    entries_of_activation,
+)
+from ..proof.axis import Loaded
+from ._draft import AbstractDraft, AxisLists
+from ._lists import AxisFiles
+from ._load import Job
+
+_VALUES = {
+    "cross": ("correction",),
+    "plane": ("correction",),
+    "leadscrew": ("pos", "neg"),
+}
+"""Columns of the tables in a compensation list."""
+
+
+def acting_before(job: Job, axis: str, lists: AxisLists) -> Loaded:
+    """Return what the existing lists of an axis hold and switch on.
+
+    Without an axis list everything in the compensation list counts.
+    """
+    number = job.spec.axes[axis].number
+    return Loaded(
+        number,
+        _lists(number, lists.compensation, lists.machine),
+        job.conventions,
+        increments_of(job),
+        ranges_of(job),
+    )
+
+
+def acting_after(
+    job: Job,
+    axis: str,
+    lists: AxisLists,
+    files: AxisFiles | None = None,
+    drafts: Sequence[AbstractDraft] = (),
+) -> Loaded:
+    """Return what acts on an axis with the files of a job, as they will be read.
+
+    Args:
+        job: The job.
+        axis: Its name in the job.
+        lists: What it has already.
+        files: What is written for it; None: nothing.
+        drafts: The fits of this axis.
+    """
+    number = job.spec.axes[axis].number
+    before = acting_before(job, axis, lists)
+    if files is None:
+        return before
+    listing = _read_back(files.compensation) or lists.compensation
+    machine = _read_back(files.machine) or lists.machine
+    if lists.machine is None and machine is not None:
+        machine = _with_all_on(machine, before)
+    lines = [line for one in drafts if (line := one.line(job, machine)) is not None]
+    return dataclasses.replace(
+        before,
+        lists=_lists(number, listing, machine),
+        lines={number: lines[-1]} if lines else {},
+    )
+
+
+def acting_alone(job: Job, draft: AbstractDraft) -> Loaded:
+    """Return what one fit adds, as if it were all that acts on its axis."""
+    number = job.spec.axes[draft.axis].number
+    entries = draft.entries(job)
+    listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
+    return Loaded(
+        number,
+        _lists(number, _read_back(listing), None),
+        job.conventions,
+        modulo=ranges_of(job),
+    )
+
+
+def ranges_of(job: Job) -> Ranges:
+    """Return the range in ° of the axes that turn, by logical number."""
+    return {
+        axis.number: (axis.modulo[0], axis.modulo[1])
+        for axis in job.spec.axes.values()
+        if axis.modulo is not None
+    }
+
+
+def increments_of(job: Job) -> Increments:
+    """Return the worth of an encoder increment, by logical number."""
+    return {
+        axis.number: axis.increment
+        for axis in job.spec.axes.values()
+        if axis.increment is not None
+    }
+
+
+def adds_nothing(one: InUse) -> bool:
+    """Return whether lists hold nothing but zeros of a compensation.
+
+    A temperature line of zeros is what a PLC finds: what it makes of it stands in no list.
+    """
+    if one.name == "temperature":
+        names = ("offset_0", "coefficient")
+        entries = [one.listing.get(f"lr_param.temp_comp_{name}") for name in names]
+        values = [entry.value.strip("+-0.") for entry in entries if entry is not None]
+        return not any(values)
+    fields = _VALUES.get(one.name, ())
+    tables = [one.listing.table(PREFIXES[one.name], field) for field in fields]
+    return bool(tables) and not any(any(table.values()) for table in tables)
+
+
+def _lists(
+    number: int, listing: ListFile | None, machine: ListFile | None
+) -> tuple[ListFile, ...]:
+    pairs = ("compensation", listing), ("axis", machine)
+    return tuple(
+        # The job says whose list it is where the file does not.
+        one if one.integer("kopf.achs_nr") else one.merge({"kopf.achs_nr": number})
+        for kind, one in pairs
+        if one is not None and one.kind == kind
+    )
+
+
+def _read_back(listing: ListFile | None) -> ListFile | None:
+    """Return a list as its bytes read."""
+    return None if listing is None else ListFile.parse(listing.dumps(), listing.source)
+
+
+def _with_all_on(fragment: ListFile, before: Loaded) -> ListFile:
+    """Return the entries to add to an axis list beside what the list may switch on.
+
+    What the axis list itself says nobody knows: all that the compensation list holds is
+    taken to act.
+    """
+    known = {name for name in ACTIVATION if fragment.get(ACTIVATION[name]) is not None}
+    tables = [name for name in before.used if name not in known]
+    return fragment.merge(entries_of_activation(tables))

@@ -1,0 +1,333 @@
+"""All that will act on each axis, read from the files of a job and judged together."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...data.measurements import MeasurementError
+from ..exchange import ExchangeError, Motion
+from ..proof import GateCheck, Measured, gate_check
+from ..proof.axis import (
+    Loaded,
+    Together,
+    Travel,
+    added_beyond,
+    judge_together,
+    judge_workspace,
+    warm_states,
+)
+from ._acting import acting_after, acting_before, adds_nothing, ranges_of
+from ._draft import AbstractDraft, AxisLists
+from ._gating import limits_of
+from ._lists import AxisFiles
+from ._load import Job
+from ._outside import read_error
+from ._result import Remark, WholeAxis
+from ._source import Tables
+
+_Read = tuple[Measured, Mapping[str, np.ndarray]]
+"""The error of an axis in one measurement, and the temperatures in it."""
+
+
+def judge_whole(
+    tables: Tables,
+    drafts: Sequence[AbstractDraft],
+    gates: Sequence[Sequence[GateCheck]],
+    files: Sequence[AxisFiles],
+    lists: Mapping[str, AxisLists],
+) -> tuple[WholeAxis, ...]:
+    """Return what acts on each axis that is written, judged as one.
+
+    Args:
+        tables: Files of the job.
+        drafts: All fits.
+        gates: What the gate said of each.
+        files: The lists of each axis.
+        lists: What every axis of the job has already.
+    """
+    job, found = tables.job, []
+    every = {one.axis: one for one in files}
+    for own in files:
+        mine = [k for k, draft in enumerate(drafts) if draft.axis == own.axis]
+        acting = {k: drafts[k] for k in mine if drafts[k].jump(job) > 0}
+        if not acting:
+            continue
+        axis = _Axis(tables, own.axis, tuple(acting.values()), lists[own.axis])
+        loaded = None
+        if len(acting) > 1 or axis.has_lists:
+            loaded = acting_after(job, own.axis, lists[own.axis], own, axis.drafts)
+        try:
+            names = axis.compensations(loaded)
+            if loaded is not None and len(names) > 1:
+                whole = axis.together(loaded, names)
+            else:
+                k = next(k for k in acting if drafts[k].compensation in names)
+                whole = axis.alone(drafts[k], gates[k])
+        except ExchangeError as error:
+            whole = axis.unread(error)
+        found.append(_with_partner(job, whole, every, lists, drafts))
+    return tuple(found)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Axis:
+    """One axis with the fits that are written for it."""
+
+    tables: Tables
+    name: str
+    drafts: tuple[AbstractDraft, ...]
+    lists: AxisLists
+
+    @property
+    def job(self) -> Job:
+        return self.tables.job
+
+    @property
+    def unit(self) -> str:
+        return "mm" if self.job.spec.axes[self.name].kind == "linear" else "°"
+
+    @property
+    def has_lists(self) -> bool:
+        """Whether there is a list that something else may stand in."""
+        return (self.lists.compensation, self.lists.machine) != (None, None)
+
+    def compensations(self, loaded: Loaded | None) -> tuple[str, ...]:
+        """Return what acts on the axis; tables of zeros do not.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        fitted = tuple(draft.compensation for draft in self.drafts)
+        if loaded is None:
+            return fitted
+        return tuple(
+            name
+            for name, one in loaded.used.items()
+            if name in fitted or not adds_nothing(one)
+        )
+
+    def alone(self, draft: AbstractDraft, lines: Sequence[GateCheck]) -> WholeAxis:
+        """Return an axis on which one fit acts alone: its gate is that of the axis."""
+        jump = draft.jump(self.job)
+        where = f"{draft.compensation}, in all, where it comes or goes"
+        check = gate_check(
+            "max_jump", jump, limits_of(self.job).max_jump, self.unit, where
+        )
+        names = (draft.compensation,)
+        return self._whole(names, (check,), {c.name: c.value for c in lines}, (), [])
+
+    def together(self, loaded: Loaded, names: tuple[str, ...]) -> WholeAxis:
+        """Return an axis on which several compensations act.
+
+        Raises:
+            ExchangeError: If a list makes no table.
+        """
+        lines = judge_workspace(loaded, self._travel(), limits_of(self.job))
+        remarks: list[Remark] = []
+        readings = self._readings(loaded, names, remarks)
+        values = {c.name.removeprefix("axis "): c.value for c in lines}
+        checks = (*lines, *(one.check(self.unit) for one in readings))
+        remarks += [self._doubled(one, names) for one in readings if not one.passed]
+        return self._whole(names, checks, values, readings, remarks)
+
+    def unread(self, error: ExchangeError) -> WholeAxis:
+        """Return an axis of which a list cannot be read."""
+        words = f"What acts on {self.name} was not judged as a whole: {error}"
+        names = tuple(draft.compensation for draft in self.drafts)
+        return self._whole(names, (), {}, (), [Remark("warning", words)])
+
+    def _whole(
+        self,
+        names: tuple[str, ...],
+        checks: tuple[GateCheck, ...],
+        values: Mapping[str, float],
+        readings: Sequence[Together],
+        remarks: list[Remark],
+    ) -> WholeAxis:
+        limits, name = limits_of(self.job), self.name
+        jump = next((c for c in checks if c.name == "max_jump"), None)
+        if jump is not None and not jump.passed:
+            words = (
+                f"{name} moves by up to {jump.value:.4g} {self.unit} by itself where"
+                f" {' and '.join(names)} come or go, more than max_jump"
+                f" ({limits.max_jump:g} {self.unit}). Move the zero of the tables to"
+                f" where {name} is homed (datum), take the bulk of it out mechanically,"
+                " or raise max_jump in [gate] if the builder of the machine allows it."
+            )
+            remarks = [*remarks, Remark("error", words)]
+        return WholeAxis(
+            axis=name,
+            compensations=names,
+            largest_offset=values.get("max_correction", float("nan")),
+            slope=1e-3 * values.get("max_slope", float("nan")),
+            kink=values.get("max_kink", float("nan")),
+            velocity=values.get("max_velocity", float("nan")),
+            acceleration=values.get("max_acceleration", float("nan")),
+            jump=float("nan") if jump is None else jump.value,
+            error={
+                f"{one.measurement}, {one.compensation}": {
+                    "before": one.before,
+                    "alone": one.alone,
+                    "together": one.together,
+                }
+                for one in readings
+            },
+            gate=checks,
+            remarks=tuple(dict.fromkeys(remarks)),
+        )
+
+    def _travel(self) -> Travel:
+        axes = self.job.spec.axes
+        spans = {
+            axis.number: (float(axis.limits[0]), float(axis.limits[1]))
+            for axis in axes.values()
+            if axis.limits is not None
+        }
+        spans |= ranges_of(self.job)
+        reached: dict[int, tuple[float, float]] = {}
+        for _, _, reading in self._measured:
+            places = {} if isinstance(reading, str) else reading[0].positions
+            for number, place in places.items():
+                low, high = reached.get(number, (np.inf, -np.inf))
+                reached[number] = (
+                    float(place.min(initial=low)),
+                    float(place.max(initial=high)),
+                )
+        return Travel(
+            names={axis.number: name for name, axis in axes.items()},
+            spans=reached | spans,
+            closed=frozenset(spans),
+            warmth=warm_states(self._warmth()),
+            unit="mm" if self.unit == "mm" else "deg",
+            cycle_time=self.job.spec.controller.cycle_time,
+        )
+
+    def _warmth(self) -> dict[str, tuple[float, float]]:
+        """Return how warm the sensors get that temperature laws follow."""
+        found: dict[str, tuple[float, float]] = {}
+        for draft in self.drafts:
+            line: Any = draft.line(self.job, self.lists.machine)
+            for name in draft.sensors if line is not None else ():
+                ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
+                found[name] = (float(ends[0]), float(ends[1]))
+        return found
+
+    def _readings(
+        self, loaded: Loaded, names: tuple[str, ...], remarks: list[Remark]
+    ) -> list[Together]:
+        """Return what is left of each measurement; remarks of what cannot be told."""
+        before, found = acting_before(self.job, self.name, self.lists), []
+        for draft, source, reading in self._measured:
+            spec = self.job.spec.measurements[source]
+            added, why = dict[str, np.ndarray](), str(reading)
+            if not isinstance(reading, str):
+                measured, warmth = reading
+                motion = self._motion(measured, warmth)
+                added = added_beyond(loaded, before, spec.active, motion)
+                why = f"it lacks what {', '.join(n for n in names if n not in added)} follows"
+            if not added.keys() >= set(names):
+                words = (
+                    f"What all that acts on {self.name} leaves of measurement {source!r} is"
+                    f" not known: {why}."
+                )
+                remarks.append(Remark("info", words))
+                continue
+            known, kind = (
+                spec.remove == "none" and spec.datum is None,
+                draft.compensation,
+            )
+            found.append(
+                judge_together(
+                    source, kind, measured.error, added, draft.predicted, known
+                )
+            )
+        return found
+
+    @functools.cached_property
+    def _measured(self) -> list[tuple[AbstractDraft, str, _Read | str]]:
+        """Every measurement of each fit, or why it is not known."""
+        return [
+            (draft, source, self._read(draft, source))
+            for draft in self.drafts
+            for source in draft.fit.sources
+        ]
+
+    def _read(self, draft: AbstractDraft, source: str) -> _Read | str:
+        if not draft.in_memory:
+            return "it is read in pieces"
+        try:
+            return read_error(self.tables, source, self.name)
+        except MeasurementError as error:
+            return str(error)
+
+    def _motion(self, measured: Measured, warmth: Mapping[str, np.ndarray]) -> Motion:
+        sensors = [name for draft in self.drafts for name in draft.sensors]
+        if not all(name in warmth for name in sensors):
+            sensors = []
+        way = measured.direction
+        return Motion(
+            positions=measured.positions,
+            directions={} if way is None else {measured.axis: way},
+            time=None,
+            temperatures={name: warmth[name] for name in sensors},
+        )
+
+    def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
+        others = [name for name in names if name != one.compensation]
+        warm = (
+            ""
+            if "temperature" not in names
+            else (
+                " Lengths that were not measured at the reference temperature are brought"
+                " there by expansion and material_temperature."
+            )
+        )
+        return Remark(
+            "error",
+            f"With all that will act on {self.name}, {one.together:.4g} {self.unit} rms"
+            f" are left of measurement {one.measurement!r}, where the"
+            f" {one.compensation} alone leaves {one.alone:.4g} {self.unit}: it and"
+            f" {' and '.join(others)} correct the same error. State in"
+            f" [measurements.{one.measurement}] what was on while measuring (active),"
+            ' identify them together (the same group = "…" in their [[fits]]), or switch'
+            f" one of them off in the axis list of {self.name} (machine_data).{warm}",
+        )
+
+
+def _with_partner(
+    job: Job,
+    whole: WholeAxis,
+    files: Mapping[str, AxisFiles],
+    lists: Mapping[str, AxisLists],
+    drafts: Sequence[AbstractDraft],
+) -> WholeAxis:
+    """Return an axis with what its gantry partner lacks of its compensations."""
+    axes = job.spec.axes
+    partners = [
+        name
+        for name, axis in axes.items()
+        if name == axes[whole.axis].gantry or axis.gantry == whole.axis
+    ]
+    for partner in partners:
+        own = [one for one in drafts if one.axis == partner]
+        loaded = acting_after(job, partner, lists[partner], files.get(partner), own)
+        lacking = [name for name in whole.compensations if name not in loaded.used]
+        where = f"{partner} has all that acts on {whole.axis}"
+        if lacking:
+            where = f"{partner} has no {' and no '.join(lacking)}"
+        check = gate_check("gantry", float(len(lacking)), 0.0, "lists missing", where)
+        remarks = whole.remarks
+        if lacking:
+            words = (
+                f"{partner} is the gantry partner of {whole.axis} and has no"
+                f" {' and no '.join(lacking)}: one of the two alone would twist the"
+                f" gantry by up to {whole.largest_offset:.4g} mm. Fit {partner} as well"
+                f' ([[fits]] with axis = "{partner}"), or give its list ([axes.{partner}]'
+                " list = …) if it has one."
+            )
+            remarks = (*remarks, Remark("error", words))
+        whole = dataclasses.replace(whole, gate=(*whole.gate, check), remarks=remarks)
+    return whole

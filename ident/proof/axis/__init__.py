@@ -1,0 +1,24 @@
+"""All that acts on one axis, judged together: offsets, motion, and what switching does.
+
+Read `_switching` (one compensation that comes or goes), `_loaded` (what acts with given
+lists, by the controller itself), `_workspace` (all of it over the travel) and `_together`
+(all of it on the readings of a measurement).
+"""
+
+from ._loaded import POSITIONS as POSITIONS, Loaded as Loaded
+from ._switching import (
+    MOST_CYCLES as MOST_CYCLES,
+    check_switching as check_switching,
+    largest_step as largest_step,
+    switching_cycles as switching_cycles,
+)
+from ._together import (
+    Together as Together,
+    added_beyond as added_beyond,
+    judge_together as judge_together,
+)
+from ._workspace import (
+    Travel as Travel,
+    judge_workspace as judge_workspace,
+    warm_states as warm_states,
+)

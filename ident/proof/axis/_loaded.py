@@ -1,0 +1,126 @@
+"""What acts on one axis with its lists as they lie on the controller."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.lists import ListFile
+from ....models import Conventions, TemperatureCurve, TemperatureLine
+from ...exchange import (
+    Increments,
+    InUse,
+    Motion,
+    Ranges,
+    Reading,
+    machine_lists,
+    model_of,
+    simulate,
+)
+
+POSITIONS = ("cross", "plane", "leadscrew", "temperature", "backlash", "crosstalk")
+"""Compensations that add to a position; friction adds to the current of the drive."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Loaded:
+    """What acts on one axis: its lists, and how the controller reads them.
+
+    Attributes:
+        axis: Logical number.
+        lists: Compensation list and axis list, as far as there are any. Without an axis
+            list everything in the compensation list acts.
+        conventions: Rules of the controller.
+        increment: Worth of an encoder increment, for lists with ``unit 0``.
+        modulo: Range in ° by axis, for the axes that turn.
+        lines: Temperature lines as a PLC makes them, by axis.
+    """
+
+    axis: int
+    lists: tuple[ListFile, ...]
+    conventions: Conventions
+    increment: Increments = None
+    modulo: Ranges = dataclasses.field(default_factory=dict)
+    lines: Mapping[int, TemperatureLine] = dataclasses.field(default_factory=dict)
+
+    @functools.cached_property
+    def used(self) -> Mapping[str, InUse]:
+        """What adds to the position of the axis, by compensation.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        found = machine_lists(self.lists).in_use(self.conventions, self.lines)
+        mine = {one.name: one for one in found if one.axis == self.axis}
+        return {name: mine[name] for name in POSITIONS if name in mine}
+
+    @property
+    def reading(self) -> Reading:
+        """How the lists are read; what waits for COMP ON is taken as switched on."""
+        return Reading(
+            self.conventions, self.increment, self.modulo, self.lines, commanded=True
+        )
+
+    def inputs(self, name: str) -> tuple[int, ...]:
+        """Return the axes over whose positions a compensation acts at standstill."""
+        return () if name in ("backlash", "crosstalk") else self.used[name].masters
+
+    @functools.cached_property
+    def models(self) -> Mapping[str, object]:
+        """The model of each compensation.
+
+        Raises:
+            ExchangeError: If a list makes none.
+        """
+        return {name: model_of(one, self.reading) for name, one in self.used.items()}
+
+    def parts(self, motion: Motion) -> dict[str, Float[np.ndarray, " t"]]:
+        """Return what the controller adds, by compensation, in mm or °.
+
+        What the motion lacks positions, temperatures, a velocity or an acceleration for is
+        left out.
+
+        Raises:
+            ExchangeError: If a list makes no table.
+        """
+        if not any(self._is_told(one, motion) for one in self.used.values()):
+            return {}
+        whole = motion
+        if self.axis not in motion.positions and self._has_no_slope:
+            still = {self.axis: np.zeros(motion.rows)}
+            whole = dataclasses.replace(motion, positions={**motion.positions, **still})
+        (found,) = simulate(
+            self.lists,
+            whole,
+            self.conventions,
+            self.increment,
+            modulo=self.modulo,
+            lines=self.lines,
+            only=lambda one: self._is_told(one, motion),
+        )
+        return dict(found.parts)
+
+    def _is_told(self, one: InUse, motion: Motion) -> bool:
+        """Return whether it adds to this axis, and a motion has what it looks at."""
+        if one.axis != self.axis or one.name not in POSITIONS:
+            return False
+        if one.name == "temperature" and self.axis in self.lines:
+            if not motion.temperatures:
+                return False
+            if self._has_no_slope:
+                return True
+        if one.name == "backlash":
+            return self.axis in {*motion.directions, *motion.positions}
+        needed = one.masters[1:] if one.name == "crosstalk" else one.masters
+        return all(axis in motion.positions for axis in needed)
+
+    @property
+    def _has_no_slope(self) -> bool:
+        """Whether the temperature law of the PLC is the same at all positions."""
+        line = self.lines.get(self.axis)
+        coefficient = None if line is None else line.coefficient
+        return isinstance(coefficient, TemperatureCurve) and not np.any(
+            np.asarray(coefficient.values)
+        )

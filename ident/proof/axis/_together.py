@@ -1,0 +1,120 @@
+"""All that acts on one axis, on the readings of a measurement."""
+
+import dataclasses
+from collections.abc import Collection
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...exchange import LIST_UNITS, Motion
+from .._gate import GateCheck, gate_check
+from ._loaded import Loaded
+
+_SURE = 3.0
+"""Standard deviations of an rms figure, 1/√(2n) each, up to which it is no other."""
+_SLACK = 1.1
+"""What other tables add by their own noise: a tenth of the error that is left."""
+_WILD = 6.0
+"""Robust standard deviations from the middle beyond which a reading is left out."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Together:
+    """What is left of the error of one measurement, by one list alone and by all.
+
+    Attributes:
+        measurement: Its name.
+        compensation: The fit that was made of it.
+        readings: How many count.
+        before: rms of the error as measured, in mm or °.
+        alone: rms with this list alone.
+        together: rms with all that will act on the axis.
+        limit: Largest rms that passes.
+    """
+
+    measurement: str
+    compensation: str
+    readings: int
+    before: float
+    alone: float
+    together: float
+    limit: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether all together leave no more than the fit promises."""
+        return self.together <= self.limit
+
+    def check(self, unit: str) -> GateCheck:
+        """Return the line of the gate."""
+        where = f"rms of measurement {self.measurement}, all that acts together"
+        return gate_check("axis error", self.together, self.limit, unit, where)
+
+
+def added_beyond(
+    after: Loaded, before: Loaded, active: Collection[str], motion: Motion
+) -> dict[str, Float[np.ndarray, " t"]]:
+    """Return what each compensation adds beyond what acted while measuring, mm or °.
+
+    Args:
+        after: What will act.
+        before: The lists that the controller had while measuring.
+        active: Compensations that were on then. What no list holds is taken to act on as
+            it did.
+        motion: Where the readings are.
+
+    Raises:
+        ExchangeError: If a list makes no table, or the motion lacks a position.
+    """
+    added = after.parts(motion)
+    was = [name for name in active if name in before.used]
+    if not was:
+        return added
+    for name, value in before.parts(motion).items():
+        if name in was:
+            added[name] = added[name] - value if name in added else -value
+    return added
+
+
+def judge_together(
+    name: str,
+    compensation: str,
+    error: Float[np.ndarray, " t"],
+    added: dict[str, Float[np.ndarray, " t"]],
+    predicted: float | None,
+    about_zero: bool,
+) -> Together:
+    """Return what is left of a measurement by one list alone, and by all together.
+
+    Args:
+        name: Of the measurement.
+        compensation: Of the fit that was made of it.
+        error: As measured, in mm or °.
+        added: By compensation (`added_beyond`).
+        predicted: rms on readings that the fit did not see, or None.
+        about_zero: The zero of the error is known; else it is judged about its middle.
+    """
+    alone = error + added.get(compensation, 0.0)
+    together = error + np.sum(list(added.values()), axis=0)
+    sound = _sound(alone)
+    count, left = int(sound.sum()), _rms(alone[sound], about_zero)
+    sure = _SLACK + _SURE / np.sqrt(2.0 * max(count, 1))
+    return Together(
+        measurement=name,
+        compensation=compensation,
+        readings=count,
+        before=_rms(error[sound], about_zero),
+        alone=left,
+        together=_rms(together[sound], about_zero),
+        limit=float(max(left, predicted or 0.0) * sure) + 1.0 / LIST_UNITS,
+    )
+
+
+def _sound(left: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+    away = np.abs(left - np.median(left))
+    return np.asarray(away <= _WILD * 1.4826 * np.median(away) + 1.0 / LIST_UNITS)
+
+
+def _rms(values: Float[np.ndarray, " t"], about_zero: bool) -> float:
+    middle = 0.0 if about_zero else float(np.median(values))
+    return float(np.sqrt(np.mean(np.square(values - middle))))

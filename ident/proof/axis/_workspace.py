@@ -1,0 +1,207 @@
+"""All that acts on one axis, over the whole travel: one table, and its gate."""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...exchange import Motion, reversal_cycles
+from .._dynamics import GateTable
+from .._gate import GateCheck, GateLimits, gate_check, judge
+from ._loaded import Loaded
+
+Span = tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Travel:
+    """Where the axes of a machine go, and how warm they get.
+
+    Attributes:
+        names: Of the axes, by logical number.
+        spans: By logical number in mm or °: software limits, else where it was measured.
+        closed: Axes that motion never takes out of their span.
+        warmth: States of all sensors in °C that the temperature laws reach; one empty
+            state where nothing follows a sensor.
+        unit: Of what is added, ``mm`` or ``deg``.
+        cycle_time: In s.
+    """
+
+    names: Mapping[int, str]
+    spans: Mapping[int, Span]
+    closed: frozenset[int]
+    warmth: tuple[Mapping[str, float], ...]
+    unit: str
+    cycle_time: float
+
+
+def judge_workspace(
+    loaded: Loaded, travel: Travel, limits: GateLimits
+) -> tuple[GateCheck, ...]:
+    """Return the lines of the gate for the sum of all that acts on an axis.
+
+    Compensations that look at different axes are judged apart and brought together: their
+    largest offsets add up, their velocities as at right angles; of kinks and accelerations,
+    which do not come at one moment, the largest counts. ``max_jump`` is the largest sum,
+    which the axis moves by where everything comes or goes at once.
+
+    Raises:
+        ExchangeError: If a list makes no table.
+    """
+    parts = [_judged(loaded, travel, limits, part) for part in _parts(loaded)]
+    unit = "mm" if travel.unit == "mm" else "°"
+    low, high = (sum(part.bounds[k] for part in parts) for k in (0, 1))
+    total = max(abs(low), abs(high))
+    where = f"{' + '.join(loaded.used)} together"
+    found = {
+        "max_correction": gate_check("", total, limits.max_correction, unit, where)
+    }
+    names = dict.fromkeys(check.name for part in parts for check in part.lines)
+    for name in names:
+        if name in found:
+            continue
+        lines = [c for part in parts for c in part.lines if c.name == name]
+        top = max(lines, key=lambda check: check.value)
+        value = top.value
+        if name == "max_velocity":
+            value = math.hypot(*(check.value for check in lines))
+        found[name] = gate_check("", value, top.limit, top.unit, top.where)
+    together = [
+        dataclasses.replace(check, name=f"axis {name}") for name, check in found.items()
+    ]
+    jump = gate_check("max_jump", total, limits.max_jump, unit, f"{where}, at once")
+    return (*together, jump)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    """What compensations over the same axes add: smallest and largest, and their gate."""
+
+    bounds: tuple[float, float]
+    lines: tuple[GateCheck, ...]
+
+
+def _parts(loaded: Loaded) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
+    """Return which compensations look at the same axes, and at which."""
+    found: list[tuple[tuple[int, ...], tuple[str, ...]]] = []
+    for name in loaded.used:
+        if name == "crosstalk":
+            continue  # 0 where no axis accelerates
+        axes = loaded.inputs(name) or (loaded.axis,)
+        names: tuple[str, ...] = (name,)
+        for other in [one for one in found if set(one[0]) & set(axes)]:
+            found.remove(other)
+            axes = (*other[0], *(axis for axis in axes if axis not in other[0]))
+            names = (*other[1], *names)
+        found.append((axes, names))
+    return found
+
+
+def _judged(
+    loaded: Loaded,
+    travel: Travel,
+    limits: GateLimits,
+    part: tuple[tuple[int, ...], tuple[str, ...]],
+) -> _Part:
+    """Return the worst of each line over the states of the sensors."""
+    axes, names = part
+    nodes = [_nodes(loaded, travel, names, axis) for axis in axes]
+    # `[j, i]`, as the gate takes a plane: master 1 runs fastest.
+    grid = np.meshgrid(*reversed(nodes), indexing="ij")
+    places = dict(zip(reversed(axes), (each.ravel() for each in grid), strict=True))
+    others = {axis for name in loaded.used for axis in loaded.inputs(name)} - set(axes)
+    count = len(places[axes[0]])
+    places |= {axis: np.full(count, _middle(travel, axis)) for axis in others}
+    screw: Any = loaded.models.get("leadscrew")
+    turns = "backlash" in names or ("leadscrew" in names and screw.bilateral)
+    ways = (1, -1) if turns else (1,)
+    bounds, lines = (0.0, 0.0), dict[str, GateCheck]()
+    for warm in travel.warmth:
+        branches = []
+        for way in ways:
+            motion = Motion(
+                positions=places,
+                directions={loaded.axis: np.full(count, way)},
+                time=None,
+                temperatures={
+                    sensor: np.full(count, value) for sensor, value in warm.items()
+                },
+            )
+            added = loaded.parts(motion)
+            total = np.sum([added[name] for name in names], axis=0)
+            branches.append(total.reshape([len(each) for each in reversed(nodes)]))
+        bounds = (
+            min(bounds[0], *(float(b.min()) for b in branches)),
+            max(bounds[1], *(float(b.max()) for b in branches)),
+        )
+        for check in judge(_table(loaded, travel, axes, nodes, branches), limits):
+            if check.name not in lines or check.value > lines[check.name].value:
+                lines[check.name] = check
+    return _Part(bounds, tuple(lines.values()))
+
+
+def _table(
+    loaded: Loaded,
+    travel: Travel,
+    axes: Sequence[int],
+    nodes: Sequence[Float[np.ndarray, " _n"]],
+    branches: Sequence[Float[np.ndarray, "..."]],
+) -> GateTable:
+    machine = next((one for one in loaded.lists if one.kind == "axis"), None)
+    return GateTable(
+        names=tuple(travel.names.get(axis, f"axis {axis}") for axis in axes),
+        nodes=tuple(nodes),
+        offset=branches,
+        change=None,
+        closed=tuple(axis in travel.closed for axis in axes),
+        periodic=False,
+        unit=travel.unit,
+        cycles=reversal_cycles(machine),
+        cycle_time=travel.cycle_time,
+    )
+
+
+def _nodes(
+    loaded: Loaded, travel: Travel, names: Sequence[str], axis: int
+) -> Float[np.ndarray, " n"]:
+    """Return the nodes of all tables over one axis, and the ends of its travel."""
+    found = [np.asarray(travel.spans.get(axis, ()), dtype=float)]
+    for name in names:
+        model: Any = loaded.models[name]
+        over = loaded.inputs(name)
+        if name == "plane":
+            found += [
+                np.asarray(own.positions)
+                for master, own in zip(over, (model.nodes1, model.nodes2), strict=True)
+                if master == axis
+            ]
+        elif name in ("cross", "leadscrew") and axis in over:
+            found.append(np.asarray(model.nodes.positions))
+    rows = np.unique(np.concatenate(found))
+    if axis in travel.closed:
+        low, high = travel.spans[axis]
+        rows = rows[(rows >= low) & (rows <= high)]
+    if len(rows) < 2:
+        middle = float(rows[0]) if len(rows) else 0.0
+        rows = np.array([middle, middle + 1.0])
+    return rows
+
+
+def _middle(travel: Travel, axis: int) -> float:
+    return float(np.mean(travel.spans.get(axis, (0.0, 0.0))))
+
+
+def warm_states(
+    curves: Mapping[str, Sequence[float]],
+) -> tuple[Mapping[str, float], ...]:
+    """Return every combination of the temperatures of several sensors.
+
+    Args:
+        curves: Temperatures in °C by sensor at which its laws have their nodes.
+    """
+    every = itertools.product(*curves.values())
+    return tuple(dict(zip(curves, state, strict=True)) for state in every)

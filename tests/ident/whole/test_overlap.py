@@ -1,0 +1,94 @@
+"""New tables beside those that act already: fitted to the rest, or refused by name."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile
+
+from .mill import AXES, CROSS, PLANE, cross_list, edge, fit, left_over, measured, probe
+
+ON = "kopf.achs_nr 3\nlr_param.crosscomp 1\n"
+
+
+def test_cross_and_plane_from_two_files_do_not_correct_twice(tmp_path: Path) -> None:
+    edge(tmp_path)
+    probe(tmp_path)
+    text = AXES + measured("edge") + measured("probe") + CROSS + PLANE
+    assert fit(tmp_path, text) == 0
+    left = left_over(ListFile.read(tmp_path / "out" / "achskw3.lis"))
+    # Twice would leave 60 µm; 0.1 µm of noise on two readings per node, and two tables.
+    assert np.ptp(left) < 1e-3
+    whole = json.loads((tmp_path / "out" / "result.json").read_text())["whole"]["Z"]
+    assert set(whole["compensations"]) == {"cross", "plane"}
+
+
+def test_plane_first_takes_the_readings_of_the_cross_into_account(
+    tmp_path: Path,
+) -> None:
+    edge(tmp_path)
+    probe(tmp_path)
+    text = AXES + measured("edge") + measured("probe") + PLANE + CROSS
+    assert fit(tmp_path, text) == 0
+    assert np.ptp(left_over(ListFile.read(tmp_path / "out" / "achskw3.lis"))) < 1e-3
+
+
+def test_later_table_whose_readings_lack_a_master_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edge(tmp_path)
+    probe(tmp_path)
+    alone = measured("edge").replace('"X.position" = "x"\n', "")
+    assert fit(tmp_path, AXES + alone + measured("probe") + PLANE + CROSS) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "found no X.position" in said
+    assert "group" in said
+    assert not (tmp_path / "out" / "achskw3.lis").exists()
+
+
+def test_plane_beside_a_cross_that_was_off_is_fitted_to_the_rest(
+    tmp_path: Path,
+) -> None:
+    probe(tmp_path)
+    (tmp_path / "z.lis").write_text(cross_list())
+    (tmp_path / "zm.lis").write_text(ON)
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    assert fit(tmp_path, axes + measured("probe", "active = []") + PLANE) == 0
+    left = left_over(ListFile.read(tmp_path / "out" / "achskw3.lis"))
+    assert np.max(np.abs(left)) < 1e-3
+
+
+def test_plane_beside_a_cross_of_which_nothing_is_said_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    probe(tmp_path)
+    (tmp_path / "z.lis").write_text(cross_list())
+    (tmp_path / "zm.lis").write_text(ON)
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    assert fit(tmp_path, axes + measured("probe") + PLANE) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "measurements.probe.active" in said
+    assert 'active = ["cross"] if it was on, [] if it was off' in said
+
+
+def test_plane_beside_a_cross_that_may_act_asks_for_the_axis_list(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    probe(tmp_path)
+    (tmp_path / "z.lis").write_text(cross_list())
+    axes = AXES + 'list = "z.lis"\n'
+    assert fit(tmp_path, axes + measured("probe", "active = []") + PLANE) == 1
+    assert "machine_data = the axis list" in " ".join(capsys.readouterr().err.split())
+
+
+def test_plane_beside_a_cross_that_is_switched_off_replaces_it(tmp_path: Path) -> None:
+    probe(tmp_path)
+    (tmp_path / "z.lis").write_text(cross_list())
+    (tmp_path / "zm.lis").write_text(ON.replace("crosscomp 1", "crosscomp 0"))
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    assert fit(tmp_path, axes + measured("probe") + PLANE) == 0
+    machine = ListFile.read(tmp_path / "out" / "achsmds3.lis")
+    assert machine.integer("lr_param.crosscomp") == 0
+    assert machine.integer("lr_param.crosscomp2") == 1

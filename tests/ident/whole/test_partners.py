@@ -1,0 +1,201 @@
+"""Gantry partners, slopes of the temperature, backlash beside a bilateral table."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile
+
+from .mill import LIST_UNIT, NOISE, cross_list, fit, table
+
+PLACES = np.arange(0.0, 401.0, 100.0)
+SCREW = np.array([0.0, 0.012, 0.02, 0.011, -0.005])
+SLOPE = 50e-6
+WIDTH = 0.008
+
+JOB = """
+[axes.X]
+number = 1
+limits = [0, 400]
+{axis}
+[measurements.laser]
+file = "laser.csv"
+{active}
+columns = {{ "X.position" = "target", "X.error" = "error", "X.direction" = "way", "run" = "run" }}
+[[fits]]
+compensation = "leadscrew"
+axis = "X"
+measurement = "laser"
+bilateral = {bilateral}
+smoothness = 0
+start = 0.0
+interval = 100.0
+points = 5
+"""
+GANTRY = """
+[axes.X]
+number = 1
+limits = [0, 400]
+[axes.Y]
+number = 2
+limits = [0, 300]
+gantry = "Y2"
+[axes.Y2]
+number = 4
+limits = [0, 300]
+{partner}
+[measurements.line]
+file = "line.csv"
+columns = {{ "X.position" = "x", "Y.error" = "dy" }}
+[[fits]]
+compensation = "cross"
+axis = "Y"
+master = "X"
+measurement = "line"
+smoothness = 0
+start = 0.0
+interval = 50.0
+points = 9
+"""
+
+
+def laser(folder: Path, *, slope: float = 0.0, width: float = 0.0) -> None:
+    rng = np.random.default_rng(21)
+    there = np.arange(0.0, 401.0, 50.0)
+    target = np.tile(np.concatenate([there, there[::-1]]), 3)
+    way = np.tile(np.repeat([1, -1], len(there)), 3)
+    run = np.repeat([1, 2, 3], 2 * len(there))
+    error = np.interp(target, PLACES, SCREW) + slope * target
+    error = error + np.where(way < 0, width, 0.0)
+    error = error + NOISE * rng.standard_normal(len(target))
+    table(folder / "laser.csv", "target,error,way,run", target, error, way, run)
+
+
+def screw_by_hand(listing: ListFile, column: str = "pos") -> np.ndarray:
+    """Return what the table adds at its nodes, from its entries: offset = −entry."""
+    values = listing.table("kw.ssfk", column)
+    return np.array([-LIST_UNIT * values[k] for k in range(len(PLACES))])
+
+
+HEAT = (
+    "kopf.achs_nr 1\nlr_param.temp_comp 1\nlr_param.temp_comp_position_0 0\n"
+    "lr_param.temp_comp_offset_0 0\nlr_param.temp_comp_coefficient -50.0\n"
+    "lr_param.temp_comp_n_cycles 10\n"
+)
+"""An axis list that takes a slope of 50 µm/m away by itself."""
+
+
+def test_leadscrew_beside_an_active_slope_leaves_the_slope_to_it(
+    tmp_path: Path,
+) -> None:
+    laser(tmp_path, slope=SLOPE)
+    (tmp_path / "xm.lis").write_text(HEAT)
+    text = JOB.format(
+        axis='machine_data = "xm.lis"', active="active = []", bilateral="false"
+    )
+    assert fit(tmp_path, text) == 0
+    listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
+    left = SCREW + SLOPE * PLACES - SLOPE * PLACES + screw_by_hand(listing)
+    # Twice the slope would leave 20 µm; 0.1 µm of noise on six readings per node.
+    assert np.ptp(left) < 5e-4
+    assert ListFile.read(tmp_path / "out" / "achsmds1.lis").integer(
+        "lr_param.temp_comp"
+    )
+
+
+def test_leadscrew_beside_a_slope_of_which_nothing_is_said_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laser(tmp_path, slope=SLOPE)
+    (tmp_path / "xm.lis").write_text(HEAT)
+    text = JOB.format(axis='machine_data = "xm.lis"', active="", bilateral="false")
+    assert fit(tmp_path, text) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "lr_param.temp_comp" in said
+    assert 'active = ["temperature"] if it was on, [] if it was off' in said
+    assert not (tmp_path / "out" / "achskw1.lis").exists()
+
+
+def test_bilateral_table_switches_the_backlash_of_the_axis_list_off(
+    tmp_path: Path,
+) -> None:
+    laser(tmp_path, width=WIDTH)
+    (tmp_path / "xm.lis").write_text(
+        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 80\n"
+    )
+    text = JOB.format(
+        axis='machine_data = "xm.lis"', active="active = []", bilateral="true"
+    )
+    assert fit(tmp_path, text) == 0
+    out = tmp_path / "out"
+    listing = ListFile.read(out / "achskw1.lis")
+    machine = ListFile.read(out / "achsmds1.lis")
+    back = 0.0 if not machine.integer("lr_param.anwahl_losekomp") else -WIDTH
+    left_up = SCREW + screw_by_hand(listing)
+    left_down = SCREW + WIDTH + screw_by_hand(listing, "neg") + back
+    assert np.ptp(np.concatenate([left_up, left_down])) < 5e-4
+    assert machine.integer("lr_param.anwahl_losekomp") == 0
+
+
+def test_half_a_gantry_is_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gantry(tmp_path)
+    assert fit(tmp_path, GANTRY.format(partner="")) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "FAILED gantry" in said
+    assert "Y2 is the gantry partner of Y and has no cross" in said
+    assert 'axis = "Y2"' in said
+    assert (tmp_path / "out" / "rejected" / "achskw2.lis").exists()
+
+
+def test_gantry_whose_partner_has_its_own_list_passes(tmp_path: Path) -> None:
+    gantry(tmp_path)
+    (tmp_path / "achskw4.lis").write_text(cross_list(number=4, master=1, size=0.03))
+    assert fit(tmp_path, GANTRY.format(partner='list = "achskw4.lis"')) == 0
+    whole = json.loads((tmp_path / "out" / "result.json").read_text())["whole"]["Y"]
+    assert [c["passed"] for c in whole["gate"] if c["name"] == "gantry"] == [True]
+
+
+def gantry(folder: Path) -> None:
+    rng = np.random.default_rng(22)
+    x = np.tile(np.arange(0.0, 401.0, 25.0), 2)
+    error = 0.03 * np.sin(np.pi * x / 400.0) + NOISE * rng.standard_normal(len(x))
+    table(folder / "line.csv", "x,dy", x, error)
+
+
+def test_slope_that_leadscrew_and_temperature_both_correct_is_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(24)
+    laser(tmp_path, slope=SLOPE)
+    text = (tmp_path / "laser.csv").read_text().splitlines()
+    warm = [f"{row},{'t' if k == 0 else 30.0}" for k, row in enumerate(text)]
+    (tmp_path / "laser.csv").write_text("\n".join(warm) + "\n")
+    heat = np.repeat(np.linspace(18.0, 32.0, 15), len(PLACES))
+    place = np.tile(PLACES, 15)
+    # 50 µm/m at 30 °C, the state in which the laser measured, and none at 20 °C.
+    error = 0.1 * SLOPE * (heat - 20.0) * place + NOISE * rng.standard_normal(len(heat))
+    table(tmp_path / "warm.csv", "place,e,t", place, error, heat)
+    job = JOB.format(axis="", active="", bilateral="false").replace(
+        '"run" = "run" }', '"run" = "run", "temperature.frame" = "t" }'
+    )
+    job += """
+[measurements.warm]
+file = "warm.csv"
+columns = { "X.position" = "place", "X.error" = "e", "temperature.frame" = "t" }
+[[fits]]
+compensation = "temperature"
+axis = "X"
+measurement = "warm"
+sensor = "frame"
+reference = 0.0
+"""
+    assert fit(tmp_path, job) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "FAILED axis error" in said
+    assert "correct the same error" in said
+    assert "material_temperature" in said
+    assert (tmp_path / "out" / "rejected" / "achskw1.lis").exists()

@@ -1,0 +1,118 @@
+"""What an axis does by itself where a compensation comes or goes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile
+from axcomp.ident.exchange import controller_from_lists
+from axcomp.ident.proof.axis import largest_step, switching_cycles
+from axcomp.models import CompCommand, Conventions, Motion, commanded
+
+from .mill import AXES, CROSS, cross_list, edge, fit, measured
+
+
+def steps_of(listing: ListFile, y: float) -> np.ndarray:
+    """Return what the controller moves Z by per cycle, where COMP ON comes at rest."""
+    controller = controller_from_lists([listing], Conventions(), axes=[2, 3])
+    still = np.zeros((40, 2))
+    place = still + np.array([y, 0.0])
+    off = CompCommand(0, 1, False, ("cross",))
+    on = CompCommand(5, 1, True, ("cross",))
+    active = commanded(controller, 40, [off, on])
+    offsets, _ = controller.run(
+        controller.start(), Motion(place, still, still, active=active)
+    )
+    return np.diff(np.asarray(offsets.offset[:, 1]))
+
+
+def test_switching_a_sag_is_spread_by_n_cycles_in_the_list(tmp_path: Path) -> None:
+    edge(tmp_path, size=0.12)
+    assert fit(tmp_path, AXES + measured("edge") + CROSS) == 0
+    listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
+    # 120 µm at mid travel; the smallest number of cycles that keeps 20 µm in each.
+    assert listing.integer("kw.crosscomp.n_cycles") == 10
+    steps = np.abs(steps_of(listing, 150.0))
+    assert 0.015 < steps.max() <= 0.02
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    (check,) = [c for c in result["fits"][0]["gate"] if c["name"] == "max_switching"]
+    # The gate says what the controller does, and of the largest offset, some µm more.
+    assert check["value"] == pytest.approx(steps.max(), rel=0.05)
+    assert any(
+        "n_cycles 10 spreads it" in r["message"] for r in result["fits"][0]["remarks"]
+    )
+
+
+def test_small_table_needs_no_n_cycles(tmp_path: Path) -> None:
+    edge(tmp_path, size=0.01)
+    assert fit(tmp_path, AXES + measured("edge") + CROSS) == 0
+    listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
+    assert listing.integer("kw.crosscomp.n_cycles") is None
+
+
+def test_sag_of_almost_a_millimetre_is_stopped_and_says_what_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edge(tmp_path, size=0.9)
+    assert fit(tmp_path, AXES + measured("edge") + CROSS) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "FAILED max_switching" in said
+    assert "FAILED max_jump" in said
+    assert "datum" in said
+    listing = ListFile.read(tmp_path / "out" / "rejected" / "achskw3.lis")
+    assert listing.integer("kw.crosscomp.n_cycles") == 20
+    # Truth, by the controller: 0.9 mm within 20 cycles is more than 20 µm in one.
+    assert np.abs(steps_of(listing, 150.0)).max() > 0.06
+    assert not (tmp_path / "out" / "achskw3.lis").exists()
+
+
+def test_sag_passes_where_the_builder_allows_it(tmp_path: Path) -> None:
+    edge(tmp_path, size=0.9)
+    gate = (
+        "[gate]\nmax_switching = 0.1\nmax_jump = 1.0\nmax_step = 1.0\nmax_slope = 50\n"
+    )
+    assert fit(tmp_path, AXES + measured("edge") + CROSS + gate) == 0
+    listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
+    assert np.abs(steps_of(listing, 150.0)).max() <= 0.1
+
+
+def test_n_cycles_of_the_job_is_kept_and_judged(tmp_path: Path) -> None:
+    edge(tmp_path, size=0.12)
+    assert fit(tmp_path, AXES + measured("edge") + CROSS + "n_cycles = 3\n") == 1
+    (check,) = [
+        c
+        for c in json.loads((tmp_path / "out" / "result.json").read_text())["fits"][0][
+            "gate"
+        ]
+        if c["name"] == "max_switching"
+    ]
+    assert not check["passed"]
+    assert "kw.crosscomp.n_cycles 3" in check["where"]
+
+
+def test_existing_n_cycles_that_is_enough_stays(tmp_path: Path) -> None:
+    edge(tmp_path, size=0.12)
+    (tmp_path / "z.lis").write_text(cross_list(size=0.11))
+    (tmp_path / "zm.lis").write_text("kopf.achs_nr 3\nlr_param.crosscomp 1\n")
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    assert fit(tmp_path, axes + measured("edge") + CROSS) == 0
+    listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
+    assert listing.integer("kw.crosscomp.n_cycles") == 20
+
+
+def test_largest_step_is_that_of_the_filter_of_the_controller() -> None:
+    listing = ListFile.parse(cross_list(size=0.12).encode())
+    found = np.abs(steps_of(listing, 150.0)).max()
+    assert largest_step(0.12, 20) == pytest.approx(found, rel=1e-9)
+    assert largest_step(0.12, 1) == largest_step(0.12, 0) == 0.12
+
+
+def test_no_smaller_number_of_cycles_would_do() -> None:
+    for jump in (0.021, 0.05, 0.11, 0.25):
+        cycles = switching_cycles(jump, 0.02)
+        assert cycles is not None
+        assert largest_step(jump, cycles) <= 0.02 < largest_step(jump, cycles - 1)
+    assert switching_cycles(0.019, 0.02) is None
+    assert switching_cycles(0.9, 0.02) == 20
