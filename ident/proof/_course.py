@@ -9,8 +9,6 @@ from jaxtyping import Float
 
 _FORGOTTEN = 40.0
 """Time constants of the loop after which nothing is left of how it began."""
-_PIECE = 256
-"""Cycles."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,23 +68,13 @@ class Course:
         """How much of a deviation of this axis lies along the radius in these cycles."""
         return np.asarray(np.cos(self.phase[self.before :]))
 
-    def deviation(
-        self, places: Float[np.ndarray, "t 2 j"]
-    ) -> Float[np.ndarray, "j 2 s"]:
-        """Return the radial deviation of axes that are at these places, in mm.
+    def deviation(self, places: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, "2 s"]:
+        """Return the radial deviation in mm of axes that are at these places.
 
         This axis has cos of the angle; the other one does not err.
         """
-        shown = places[self.before :]
-        wanted = self.motion[self.before :, 0, None, None]
-        along = self.radial[:, None, None]
-        found = np.empty((*shown.shape[:0:-1], len(shown)))
-        # Rows become columns in pieces that a cache holds.
-        for start in range(0, len(shown), _PIECE):
-            part = slice(start, start + _PIECE)
-            off = (shown[part] - wanted[part]) * along[part]
-            found[:, :, part] = off.transpose(2, 1, 0)
-        return found
+        off = places[self.before :] - self.motion[self.before :, :1]
+        return np.asarray(off.T * self.radial)
 
 
 @functools.lru_cache(maxsize=8)
