@@ -330,11 +330,12 @@ class Weights:
                 law[fixed:, place] = signs
             else:
                 law[free.fixed_names.index(name), place] = 1.0
-        starts, gains = structure.starts(equation.speed_range), []
-        for shape in starts:
-            law[fixed:, own:] = signs[:, None] * structure.columns(velocity, shape)
-            sums = law.T @ self.sums
-            gains.append(sums[:, -1] @ ridged(sums[:, :-1] @ law, sums[:, -1]))
+        starts = structure.starts(equation.speed_range)
+        laws = np.repeat(law[None], len(starts), axis=0)
+        laws[:, fixed:, own:] = signs[:, None] * structure.over_shapes(velocity, starts)
+        sums = np.swapaxes(laws, 1, 2) @ self.sums
+        factors = ridged(sums[:, :, :-1] @ laws, sums[:, :, -1])
+        gains = np.einsum("nk,nk->n", sums[:, :, -1], factors)
         return np.asarray(starts[np.argmax(gains)])
 
 

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ...models import (
     AbstractFriction,
@@ -84,6 +84,7 @@ def circular_test(
         jnp.asarray(out_unit),
         jnp.asarray(course.motion),
         jnp.asarray(course.gains),
+        jnp.asarray(course.arcs),
     )
     without, with_list = course.deviation(np.asarray(run))
     return CircularTest(
@@ -103,12 +104,16 @@ def _filled_up(compensation: FrictionCompensation) -> FrictionCompensation:
         return compensation
     lack = -table.nodes.count % _ENTRIES
     points, values = np.asarray(table.nodes.points), np.asarray(table.values)
-    wide = max(points[-1], 1.0) * np.arange(1.0, lack + 1.0)
-    return eqx.tree_at(
-        lambda each: (each.law.nodes.points, each.law.values),
-        compensation,
-        (np.append(points, points[-1] + wide), np.pad(values, (0, lack), "edge")),
+    beyond = points[-1] + max(points[-1], 1.0) * np.arange(1.0, lack + 1.0)
+    longer = {
+        id(table.nodes.points): np.append(points, beyond),
+        id(table.values): np.pad(values, (0, lack), "edge"),
+    }
+    leaves, tree = jax.tree.flatten(compensation)
+    found: FrictionCompensation = jax.tree.unflatten(
+        tree, [longer.get(id(leaf), leaf) for leaf in leaves]
     )
+    return found
 
 
 @eqx.filter_jit
@@ -119,8 +124,9 @@ def _follow(
     out_unit: Float[Array, ""],
     motion: Float[Array, "t 3"],
     gains: Float[Array, " 4"],
-) -> Float[Array, "t 2"]:
-    """Return where the axis is in each cycle, in mm, without and with its list.
+    arcs: Int[Array, "s a"],
+) -> Float[Array, "s a2"]:
+    """Return where the axis is on each arc, in mm: all without, then all with its list.
 
     A step of the second order per cycle, over which the drive pushes evenly. Where an
     axis comes to rest on the way, the rest of the cycle begins anew from there. What
@@ -129,21 +135,23 @@ def _follow(
     """
     start = compensation.start()
     listed = compensation.run(start, motion[:, 0], motion[:, 1])[0]
-    added = out_unit * jnp.stack([jnp.zeros_like(listed), listed], axis=1)
+    added = out_unit * listed[arcs]
+    added = jnp.concatenate([jnp.zeros_like(added), added], axis=1)
+    motion = jnp.concatenate([motion[arcs], motion[arcs]], axis=1)
     kv, kp, per_time, cycle = gains
 
     def slowing(speed: Array, way: Array) -> Array:
         found: Array = law.level(speed, way) / inertia
         return found
 
-    rest = jnp.zeros(2)
+    rest = jnp.zeros(added.shape[1])
     held = slowing(rest, rest + 1.0), slowing(rest, rest - 1.0)
 
     def cycle_of(
         state: tuple[Array, Array, Array, Array], now: tuple[Array, Array]
     ) -> tuple[tuple[Array, Array, Array, Array], Array]:
         place, speed, integral, taken = state
-        (wanted, fast, push), extra = now
+        (wanted, fast, push), extra = now[0].T, now[1]
         lag = fast + kv * (wanted - place) - speed
         integral = integral + kp * per_time * lag * cycle
         free = push + kp * lag + integral + extra / inertia
@@ -168,7 +176,7 @@ def _follow(
         taken = jnp.where(goes_on, taken, holds)
         return (place_after, speed_after, integral, taken), place
 
-    place, speed = motion[0, 0] + rest, motion[0, 1] + rest
+    place, speed = motion[0, :, 0], motion[0, :, 1]
     taken = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
     state = place, speed, rest, taken
     return jax.lax.scan(cycle_of, state, (motion, added), unroll=_UNROLL)[1]

@@ -5,10 +5,12 @@ import functools
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _FORGOTTEN = 40.0
 """Time constants of the loop after which nothing is left of how it began."""
+_ARCS = 8
+"""Parts of a circle that are followed side by side."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,13 +70,27 @@ class Course:
         """How much of a deviation of this axis lies along the radius in these cycles."""
         return np.asarray(np.cos(self.phase[self.before :]))
 
-    def deviation(self, places: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, "2 s"]:
+    @functools.cached_property
+    def arcs(self) -> Int[np.ndarray, "s a"]:
+        """Cycles of the arcs of the turn that is shown; each begins that much before it.
+
+        Where the loop has forgotten by then how it began, they are followed side by side.
+        """
+        many = _ARCS if self.before < 2 * len(self.angle) else 1
+        length = -(-len(self.angle) // many)
+        cycles = np.arange(self.before + length)[:, None] + length * np.arange(many)
+        return np.asarray(np.minimum(cycles, len(self.phase) - 1))
+
+    def deviation(self, places: Float[np.ndarray, "s a2"]) -> Float[np.ndarray, "2 t"]:
         """Return the radial deviation in mm of axes that are at these places.
 
         This axis has cos of the angle; the other one does not err.
+
+        Args:
+            places: In mm, on each of the arcs, first of one axis, then of the other.
         """
-        off = places[self.before :] - self.motion[self.before :, :1]
-        return np.asarray(off.T * self.radial)
+        shown = places[self.before :].T.reshape(2, -1)[:, : len(self.angle)]
+        return np.asarray((shown - self.motion[self.before :, 0]) * self.radial)
 
 
 @functools.lru_cache(maxsize=8)
