@@ -96,8 +96,10 @@ class StribeckFriction(AbstractFriction):
 
 
 def stribeck_columns(
-    speed: Float[np.ndarray, " t"], velocity: float, shape: float
-) -> Float[np.ndarray, "3 t"]:
+    speed: Float[np.ndarray, " t"],
+    velocity: float | Float[np.ndarray, "n 1"],
+    shape: float | Float[np.ndarray, "n 1"],
+) -> Float[np.ndarray, "3 *n t"]:
     r"""Return the column of $s - c$ in `StribeckFriction` and its derivatives, by NumPy.
 
     The share of the break-away excess that is left at speeds, $e^{-(|v|/v_s)^\delta}$, then its
@@ -105,8 +107,8 @@ def stribeck_columns(
 
     Args:
         speed: |v| in mm/s or °/s.
-        velocity: Stribeck velocity $v_s$ in the same unit.
-        shape: Exponent $\delta$.
+        velocity: Stribeck velocity $v_s$ in the same unit, or one per row of the columns.
+        shape: Exponent $\delta$, likewise.
     """
     decay, power, raised = _decay(np, speed, velocity, shape)
     both = power * decay

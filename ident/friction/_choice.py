@@ -11,7 +11,7 @@ from ..core import FitError, one_blas_thread
 from ._equation import Equation, Known, equation_of, ridged, weigh
 from ._inverse import METHOD, FrictionFit, assemble, fit_carried, part_offset
 from ._samples import DriveSamples
-from ._separable import Rows, Solution
+from ._separable import Solution, View
 from ._structures import (
     KNOTS,
     AbstractStructure,
@@ -136,7 +136,7 @@ def choose_law(
     kinds = tuple(structures or default_structures(equation))
     with one_blas_thread():
         weights = weigh(equation, loss)
-        found: dict[AbstractStructure, tuple[Candidate, tuple[WindowLaw, ...]]] = {}
+        found: dict[AbstractStructure, _HeldOut] = {}
         near: dict[tuple[str, ...], Float[np.ndarray, " h"]] = {}
         fits: dict[AbstractStructure, FrictionFit] = {}
         spoken, candidates = [], []
@@ -157,9 +157,7 @@ def choose_law(
             if spoken[-1] not in found:
                 found[spoken[-1]] = _hold_out(asked, solution, weights.limit, window)
             parameters = len(kind.names) + len(kind.shapes)
-            own = found[spoken[-1]][0]
-            own = dataclasses.replace(own, structure=kind, parameters=parameters)
-            candidates.append(own)
+            candidates.append(found[spoken[-1]].candidate(kind, parameters))
         chosen, best = _order(candidates)
         if kinds[chosen] not in fits:
             carried = fit_carried(equation.with_structure(kinds[chosen]), weights)
@@ -175,7 +173,7 @@ def choose_law(
         candidates=tuple(candidates),
         windows=windows,
         window=window[np.searchsorted(between, np.arange(len(samples.time)))],
-        without=found[spoken[chosen]][1],
+        without=found[spoken[chosen]].laws,
     )
 
 
@@ -217,12 +215,64 @@ def _windows(equation: Equation, windows: int) -> Int[np.ndarray, " s"]:
     return np.minimum((share * windows).astype(np.int64), windows - 1)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class _HeldOut:
+    """A law solved without each window.
+
+    Attributes:
+        equation: Of the law.
+        factors: Linear factors without each window, as fitted.
+        shapes: Logarithms of the shape likewise.
+        square: Mean square of the force error in each window, relative to the load's.
+        fitted: The same of all rows, of the law fitted to them.
+    """
+
+    equation: Equation
+    factors: Float[np.ndarray, "w k"]
+    shapes: Float[np.ndarray, "w h"]
+    square: Float[np.ndarray, " w"]
+    fitted: float
+
+    def candidate(self, structure: AbstractStructure, parameters: int) -> Candidate:
+        """Return how the law predicts, in the name of one that it stands for."""
+        mean, spread = float(self.square.mean()), float(np.std(self.square, ddof=1))
+        count = len(self.square)
+        return Candidate(
+            structure=structure,
+            parameters=parameters,
+            window_error=np.sqrt(self.square),
+            error=float(np.sqrt(mean)),
+            standard_error=spread / float(np.sqrt(4.0 * max(mean, 1e-300) * count)),
+            fitted_error=float(np.sqrt(self.fitted)),
+        )
+
+    @property
+    def laws(self) -> tuple[WindowLaw, ...]:
+        """The laws without each window."""
+        known, names = self.equation.known, self.equation.fixed_names
+        to_offset, to_law = part_offset(self.equation)
+        nothing = np.zeros(len(self.factors))
+        inertia = nothing + (known.inertia or 0.0)
+        offset = nothing + (known.offset or 0.0)
+        if "inertia" in names:
+            inertia = self.factors[:, 0]
+        if to_offset is not None:
+            offset = self.factors @ to_offset
+        elif "offset" in names:
+            offset = self.factors[:, names.index("offset")]
+        laws = zip(self.factors @ to_law.T, self.shapes, inertia, offset, strict=True)
+        return tuple(
+            WindowLaw(self.equation.structure, own, shape, float(push), float(load))
+            for own, shape, push, load in laws
+        )
+
+
 def _hold_out(
     equation: Equation,
     solution: Solution,
     limit: float,
     window: Int[np.ndarray, " s"],
-) -> tuple[Candidate, tuple[WindowLaw, ...]]:
+) -> _HeldOut:
     """Solve a law without each window, by the sums of all rows less those of the window.
 
     Args:
@@ -232,68 +282,34 @@ def _hold_out(
         window: Of each row.
     """
     own, target, shape = solution.columns, equation.target, solution.shape
-    share, size, used = solution.share, len(solution.factors), equation.usable
-    rows = Rows(equation, share, shape)
-    right = rows.root * np.column_stack([own, target])
-    left = rows.seen(right[:, :-1])
+    size, rows, used = len(solution.factors), solution.rows, equation.usable
     edges = np.searchsorted(window, np.arange(window[-1] + 2)).tolist()
     reach, spans = equation.lowpass.reach, list(itertools.pairwise(edges))
     # Rows beside a window share samples with it by the filter.
     near = [slice(max(a - reach, 0), b + reach) for a, b in spans]
-    total = left.T @ right
-    sums = np.stack([total - left[each].T @ right[each] for each in near])
+    sums = rows.sums - np.stack([rows.left[k].T @ rows.right[k] for k in near])
     prior = np.pad(solution.prior, (0, len(shape)))
     every = ridged(sums[:, :, :-1] + prior, sums[:, :, -1])
     factors, steps = every[:, :size], every[:, size:]
     bounds = equation.structure.bounds(equation.speed_range)
     shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *bounds)
-    error = np.empty(len(target))
-    for number, span in enumerate(slice(*each) for each in spans):
-        error[span] = target[span] - own[span] @ every[number]
-        if np.abs(steps[number]).max(initial=0.0) > _NEAR:
-            # Too far for tangents: factors anew at the shape they lead to.
-            kept = share.copy()
-            kept[near[number]] = 0.0
-            design = equation.design(shapes[number])
-            normal = Rows(equation, kept, shape).normal(design, target)
-            factors[number] = ridged(normal[:, :-1], normal[:, -1])
-            error[span] = target[span] - design[span] @ factors[number]
+    parts = [own[slice(*k)] @ each for k, each in zip(spans, every, strict=True)]
+    error = target - np.concatenate(parts)
+    for number in np.flatnonzero(np.abs(steps).max(axis=1, initial=0.0) > _NEAR):
+        # Too far for tangents: factors anew at the shape they lead to.
+        kept, held = solution.share.copy(), window == number
+        kept[near[number]] = 0.0
+        design = equation.design(shapes[number])
+        normal = View(equation, kept, shape).rows(design, target).sums
+        factors[number] = ridged(normal[:, :-1], normal[:, -1])
+        error[held] = target[held] - design[held] @ factors[number]
     load = float(np.mean(equation.load[used] ** 2))
     square = used * np.minimum(error**2, limit**2)
-    square = np.add.reduceat(square, edges[:-1]) / np.add.reduceat(
-        used * load, edges[:-1]
-    )
-    mean, spread = float(square.mean()), float(np.std(square, ddof=1))
-    fitted = np.minimum(solution.residual[used] ** 2, limit**2).mean() / load
-    found = Candidate(
-        structure=equation.structure,
-        parameters=size,
-        window_error=np.sqrt(square),
-        error=float(np.sqrt(mean)),
-        standard_error=spread / float(np.sqrt(4.0 * max(mean, 1e-300) * len(square))),
-        fitted_error=float(np.sqrt(fitted)),
-    )
-    return found, _window_laws(equation, factors, shapes)
-
-
-def _window_laws(
-    equation: Equation,
-    factors: Float[np.ndarray, "w k"],
-    shapes: Float[np.ndarray, "w h"],
-) -> tuple[WindowLaw, ...]:
-    """Return the laws of linear factors as fitted and logarithms of shapes."""
-    known, names = equation.known, equation.fixed_names
-    to_offset, to_law = part_offset(equation)
-    nothing = np.zeros(len(factors))
-    inertia, offset = nothing + (known.inertia or 0.0), nothing + (known.offset or 0.0)
-    if "inertia" in names:
-        inertia = factors[:, 0]
-    if to_offset is not None:
-        offset = factors @ to_offset
-    elif "offset" in names:
-        offset = factors[:, names.index("offset")]
-    laws = zip(factors @ to_law.T, shapes, inertia, offset, strict=True)
-    return tuple(
-        WindowLaw(equation.structure, own, shape, float(push), float(load))
-        for own, shape, push, load in laws
+    square = np.add.reduceat(square, edges[:-1])
+    return _HeldOut(
+        equation=equation,
+        factors=factors,
+        shapes=shapes,
+        square=square / np.add.reduceat(used * load, edges[:-1]),
+        fitted=np.minimum(solution.residual[used] ** 2, limit**2).mean() / load,
     )

@@ -98,8 +98,8 @@ class Lowpass:
 
     def __call__(self, columns: Float[np.ndarray, "t c"]) -> Float[np.ndarray, "s c"]:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
-        if self.factor == 1 or not columns.shape[1]:
-            return np.asarray(columns[self.centres])
+        if self.factor == 1:
+            return columns
         found = [np.zeros((0, columns.shape[1]))]
         return np.concatenate(found + [self._run(columns[run]) for run in self._runs])
 
@@ -138,7 +138,7 @@ class Equation:
     def with_structure(self, structure: AbstractStructure) -> "Equation":
         """Return the same rows for another kind of law; what they share is kept."""
         other = dataclasses.replace(self, structure=structure)
-        for name in (*_SHARED, "_beside", "_steady"):
+        for name in (*_SHARED, "_beside", "_directed", "_steady"):
             other.__dict__[name] = getattr(self, name)
         return other
 
@@ -222,44 +222,61 @@ class Equation:
         """Columns per direction that follow no shape, of all laws of the recording."""
         return {}
 
+    @cached_property
+    def _directed(self) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, "2 t"]]:
+        """Speed in mm/s, and the signs of both directions, sample by sample."""
+        velocity = self.samples.velocity
+        return np.abs(velocity), KnotTable(True).signs(velocity)
+
     def _of_each_way(
         self, profile: Float[np.ndarray, "t k"], signs: Float[np.ndarray, "w t"]
     ) -> Float[np.ndarray, "w s k"]:
         """Return columns over speed with the signs of each direction, filtered."""
-        rows = self.lowpass(np.hstack([sign[:, None] * profile for sign in signs]))
-        shape = len(rows), len(signs), profile.shape[1]
-        return np.moveaxis(rows.reshape(shape), 1, 0)
+        return np.stack([self.lowpass(sign[:, None] * profile) for sign in signs])
 
     @cached_property
     def steady(self) -> Float[np.ndarray, "w s k"]:
         """Columns of friction that follow no shape; those of both directions are kept."""
         each_way = dataclasses.replace(self.structure, directional=True)
         if each_way not in self._steady:
-            velocity = self.samples.velocity
-            profile = each_way.steady(np.abs(velocity))
-            self._steady[each_way] = self._of_each_way(
-                profile, each_way.signs(velocity)
-            )
+            speed, signs = self._directed
+            self._steady[each_way] = self._of_each_way(each_way.steady(speed), signs)
         found = self._steady[each_way]
         return found if self.structure.directional else found.sum(axis=0)[None]
 
     def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s c"]:
         """Return the column of each direction that follows the shape, and its derivatives."""
-        velocity = self.samples.velocity
-        profile = self.structure.falling(np.abs(velocity), shape)
-        return self._of_each_way(profile, self.structure.signs(velocity))
+        speed, signs = self._directed
+        if not self.structure.directional:
+            signs = signs.sum(axis=0)[None]
+        return self._of_each_way(self.structure.falling(speed, shape), signs)
+
+    def columns(
+        self, shape: Float[np.ndarray, " h"]
+    ) -> tuple[Float[np.ndarray, "s k"], Float[np.ndarray, "w s h"]]:
+        """Return all linear columns, those beside friction first, and slopes by the shape.
+
+        The slopes are those of the last column of each direction.
+        """
+        friction, slopes = (
+            self.steady,
+            np.zeros((self.structure.ways, len(self.load), 0)),
+        )
+        if self.structure.shapes:
+            own = self.falling(shape)
+            slopes = own[:, :, 1:]
+            friction = np.concatenate([friction, own[:, :, :1]], axis=2)
+        return np.hstack([self.beside, *friction]), slopes
 
     def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
         """Return all linear columns, those beside friction first."""
-        friction = np.concatenate([self.steady, self.falling(shape)[:, :, :1]], axis=2)
-        return np.hstack([self.beside, *friction])
+        return self.columns(shape)[0]
 
     def tangents(
-        self, shape: Float[np.ndarray, " h"], factors: Float[np.ndarray, " k"]
+        self, slopes: Float[np.ndarray, "w s h"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, "s h"]:
         """Return the derivatives of the load by the logarithms of the shape."""
         own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
-        slopes = self.falling(shape)[:, :, 1:]
         return np.asarray(np.tensordot(own[:, -1], slopes, 1))
 
     @cached_property
@@ -330,11 +347,12 @@ class Weights:
                 law[fixed:, place] = signs
             else:
                 law[free.fixed_names.index(name), place] = 1.0
-        starts, gains = structure.starts(equation.speed_range), []
-        for shape in starts:
-            law[fixed:, own:] = signs[:, None] * structure.columns(velocity, shape)
-            sums = law.T @ self.sums
-            gains.append(sums[:, -1] @ ridged(sums[:, :-1] @ law, sums[:, -1]))
+        starts = structure.starts(equation.speed_range)
+        laws = np.repeat(law[None], len(starts), axis=0)
+        laws[:, fixed:, own:] = signs[:, None] * structure.over_shapes(velocity, starts)
+        sums = np.swapaxes(laws, 1, 2) @ self.sums
+        factors = ridged(sums[:, :, :-1] @ laws, sums[:, :, -1])
+        gains = np.einsum("nk,nk->n", sums[:, :, -1], factors)
         return np.asarray(starts[np.argmax(gains)])
 
 

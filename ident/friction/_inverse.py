@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import block_diag
 
 from ...models import AbstractFriction
 from ..core import one_blas_thread
@@ -256,7 +255,9 @@ def assemble(
     linear = np.vstack([*beside, np.kron(np.eye(structure.ways), sums) @ to_law])
     natural = np.exp(solution.shape)
     values = np.concatenate([linear @ solution.factors, natural])
-    jacobian = np.asarray(block_diag(linear, np.diag(natural)), float)
+    jacobian = np.zeros((len(names), count + shapes))
+    jacobian[: len(linear), :count] = linear
+    jacobian[len(linear) :, count:] = np.diag(natural)
     undetermined = _undetermined(equation, solution, names, jacobian, parted)
     undetermined = dict(missing) | undetermined | dict(missing)
     open_ = np.array([name in undetermined for name in names], bool)

@@ -18,10 +18,12 @@ from ..core import FitError
 _PER_MM = 1000.0
 _PLACES = 60
 """Places between which lines are drawn, at least; three for each knot."""
-_STEPS = np.linspace(-1.0, 1.0, 7)
+_STEPS = np.linspace(-1.0, 1.0, 5)
 """Places beside a knot that are tried at a time, in reaches."""
-_REACHES = (0.1, 0.05, 0.02, 0.01, 0.9, 0.6, 0.3, 0.15, 0.08, 0.04, 0.02)
+_REACHES = (0.1, 0.03, 0.01, 0.8, 0.3, 0.1, 0.03)
 """Shares of the gap beside a knot in which better places are looked for, one after another."""
+_FLAT = 1e-12
+"""Slope below which a curve is flat, in list units."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,10 +105,11 @@ def place_knots(
     rms = unit * float(np.sqrt(curve.weight @ error**2))
     places = np.concatenate([np.ones(before), places, [beyond]])
     heights = np.concatenate([heights[:1]] * before + [heights, heights[-1:]])
-    wide, high_by = np.diff(places), np.diff(heights)
-    needed = np.ones(len(places), bool)  # not on the straight line of its neighbours
-    # The last two stay: they say that the table is flat from there on.
-    needed[1:-2] = (high_by[1:] * wide[:-1] != high_by[:-1] * wide[1:])[:-1]
+    # What lies on the straight line of its neighbours is left out; the last two stay: they
+    # say that the table is flat from there on.
+    wide, rise = np.diff(places), np.diff(heights)
+    needed = np.ones(len(places), bool)
+    needed[1:-2] = (rise[1:] * wide[:-1] != rise[:-1] * wide[1:])[:-1]
     velocities, out = (each[needed].astype(np.int64) for each in (places, heights))
     return Knots(velocities, out, unit, rms)
 
@@ -174,14 +177,14 @@ def _lines(curve: _Curve, low: int, high: int, count: int) -> Float[np.ndarray, 
     place, gap = curve.place, np.gradient(curve.place)
     bend = np.gradient(np.gradient(curve.height, place), place)
     dense = np.cumsum(gap * (bend**2 * curve.weight / gap) ** 0.2)
-    evenly = np.log(place / place[0]) / np.log(place[-1] / place[0])
-    share = evenly + 3.0 * dense / max(float(dense[-1]), 1e-300)
+    share = np.log(place / place[0]) / np.log(place[-1] / place[0])
+    share += 3.0 * dense / max(float(dense[-1]), 1e-300)
     among = np.linspace(share[0], share[-1], max(_PLACES, 3 * count))
     among = np.clip(np.round(np.interp(among, share, place)), low, high)
     among = np.unique([low, *among, high])
     if len(among) <= count:
         return among
-    costs = [curve.apart(among[:, None], among[None])] * (count - 1)
+    costs = [curve.apart(among[:, None], among)] * (count - 1)
     costs[0], costs[-1] = costs[0][:1], costs[-1][:, -1:]
     return np.asarray(among[[0, *_cheapest(costs)[1:-1], -1]])
 
@@ -204,27 +207,26 @@ def _finer(
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Return better whole places and whole heights of knots; the ends stay in place.
 
-    Candidates are what least squares wants at places beside, and a little aside. Rounding a
+    Candidates are whole heights around what least squares wants at places beside. Rounding a
     height costs most where the curve is steep; there the place moves to where nothing needs
-    rounding. Where it is flat both whole heights are candidates.
+    rounding.
     """
     heights, count = np.round(curve.heights(places)), len(places)
-    typical = np.sqrt(
-        curve.misfit(places[:-1], places[1:], heights[:-1], heights[1:]).sum()
-    )
+    lines = places[:-1], places[1:], heights[:-1], heights[1:]
+    typical = np.sqrt(curve.misfit(*lines).sum())
     slope = np.gradient(curve.height, curve.place)
     for reach in _REACHES:
         gap = reach * np.diff(places, prepend=places[0], append=places[-1])[:, None]
         near = places[:, None] + _STEPS * np.where(_STEPS > 0, gap[1:], gap[:-1])
-        off = (curve.heights(places) - curve.at(places))[:, None]
-        aside = max(2.0 * reach * typical, 1.0) * np.array([[-1.0], [0.0], [1.0]])
-        wanted = (curve.at(near) + off)[:, :, None, None] + aside
-        whole = np.floor(wanted) + np.array([0.0, 1.0])
-        lean = np.interp(near, curve.place, slope)
-        lean = np.where(np.abs(lean) > 1e-12, lean, 1e-12)[:, :, None, None]
-        room = np.ptp(near, axis=1)[:, None, None, None] / (2 * len(_STEPS))
-        tried = near[:, :, None, None] + np.clip((whole - wanted) / lean, -room, room)
-        x = np.column_stack([places, np.round(tried).reshape(count, -1)])
+        off = curve.heights(places) - curve.at(places)
+        wanted = (curve.at(near) + off[:, None])[:, :, None]
+        aside = max(1.0, np.round(2.0 * reach * typical))
+        whole = np.floor(wanted) + aside * np.arange(-1.0, 3.0)
+        lean = np.interp(near, curve.place, slope)[:, :, None]
+        shift = (whole - wanted) / np.where(np.abs(lean) > _FLAT, lean, _FLAT)
+        room = np.ptp(near, axis=1)[:, None, None] / (2 * len(_STEPS))
+        tried = np.round(near[:, :, None] + np.clip(shift, -room, room))
+        x = np.column_stack([places, tried.reshape(count, -1)])
         x = np.clip(x, places[0], places[-1])
         x[[0, -1]] = places[[0, -1], None]
         y = np.column_stack([heights, whole.reshape(count, -1)])

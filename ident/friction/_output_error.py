@@ -22,7 +22,7 @@ from ._choice import WindowLaw
 from ._equation import Equation, equation_of
 from ._inverse import FrictionFit, assemble, fit_inverse
 from ._samples import DriveSamples
-from ._separable import Solution, score_covariance
+from ._separable import Rows, Solution, score_covariance
 from ._simulate import (
     COUNT,
     PARAMETERS,
@@ -337,9 +337,10 @@ class _Task:
         equation, size = self.runs.equation, len(self.names)
         count = size - len(equation.structure.shapes)
         factors, shape = values[:count], values[count:size]
-        design, used = equation.design(shape), equation.usable
+        (design, slopes_of_law), used = equation.columns(shape), equation.usable
         residual = equation.target - design @ factors
-        tangents = equation.tangents(shape, factors)
+        tangents = equation.tangents(slopes_of_law, factors)
+        columns = np.hstack([design, tangents])
         thin = max(1, len(error) // _ROWS)
         scores = (slopes[: len(error), :size] * error[:, None])[::thin]
         inner, _ = score_covariance(scores, self.runs.run[::thin])
@@ -355,7 +356,8 @@ class _Task:
         solution = Solution(
             factors=factors,
             shape=shape,
-            columns=np.hstack([design, tangents]),
+            columns=columns,
+            rows=Rows(columns, columns),
             prior=np.zeros((count, count)),
             covariance=np.asarray(inverse @ inner @ inverse.T),
             null=np.zeros((count, 0)),

@@ -12,6 +12,7 @@ fit consistent under noise in velocity and acceleration.
 """
 
 import dataclasses
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -25,7 +26,7 @@ from ._equation import Equation, Weights, ridged
 
 _NULL = 1e-9
 """Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
-_TOLERANCE = 1e-8
+_TOLERANCE = 1e-6
 """Of cost and shape at the end of a search."""
 _AWAY, _FIRST_STEP = 5.0, 0.1
 """MINPACK bounds its first step by a share of the unknowns: so they stay away from 0."""
@@ -40,37 +41,6 @@ _LARGEST_LAG = 0.1
 """Longest lag as a share of the rows."""
 _STRONGEST = 0.97
 """Autocorrelation that a first-order model is taken to have at most."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Solution:
-    """Where a fit ended.
-
-    Attributes:
-        factors: Linear factors, those beside friction first.
-        shape: Logarithms of the non-linear parameters.
-        columns: Derivatives of the load per row by factors and shape.
-        prior: Precision of the factors by smoothness, relative to 1/noise².
-        covariance: Of factors and shape together, directions without information left out.
-        null: Directions of the factors that no row tells, as columns.
-        residual: Load − fit per row, in load units.
-        share: Weight that each row had, 0 to 1.
-        scale: Robust standard deviation of the residuals.
-        converged: Whether the search for the shape ended.
-        at_bound: Which shapes ended at the edge of what the data could tell.
-    """
-
-    factors: Float[np.ndarray, " k"]
-    shape: Float[np.ndarray, " h"]
-    columns: Float[np.ndarray, "s p"]
-    prior: Float[np.ndarray, "k k"]
-    covariance: Float[np.ndarray, "p p"]
-    null: Float[np.ndarray, "k z"]
-    residual: Float[np.ndarray, " s"]
-    share: Float[np.ndarray, " s"]
-    scale: float
-    converged: bool
-    at_bound: Bool[np.ndarray, " h"]
 
 
 def _rooted(
@@ -91,8 +61,8 @@ def _basis(columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s b"]:
 
 
 @final
-class Rows:
-    """Weighted rows of an equation; of a noisy motion, as its noise-free twin sees them."""
+class View:
+    """How the rows of an equation are seen: weighted, and through a noise-free motion."""
 
     def __init__(
         self,
@@ -104,19 +74,69 @@ class Rows:
         self._basis = None
         fine = equation.noise_free
         if fine is not None:
-            seen = np.hstack([fine.design(shape), *fine.falling(shape)[:, :, 1:]])
-            self._basis = _basis(self.root * seen)
+            design, slopes = fine.columns(shape)
+            self._basis = _basis(self.root * np.hstack([design, *slopes]))
 
     def seen(self, rows: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
         """Return weighted rows as they are seen."""
         return rows if self._basis is None else self._basis @ (self._basis.T @ rows)
 
-    def normal(
-        self, columns: Float[np.ndarray, "s k"], target: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, "k k1"]:
-        """Return the sums XᵀW [X, target]."""
-        rows = self.root * np.column_stack([columns, target])
-        return np.asarray(self.seen(rows[:, :-1]).T @ rows)
+    def rows(self, *columns: np.ndarray) -> "Rows":
+        """Return weighted rows of columns and, as the last of them, the target."""
+        weighted = self.root * np.column_stack(columns)
+        return Rows(self.seen(weighted[:, :-1]), weighted)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rows:
+    """Weighted rows of an equation.
+
+    Attributes:
+        left: Columns as they are seen.
+        right: Columns and target.
+    """
+
+    left: Float[np.ndarray, "s k"]
+    right: Float[np.ndarray, "s k1"]
+
+    @cached_property
+    def sums(self) -> Float[np.ndarray, "k k1"]:
+        """The sums XᵀW [X, target]."""
+        return np.asarray(self.left.T @ self.right)
+
+
+@dataclasses.dataclass(frozen=True)
+class Solution:
+    """Where a fit ended.
+
+    Attributes:
+        factors: Linear factors, those beside friction first.
+        shape: Logarithms of the non-linear parameters.
+        columns: Derivatives of the load per row by factors and shape.
+        rows: The same, weighted.
+        prior: Precision of the factors by smoothness, relative to 1/noise².
+        covariance: Of factors and shape together, directions without information left out.
+        null: Directions of the factors that no row tells, as columns.
+        residual: Load − fit per row, in load units.
+        share: Weight that each row had, 0 to 1.
+        scale: Robust standard deviation of the residuals.
+        converged: Whether the search for the shape ended.
+        at_bound: Which shapes ended at the edge of what the data could tell.
+    """
+
+    factors: Float[np.ndarray, " k"]
+    shape: Float[np.ndarray, " h"]
+    columns: Float[np.ndarray, "s p"]
+    rows: Rows
+    prior: Float[np.ndarray, "k k"]
+    covariance: Float[np.ndarray, "p p"]
+    null: Float[np.ndarray, "k z"]
+    residual: Float[np.ndarray, " s"]
+    share: Float[np.ndarray, " s"]
+    scale: float
+    converged: bool
+    at_bound: Bool[np.ndarray, " h"]
 
 
 def fit_equation(
@@ -151,9 +171,10 @@ def fit_equation(
     shape, converged = np.zeros(0), True
     if shapes:
         begin = weights.start(equation) if near is None else near
-        shape, converged = _search(equation, Rows(equation, share, begin), begin)
-    rows, design = Rows(equation, share, shape), equation.design(shape)
-    normal = rows.normal(design, equation.target)
+        shape, converged = _search(equation, View(equation, share, begin), begin)
+    view, (design, slopes) = View(equation, share, shape), equation.columns(shape)
+    rows = view.rows(design, equation.target)
+    normal = rows.sums
     if structure.bends is None:
         smoothness = 0.0
     elif smoothness is None:
@@ -165,18 +186,21 @@ def fit_equation(
     typical = median(np.abs(residual[equation.usable]))
     # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
     scale = 1.4826 * typical * float(np.sqrt(count / (count - parameters)))
-    columns = np.hstack([design, equation.tangents(shape, factors)])
+    columns = design
+    if shapes:
+        columns = np.hstack([design, equation.tangents(slopes, factors)])
+        rows = view.rows(columns, equation.target)
     covariance = np.zeros((columns.shape[1],) * 2)
     if not quick:
-        seen, left = rows.seen(rows.root * columns), rows.root[:, 0] * residual
-        held = np.pad(prior, (0, shapes))
-        covariance = _covariance(seen, left, held, equation.piece, scale)
+        left, held = view.root[:, 0] * residual, np.pad(prior, (0, shapes))
+        covariance = _covariance(rows.left, left, held, equation.piece, scale)
     low, high = structure.bounds(equation.speed_range)
     edge = _AT_BOUND * (high - low)
     return Solution(
         factors=factors,
         shape=shape,
         columns=columns,
+        rows=rows,
         prior=prior,
         covariance=covariance,
         null=null,
@@ -189,17 +213,17 @@ def fit_equation(
 
 
 def _search(
-    equation: Equation, rows: Rows, begin: Float[np.ndarray, " h"]
+    equation: Equation, view: View, begin: Float[np.ndarray, " h"]
 ) -> tuple[Float[np.ndarray, " h"], bool]:
     """Return the logarithms of the shape that leave the least, and whether the search ended."""
-    basis = _basis(rows.root * np.hstack([equation.beside, *equation.steady]))
+    basis = _basis(view.root * np.hstack([equation.beside, *equation.steady]))
     bounds = equation.structure.bounds(equation.speed_range)
     middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
     kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def apart(columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
         """Return weighted rows without what columns that follow no shape explain of them."""
-        seen = rows.seen(rows.root * columns)
+        seen = view.seen(view.root * columns)
         return np.asarray(seen - basis @ (basis.T @ seen))
 
     target = apart(equation.target[:, None])[:, 0]

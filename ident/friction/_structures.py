@@ -257,6 +257,19 @@ class Stribeck(AbstractStructure):
         """See `AbstractStructure`."""
         return stribeck_columns(speed, *self._natural(shape))[: 1 + len(shape)].T
 
+    def over_shapes(
+        self, velocity: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
+    ) -> Float[np.ndarray, "n t k"]:
+        """Return the columns at velocities in mm/s for many shapes at once."""
+        found = np.repeat(self.columns(velocity, shapes[0])[None], len(shapes), axis=0)
+        velocities, exponents = (
+            np.exp(shapes[:, :1]),
+            self.exponent or np.exp(shapes[:, 1:]),
+        )
+        drops = stribeck_columns(np.abs(velocity), velocities, exponents)[0]
+        found[:, :, 2::3] = drops[:, :, None] * self.signs(velocity).T
+        return found
+
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:

@@ -1,24 +1,24 @@
 """What friction and its list do to a circle: quadrant spikes, simulated."""
 
 import dataclasses
-import functools
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ...models import (
     AbstractFriction,
     FrictionCompensation,
     FrictionTable,
 )
-from ._course import Course, ServoLoop, course_of
+from ._course import ServoLoop, course_of
 
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
+_UNROLL = 4
+"""Cycles that the simulation takes at a time: faster, and compiled as soon."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,8 +77,16 @@ def circular_test(
         cycle: Of the controller in s.
     """
     course = course_of(radius, feed, ServoLoop() if loop is None else loop, cycle)
-    one = _Circle(law, inertia, compensation, out_unit, course)
-    without, with_list = _followed(one)
+    run = _follow(
+        law,
+        jnp.asarray(inertia),
+        _filled_up(compensation),
+        jnp.asarray(out_unit),
+        jnp.asarray(course.motion),
+        jnp.asarray(course.gains),
+        jnp.asarray(course.arcs),
+    )
+    without, with_list = course.deviation(np.asarray(run))
     return CircularTest(
         angle=course.angle,
         without=without,
@@ -89,97 +97,64 @@ def circular_test(
     )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Circle:
-    """A circle to follow: arguments as of `circular_test`."""
-
-    law: AbstractFriction
-    inertia: float
-    compensation: FrictionCompensation
-    out_unit: float
-    course: Course
-
-    @functools.cached_property
-    def flat(self) -> tuple[list[np.ndarray], Any]:
-        """The numbers of law and list, and their structure.
-
-        A list that is held above gets more entries there: any length is one program.
-        """
-        leaves, tree = jax.tree.flatten((self.law, self.compensation))
-        found = [np.asarray(leaf) for leaf in leaves]
-        table = self.compensation.law
-        if isinstance(table, FrictionTable) and table.held_above:
-            lack = -table.nodes.count % _ENTRIES
-            at = len(leaves) - len(jax.tree.leaves(self.compensation))
-            for k, leaf in enumerate(leaves[at:], at):
-                if leaf is table.nodes.points:
-                    wide = max(found[k][-1], 1.0) * np.arange(1.0, lack + 1.0)
-                    found[k] = np.append(found[k], found[k][-1] + wide)
-                elif leaf is table.values:
-                    found[k] = np.append(found[k], np.full(lack, found[k][-1]))
-        return found, tree
-
-
-def _followed(circle: _Circle) -> Float[np.ndarray, "2 t"]:
-    """Return the radial deviations in mm, without and with the list."""
-    leaves, tree = circle.flat
-    law, compensation = jax.tree.unflatten(tree, [leaf[None] for leaf in leaves])
-    course = circle.course
-    run = _follow(
-        law,
-        jnp.array([circle.inertia]),
-        compensation,
-        jnp.array([circle.out_unit]),
-        jnp.asarray(course.motion),
-        jnp.array(course.gains),
+def _filled_up(compensation: FrictionCompensation) -> FrictionCompensation:
+    """Return a list with more entries where it is held above: any length is one program."""
+    table = compensation.law
+    if not isinstance(table, FrictionTable) or not table.held_above:
+        return compensation
+    lack = -table.nodes.count % _ENTRIES
+    points, values = np.asarray(table.nodes.points), np.asarray(table.values)
+    beyond = points[-1] + max(points[-1], 1.0) * np.arange(1.0, lack + 1.0)
+    longer = {
+        id(table.nodes.points): np.append(points, beyond),
+        id(table.values): np.pad(values, (0, lack), "edge"),
+    }
+    leaves, tree = jax.tree.flatten(compensation)
+    found: FrictionCompensation = jax.tree.unflatten(
+        tree, [longer.get(id(leaf), leaf) for leaf in leaves]
     )
-    return np.asarray(course.deviation(np.asarray(run))[0])
+    return found
 
 
 @eqx.filter_jit
 def _follow(
-    laws: AbstractFriction,
-    inertia: Float[Array, " j"],
-    lists: FrictionCompensation,
-    out_unit: Float[Array, " j"],
+    law: AbstractFriction,
+    inertia: Float[Array, ""],
+    compensation: FrictionCompensation,
+    out_unit: Float[Array, ""],
     motion: Float[Array, "t 3"],
     gains: Float[Array, " 4"],
-) -> Float[Array, "t 2 j"]:
-    """Return where the axes are in each cycle, in mm, without and with their lists.
+    arcs: Int[Array, "s a"],
+) -> Float[Array, "s a2"]:
+    """Return where the axis is on each arc, in mm: all without, then all with its list.
 
     A step of the second order per cycle, over which the drive pushes evenly. Where an
     axis comes to rest on the way, the rest of the cycle begins anew from there. What
     friction takes until half of a step, which foretells the speed there, is what it took
     in the middle of the step before, or at rest: the law is asked once per step.
     """
-    listed = eqx.filter_vmap(
-        lambda each: each.run(each.start(), motion[:, 0], motion[:, 1])[0]
-    )(lists)
-    added = (out_unit[:, None] * listed).T
-    added = jnp.stack([jnp.zeros_like(added), added], axis=1)
+    start = compensation.start()
+    listed = compensation.run(start, motion[:, 0], motion[:, 1])[0]
+    added = out_unit * listed[arcs]
+    added = jnp.concatenate([jnp.zeros_like(added), added], axis=1)
+    motion = jnp.concatenate([motion[arcs], motion[arcs]], axis=1)
     kv, kp, per_time, cycle = gains
-    mass = inertia[None]
-
-    def level(law: AbstractFriction, speed: Array, way: Array) -> Array:
-        return law.level(speed, way)
-
-    level_of_each = eqx.filter_vmap(level, in_axes=(0, 1, 1), out_axes=1)
 
     def slowing(speed: Array, way: Array) -> Array:
-        found: Array = level_of_each(laws, speed, way) / mass
+        found: Array = law.level(speed, way) / inertia
         return found
 
-    rest = jnp.zeros(added.shape[1:])
+    rest = jnp.zeros(added.shape[1])
     held = slowing(rest, rest + 1.0), slowing(rest, rest - 1.0)
 
     def cycle_of(
         state: tuple[Array, Array, Array, Array], now: tuple[Array, Array]
     ) -> tuple[tuple[Array, Array, Array, Array], Array]:
         place, speed, integral, taken = state
-        (wanted, fast, push), extra = now
+        (wanted, fast, push), extra = now[0].T, now[1]
         lag = fast + kv * (wanted - place) - speed
         integral = integral + kp * per_time * lag * cycle
-        free = push + kp * lag + integral + extra / mass
+        free = push + kp * lag + integral + extra / inertia
         rests = speed == 0.0
         way = jnp.where(jnp.where(rests, free, speed) < 0.0, -1.0, 1.0)
         taken = jnp.where(rests, jnp.where(way < 0.0, held[1], held[0]), taken)
@@ -201,6 +176,7 @@ def _follow(
         taken = jnp.where(goes_on, taken, holds)
         return (place_after, speed_after, integral, taken), place
 
-    place, speed = motion[0, 0] + rest, motion[0, 1] + rest
+    place, speed = motion[0, :, 0], motion[0, :, 1]
     taken = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
-    return jax.lax.scan(cycle_of, (place, speed, rest, taken), (motion, added))[1]
+    state = place, speed, rest, taken
+    return jax.lax.scan(cycle_of, state, (motion, added), unroll=_UNROLL)[1]

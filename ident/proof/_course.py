@@ -5,12 +5,12 @@ import functools
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _FORGOTTEN = 40.0
 """Time constants of the loop after which nothing is left of how it began."""
-_PIECE = 256
-"""Cycles."""
+_ARCS = 8
+"""Parts of a circle that are followed side by side."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,23 +70,27 @@ class Course:
         """How much of a deviation of this axis lies along the radius in these cycles."""
         return np.asarray(np.cos(self.phase[self.before :]))
 
-    def deviation(
-        self, places: Float[np.ndarray, "t 2 j"]
-    ) -> Float[np.ndarray, "j 2 s"]:
-        """Return the radial deviation of axes that are at these places, in mm.
+    @functools.cached_property
+    def arcs(self) -> Int[np.ndarray, "s a"]:
+        """Cycles of the arcs of the turn that is shown; each begins that much before it.
+
+        Where the loop has forgotten by then how it began, they are followed side by side.
+        """
+        many = _ARCS if self.before < 2 * len(self.angle) else 1
+        length = -(-len(self.angle) // many)
+        cycles = np.arange(self.before + length)[:, None] + length * np.arange(many)
+        return np.asarray(np.minimum(cycles, len(self.phase) - 1))
+
+    def deviation(self, places: Float[np.ndarray, "s a2"]) -> Float[np.ndarray, "2 t"]:
+        """Return the radial deviation in mm of axes that are at these places.
 
         This axis has cos of the angle; the other one does not err.
+
+        Args:
+            places: In mm, on each of the arcs, first of one axis, then of the other.
         """
-        shown = places[self.before :]
-        wanted = self.motion[self.before :, 0, None, None]
-        along = self.radial[:, None, None]
-        found = np.empty((*shown.shape[:0:-1], len(shown)))
-        # Rows become columns in pieces that a cache holds.
-        for start in range(0, len(shown), _PIECE):
-            part = slice(start, start + _PIECE)
-            off = (shown[part] - wanted[part]) * along[part]
-            found[:, :, part] = off.transpose(2, 1, 0)
-        return found
+        shown = places[self.before :].T.reshape(2, -1)[:, : len(self.angle)]
+        return np.asarray((shown - self.motion[self.before :, 0]) * self.radial)
 
 
 @functools.lru_cache(maxsize=8)
