@@ -8,7 +8,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ._job_text import job_text as job_text
     from ._overview import write_picture as write_picture
     from ._second import (
         SecondMeasurement as SecondMeasurement,
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 _HOMES = {
     "SecondMeasurement": "_second",
     "SecondMeasurementError": "_second",
-    "job_text": "_job_text",
     "write_picture": "_overview",
     "write_report": "_write",
 }
