@@ -1,5 +1,7 @@
 """Where the nodes of a table would lie that nobody has chosen yet."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
@@ -74,6 +76,20 @@ def grids_for(
             break
         grids[k] = start, round(2.0 * interval, 4), points // 2 + 1
     return grids[0], grids[1]
+
+
+def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
+    """Return the keys of nodes that suit readings, as they stand in a job.
+
+    Args:
+        places: Positions of the readings, per master.
+    """
+    if len(places) == 1:
+        start, interval, points = grid_over(places[0])
+        return f"start = {start:g}, interval = {interval:g}, points = {points}"
+    first, second = grids_for(places[0], places[1])
+    keys = zip(("start", "interval", "points"), first, second, strict=True)
+    return ", ".join(f"{key} = [{one:g}, {two:g}]" for key, one, two in keys)
 
 
 def _round_up(width: float) -> float:

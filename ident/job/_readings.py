@@ -46,6 +46,10 @@ class Readings:
     remarks: tuple[Remark, ...]
     timed: bool = False
 
+    def with_remark(self, remark: Remark) -> "Readings":
+        """Return the same readings with one more remark."""
+        return dataclasses.replace(self, remarks=(*self.remarks, remark))
+
     def run_table(self, axis_is_master: bool) -> RunTable | None:
         """Return how the readings lie in a run table of ISO 230-2, or None.
 

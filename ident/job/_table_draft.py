@@ -20,6 +20,7 @@ from ._readings import read_fit
 from ._result import Remark, TableResult
 from ._source import Tables
 from ._table_entries import refuse_misread, restart_of_table, table_entries
+from ._trend import refuse_unowned_trend
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
 _CONVENTIONS = {
@@ -35,21 +36,27 @@ def plan_table(
     """Plan a table fit; what it returns fits it.
 
     Raises:
-        JobError: If nodes, masters or existing lists do not suit.
+        JobError: If nodes, masters or existing lists do not suit; of what it returns: if
+            the readings do not determine the fit, or show a constant or a slope and the
+            job does not say whose.
     """
     plan = plan_fit(job, tables, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
         log, words = in_pieces(tables, index, fit, plan.table)
         if log is not None:
-            return StreamedDraft(index, fit, lists, fit_log_plan(job, plan, log))
+            streamed = fit_log_plan(job, plan, log)
+            refuse_unowned_trend(job, plan, streamed.fit)
+            return StreamedDraft(index, fit, lists, streamed)
         extra = {
             name: left[fit.axis, name]
             for name in fit.sources
             if (fit.axis, name) in left
         }
         readings = read_fit(tables, index, fit, plan.table, extra, words)
-        return TableDraft(index, fit, lists, fit_plan(job, plan, readings))
+        fitted = fit_plan(job, plan, readings)
+        refuse_unowned_trend(job, plan, fitted.fit)
+        return TableDraft(index, fit, lists, fitted)
 
     return draft
 

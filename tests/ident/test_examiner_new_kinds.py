@@ -19,6 +19,7 @@ number = 1
 {axis}
 [measurements.laser]
 file = "laser.csv"
+remove = "none"
 axis = "X"
 {fits}
 """
