@@ -1,5 +1,7 @@
 """Whether a compensation acted while its measurements were taken."""
 
+from pathlib import Path
+
 from ._fit_schema import FitSpec
 from ._load import Job
 
@@ -24,7 +26,7 @@ def refuse_unstated(job: Job, fit: FitSpec, holder: str | None, on: str) -> None
         kind = fit.compensation
         raise job.error(
             ("measurements", name),
-            f"found no active, and {holder} holds {kind} of {fit.axis} already, expected"
+            f"found no active, and {Path(holder).name} holds {kind} of {fit.axis} already, expected"
             f' active = ["{kind}"] if it was on while measuring ({on}), or active = [] if'
             " it was off (the new values replace the old)",
         )

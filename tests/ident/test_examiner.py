@@ -22,6 +22,7 @@ number = 1
 [measurements.laser]
 file = "laser.csv"
 remove = "none"
+active = []
 [measurements.laser.columns]
 "X.position" = "x"
 "X.error" = "e"

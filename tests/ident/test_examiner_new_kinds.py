@@ -20,6 +20,7 @@ number = 1
 [measurements.laser]
 file = "laser.csv"
 remove = "none"
+active = []
 axis = "X"
 {fits}
 """
