@@ -14,6 +14,7 @@ number = 1
 file = "laser.csv"
 axis = "X"
 active = []
+remove = "none"
 [[fits]]
 compensation = "leadscrew"
 axis = "X"

@@ -1,7 +1,6 @@
 """A fit as a job: its readings and a job file in a folder, run as ``axcomp fit`` does."""
 
 import dataclasses
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
@@ -10,6 +9,7 @@ import numpy as np
 
 from ..data.measurements import find_role
 from ._effects import AbstractEffect, Friction
+from ._job_text import job_text
 from .core import FitError
 
 if TYPE_CHECKING:
@@ -84,16 +84,14 @@ def write_job(
         raise FitError(msg)
     numbered = _numbered(stated, lists, axes)
     folder.mkdir(parents=True, exist_ok=True)
-    job = {
+    job: dict[str, Any] = {
         "axes": numbered,
         "measurements": {"readings": _measurement(stated, folder, numbered)},
         "gate": dict(gate),
     }
-    lines = [line for line in _lines((), job)]
-    for keys in _fits(stated):
-        lines += ["", "[[fits]]", *_lines((), keys)]
+    job["fits"] = list(_fits(stated))
     path = folder / "job.toml"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.write_text(job_text(job) + "\n", encoding="utf-8")
     return run_job(path, folder)
 
 
@@ -183,17 +181,3 @@ def _fits(stated: Stated) -> Iterator[dict[str, Any]]:
             if several:
                 keys["group"] = "stack"
         yield keys
-
-
-def _lines(path: tuple[str, ...], value: Any) -> Iterator[str]:
-    """Return TOML, one line per value under its full name."""
-    if isinstance(value, Mapping):
-        for key, each in value.items():
-            yield from _lines((*path, json.dumps(key)), each)
-    else:
-        yield f"{'.'.join(path)} = {json.dumps(value, default=_plain)}"
-
-
-def _plain(value: Any) -> Any:
-    """Return NumPy's numbers and arrays as those of Python."""
-    return np.asarray(value).tolist()

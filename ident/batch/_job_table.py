@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from .._job_text import job_text
 from ._errors import BatchError
 
 _TEXTS = {
@@ -33,8 +34,6 @@ def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
     Raises:
         BatchError: If the table or a cell cannot be read.
     """
-    from ..report import job_text
-
     templates: dict[Path, dict[str, Any]] = {}
     named: dict[str, int] = {}
     for number, row in enumerate(_rows(path), start=1):

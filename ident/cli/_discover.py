@@ -90,18 +90,17 @@ def _write(
     found: "Discovery",
 ) -> None:
     """Write the job that fits what was found, and say what else it states."""
-    from ..job import found_keys, job_with_fits, unsaid_keys, write_atomically
+    from ..job import found_keys, job_with_fits, write_atomically
 
-    text = job_with_fits(job, seen, found)
-    write_atomically(write, text.encode())
+    write_atomically(write, job_with_fits(job, seen, found).encode())
     console.print(f"Job with {_fits(len(found.found))}: {write}", markup=False)
     for name, keys in found_keys(job, seen, found).items():
-        left = unsaid_keys(text, name, keys)
         for key, value in keys.items():
-            stated = f"{key} = {json.dumps(value)}"
-            words = f"It states {stated} of measurement {name}: {_WHY[key]}"
-            if key in left:
-                words = f"Add {stated} to measurement {name} by hand: {_WHY[key]}"
+            does = f"states {key} = {json.dumps(value)}"
+            if value is None:
+                does = f"leaves out {key}"
+            why = _WHY["datum" if "datum" in keys and key == "remove" else key]
+            words = f"It {does} of measurement {name}: {why}"
             console.print(words, markup=False, soft_wrap=True)
 
 
@@ -109,6 +108,7 @@ _WHY = {
     "drift": "the error wanders in time, which no compensation is made of.",
     "remove": "the error is far from zero everywhere, as an instrument in motion shows it"
     " whose zero is arbitrary.",
+    "datum": "of fits that are identified together, none is zero at a place by itself.",
 }
 
 

@@ -34,14 +34,14 @@ def print_result(
         report: Files of the report.
         start: When the user began to wait (`time.monotonic`).
     """
-    from ..job.joint import TOGETHER
-
     grouped = {index: group for group in result.groups for index in group.fits}
     counts = Counter(
         remark.message for one in result.fits for remark in set(one.remarks)
     )
     shared = {words for words, count in counts.items() if count > 1}
     for group in result.groups:
+        from ..job.joint import TOGETHER  # takes long to load
+
         print_group(console, group, result.fits)
         own = {remark.message for remark in group.remarks}
         for index in group.fits:

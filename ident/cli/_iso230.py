@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,7 @@ import typer
 from ...data.errors import UsageError
 
 if TYPE_CHECKING:
-    from ...data.measurements import Iso230, Table
+    from ...data.measurements import ColumnSpec, Iso230, Table
 
 
 def iso230(
@@ -26,6 +27,14 @@ def iso230(
     ] = None,
     axis: Annotated[
         str | None, typer.Option(help="Axis, where the file holds several.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ROLE=COLUMN[:UNIT]",
+            help="Column of target, actual or error, run, direction, where the file does"
+            " not say: --column error=dx:um. Once per role.",
+        ),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the result for machines.")
@@ -48,8 +57,11 @@ def iso230(
     units: dict[str, str] = {}
     names: dict[str, str] = {}
     missing = 0
+    columns = _columns(column or (), axis)
     for name, path in files.items():
-        tests[name], units[name], names[name], remarks, missing = _evaluate(path, axis)
+        tests[name], units[name], names[name], remarks, missing = _evaluate(
+            path, axis, columns
+        )
         tests[name] = dataclasses.replace(
             tests[name], remarks=(*remarks, *tests[name].remarks)
         )
@@ -86,8 +98,33 @@ def iso230(
         raise typer.Exit(1)
 
 
+def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
+    """Return the column of each role that was named; empty: as the file says.
+
+    Raises:
+        UsageError: If one is no ``ROLE=COLUMN`` with a role of a positioning test.
+    """
+    from ...data.measurements import ColumnSpec, find_unit
+
+    found: dict[str, ColumnSpec] = {}
+    for text in texts:
+        role, equals, name = text.partition("=")
+        role = {"target": "position"}.get(role, role)
+        if not equals or not name or role not in _ROLES:
+            msg = (
+                f"--column: found '{text}', expected ROLE=COLUMN with role target, actual,"
+                " error, run or direction, such as error=dx:um"
+            )
+            raise UsageError(msg)
+        head, colon, unit = name.rpartition(":")
+        stated = bool(colon and head) and find_unit(unit) is not None
+        key = role if role == "run" else f"{axis or 'axis'}.{role}"
+        found[key] = ColumnSpec(head, unit) if stated else ColumnSpec(name)
+    return found
+
+
 def _evaluate(
-    path: Path, axis: str | None
+    path: Path, axis: str | None, columns: "Mapping[str, ColumnSpec]"
 ) -> "tuple[Iso230, str, str, tuple[str, ...], int]":
     """Return figures, unit, axis name, remarks and number of missing readings."""
     from ...data.measurements import (
@@ -99,8 +136,9 @@ def _evaluate(
     )
 
     table = read_table(path)
-    axis = axis or _only_axis(table)
-    data = measurement(table, axis=axis or "axis")
+    if not columns:
+        axis = axis or _only_axis(table)
+    data = measurement(table, columns, axis=axis or "axis")
     name = axis or "axis"
     position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")
     error = derive_error(data, name)
@@ -142,7 +180,8 @@ def _only_axis(table: "Table") -> str | None:
     expected = (
         "--axis with one of them"
         if axes
-        else "target, error (or actual), run, direction; or X.position, X.error …"
+        else "target, error (or actual), run, direction; or X.position, X.error …;"
+        " --column ROLE=COLUMN tells which is which"
     )
     raise MeasurementError(str(table.path), f"found {found}, expected {expected}")
 
@@ -239,6 +278,9 @@ def _figures(test: "Iso230") -> dict[str, Any]:
         "remarks": list(test.remarks),
     }
 
+
+_ROLES = ("position", "actual", "error", "run", "direction")
+"""What a positioning test is made of."""
 
 _PLAIN_TOLERANCE = 1.0
 """Tolerance in mm or ° from which on its unit must be stated."""

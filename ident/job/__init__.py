@@ -49,11 +49,7 @@ from ._verdict import (
 )
 
 if TYPE_CHECKING:
-    from ._found_fits import (
-        found_keys as found_keys,
-        job_with_fits as job_with_fits,
-        unsaid_keys as unsaid_keys,
-    )
+    from ._found_fits import found_keys as found_keys, job_with_fits as job_with_fits
     from ._observe import Observation as Observation, observe as observe
     from .backlash import BacklashResult as BacklashResult
     from .crosstalk import (
@@ -85,7 +81,6 @@ _HOMES = {
     "Observation": "_observe",
     "found_keys": "_found_fits",
     "job_with_fits": "_found_fits",
-    "unsaid_keys": "_found_fits",
     "observe": "_observe",
     "AxisSum": "joint",
     "BacklashResult": "backlash",

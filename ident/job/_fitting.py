@@ -10,11 +10,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..exchange import ExchangeError
-from ..fit import FitError, Samples, TableFit, fit_table, predict
+from ..fit import FitError, Samples, TableFit, TableLayout, fit_table, predict
 from ..proof import HeldOut, held_out
+from ._found_nodes import grid_words
 from ._load import Job
 from ._plan import Plan
 from ._readings import Readings
+from ._result import Remark
 
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
@@ -165,13 +167,23 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
         order=readings.place if readings.repeated else None,
     )
     effects = _run_effects(samples)
+    finer = _finer_than(table.layout, branch, len(readings.error))
     fit = fit_table(
         table.layout,
         samples,
         smoothness=spec.smoothness,
         loss=spec.loss,
         run_effects=effects,
+        allow_gaps=finer,
     )
+    if finer:
+        readings = readings.with_remark(
+            Remark(
+                "warning",
+                f"There are more nodes than readings: the prior fills in between. Nodes"
+                f" that suit these readings: {grid_words([*readings.positions.T])}.",
+            )
+        )
     rounded = Rounded(job, plan, readings.datum)
     zero = rounded.zero(fit)
     before = readings.error - zero
@@ -191,6 +203,14 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
         held_out=held_out(table, samples, fit, rounded.integers_of, before, active),
         run_effects=effects,
     )
+
+
+def _finer_than(
+    layout: TableLayout, branch: Int[np.ndarray, " t"] | None, count: int
+) -> bool:
+    """Return whether there are more nodes than readings, in a direction at least."""
+    counts = [count] if branch is None else np.bincount(branch, minlength=2)
+    return bool(min(counts) < layout.effect.size // layout.branches)
 
 
 def _run_effects(samples: Samples) -> str:

@@ -1,7 +1,12 @@
 """Where the nodes of a table would lie that nobody has chosen yet."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
+
+Grid = tuple[float, float, int]
+"""Start, interval and number of nodes, in mm or °."""
 
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 _LINE, _SURFACE = 80, 20
@@ -10,15 +15,17 @@ _EACH = 10
 """Readings per node, at least, where there are no targets."""
 _TARGETS = 250
 """Different places up to which they are taken for targets."""
+_HOLES = 0.05
+"""Share of the nodes of a plane that may lack a reading: targets that were left out."""
 
 
 def grid_over(
     places: Float[np.ndarray, " t"],
-    reach: tuple[float, float] | None,
+    reach: tuple[float, float] | None = None,
     *,
-    surface: bool,
-) -> tuple[float, float, int]:
-    """Return start, interval and number of nodes, in mm or °.
+    surface: bool = False,
+) -> Grid:
+    """Return nodes that suit readings.
 
     Evenly spaced targets become the nodes; else round numbers that cover the readings.
 
@@ -45,6 +52,44 @@ def grid_over(
     start = np.floor(low / interval + 1e-6) * interval
     points = int(np.ceil((high - start) / interval - 1e-6)) + 1
     return round(float(start), 4), interval, max(points, 2)
+
+
+def grids_for(
+    first: Float[np.ndarray, " t"], second: Float[np.ndarray, " t"]
+) -> tuple[Grid, Grid]:
+    """Return nodes of a plane that suit readings: hardly more than different places.
+
+    Where the targets of the two masters were not measured in all their combinations,
+    every second one of the more numerous is left out until the readings suffice.
+
+    Args:
+        first: Positions of the first master.
+        second: Positions of the second one.
+    """
+    grids = [grid_over(first, surface=True), grid_over(second, surface=True)]
+    places = np.stack([first, second], axis=1)
+    known = np.unique(np.round(places[np.isfinite(places).all(axis=1)], 4), axis=0)
+    while (1.0 - _HOLES) * grids[0][2] * grids[1][2] > len(known):
+        k = int(grids[1][2] > grids[0][2])
+        start, interval, points = grids[k]
+        if points == 2:
+            break
+        grids[k] = start, round(2.0 * interval, 4), points // 2 + 1
+    return grids[0], grids[1]
+
+
+def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
+    """Return the keys of nodes that suit readings, as they stand in a job.
+
+    Args:
+        places: Positions of the readings, per master.
+    """
+    if len(places) == 1:
+        start, interval, points = grid_over(places[0])
+        return f"start = {start:g}, interval = {interval:g}, points = {points}"
+    first, second = grids_for(places[0], places[1])
+    keys = zip(("start", "interval", "points"), first, second, strict=True)
+    return ", ".join(f"{key} = [{one:g}, {two:g}]" for key, one, two in keys)
 
 
 def _round_up(width: float) -> float:

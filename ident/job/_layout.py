@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from ...data.measurements import MESH_FORMATS
+from ...data.measurements import MESH_FORMATS, MeasurementError
 from ..exchange import (
     LIST_UNITS,
     AbstractTable,
@@ -22,8 +22,9 @@ from ..exchange import (
 )
 from ._errors import JobError
 from ._fit_schema import CrossSpec, LeadscrewSpec, LineSpec, PlaneSpec, TableSpec
+from ._found_nodes import grid_words
 from ._load import Job
-from ._source import Tables, masters_of
+from ._source import Tables, masters_of, measured_for
 
 
 def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
@@ -87,20 +88,39 @@ def _nodes(
     if old is None and isinstance(fit, PlaneSpec):
         spec = job.spec.measurements[fit.sources[0]]
         if tables.large(fit.sources[0]) is not None:
-            raise _no_nodes(job, index, fit)  # no mesh is that large
+            raise _no_nodes(job, tables, index, fit)  # no mesh is that large
         read = tables.table(fit.sources[0])
         if read.format in MESH_FORMATS and not spec.columns:
             return tuple(_mesh_nodes(read.column(axis).values, name) for axis in "xy")
     if old is None:
-        raise _no_nodes(job, index, fit)
+        raise _no_nodes(job, tables, index, fit)
     return nodes_in(old, name)
 
 
-def _no_nodes(job: Job, index: int, fit: TableSpec) -> JobError:
+def _no_nodes(job: Job, tables: Tables, index: int, fit: TableSpec) -> JobError:
     wanted = "start, interval and points"
     if isinstance(fit, LineSpec):
         wanted = f"setpoints, or {wanted}"
-    return job.error(("fits", index), f"no nodes, expected {wanted}")
+    suited = _suited_nodes(tables, fit)
+    hint = f"; these suit the readings: {suited}" if suited else ""
+    return job.error(("fits", index), f"no nodes, expected {wanted}{hint}")
+
+
+def _suited_nodes(tables: Tables, fit: TableSpec) -> str:
+    """Return nodes that suit the readings of a fit as keys; empty where that is unknown."""
+    masters = masters_of(fit)
+    turning = any(tables.job.spec.axes[name].modulo is not None for name in masters)
+    if turning or any(tables.large(name) is not None for name in fit.sources):
+        return ""
+    try:
+        measured = [measured_for(tables, name, fit, masters) for name in fit.sources]
+        places = [
+            np.concatenate([one.require(f"{axis}.position") for one in measured])
+            for axis in masters
+        ]
+    except MeasurementError:
+        return ""
+    return grid_words(places) if all(np.ptp(one) > 0 for one in places) else ""
 
 
 def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:

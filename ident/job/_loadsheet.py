@@ -94,6 +94,8 @@ def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
     if one.machine is not None:
         steps.append(_axis_list(job, one))
     for name in one.extra:
+        if name.endswith(".TcPOU"):
+            continue  # the same program as the .st, whose step names it
         steps.append(_for_the_plc(job, one, name))
     return steps
 
@@ -168,9 +170,11 @@ def _axis_list(job: Job, one: AxisFiles) -> LoadStep:
 
 def _for_the_plc(job: Job, one: AxisFiles, name: str) -> LoadStep:
     if name.endswith(".st"):
+        objects = " and ".join(each for each in one.extra if each.endswith(".TcPOU"))
         return LoadStep(
             f"Take {name} into the PLC project",
-            "Its function block FB_TempComp_… is called in every cycle of a PLC task"
+            f"In TwinCAT XAE: POUs, Add, Existing Item, {objects}, which hold the same."
+            " Its function block FB_TempComp_… is called in every cycle of a PLC task"
             " with the temperatures and their fault bits; it needs the library"
             " Tc2_System. It writes TEMPC::position_0, offset_0 and coefficient of"
             f" {one.axis} (index offsets of axis"

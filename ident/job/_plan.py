@@ -65,7 +65,7 @@ def plan_fit(
     existing, axis_list = lists.compensation, lists.machine
     where = ("fits", index)
     used = {name: set(job.spec.measurements[name].active) for name in fit.sources}
-    active = was_active(job, index, fit)
+    active = was_active(job, index, fit, _holder(fit, existing))
     try:
         old, unread = _old_table(job, fit, existing, active)
         table = table_of(job, tables, index, fit, old)
@@ -112,6 +112,27 @@ def plan_fit(
         active=active,
         remarks=(*unread, *_remarks(job, fit, existing, axis_list, old, active)),
     )
+
+
+_VALUES = {
+    "cross": ("kw.crosscomp", "correction"),
+    "plane": ("kw.crosscomp2", "correction"),
+    "leadscrew": ("kw.ssfk", "pos"),
+}
+"""Where a list has the values of each kind of table."""
+
+
+def _has_values(listing: ListFile, kind: str) -> bool:
+    """Return whether a list has a table of a kind with values other than zero."""
+    prefix, field = _VALUES[kind]
+    return any(listing.table(prefix, field).values())
+
+
+def _holder(fit: TableSpec, existing: ListFile | None) -> str | None:
+    """Return the list that holds this table already, or None."""
+    if existing is None or not _has_values(existing, fit.compensation):
+        return None
+    return existing.source
 
 
 def _increments(job: Job) -> Mapping[int, float]:
@@ -180,16 +201,10 @@ def _remarks(
         return found
     others = {spec.compensation for spec in job.spec.fits if spec.axis == fit.axis}
     on = set().union(*(job.spec.measurements[name].active for name in fit.sources))
-    for kind, prefix in (
-        ("cross", "kw.crosscomp"),
-        ("plane", "kw.crosscomp2"),
-        ("leadscrew", "kw.ssfk"),
-    ):
-        field = "pos" if kind == "leadscrew" else "correction"
+    for kind in _VALUES:
         if axis_list is not None and is_activated(axis_list, kind):
             continue  # the axis is judged with it
-        values = existing.table(prefix, field).values()
-        if kind not in on | others and any(values):
+        if kind not in on | others and _has_values(existing, kind):
             found.append(
                 Remark(
                     "warning",

@@ -10,7 +10,19 @@ def plain_name(text: str) -> str:
     return plain or "axis"
 
 
-def temperature_names(axis: str) -> tuple[str, str]:
-    """Return the names of the table and of the PLC program of an axis."""
+def block_names(axis: str) -> tuple[str, str]:
+    """Return the names of the function blocks of an axis: the law, and what is called."""
     name = plain_name(axis)
-    return f"temperature_{name}.csv", f"temperature_{name}.st"
+    return f"FB_TempCompLaw_{name}", f"FB_TempComp_{name}"
+
+
+def temperature_names(axis: str) -> tuple[str, str, str, str]:
+    """Return the names of the table of an axis, its PLC program, and its blocks for XAE."""
+    name = plain_name(axis)
+    law, access = block_names(axis)
+    return (
+        f"temperature_{name}.csv",
+        f"temperature_{name}.st",
+        f"{law}.TcPOU",
+        f"{access}.TcPOU",
+    )

@@ -62,6 +62,10 @@ class Readings:
         ways = [near & (self.direction == way) for way in (1, -1)]
         return float(np.mean([np.median(self.error[w]) for w in ways if w.any()]))
 
+    def with_remark(self, remark: Remark) -> "Readings":
+        """Return the same readings with one more remark."""
+        return dataclasses.replace(self, remarks=(*self.remarks, remark))
+
     def run_table(self, axis_is_master: bool) -> RunTable | None:
         """Return how the readings lie in a run table of ISO 230-2, or None.
 

@@ -25,6 +25,7 @@ from ._second import SecondMeasurement
 from ._source import Tables
 from ._switching import jump_of, switching_checks
 from ._table_entries import refuse_misread, restart_of_table, table_entries
+from ._trend import refuse_unowned_trend
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
 _CONVENTIONS = {
@@ -40,7 +41,9 @@ def plan_table(
     """Plan a table fit; what it returns fits it.
 
     Raises:
-        JobError: If nodes, masters or existing lists do not suit.
+        JobError: If nodes, masters or existing lists do not suit; of what it returns: if
+            the readings do not determine the fit, or show a constant or a slope and the
+            job does not say whose.
     """
     plan = plan_fit(job, tables, index, fit, lists)
 
@@ -53,14 +56,18 @@ def plan_table(
         }
         if log is not None:
             _refuse_beside(job, index, beside)
-            return StreamedDraft(index, fit, lists, fit_log_plan(job, plan, log))
+            streamed = fit_log_plan(job, plan, log)
+            refuse_unowned_trend(job, plan, streamed.fit)
+            return StreamedDraft(index, fit, lists, streamed)
         extra = {
             name: left.earlier[fit.axis, name]
             for name in fit.sources
             if (fit.axis, name) in left.earlier
         }
         readings = read_fit(tables, index, fit, plan.table, extra, beside, words)
-        return TableDraft(index, fit, lists, fit_plan(job, plan, readings))
+        fitted = fit_plan(job, plan, readings)
+        refuse_unowned_trend(job, plan, fitted.fit)
+        return TableDraft(index, fit, lists, fitted)
 
     return draft
 

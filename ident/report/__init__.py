@@ -8,7 +8,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ._job_text import job_text as job_text
     from ._overview import write_picture as write_picture
     from ._scale import scale_of as scale_of
     from ._verdict import headline_of as headline_of, short_verdict as short_verdict
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "headline_of": "_verdict",
-    "job_text": "_job_text",
     "scale_of": "_scale",
     "short_verdict": "_verdict",
     "write_picture": "_overview",

@@ -1,19 +1,22 @@
 """A group in pictures: how much each effect is, and what the whole sum leaves."""
 
 import itertools
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..job import AxisSum, EffectShare, GroupResult
 from . import _style as style
 from ._plot import Plot
 from ._scale import Scale, grouped, number, scale_of
 
+if TYPE_CHECKING:
+    from ..job import AxisSum, EffectShare, GroupResult
+
 _SLICES = 24
 
 
-def share_plot(group: GroupResult) -> Plot:
+def share_plot(group: "GroupResult") -> Plot:
     """Draw the size of each effect and of what the sum leaves, axis by axis."""
     counts = [len(_effects(group, one)) + 2 for one in group.axes]
     figure, panels = style.new_figure(
@@ -64,7 +67,7 @@ def share_plot(group: GroupResult) -> Plot:
     return Plot("share", "How much each effect is", figure, caption)
 
 
-def sum_plot(group: GroupResult) -> Plot:
+def sum_plot(group: "GroupResult") -> Plot:
     """Draw the error before and what the sum leaves, over time or order, axis by axis."""
     rows = len(group.axes)
     figure, panels = style.new_figure(
@@ -96,7 +99,7 @@ def sum_plot(group: GroupResult) -> Plot:
 
 
 def _over_order(
-    panel: Axes, group: GroupResult, one: AxisSum, scale: Scale, last: bool
+    panel: Axes, group: "GroupResult", one: "AxisSum", scale: Scale, last: bool
 ) -> None:
     where = group.order[one.rows]
     sound = np.flatnonzero(~one.wild)
@@ -134,7 +137,7 @@ def _over_order(
         )
 
 
-def _spread(panel: Axes, one: AxisSum, scale: Scale, last: bool) -> None:
+def _spread(panel: Axes, one: "AxisSum", scale: Scale, last: bool) -> None:
     """Draw how the remaining errors are distributed, beside the scatter of a reading."""
     left = one.predicted[~one.wild] * scale.factor
     limit = 4.5 * max(one.noise * scale.factor, 1e-9)
@@ -154,7 +157,7 @@ def _spread(panel: Axes, one: AxisSum, scale: Scale, last: bool) -> None:
         panel.set_xlabel(f"left in {scale.error}")
 
 
-def _say(one: AxisSum, scale: Scale) -> str:
+def _say(one: "AxisSum", scale: Scale) -> str:
     before = number(one.error["before"].sound.rms * scale.factor)
     after = one.error["predicted"].sound.rms
     ratio = after / one.noise if one.noise > 0 else float("nan")
@@ -165,11 +168,11 @@ def _say(one: AxisSum, scale: Scale) -> str:
     )
 
 
-def _effects(group: GroupResult, one: AxisSum) -> list[EffectShare]:
+def _effects(group: "GroupResult", one: "AxisSum") -> "list[EffectShare]":
     own = [each for each in group.effects if each.axis == one.axis]
     return sorted(own, key=lambda each: -each.rms)
 
 
-def _label(effect: EffectShare) -> str:
+def _label(effect: "EffectShare") -> str:
     words = effect.name.replace(f" of {effect.axis}", "", 1)
     return words if effect.written else f"{words} (in no list)"

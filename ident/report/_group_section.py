@@ -2,12 +2,16 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from ..job import AxisSum, Code, GroupResult, Remark
+from ..job import Code, Remark
 from ._group_plots import share_plot, sum_plot
 from ._plot import Plot
 from ._scale import count, number, percent, scale_of
 from ._section import Section
+
+if TYPE_CHECKING:
+    from ..job import AxisSum, GroupResult
 
 _LEVELS = {"error": 0, "warning": 1, "info": 2}
 
@@ -55,7 +59,7 @@ class GroupSection:
 
 
 def group_section(
-    group: GroupResult, place: int, sections: Sequence[Section]
+    group: "GroupResult", place: int, sections: Sequence[Section]
 ) -> GroupSection:
     """Return the section of a group; ``place`` counts the groups from 1.
 
@@ -93,7 +97,7 @@ def _opening(sections: Sequence[Section]) -> str:
     return ""
 
 
-def _sentence(group: GroupResult, missing: int) -> str:
+def _sentence(group: "GroupResult", missing: int) -> str:
     parts = []
     for one in group.axes:
         scale = scale_of(one.unit)
@@ -117,7 +121,7 @@ def _sentence(group: GroupResult, missing: int) -> str:
     return text
 
 
-def _sum_row(one: AxisSum) -> SumRow:
+def _sum_row(one: "AxisSum") -> SumRow:
     scale = scale_of(one.unit)
     error = one.error
     return SumRow(
@@ -131,7 +135,7 @@ def _sum_row(one: AxisSum) -> SumRow:
     )
 
 
-def _effect_rows(group: GroupResult, sections: Sequence[Section]) -> list[EffectRow]:
+def _effect_rows(group: "GroupResult", sections: Sequence[Section]) -> list[EffectRow]:
     units = {one.axis: scale_of(one.unit) for one in group.axes}
     rows = []
     for each in group.effects:
@@ -149,7 +153,7 @@ def _effect_rows(group: GroupResult, sections: Sequence[Section]) -> list[Effect
     return rows
 
 
-def _facts(group: GroupResult) -> list[tuple[str, str]]:
+def _facts(group: "GroupResult") -> list[tuple[str, str]]:
     what = "run" if group.held_out == "run" else "stretch of the recording"
     facts = [
         (

@@ -20,6 +20,7 @@ title = "Portal mill 7"
 number = 1
 [measurements.laser]
 file = "laser.csv"
+remove = "none"
 [[fits]]
 compensation = "leadscrew"
 axis = "X"
@@ -115,7 +116,7 @@ def test_failed_gate_ends_with_1_and_says_so(
             "job.toml:6: measurements.laser.file: found 'lasr.csv'",
         ),
         ("bilateral", "bilaterl", "unknown key (nearest: 'bilateral')"),
-        ("points = 5", "points = 500", "fits[0]: leadscrew of X from laser: "),
+        ("points = 5", "points = 1", "fits[0].points: found 1, expected "),
     ],
 )
 def test_bad_input_ends_with_1_and_one_line(

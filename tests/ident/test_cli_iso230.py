@@ -253,3 +253,28 @@ def test_chart_of_one_direction_marks_what_exists() -> None:
     figure = draw_iso_chart({"": iso230(target, error, np.repeat([1, 2, 3], 5), None)})
     labels = [text.get_text() for text in figure.axes[0].texts]
     assert [label.split(" ")[0] for label in labels] == ["A↑", "E↑"]
+
+
+def test_iso230_takes_columns_that_do_not_name_themselves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain = laser(tmp_path)
+    assert main(["iso230", str(plain), "--json"]) == 0
+    expected = json.loads(capsys.readouterr().out)
+    head, *rows = plain.read_text().splitlines()
+    del head
+    cells = [row.split(",") for row in rows]
+    lines = ["soll,dx,lauf,hin"]
+    lines += [f"{t},{1e3 * float(e):.3f},{r},{d}" for t, e, r, d in cells]
+    other = tmp_path / "own.csv"
+    other.write_text("\n".join(lines) + "\n")
+    named = ["target=soll", "error=dx:um", "run=lauf", "direction=hin"]
+    options = [word for one in named for word in ("--column", one)]
+    assert main(["iso230", str(other), "--json", *options]) == 0
+    found = json.loads(capsys.readouterr().out)
+    # The file has whole nanometres.
+    assert found["A"] == pytest.approx(expected["A"], abs=2e-6)
+    assert main(["iso230", str(other)]) == 1
+    assert "--column ROLE=COLUMN" in capsys.readouterr().err
+    assert main(["iso230", str(other), "--column", "eror=dx"]) == 2
+    assert "found 'eror=dx', expected ROLE=COLUMN" in capsys.readouterr().err

@@ -21,6 +21,8 @@ number = 1
 {axis}
 [measurements.laser]
 file = "laser.csv"
+remove = "none"
+active = []
 [measurements.laser.columns]
 "X.position" = "x"
 "X.error" = "e"
@@ -266,6 +268,7 @@ number = 8
 number = 9
 [measurements.bed]
 file = "printer.cfg"
+remove = "none"
 {profile}
 [[fits]]
 compensation = "plane"

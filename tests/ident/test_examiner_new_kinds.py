@@ -19,6 +19,8 @@ number = 1
 {axis}
 [measurements.laser]
 file = "laser.csv"
+remove = "none"
+active = []
 axis = "X"
 {fits}
 """

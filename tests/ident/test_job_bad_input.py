@@ -12,6 +12,7 @@ JOB = """
 number = 1
 [measurements.m]
 file = "m.csv"
+remove = "none"
 columns = { "X.position" = "x", "X.error" = { column = "e", unit = "um" } }
 [[fits]]
 compensation = "leadscrew"
@@ -72,7 +73,7 @@ def test_header_without_rows_is_refused(tmp_path: Path) -> None:
 
 def test_equal_positions_are_refused(tmp_path: Path) -> None:
     rows = "x,e\n" + "".join(f"20,{k % 7}\n" for k in range(21))
-    refused(tmp_path, r"job.toml:7: fits\[0\]: leadscrew of X from m: .*", rows=rows)
+    refused(tmp_path, r"job.toml:8: fits\[0\]: leadscrew of X from m: .*", rows=rows)
 
 
 def test_fewer_readings_than_nodes_are_refused(tmp_path: Path) -> None:

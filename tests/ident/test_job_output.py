@@ -18,6 +18,7 @@ JOB = """
 number = 1
 [measurements.m]
 file = "m.csv"
+remove = "none"
 columns = { "X.position" = "x", "X.error" = { column = "e", unit = "um" } }
 [[fits]]
 compensation = "leadscrew"

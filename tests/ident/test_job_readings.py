@@ -114,6 +114,8 @@ def run(
     rows = zip(*(column.tolist() for column in columns), strict=True)
     text = "\n".join([header, *(",".join(map(repr, row)) for row in rows)])
     (folder / "a.csv").write_text(text + "\n")
+    if "remove" not in measurement.partition("[")[0]:
+        measurement = f'remove = "none"\n{measurement}'
     job = JOB.format(columns=more, measurement=measurement, source=source)
     (folder / "job.toml").write_text(job)
     return run_job(folder / "job.toml", folder / "out")
@@ -183,6 +185,7 @@ def test_joined_measurements_keep_their_runs_apart(tmp_path: Path) -> None:
     )
     second = """[measurements.b]
 file = "b.csv"
+remove = "none"
 columns = { "X.position" = "x", "X.error" = "e" }
 """
     rng = np.random.default_rng(31)
@@ -201,7 +204,9 @@ columns = { "X.position" = "x", "X.error" = "e" }
 
 
 def test_angle_of_a_linear_axis_is_refused(tmp_path: Path) -> None:
-    text = JOB.format(columns="", measurement="", source='measurement = "a"')
+    text = JOB.format(
+        columns="", measurement='remove = "none"', source='measurement = "a"'
+    )
     both = '"X.position" = { column = "x", unit = "deg" }, "X.error" = { column = "e", '
     text = text.replace('"X.position" = "x", "X.error" = "e"', both + 'unit = "deg" }')
     rows = [f"{x},{e}" for x, e in zip(PLACE, BOW, strict=True)]

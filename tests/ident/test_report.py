@@ -3,7 +3,6 @@
 import dataclasses
 import html
 import re
-import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +24,6 @@ from axcomp.ident.job import (
 )
 from axcomp.ident.proof import Diagnosis
 from axcomp.ident.report import _style, write_report
-from axcomp.ident.report._job_text import job_text
 
 Make = Callable[..., TableResult]
 MakeJob = Callable[..., JobResult]
@@ -258,23 +256,6 @@ def test_no_half_written_page_is_left_behind(
 def test_job_without_fits_still_gives_a_page(job: MakeJob, tmp_path: Path) -> None:
     result = job(remarks=(Remark("error", "probe.csv: no column 'dz'."),))
     assert "error probe.csv: no column 'dz'." in words(page_of(result, tmp_path))
-
-
-def test_resolved_job_is_shown_as_toml() -> None:
-    job = {
-        "title": 'Mill "7" – µ',
-        "axes": {"X": {"number": 1, "limits": [0.0, 1.5]}, "Y 2": {"number": 2}},
-        "measurements": {"m": {"columns": {"X.error": {"column": "e", "unit": "um"}}}},
-        "controller": {"cycle_time": 0.001, "build": None},
-        "fits": [{"axis": "X", "bilateral": True}, {"axis": "Y 2", "smoothness": 0}],
-        "gate": {},
-    }
-    text = job_text(job)
-    found = tomllib.loads(text)
-    # What has no value is left out.
-    assert found.pop("controller") == {"cycle_time": 0.001}
-    assert found == {key: job[key] for key in ("title", "axes", "measurements", "fits")}
-    assert "[axes.X]\nnumber = 1\nlimits = [0.0, 1.5]" in text
 
 
 @pytest.mark.slow

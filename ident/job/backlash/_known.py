@@ -42,13 +42,16 @@ def known_backlash(
         JobError: If it cannot be read, or does not hold what was active.
     """
     where = ("fits", index)
-    active = was_active(job, index, fit)
     old: Backlash | None = None
     if lists.machine is not None:
         try:
             old = backlash_from_list(lists.machine, job.conventions)
         except ExchangeError as error:
             raise job.error(where, str(error)) from None
+    holder = None
+    if lists.machine is not None and old is not None and float(old.width) != 0.0:
+        holder = lists.machine.source
+    active = was_active(job, index, fit, holder)
     if active and old is None:
         raise job.error(
             ("axes", fit.axis, "machine_data"),

@@ -107,7 +107,10 @@ def active_in(
         JobError: If it cannot be added to.
     """
     where = ("fits", index)
-    if not was_active(job, index, fit):
+    holder = None
+    if existing is not None or why:
+        holder = job.spec.axes[fit.axis].listing
+    if not was_active(job, index, fit, holder):
         return None
     if existing is None:
         raise job.error(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.stats import norm
+from scipy.special import ndtri  # scipy.stats takes long to load
 
 from ....models import Conventions
 from ...fit import FitError
@@ -68,7 +68,7 @@ class Identified:
         known = np.isfinite(value) & np.isfinite(spread)
         if not known.any():
             return False
-        limit = float(norm.isf(0.5 * _SURE / int(known.sum())))
+        limit = -float(ndtri(0.5 * _SURE / int(known.sum())))
         return bool((np.abs(value[known]) > limit * spread[known]).any())
 
 

@@ -309,9 +309,7 @@ class FrictionDraft(AbstractDraft):
         if self.level != 1.0:
             why = ""
             if self.spec.level is None:
-                why = (
-                ", as long as no measurement has settled the sign of its current"
-            )
+                why = ", as long as no measurement has settled the sign of its current"
             remarks.append(
                 Remark(
                     "info",

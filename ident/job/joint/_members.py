@@ -16,7 +16,7 @@ from .._plan import plan_fit
 from .._source import Tables, measured_for
 from ..backlash import known_backlash
 from ..crosstalk import active_in, read_existing
-from ..temperature import only_sensor, sensor_name
+from ..temperature import only_sensor, refuse_unstated_law, sensor_name
 from ._backlash import BacklashMember
 from ._crosstalk import CrosstalkMember
 from ._member import AbstractMember
@@ -50,6 +50,7 @@ def _member(
     if isinstance(fit, BacklashSpec):
         return BacklashMember(index, lists, fit, known_backlash(job, index, fit, lists))
     if isinstance(fit, TemperatureSpec):
+        refuse_unstated_law(job, fit, lists)
         return TemperatureMember(index, lists, fit, _sensors(tables, fit))
     if isinstance(fit, CrosstalkSpec):
         old, why = read_existing(lists.compensation, job.conventions)

@@ -24,6 +24,7 @@ from .._plan import Plan
 from .._readings import Readings
 from .._source import masters_of
 from .._table_draft import TableDraft
+from .._trend import refuse_unowned_trend
 from ._member import AbstractMember
 from ._recording import GroupRecording
 from ._share import Share
@@ -104,6 +105,7 @@ class TableMember(AbstractMember):
             positions=positions, error=share.error, branch=branch, run=run
         )
         fit = self._table_fit(share, part)
+        refuse_unowned_trend(job, plan, fit)
         old = plan.old_offset if plan.active else None
         exact = -fit.values if old is None else old - fit.values
         active = np.zeros(len(share.error))

@@ -4,6 +4,7 @@ from .._plc_names import temperature_names as temperature_names
 from ._draft import (
     TemperatureDraft as TemperatureDraft,
     plan_temperature as plan_temperature,
+    refuse_unstated_law as refuse_unstated_law,
     zero_of as zero_of,
 )
 from ._identify import Identified as Identified, drift_instead as drift_instead

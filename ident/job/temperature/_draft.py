@@ -15,6 +15,7 @@ from ...fit import FitError
 from ...kinds.temperature import TemperatureFit
 from ...proof import GateCheck, choose_cycles, error_figures, reversal_dynamics
 from ...proof.axis import check_switching
+from .._active import refuse_unstated
 from .._draft import AbstractDraft, AxisLists, Leftovers, Planned, Switch
 from .._fit_schema import FitSpec, TemperatureSpec
 from .._gating import limits_of
@@ -30,7 +31,7 @@ from ._identify import Identified, identify
 from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
 from ._result import TemperatureResult
-from ._structured_text import PlcProgram, plc_sensors, structured_text
+from ._structured_text import PlcProgram, plc_objects, plc_sensors, structured_text
 from ._table import ThermalLaw, csv_text, read_back, thermal_law
 from ._view import view_of
 
@@ -40,7 +41,13 @@ _LINE = "lr_param.temp_comp"
 def plan_temperature(
     job: Job, tables: Tables, index: int, fit: TemperatureSpec, lists: AxisLists
 ) -> Planned:
-    """Plan a temperature fit; what it returns fits it."""
+    """Plan a temperature fit; what it returns fits it.
+
+    Raises:
+        JobError: If a temperature compensation is switched on already and a measurement
+            does not say whether it acted.
+    """
+    refuse_unstated_law(job, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
         try:
@@ -53,6 +60,17 @@ def plan_temperature(
         return TemperatureDraft(index, fit, lists, recording, found, zero)
 
     return draft
+
+
+def refuse_unstated_law(job: Job, fit: TemperatureSpec, lists: AxisLists) -> None:
+    """Raise where the axis list has the law switched on and a measurement says no more.
+
+    Raises:
+        JobError: Naming the measurement and the answers.
+    """
+    machine = lists.machine
+    if machine is not None and machine.integer(_LINE):
+        refuse_unstated(job, fit, machine.source, "measure again with COMP OFF TEMP")
 
 
 def zero_of(recording: ThermalRecording, fit: TemperatureFit) -> float:
@@ -146,12 +164,12 @@ class TemperatureDraft(AbstractDraft):
     def extra_files(self, job: Job) -> Mapping[str, bytes]:
         if not self.written:
             return {}
-        table, program = temperature_names(self.axis)
+        table, program, *_ = temperature_names(self.axis)
         law = self._law(job)
-        return {
-            table: csv_text(law).encode(),
-            program: structured_text(self._program(job, law)).encode("ascii"),
-        }
+        own = self._program(job, law)
+        objects = {f"{name}.TcPOU": text for name, text in plc_objects(own).items()}
+        texts = {table: csv_text(law), program: structured_text(own)} | objects
+        return {name: text.encode() for name, text in texts.items()}
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
         if not self.written:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import rankdata
 
 from ...discover import heat_or_drift
 from ...kinds.temperature import Effect, Lag, Meeting, TemperatureFit
@@ -185,6 +184,8 @@ def _not_told(
                 " is corrected.",
             )
         )
+    from scipy.stats import rankdata  # takes long to load
+
     used = fit.used
     clock = readings.time
     row = np.arange(len(used), dtype=float) if clock is None else clock

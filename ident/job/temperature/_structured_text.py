@@ -1,21 +1,30 @@
-"""The law as IEC 61131-3 Structured Text for the PLC of the machine.
+"""The law as a program for the PLC of the machine, in Structured Text (IEC 61131-3).
 
 Two function blocks: the law, which is arithmetic alone, and around it the access to the
-objects of the CNC by ADS ([001] p.22 to 23: TEMPC in the GEO task, port 551, group 16#120300).
+objects of the CNC by ADS ([001] p.22 to 23: TEMPC in the GEO task, port 551, group
+16#120300). Both stand in ``program.st.jinja``; the same text comes as one ``.st`` file and
+as the ``.TcPOU`` files that TwinCAT XAE takes into a project.
 """
 
 import dataclasses
+import functools
+import uuid
 from collections.abc import Sequence
+from importlib import resources
+from typing import Any
 
+import jinja2
 import numpy as np
 from jaxtyping import Float
 
-from .._plc_names import plain_name
-from ._access_text import access_block, declare, sensor_inputs
+from .._plc_names import block_names, plain_name
 from ._table import ThermalLaw
 
 _BEYOND = 40.0
 """K outside the measured temperatures from which a reading is that of a broken sensor."""
+_PROGRAM, _OBJECT = "program.st.jinja", "pou.TcPOU.jinja"
+_ID = uuid.UUID("8e0d8a0e-6a53-4c43-9d0f-5c7a3f0b6d11")
+"""Name space of the ids of objects: the same block of an axis keeps its id."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,18 +80,30 @@ class PlcProgram:
 
 def structured_text(program: PlcProgram) -> str:
     """Return the PLC program, in ASCII."""
-    name = plain_name(program.axis)
-    inputs = [(each.input, ascii_comment(each.name)) for each in program.sensors]
-    return "\n".join(
-        [
-            *_head(program, name),
-            "",
-            *_law_block(program, name),
-            "",
-            *access_block(name, program.number, inputs, round(program.position * 1e4)),
-            "",
-        ]
-    )
+    return str(_parts(program))
+
+
+def plc_objects(program: PlcProgram) -> dict[str, str]:
+    """Return each function block as XAE imports it: XML by name of the block.
+
+    The comment at the head of the program stands before the block that is called.
+    """
+    parts: Any = _parts(program)
+    law, access = block_names(program.axis)
+    texts = {
+        law: (parts.law_declaration(), parts.law_body()),
+        access: (
+            f"{parts.head()}\n{parts.access_declaration()}",
+            parts.access_body(),
+        ),
+    }
+    template = _templates().get_template(_OBJECT)
+    return {
+        name: template.render(
+            name=name, id=uuid.uuid5(_ID, name), declaration=declaration, body=body
+        )
+        for name, (declaration, body) in texts.items()
+    }
 
 
 def plc_sensors(names: Sequence[str], lags: Sequence[float]) -> tuple[PlcSensor, ...]:
@@ -104,169 +125,68 @@ def ascii_comment(text: str) -> str:
     return printable.replace("(*", "(").replace("*)", ")")
 
 
-def _head(program: PlcProgram, name: str) -> list[str]:
-    low, high = program.law.temperature[[0, -1]]
-    title = ascii_comment(program.title)
-    axis = ascii_comment(program.axis)
-    return [
-        f"(* Temperature compensation of axis {axis}, written by axcomp.",
-        f"   Job: {title}",
-        "",
-        "   line(T, s) = offset_0(T) + coefficient(T) * (s - position_0)",
-        f"   The CNC {'adds it to' if program.sign > 0 else 'takes it off'} the position:"
-        f" it is the measured deviation{' with the other sign' * (program.sign > 0)}.",
-        "",
-        f"   Measured from {low:.2f} to {high:.2f} degC; outside, the nearest value is",
-        f"   held. Nothing is corrected at {program.zero:.2f} degC, the state of the axis",
-        "   list, so that a machine whose program never ran is not wrong. A PLC that",
-        "   stops leaves its last values in the CNC: switch the compensation off then",
-        "   (COMP OFF TEMP) before the temperature has changed.",
-        "",
-        f"   Call FB_TempComp_{name} in every cycle of one PLC task. It needs the",
-        "   library Tc2_System (ADSREAD, ADSWRITE). *)",
-    ]
-
-
-def _law_block(program: PlcProgram, name: str) -> list[str]:
-    law, last = program.law, len(program.law.temperature) - 1
-    offset_rate, slope_rate = program.rates
-    lines = [
-        "(* The law alone: temperatures in, parameters out. No access to the CNC. *)",
-        f"FUNCTION_BLOCK FB_TempCompLaw_{name}",
-        "VAR_INPUT",
-    ]
-    for each in program.sensors:
-        lines += sensor_inputs(each.input, ascii_comment(each.name))
-    lines += [
-        declare("CycleTime : LREAL;", "time between two calls in s"),
-        declare("Active : BOOL;", "TEMPC::f_is_active: homed and switched on"),
-        declare("Preset : BOOL;", "TRUE: take over the two values below"),
-        declare("PresetOffset0 : DINT;", "what the CNC has, 0.1 um"),
-        declare("PresetCoefficient : LREAL;", "what the CNC has, um/m"),
-        "END_VAR",
-        "VAR_OUTPUT",
-        declare("Offset0 : DINT;", "for TEMPC::offset_0 in 0.1 um"),
-        declare("Coefficient : LREAL;", "for TEMPC::coefficient in um/m"),
-        declare("Holding : BOOL;", "TRUE: a sensor failed, the values are held"),
-        "END_VAR",
-        "VAR",
-    ]
-    for each in program.sensors:
-        lines += [
-            declare(f"Structure{each.word} : LREAL;", "temperature of the structure"),
-            declare(f"Known{each.word} : BOOL;", "it has been set"),
-        ]
-    lines += [
-        declare("Index : INT;", "row of the table below the temperature"),
-        declare("Inside : LREAL;", "temperature within the measured range, degC"),
-        declare("Share : LREAL;", "way from that row to the next"),
-        declare("Wanted : LREAL;", "what the table says"),
-        declare("Most : LREAL;", "largest change in one call"),
-        declare("OffsetNow : LREAL;", "0.1 um"),
-        declare("CoefficientNow : LREAL;", "um/m"),
-        "END_VAR",
-        "VAR CONSTANT",
-        f"    LAST_ROW : INT := {last};",
-        f"    TEMPERATURES : ARRAY[0..{last}] OF LREAL := [  (* degC *)",
-        *_array(law.temperature, 4),
-        f"    OFFSETS : ARRAY[0..{last}] OF LREAL := [  (* 0.1 um *)",
-        *_array(law.offset * 1e4, 2),
-        f"    COEFFICIENTS : ARRAY[0..{last}] OF LREAL := [  (* um/m *)",
-        *_array(law.coefficient, 4),
-        declare(f"LOWEST : LREAL := {law.temperature[0] - _BEYOND:.1f};",
-                "degC; a sensor below it has failed"),
-        declare(f"HIGHEST : LREAL := {law.temperature[-1] + _BEYOND:.1f};",
-                "degC; a sensor above it has failed"),
-        declare(f"OFFSET_RATE : LREAL := {offset_rate * 1e4:.6f};",
-                "largest change, 0.1 um per s"),
-        declare(f"COEFFICIENT_RATE : LREAL := {slope_rate:.6f};",
-                "largest change, um/m per s"),
-    ]  # fmt: skip
-    lines += [
-        declare(
-            f"LAG_{each.word.upper()} : LREAL := {each.lag:.1f};",
-            "the structure follows its sensor so late, s",
-        )
-        for each in program.sensors
-    ]
-    lines += ["END_VAR", "", *_holding(program), "IF NOT Holding THEN"]
-    for each in program.sensors:
-        lines += _lag(each)
-    lines += [
-        "END_IF;",
-        "",
-        "IF Preset THEN",
-        "    (* After a start of the PLC: go on from what the CNC has, without a step. *)",
-        "    OffsetNow := DINT_TO_LREAL(PresetOffset0);",
-        "    CoefficientNow := PresetCoefficient;",
-        "ELSIF NOT Holding THEN",
-        "    (* While it is not active, the values may be right at once: the CNC spreads",
-        "       switching over temp_comp_n_cycles. *)",
-    ]
-    lines += _look_up(program.sensors[program.offset], "OFFSET", "OffsetNow")
-    lines += _look_up(
-        program.sensors[program.coefficient], "COEFFICIENT", "CoefficientNow"
+@functools.cache
+def _templates() -> jinja2.Environment:
+    folder = resources.files(__package__)
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(
+            lambda name: folder.joinpath(name).read_text("utf-8")
+        ),
+        autoescape=False,  # no HTML; the comments are made safe, CDATA is closed by no text
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
     )
-    return [
-        *lines,
-        "END_IF;",
-        "",
-        "Offset0 := LREAL_TO_DINT(OffsetNow);",
-        "Coefficient := CoefficientNow;",
-        "END_FUNCTION_BLOCK",
-    ]
+    environment.filters["declare"] = _declare
+    return environment
 
 
-def _array(values: Float[np.ndarray, " n"], digits: int) -> list[str]:
-    numbers = [f"{value:.{digits}f}" for value in values]
-    return [
-        *(f"        {number}," for number in numbers[:-1]),
-        f"        {numbers[-1]}];",
-    ]
+def _parts(program: PlcProgram) -> jinja2.environment.TemplateModule:
+    """Return the program; its parts are functions of the module."""
+    return _templates().get_template(_PROGRAM).make_module(_variables(program))
 
 
-def _holding(program: PlcProgram) -> list[str]:
-    sound = [
-        f"{each.input}Ok AND ({each.input} >= LOWEST) AND ({each.input} <= HIGHEST)"
-        for each in program.sensors
-    ]
-    lines = [
-        "(* A value that is no number compares as FALSE, and is held off as well. *)",
-        f"Holding := NOT ({sound[0]}",
-    ]
-    lines += [f"    AND {each}" for each in sound[1:]]
-    lines[-1] += ");"
-    return lines
+def _declare(variable: str, comment: str) -> str:
+    """Return the line of a variable with its comment, in a column."""
+    return f"    {variable:<34}(* {comment} *)"
 
 
-def _lag(sensor: PlcSensor) -> list[str]:
-    word = sensor.word
-    return [
-        f"    IF NOT Known{word} THEN",
-        f"        Structure{word} := {sensor.input};",
-        f"        Known{word} := TRUE;",
-        "    END_IF;",
-        f"    Structure{word} := Structure{word} + ({sensor.input} - Structure{word})",
-        f"        * CycleTime / (LAG_{word.upper()} + CycleTime);",
-    ]
+def _variables(program: PlcProgram) -> dict[str, Any]:
+    """Return what the template is filled with, in the units of the PLC."""
+    law, sensors = program.law, program.sensors
+    low, high = (float(end) for end in law.temperature[[0, -1]])
+    offset_rate, coefficient_rate = program.rates
+    return {
+        "axis": ascii_comment(program.axis),
+        "name": plain_name(program.axis),
+        "title": ascii_comment(program.title),
+        "number": program.number,
+        "sign": program.sign,
+        "position": round(program.position * 1e4),
+        "zero": program.zero,
+        "low": low,
+        "high": high,
+        "lowest": low - _BEYOND,
+        "highest": high + _BEYOND,
+        "last": len(law.temperature) - 1,
+        "temperatures": _numbers(law.temperature, 4),
+        "offsets": _numbers(law.offset * 1e4, 2),
+        "coefficients": _numbers(law.coefficient, 4),
+        "offset_rate": offset_rate * 1e4,
+        "coefficient_rate": coefficient_rate,
+        "sensors": [
+            {
+                "input": one.input,
+                "comment": ascii_comment(one.name),
+                "word": one.word,
+                "lag": one.lag,
+            }
+            for one in sensors
+        ],
+        "offset_word": sensors[program.offset].word,
+        "coefficient_word": sensors[program.coefficient].word,
+    }
 
 
-def _look_up(sensor: PlcSensor, table: str, value: str) -> list[str]:
-    temperature = f"Structure{sensor.word}"
-    return [
-        f"    Inside := LIMIT(TEMPERATURES[0], {temperature}, TEMPERATURES[LAST_ROW]);",
-        "    Index := 0;",
-        "    WHILE (Index < LAST_ROW - 1) AND (Inside > TEMPERATURES[Index + 1]) DO",
-        "        Index := Index + 1;",
-        "    END_WHILE;",
-        "    Share := (Inside - TEMPERATURES[Index])",
-        "        / (TEMPERATURES[Index + 1] - TEMPERATURES[Index]);",
-        f"    Wanted := {table}S[Index]",
-        f"        + Share * ({table}S[Index + 1] - {table}S[Index]);",
-        "    IF Active THEN",
-        f"        Most := {table}_RATE * CycleTime;",
-        f"        {value} := LIMIT({value} - Most, Wanted, {value} + Most);",
-        "    ELSE",
-        f"        {value} := Wanted;",
-        "    END_IF;",
-    ]
+def _numbers(values: Float[np.ndarray, " n"], digits: int) -> list[str]:
+    return [f"{value:.{digits}f}" for value in values]

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.polynomial import legendre
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc  # scipy.stats takes long to load
 
 from ....models import Backlash
 from ...core import (
@@ -275,7 +275,7 @@ def dependence_along(
         statistic /= order
     sure = min(float(found.independent[part].min()), float(len(target)))
     free = max(sure - order - 1.0, 1.0)
-    probability = float(f_distribution.sf(statistic, order, free))
+    probability = float(fdtrc(order, free, statistic))
     orders = np.arange(1, order + 1)
     variation = float(np.sqrt((values**2 / (2 * orders + 1)).sum()))
     ends = np.where(orders % 2 == 1, 2.0, 0.0)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import find_peaks
 
 from ...core import FitError, one_blas_thread, regress
 from ._fit import BacklashFit, Reversal, dependence_along
@@ -120,6 +119,8 @@ def _reversals(
         seen: Error and speed of each row.
         reach: Travel on both sides that is kept, in mm or °.
     """
+    from scipy.signal import find_peaks  # takes long to load
+
     swing = 0.5 * reach
     ends = [find_peaks(side, prominence=swing)[0] for side in (position, -position)]
     turns = np.sort(np.concatenate(ends)).tolist()

@@ -16,6 +16,7 @@ number = 1
 [measurements.laser]
 file = "{k:05d}.csv"
 active = []
+remove = "none"
 [measurements.laser.columns]
 "X.position" = "x"
 "X.error" = {{ column = "e", unit = "um" }}
@@ -116,6 +117,7 @@ number = 3
 [measurements.probe]
 file = "{file}"
 {read}
+remove = "none"
 [measurements.probe.columns]
 "X.position" = "x"
 "Y.position" = "y"

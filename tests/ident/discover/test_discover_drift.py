@@ -164,6 +164,7 @@ def written(folder: Path, virtual: ModuleType, job: str) -> str:
         ('[measurements."work"]  # as it came\nfile = "log.csv"\n', None),
         ('[measurements.work]\ndrift = 7\nfile = "log.csv"\n', 7),
         ('[measurements.work]\nfile = "log.csv"\nremove = "offset"\n', None),
+        ('[measurements]\nwork = { file = "log.csv" }\n', None),
     ],
 )  # fmt: skip
 def test_what_the_job_states_of_its_instrument_stays(
@@ -174,13 +175,3 @@ def test_what_the_job_states_of_its_instrument_stays(
     assert spec.drift == pieces if pieces else spec.drift > 0
     assert text.count("drift = ") == 1
     assert text.count("remove = ") == job.count("remove = ")
-
-
-def test_a_drift_that_has_no_place_in_the_job_is_to_be_added_by_hand(
-    tmp_path: Path, virtual: ModuleType, capsys: pytest.CaptureFixture[str]
-) -> None:
-    written(tmp_path, virtual, '[measurements]\nwork = { file = "log.csv" }\n')
-    said = capsys.readouterr().err
-    assert "Add drift = " in said
-    assert "to measurement work by hand" in said
-    assert load_job(tmp_path / "new.toml").spec.measurements["work"].drift == 0

@@ -74,10 +74,15 @@ def test_a_person_reads_a_table_and_sentences(
 
 
 @pytest.mark.slow
-def test_the_written_job_is_what_fit_then_runs(job: Path) -> None:
+def test_the_written_job_is_what_fit_then_runs(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     new = job.with_name("new.toml")
     assert main(["discover", str(job), "--write", str(new)]) == 0
     text = new.read_text()
+    said = capsys.readouterr().err
+    assert "It leaves out datum of measurement laser: of fits that are" in said
+    assert 'It states remove = "offset" of measurement laser: of fits that are' in said
     # All but the fits stays; the datum of one effect is none of a sum of two.
     kept = JOB.replace("datum = { at = 0.0 }", 'remove = "offset"')
     assert text.startswith(kept.rstrip())
@@ -89,6 +94,15 @@ def test_the_written_job_is_what_fit_then_runs(job: Path) -> None:
     result = run_job(new, job.parent / "out")
     assert [fit.compensation for fit in result.fits] == ["leadscrew", "backlash"]
     assert (job.parent / "out" / "achskw1.lis").exists()
+
+
+def test_a_datum_gives_way_to_the_remove_that_is_stated(job: Path) -> None:
+    stated = "[measurements.laser.datum]\nat = 0.0\n"
+    job.write_text(JOB.replace("datum = { at = 0.0 }", 'remove = "line"') + stated)
+    new = job.with_name("new.toml")
+    assert main(["discover", str(job), "--write", str(new)]) == 0
+    spec = load_job(new).spec.measurements["laser"]
+    assert (spec.datum, spec.remove) == (None, "line")
 
 
 def test_fits_of_the_old_job_give_way_to_those_found(job: Path) -> None:

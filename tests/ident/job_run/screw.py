@@ -69,6 +69,10 @@ def screw_job(
     folder: Path, *, axis: str = "", measurement: str = "", fit: str = ""
 ) -> Path:
     job = folder / "job.toml"
+    # What a test does not state is measured with all off, zero and slope the machine's.
+    for key, value in (("remove", '"none"'), ("active", "[]")):
+        if f"{key} =" not in measurement:
+            measurement += f"\n{key} = {value}"
     job.write_text(SCREW_JOB.format(axis=axis, measurement=measurement, fit=fit))
     return job
 

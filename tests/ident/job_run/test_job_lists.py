@@ -96,6 +96,7 @@ number = 3
 list = "achskw3.lis"
 [measurements.probe]
 file = "probe.csv"
+remove = "none"
 active = ["plane"]
 columns = { "X.position" = "x", "Y.position" = "y", "Z.error" = "dz" }
 [[fits]]

@@ -98,6 +98,7 @@ number = 2
 number = 3
 [measurements.probe]
 file = "probe.csv"
+remove = "none"
 columns = { "X.position" = "x", "Y.position" = "y", "Z.error" = "dz" }
 [[fits]]
 compensation = "cross"
@@ -185,6 +186,7 @@ gantry = "Y2"
 number = 5
 [measurements.edge]
 file = "edge.csv"
+remove = "none"
 columns = { "X.position" = "x", "Y.error" = "dy" }
 [[fits]]
 compensation = "cross"
@@ -267,7 +269,7 @@ def test_load_sheet_asks_for_one_restart_for_two_new_lists(tmp_path: Path) -> No
     text = text.replace(
         "[measurements.laser]", "[axes.Y]\nnumber = 2\n[measurements.laser]"
     )
-    measured = '[measurements.other]\nfile = "laser.csv"\naxis = "Y"\n'
+    measured = '[measurements.other]\nfile = "laser.csv"\naxis = "Y"\nremove = "none"\n'
     path.write_text(text + measured + second)
     actions = [step.action for step in run_job(path, tmp_path / "out").load_sheet]
     assert actions.count("Restart the controller") == 1

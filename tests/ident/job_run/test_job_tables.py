@@ -57,6 +57,7 @@ limits = [-10, 410]
 number = 2
 [measurements.edge]
 file = "edge.csv"
+remove = "none"
 columns = { "X.position" = "x", "Y.error" = "dy" }
 [[fits]]
 compensation = "cross"
@@ -97,6 +98,7 @@ number = 3
 name = "Z_ACHSE"
 [measurements.probe]
 file = "probe.csv"
+remove = "none"
 [measurements.probe.columns]
 "X.position" = { column = "x", unit = "mm" }
 "Y.position" = { column = "y", unit = "mm" }
@@ -139,6 +141,7 @@ type = "rotary"
 modulo = [0.0, 360.0]
 [measurements.table]
 file = "c.csv"
+remove = "none"
 columns = { run = "run", "C.position" = "c", "C.error" = "e" }
 [[fits]]
 compensation = "leadscrew"

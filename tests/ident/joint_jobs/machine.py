@@ -27,6 +27,7 @@ limits = [0.0, 200.0]
 {Z}
 [measurements.probe]
 file = "probe.csv"
+remove = "none"
 active = {active}
 {fits}
 """

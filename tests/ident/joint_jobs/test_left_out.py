@@ -24,7 +24,9 @@ def job(folder: Path, columns: dict[str, np.ndarray], fits: str) -> Path:
     heads = ",".join(columns)
     np.savetxt(folder / "data.csv", table, "%.6f", ",", header=heads, comments="")
     path = folder / "job.toml"
-    path.write_text(f'{AXES}[measurements.m]\nfile = "data.csv"\n{fits}')
+    path.write_text(
+        f'{AXES}[measurements.m]\nfile = "data.csv"\nremove = "none"\n{fits}'
+    )
     return path
 
 

@@ -26,6 +26,7 @@ number = 1
 number = 2
 [measurements.turn]
 file = "turn.csv"
+remove = "none"
 [[fits]]
 compensation = "cross"
 axis = "Y"

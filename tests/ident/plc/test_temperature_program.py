@@ -1,6 +1,7 @@
 """The PLC program that a temperature job writes, run as the PLC would run it."""
 
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from axcomp.ident.job import ThermalLaw
 from axcomp.ident.job.temperature._structured_text import (
     PlcProgram,
+    plc_objects,
     plc_sensors,
     structured_text,
 )
@@ -28,15 +30,21 @@ CYCLE = 0.01
 RATES = (0.0005, 0.4)
 
 
-def text_of(
+def program_of(
     lag: float = 0.0, names: tuple[str, ...] = ("frame",), **changes: Any
-) -> str:
+) -> PlcProgram:
     given: dict[str, Any] = {
         "axis": "X", "number": 1, "title": "Mill", "law": LAW, "position": -200.1996,
         "zero": 20.0, "offset": 0, "coefficient": len(names) - 1, "rates": RATES,
     }  # fmt: skip
     sensors = plc_sensors(names, [lag] * len(names))
-    return structured_text(PlcProgram(**{**given, "sensors": sensors, **changes}))
+    return PlcProgram(**{**given, "sensors": sensors, **changes})
+
+
+def text_of(
+    lag: float = 0.0, names: tuple[str, ...] = ("frame",), **changes: Any
+) -> str:
+    return structured_text(program_of(lag, names, **changes))
 
 
 @pytest.fixture
@@ -254,3 +262,39 @@ def test_two_sensors_and_odd_names_make_a_valid_program(program: Make) -> None:
     )  # fmt: skip
     assert env["OFFSET0"] == -400
     assert env["COEFFICIENT"] == 0.0
+
+
+def test_the_objects_for_xae_hold_the_same_program() -> None:
+    given = program_of(3.0, ("frame", "odd ]]> name"), title="Mill ]]> 7")
+    objects = plc_objects(given)
+    assert list(objects) == ["FB_TempCompLaw_X", "FB_TempComp_X"]
+    parts, head = [], ""
+    for name, text in objects.items():
+        root = ET.fromstring(text)
+        assert root.tag == "TcPlcObject"
+        (pou,) = root
+        assert pou.attrib["Name"] == name
+        declaration, body = (
+            pou.findtext("Declaration"),
+            pou.findtext("Implementation/ST"),
+        )
+        assert declaration is not None
+        assert body is not None
+        assert f"FUNCTION_BLOCK {name}\n" in declaration
+        assert "END_FUNCTION_BLOCK" not in body  # XAE adds it
+        if declaration.startswith("(* Temperature"):
+            head, _, declaration = declaration.partition("\n\n(* Access")
+            declaration = f"(* Access{declaration}"
+        parts.append(f"{declaration}\n{body}END_FUNCTION_BLOCK\n")
+    assert "\n\n".join([head, "\n".join(parts)]) == structured_text(given)
+
+
+def test_the_objects_for_xae_keep_their_ids() -> None:
+    first, second = (plc_objects(program_of(lag)) for lag in (0.0, 5.0))
+
+    def ids(objects: dict[str, str]) -> list[str]:
+        return [ET.fromstring(text)[0].attrib["Id"] for text in objects.values()]
+
+    assert ids(first) == ids(second)
+    assert len(set(ids(first))) == 2
+    assert first != second

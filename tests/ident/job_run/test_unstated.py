@@ -1,0 +1,173 @@
+"""What only the user knows: whose a constant and a slope are, and what was on."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.ident.job import JobError, run_job
+
+from .screw import LIST_UNIT, laser, screw_job, table
+
+PLACES = np.linspace(0.0, 400.0, 41)
+JOB = """
+[axes.X]
+number = 1
+[axes.C]
+number = 2
+type = "rotary"
+modulo = [0.0, 360.0]
+[measurements.m]
+file = "m.csv"
+{stated}
+[[fits]]
+compensation = "{kind}"
+axis = "{axis}"
+measurement = "m"
+start = 0.0
+interval = {interval}
+points = {points}
+{keys}
+"""
+
+
+def shown(constant: float, slope: float) -> np.ndarray:
+    """Return a wave of 5 µm and noise of 0.5 µm about a line, mm."""
+    noise = 5e-4 * np.random.default_rng(3).normal(size=len(PLACES))
+    line = constant + slope * (PLACES - PLACES.mean())
+    return 5e-3 * np.sin(2 * np.pi * PLACES / 100.0) + line + noise
+
+
+def job(folder: Path, error: np.ndarray, stated: str = "", **keys: object) -> Path:
+    table(folder / "m.csv", "X.position [mm],X.error [mm]", PLACES, error)
+    form = {
+        "kind": "leadscrew",
+        "axis": "X",
+        "interval": 20.0,
+        "points": 21,
+        "keys": "",
+    }
+    path = folder / "job.toml"
+    path.write_text(JOB.format(stated=stated, **form | keys))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("constant", "slope", "numbers"),
+    [
+        # Of the wave, 21 nodes leave a standard deviation of 3.6 µm / √21 to a mean.
+        (0.03, 0.0, r"a constant of 30\.\d+ ± 0\.\d+ µm and a slope of -?\d\.\d ± \d"),
+        (
+            0.0,
+            5e-5,
+            r"a constant of \S+ ± 0\.\d+ µm and a slope of 4\d\.\d ± \d\.\d µm/m",
+        ),
+    ],
+)
+def test_a_constant_or_slope_that_nobody_owns_stops_the_job(
+    tmp_path: Path, constant: float, slope: float, numbers: str
+) -> None:
+    path = job(tmp_path, shown(constant, slope))
+    keys = r'datum = \{ at = … \}.*remove = "none".*"offset".*"line"'
+    expected = (
+        rf"job\.toml:8: measurements\.m: found {numbers}.* in the error of X.*{keys}"
+    )
+    with pytest.raises(JobError, match=expected):
+        run_job(path, tmp_path / "out")
+    assert not list((tmp_path / "out").glob("*"))
+
+
+@pytest.mark.parametrize(
+    "stated", ['remove = "none"', 'remove = "line"', "datum = { at = 0.0 }"]
+)
+def test_each_answer_is_taken(tmp_path: Path, stated: str) -> None:
+    result = run_job(job(tmp_path, shown(0.03, 5e-5), stated), tmp_path / "out")
+    assert result.passed
+
+
+def test_well_zeroed_readings_are_asked_nothing(tmp_path: Path) -> None:
+    # 1 µm and 3 µm over the travel are less than the wave of the screw.
+    assert run_job(job(tmp_path, shown(1e-3, 8e-6)), tmp_path / "out").passed
+
+
+def test_what_is_far_below_the_gate_is_asked_nothing(tmp_path: Path) -> None:
+    exact = np.full(len(PLACES), 5e-4) + 1e-5 * np.sin(PLACES)
+    assert run_job(job(tmp_path, exact), tmp_path / "out").passed
+
+
+def test_a_group_is_asked_as_well(tmp_path: Path) -> None:
+    path = job(tmp_path, shown(0.03, 0.0), keys='group = "X"')
+    second = (
+        '[[fits]]\ncompensation = "backlash"\naxis = "X"\nmeasurement = "m"\n'
+        'group = "X"\n'
+    )
+    path.write_text(path.read_text() + second)
+    way = np.where(np.arange(len(PLACES)) % 2, 1, -1)
+    head = "X.position [mm],X.error [mm],X.direction"
+    both = shown(0.03, 0.0) + 2e-3 * way
+    table(tmp_path / "m.csv", head, PLACES, both, way)
+    with pytest.raises(
+        JobError, match=r'a constant of .*say whose they are: remove = "none"'
+    ):
+        run_job(path, tmp_path / "out")
+
+
+def test_a_whole_turn_has_no_slope(tmp_path: Path) -> None:
+    turn = np.linspace(0.0, 350.0, 36)
+    error = 0.05 + 1e-3 * np.sin(np.deg2rad(3 * turn))
+    path = job(
+        tmp_path, shown(0, 0), axis="C", interval=10.0, points=37, keys="modulo = true"
+    )
+    table(tmp_path / "m.csv", "C.position [deg],C.error [deg]", turn, error)
+    match = r"found a constant of 50\.\d+ ± 0\.\d+ 0\.001° in the error of C"
+    with pytest.raises(JobError, match=match):
+        run_job(path, tmp_path / "out")
+
+
+def test_a_list_with_the_compensation_asks_whether_it_was_on(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    run_job(screw_job(tmp_path), tmp_path / "out")
+    path = screw_job(tmp_path, axis='list = "out/achskw1.lis"')
+    path.write_text(path.read_text().replace("\nactive = []", ""))
+    expected = (
+        r"measurements\.laser: found no active, and .*achskw1\.lis holds leadscrew of X"
+        r' already, expected active = \["leadscrew"\] if it was on while measuring'
+        r".* or active = \[\] if it was off"
+    )
+    with pytest.raises(JobError, match=expected):
+        run_job(path, tmp_path / "again")
+    assert not list((tmp_path / "again").glob("*"))
+
+
+def test_nodes_finer_than_readings_are_filled_marked_and_a_grid_is_proposed(
+    tmp_path: Path,
+) -> None:
+    places = np.linspace(0.0, 400.0, 9)
+    error = 0.01 * np.sin(places / 60.0)
+    path = job(tmp_path, shown(0, 0), 'remove = "none"')
+    table(tmp_path / "m.csv", "X.position [mm],X.error [mm]", places, error)
+    (fit,) = run_job(path, tmp_path / "out").fits
+    support = fit.support["pos"]  # type: ignore[attr-defined]
+    assert (support > 0).sum() == 13
+    words = " ".join(remark.message for remark in fit.remarks)
+    assert (
+        "8 of 21 node values were not measured; they are filled by the prior" in words
+    )
+    assert "more nodes than readings" in words
+    assert "start = 0, interval = 50, points = 9" in words
+    # Between targets 50 mm apart, smoothness makes more of a wave of 60 mm than a line
+    # does: 0.9 µm.
+    values = fit.table["pos"]  # type: ignore[attr-defined]
+    truth = -0.01 * np.sin(np.arange(0.0, 401.0, 20.0) / 60.0)
+    assert np.max(np.abs(values - truth)) < 9e-4 + LIST_UNIT
+
+
+def test_a_fit_without_nodes_is_told_which_suit_its_readings(tmp_path: Path) -> None:
+    path = job(tmp_path, shown(0, 0))
+    text = path.read_text()
+    path.write_text(text[: text.index("start =")])
+    match = (
+        r"no nodes, expected .*suit the readings: start = 0, interval = 10, points = 41"
+    )
+    with pytest.raises(JobError, match=match):
+        run_job(path, tmp_path / "out")
