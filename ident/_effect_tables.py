@@ -77,12 +77,6 @@ class Leadscrew(_Line):
 
     compensation: ClassVar[str] = "leadscrew"
 
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        way = (f"{self.axis}.direction",) if self.bilateral else ()
-        return (f"{self.axis}.position", *way)
-
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
         return joint.LeadscrewEffect(self.axis, self.nodes, self.bilateral, self.modulo)
@@ -118,11 +112,6 @@ class Cross(_Line):
     compensation: ClassVar[str] = "cross"
     no_keys: ClassVar[tuple[str, ...]] = ("modulo",)  # its axis says so
 
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return (f"{self.master}.position",)
-
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
         return joint.CrossEffect(self.axis, self.master, self.nodes, self.modulo)
@@ -153,11 +142,6 @@ class Plane(AbstractEffect):
     points: tuple[int, int] = dataclasses.field(kw_only=True)
 
     compensation: ClassVar[str] = "plane"
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return tuple(f"{master}.position" for master in self.masters)
 
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""

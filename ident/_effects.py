@@ -61,6 +61,16 @@ class AbstractEffect(AbstractStated):
         """Return the effect as a joint fit takes it."""
 
     @property
+    def roles(self) -> tuple[str, ...]:
+        """See `AbstractStated`."""
+        effect = self.to_joint()
+        roles = [
+            f"temperature.{name}" if channel == "temperature" else f"{name}.{channel}"
+            for channel, name in effect.inputs
+        ]
+        return (*roles, *(("time",) if effect.timed else ()))
+
+    @property
     def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
         """Nodes along each master of a table; empty for what is none."""
         return ()
@@ -110,11 +120,6 @@ class Backlash(AbstractEffect):
 
     compensation: ClassVar[str] = "backlash"
     no_keys: ClassVar[tuple[str, ...]] = ("reference",)
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        return (f"{self.axis}.direction",)
 
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
@@ -166,14 +171,6 @@ class Temperature(AbstractEffect):
             return dict(self.sensors)
         assert self.sensor is not None
         return {"offset": self.sensor, "coefficient": self.sensor}
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        clock = () if self.lag == 0.0 else ("time",)
-        place = (f"{self.axis}.position",) if "coefficient" in self._sensors else ()
-        warm = dict.fromkeys(f"temperature.{name}" for name in self._sensors.values())
-        return (*place, *clock, *warm)
 
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
@@ -245,12 +242,6 @@ class Crosstalk(AbstractEffect):
             return np.zeros((1, 0))
         return np.asarray(self.positions, np.float64)
 
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
-        places = (f"{axis}.position" for axis in self.adaptation)
-        return (f"{self.master}.acceleration", f"{self.master}.velocity", *places)
-
     def to_joint(self) -> joint.AbstractEffect:
         """See `AbstractEffect`."""
         return joint.CrosstalkEffect(
@@ -266,13 +257,7 @@ class Crosstalk(AbstractEffect):
 
     def to_model(self, table: Any, sign: float, effect: Any) -> Any:
         """See `AbstractEffect`."""
-        return models.Crosstalk(
-            models.surface_through(self._points),
-            sign * table,
-            as_float(self.acceleration),
-            as_float(self.deceleration),
-            velocity_dependent=self.velocity_dependent,
-        )
+        return effect.model(sign * table)
 
 
 @final

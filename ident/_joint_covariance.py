@@ -48,9 +48,9 @@ def covariance_of(
     weight = sp.diags_array(fit.share[axis][rows])
     information = (design.T @ weight @ design).toarray()
     starts = np.cumsum([0, *(len(fit.parts[k].values) for k in own)])
-    for k, block, start in zip(own, blocks, starts, strict=False):
+    for k, start in zip(own, starts, strict=False):
         weights = fit.parts[k].smoothness
-        prior = block.prior
+        prior = fit.parts[k].effect.prior
         for name, each in zip(prior.names, prior.rows, strict=True) if prior else ():
             here = slice(start, start + len(fit.parts[k].values))
             information[here, here] += weights[name] * (each.T @ each).toarray()

@@ -1,18 +1,18 @@
 """Joint identification: any stack of effects fitted together, and what data can tell.
 
-Read `_effect` (readings, and what an effect is; `_tables` and `_temperature` are more of them),
-`_design` (their columns side by side, datum and runs), `_gauge` (what may be moved between
-effects, and the rules for it), `_identified` (what the rows cannot tell) with `_words`, `_axis`
-(one axis fitted on `ident.core`) with `_lag`, and `_result` and `_fit` (what comes out).
+Readings are those of `ident._recording`. Read `_effect` (what an effect is; `_tables` and
+`_temperature` are more of them), `_design` (their columns side by side, datum and runs),
+`_gauge` (what may be moved between effects, and the rules for it), `_identified` (what the rows
+cannot tell) with `_words`, `_axis` (one axis fitted on `ident.core`) with `_lag`, and `_result`
+and `_fit` (what comes out).
 """
 
+from ..._recording import JointData as JointData
 from ._effect import (
-    CHANNELS as CHANNELS,
     AbstractEffect as AbstractEffect,
     BacklashEffect as BacklashEffect,
     Block as Block,
     DelayEffect as DelayEffect,
-    JointData as JointData,
 )
 from ._fit import (
     examine_design as examine_design,

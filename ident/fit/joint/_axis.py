@@ -16,11 +16,12 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..._recording import JointData
 from ...core import Estimate, FitError, Problem, Readings, estimate, memory
 from .._table import floor_of
 from .._types import RunEffect
 from ._design import Design, design_of
-from ._effect import AbstractEffect, JointData
+from ._effect import AbstractEffect
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
@@ -238,7 +239,6 @@ class AxisFit:
             standard_deviation=self.deviation[places],
             support=self.estimate.posterior.problem.sums.support[places],
             determined=~self.known.unknown[places],
-            labels=design.labels[number],
             share=self.known.share_of(number),
             contribution=contribution,
             rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),

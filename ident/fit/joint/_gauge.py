@@ -20,10 +20,10 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
+from ..._recording import JointData
 from ...core import node_shares
 from .._identifiable import Shapes, null_space, pivoted
 from ._design import Component, Design, design_of
-from ._effect import ANYWHERE, JointData
 from ._tables import LeadscrewEffect
 from ._temperature import TemperatureEffect
 
@@ -43,6 +43,8 @@ _ORDER = (
 )
 _NOTHING = 1e-7
 """Size of a direction, relative to all, below which a component has no part in it."""
+_ANYWHERE = np.nan, np.nan
+"""Range of an input that makes a difference at any size."""
 _DEGREE = 4
 """Of the smooth surfaces along each master."""
 _ROWS_PER_VALUE, _MORE_ROWS = 8, 500
@@ -234,8 +236,9 @@ def _everything_varies(design: Design, data: JointData) -> JointData:
     count = _ROWS_PER_VALUE * sum(sizes) + _MORE_ROWS
     ends: dict[tuple[str, str], tuple[float, float]] = {}
     for effect in design.effects:
-        for key, (low, high) in effect.ranges.items():
-            least, most = ends.get(key, ANYWHERE)
+        for key in effect.inputs:
+            low, high = effect.ranges.get(key, _ANYWHERE)
+            least, most = ends.get(key, _ANYWHERE)
             ends[key] = float(np.fmin(low, least)), float(np.fmax(high, most))
     channels: dict[str, dict[str, np.ndarray]] = {}
     for (channel, name), (low, high) in ends.items():

@@ -11,10 +11,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..._recording import JointData
 from ...core import Posterior
 from .._identifiable import Correlations, Shapes, Shared
 from ._design import Design
-from ._effect import JointData
 from ._gauge import Rules, Unheld, ideal_shapes, priority, shapes_of
 
 _SAME = 2e-7

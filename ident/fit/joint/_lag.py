@@ -16,9 +16,10 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
+from ..._recording import JointData
 from ...core import Estimate, FitError
 from ._design import Design
-from ._effect import AbstractEffect, JointData
+from ._effect import AbstractEffect
 from ._temperature import TemperatureEffect
 
 _GRID = 14

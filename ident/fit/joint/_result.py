@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..._recording import JointData
 from .._types import RunEffect
-from ._effect import AbstractEffect, JointData
+from ._effect import AbstractEffect
 from ._identified import Identified
 from ._words import Confusion, Gauge
 
@@ -56,7 +57,6 @@ class Part:
         support: Readings that touch each value.
         determined: Whether the data tell the value: False where no reading reaches it and
             where it is confused with another effect.
-        labels: What each value is, in words.
         share: Information of the effect that is left after all other effects, the run effects
             and the datum are projected out, relative to what it would have alone: mean over
             its independent directions, 0 (nothing) to 1 (as if it were alone). Directions that a
@@ -73,7 +73,6 @@ class Part:
     standard_deviation: Float[np.ndarray, " p"]
     support: Int[np.ndarray, " p"]
     determined: Bool[np.ndarray, " p"]
-    labels: tuple[str, ...]
     share: float
     contribution: Float[np.ndarray, " t"]
     rms: float
@@ -84,6 +83,11 @@ class Part:
     def name(self) -> str:
         """Name of the effect."""
         return self.effect.name
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each value is, in words."""
+        return self.effect.labels
 
     @property
     def table(self) -> Float[np.ndarray, "..."]:

@@ -3,18 +3,19 @@
 import abc
 import dataclasses
 import itertools
+from collections.abc import Sequence
 from functools import cached_property
 from typing import final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ....models import Conventions, Crosstalk, surface_through
-from ...core import FitError, Readings, TableEffect
+from ...core import FitError, Readings, Smooth, TableEffect
 from ...core._readings import padded
 from ...kinds.crosstalk import BRANCHES, MOST_TESTS
-from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, sparse_rows
+from ._effect import AbstractEffect, Inputs, Ranges, Rows
 
 _LEAST_ROWS = 1024
 """Rows are filled up to powers of two from here on, so that compiled code is used again."""
@@ -33,14 +34,10 @@ class AbstractTable(AbstractEffect):
                 msg = f"{self.name}: expected at least two nodes in ascending order."
                 raise FitError(msg)
 
-    @abc.abstractmethod
-    def layout(self) -> TableEffect:
-        """Return the table as an effect of the estimator, inputs by the names of the masters."""
-
     @cached_property
+    @abc.abstractmethod
     def table_effect(self) -> TableEffect:
-        """The same, made once."""
-        return self.layout()
+        """The table as an effect of the estimator, inputs by the names of the masters."""
 
     @property
     def name(self) -> str:
@@ -53,30 +50,41 @@ class AbstractTable(AbstractEffect):
         return self.table_effect.size
 
     @property
+    def inputs(self) -> Inputs:
+        """See `AbstractEffect`."""
+        way = (("direction", self.axis),) if self.table_effect.way else ()
+        return (*(("position", master) for master in self.masters), *way)
+
+    @property
     def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
-        ways = {("direction", self.axis): ANYWHERE} if self.table_effect.way else {}
-        return ways | {
+        return {
             ("position", master): (float(nodes[0]), float(nodes[-1]))
             for master, nodes in zip(self.masters, self.table_effect.nodes, strict=True)
         }
 
-    def block(self, data: JointData) -> Block:
-        """See `AbstractEffect`."""
-        table, inputs = self.table_effect, {}
-        for master in self.masters:
-            inputs[master] = data.column("position", master, self.name)
-        if table.way:
-            inputs[table.way] = data.column("direction", self.axis, self.name)
-        known = np.asarray(np.isfinite(list(inputs.values())).all(axis=0))
-        filled = {name: np.where(known, own, 0.0) for name, own in inputs.items()}
-        nodes, shares = table.design(Readings(np.zeros(len(known)), filled))
-        place = np.argsort(table.unknowns)
-        columns = sparse_rows(place[nodes], shares, known, table.size)
-        prior = dataclasses.replace(table.prior, order=place[table.prior.order])
-        return Block(columns, known, self._labels(), prior, table)
+    @cached_property
+    def _place(self) -> Int[np.ndarray, " p"]:
+        """Number of the value of each unknown of the estimator."""
+        return np.argsort(self.table_effect.unknowns)
 
-    def _labels(self) -> tuple[str, ...]:
+    @cached_property
+    def prior(self) -> Smooth:
+        """See `AbstractEffect`."""
+        prior = self.table_effect.prior
+        return dataclasses.replace(prior, order=self._place[prior.order])
+
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
+        """See `AbstractEffect`."""
+        table = self.table_effect
+        names = table.inputs if table.way is None else (*table.inputs, table.way)
+        inputs = dict(zip(names, columns, strict=True))
+        nodes, shares = table.design(Readings(np.zeros(len(columns[0])), inputs))
+        return self._place[nodes], shares
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
         table = self.table_effect
         ways = (", moving positive", ", moving negative") if table.way else ("",)
         grid = [nodes[: len(nodes) - table.ring] for nodes in reversed(table.nodes)]
@@ -124,7 +132,8 @@ class LeadscrewEffect(AbstractTable):
         """See `AbstractEffect`."""
         return f"leadscrew of {self.axis}"
 
-    def layout(self) -> TableEffect:
+    @cached_property
+    def table_effect(self) -> TableEffect:
         """See `AbstractTable`."""
         way = "direction" if self.bilateral else None
         return TableEffect(_floats(self.nodes), self.masters, way, self.periodic)
@@ -152,7 +161,8 @@ class CrossEffect(AbstractTable):
         """See `AbstractEffect`."""
         return (self.master,)
 
-    def layout(self) -> TableEffect:
+    @cached_property
+    def table_effect(self) -> TableEffect:
         """See `AbstractTable`."""
         return TableEffect(_floats(self.nodes), self.masters, None, self.periodic)
 
@@ -176,7 +186,8 @@ class PlaneEffect(AbstractTable):
 
     compensation = "plane"
 
-    def layout(self) -> TableEffect:
+    @cached_property
+    def table_effect(self) -> TableEffect:
         """See `AbstractTable`."""
         return TableEffect(_floats(*self.nodes), self.masters)
 
@@ -259,16 +270,17 @@ class CrosstalkEffect(AbstractEffect):
         return Conventions() if self.conventions is None else self.conventions
 
     @property
-    def rows(self) -> tuple[int, ...]:
+    def branches(self) -> tuple[int, ...]:
         """Row of the values that stands for each row of `BRANCHES`."""
         if self.velocity_dependent:
             return (0, 1, 2, 3)
         return (0, 0, 1, 1) if self.rules.of_crosstalk["own_deceleration"] else (0,) * 4
 
     @property
-    def size(self) -> int:
+    def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
-        return (self.rows[-1] + 1) * len(self.points)
+        motion = (("acceleration", self.master), ("velocity", self.master))
+        return (*motion, *(("position", axis) for axis in self.adaptation))
 
     @property
     def ranges(self) -> Ranges:
@@ -278,9 +290,7 @@ class CrosstalkEffect(AbstractEffect):
             ("position", axis): (float(places.min()), float(places.max()))
             for axis, places in zip(self.adaptation, self.points.T, strict=True)
         }
-        found["velocity", self.master] = ANYWHERE
-        found["acceleration", self.master] = -top, top
-        return found
+        return found | {("acceleration", self.master): (-top, top)}
 
     def model(self, values: Float[np.ndarray, "4 p"]) -> Crosstalk:
         """Return the controller's model with these entries in mm, their sign left alone.
@@ -302,30 +312,24 @@ class CrosstalkEffect(AbstractEffect):
             **self.rules.of_crosstalk,
         )
 
-    def block(self, data: JointData) -> Block:
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
-        inputs = [
-            data.column("acceleration", self.master, self.name),
-            data.column("velocity", self.master, self.name),
-        ]
-        inputs += [data.column("position", axis, self.name) for axis in self.adaptation]
-        known = np.asarray(np.isfinite(inputs).all(axis=0))
-        count, tests = len(known), len(self.points)
-        filled = {str(k): np.where(known, own, 0.0) for k, own in enumerate(inputs)}
-        pull, speed, *places = padded(filled, _LEAST_ROWS).values()
+        count, tests = len(columns[0]), len(self.points)
+        filled = padded({str(k): own for k, own in enumerate(columns)}, _LEAST_ROWS)
+        pull, speed, *places = filled.values()
         stencil = self.model(np.zeros((4, tests))).stencil(
             pull, speed, np.reshape(places, (-1, len(pull))).T
         )
         branch, test = np.divmod(np.asarray(stencil.nodes)[:count], tests)
-        index = np.array(self.rows)[branch] * tests + test
-        weight = np.asarray(stencil.weights)[:count]
-        columns = sparse_rows(index, weight, known, self.size)
-        return Block(columns, known, self._labels())
+        index = np.array(self.branches)[branch] * tests + test
+        return index, np.asarray(stencil.weights)[:count]
 
-    def _labels(self) -> tuple[str, ...]:
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
         words: tuple[str, ...] = BRANCHES
         if not self.velocity_dependent:
-            words = ("acceleration", "deceleration")[: self.rows[-1] + 1]
+            words = ("acceleration", "deceleration")[: self.branches[-1] + 1]
         places = [
             "".join(
                 f", {axis} = {value:g}"
@@ -337,4 +341,4 @@ class CrosstalkEffect(AbstractEffect):
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
         """Return ``(4, p)``, rows as `BRANCHES`; equal rows where directions do not differ."""
-        return values.reshape(-1, len(self.points))[list(self.rows)]
+        return values.reshape(-1, len(self.points))[list(self.branches)]

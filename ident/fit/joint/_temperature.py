@@ -1,15 +1,16 @@
 """The thermal line as an effect: offset and coefficient as functions of temperature."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import final
 
 import numpy as np
 from jaxtyping import Float
 
+from ..._recording import JointData
 from ...core import FitError, node_shares
-from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, few_columns
+from ._effect import AbstractEffect, Block, Inputs, Ranges, Rows, every
 
 Nodes = str | int | Float[np.ndarray, " _n"]
 """``"constant"``, ``"linear"``, a number of nodes over the measured range, or °C."""
@@ -109,11 +110,6 @@ class TemperatureEffect(AbstractEffect):
             result[law] = nodes
         return result
 
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return sum(_count(self.law.get(law, "linear")) for law in self.sensors)
-
     def placed(self, data: JointData) -> "TemperatureEffect":
         """Return the effect with its temperatures spread over those of the data."""
         law: dict[str, Nodes] = {}
@@ -135,9 +131,22 @@ class TemperatureEffect(AbstractEffect):
         return dataclasses.replace(self, lag=own)
 
     @property
+    def inputs(self) -> Inputs:
+        """See `AbstractEffect`."""
+        warm = [
+            ("temperature", self.sensors[law]) for law in LAWS if law in self.sensors
+        ]
+        return (*warm, *(("position", axis) for axis in self.masters))
+
+    @property
+    def timed(self) -> bool:
+        """See `AbstractEffect`."""
+        return any(lag != 0.0 for lag in self.lags.values())
+
+    @property
     def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
-        found = {("position", self.axis): ANYWHERE} if self.masters else {}
+        found: dict[tuple[str, str], tuple[float, float]] = {}
         for law, nodes in self.nodes.items():
             half = 0.5 * max(float(np.ptp(nodes)), 1.0)
             middle = 0.5 * float(nodes[0] + nodes[-1])
@@ -146,18 +155,34 @@ class TemperatureEffect(AbstractEffect):
             found[key] = min(low, middle - half), max(high, middle + half)
         return found
 
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
+        nodes = self.nodes.items()
+        return tuple(f"{law} at {node:.4g} °C" for law, own in nodes for node in own)
+
     def block(self, data: JointData) -> Block:
         """See `AbstractEffect`; a lag to be fitted counts as none."""
-        nodes = self.placed(data).nodes
-        labels = [f"{law} at {node:.4g} °C" for law in nodes for node in nodes[law]]
-        parts: list[np.ndarray] = []
-        for law, own in nodes.items():
-            part = node_shares(self.structure(data, self.sensors[law]), own)
-            if law == "coefficient":
-                place = data.column("position", self.axis, self.name)
-                part = part * (place - self.reference)[:, None]
-            parts.append(part)
-        return few_columns(np.hstack(parts), tuple(labels))
+        return super(TemperatureEffect, self.placed(data)).block(data)
+
+    def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
+        """See `AbstractEffect`; temperatures are those of the structure."""
+        return [
+            self.structure(data, name)
+            if channel == "temperature"
+            else data.column(channel, name, self.name)
+            for channel, name in self.inputs
+        ]
+
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
+        """See `AbstractEffect`."""
+        parts = [
+            node_shares(warm, own) * (columns[-1] - self.reference)[:, None]
+            if law == "coefficient"
+            else node_shares(warm, own)
+            for warm, (law, own) in zip(columns, self.nodes.items(), strict=False)
+        ]
+        return every(np.hstack(parts))
 
     def structure(self, data: JointData, sensor: str) -> Float[np.ndarray, " t"]:
         """Return the temperature of the structure behind a sensor in °C, per row.

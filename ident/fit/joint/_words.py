@@ -214,8 +214,8 @@ def _parameters(
     part: Component, design: Design, lost: Bool[np.ndarray, " p"]
 ) -> tuple[str, ...]:
     """Return the lost values in words: some of them by name."""
-    every = zip(design.places_of(part.effect), design.labels[part.effect], strict=True)
-    where = {int(place): label for place, label in every}
+    every, labels = design.places_of(part.effect), design.effects[part.effect].labels
+    where = dict(zip(every.tolist(), labels, strict=True))
     names = [where[int(place)] for place in part.places[lost]]
     if len(names) == len(part.places) > 1:
         return (f"all values of the {part.name}",)

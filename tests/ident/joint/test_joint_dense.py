@@ -22,9 +22,9 @@ from axcomp.ident.fit.joint import (
 NOISE = 5e-4  # mm
 
 
-def _rows(effect: Any, data: JointData, weights: Any) -> np.ndarray:
+def _rows(effect: Any, weights: Any) -> np.ndarray:
     """Return the rows √weight · differences of one effect's prior over its values."""
-    prior: Any = effect.block(data).prior
+    prior: Any = effect.prior
     if prior is None:
         return np.zeros((0, effect.size))
     parts = [
@@ -38,7 +38,7 @@ def _dense(data: JointData, effects: Any, smoothness: Any) -> np.ndarray:
     """Return the fitted sum per reading by one dense least squares problem."""
     blocks = [effect.block(data).columns.toarray() for effect in effects]
     columns = np.asarray(np.hstack([*blocks, np.ones((len(data), 1))]))
-    priors = [_rows(effect, data, smoothness[effect.name]) for effect in effects]
+    priors = [_rows(effect, smoothness[effect.name]) for effect in effects]
     prior = np.asarray(scipy.linalg.block_diag(*priors, np.zeros((0, 1))))
     target = np.concatenate([data.error["X"], np.zeros(len(prior))])
     found: Any = scipy.linalg.lstsq(np.vstack([columns, prior]), target, cond=1e-13)
@@ -104,7 +104,7 @@ def test_deviations_are_those_of_dense_algebra(mixed: Any) -> None:
     effects = [part.effect for part in fit.parts]
     blocks = [effect.block(case.data).columns.toarray() for effect in effects]
     columns = np.hstack([*blocks, np.ones((800, 1))])
-    rows = [_rows(each, case.data, smoothness[each.name]) for each in effects]
+    rows = [_rows(each, smoothness[each.name]) for each in effects]
     prior = np.asarray(scipy.linalg.block_diag(*rows, np.zeros((0, 1))))
     whole_matrix = np.vstack([columns, prior])
     # Random errors of the readings and of the prior, moved to the rule one by one.
