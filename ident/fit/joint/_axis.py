@@ -197,11 +197,8 @@ class AxisFit:
             picks[0, number, knots] = 1.0 / len(knots)
             picks[1, number, knots[-1]] += 1.0
             picks[1, number, knots[0]] -= 1.0
-        rules, whole = self.known.rules, picks.reshape(-1, design.size).T
-        # Functionals of the values under the rule, as functionals of the values as solved.
-        before = whole - rules.gain.T @ (rules.null.T @ whole)
-        post = self.estimate.posterior
-        spread = (before * post.factor.solve(before)).sum(axis=0) * post.variance
+        post, functionals = self.estimate.posterior, picks.reshape(-1, design.size).T
+        spread = np.diag(self.known.covariance(post, functionals)) * post.variance
         deviation = np.sqrt(np.maximum(spread, 0.0)).reshape(2, -1)
         numbers = np.stack(
             [picks[0] @ self.theta, deviation[0], picks[1] @ self.theta, deviation[1]]

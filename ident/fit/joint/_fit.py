@@ -193,5 +193,6 @@ def _fit(
         converged=all(fit.estimate.converged for fit in fits.values()),
         message=" ".join(messages),
         known=known,
+        estimates={axis: fit.estimate for axis, fit in fits.items()},
         options=dataclasses.replace(options, smoothness=weights),
     )

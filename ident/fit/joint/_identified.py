@@ -83,6 +83,15 @@ class Identified:
         result += ((rules.null @ inner) * rules.null).sum(axis=1)
         return np.asarray(np.maximum(result, 0.0))
 
+    def covariance(
+        self, found: Posterior, functionals: Float[np.ndarray, "n k"]
+    ) -> Float[np.ndarray, "k k"]:
+        """Return the covariance of functionals of the values, per variance of one reading."""
+        rules = self.rules
+        # Functionals of the values under the rule, as functionals of the values as solved.
+        before = functionals - rules.gain.T @ (rules.null.T @ functionals)
+        return np.asarray(before.T @ found.factor.solve(before))
+
     @cached_property
     def lost(self) -> Bool[np.ndarray, " n"]:
         """Unknowns that readings reach and confuse."""
