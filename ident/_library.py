@@ -12,12 +12,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..data.measurements import Measurement
-from ._effects import AbstractEffect, Friction
+from ._effects import Friction
 from ._ipopt import least_squares_ipopt
 from ._readings import Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
 from .fit.joint import (
+    AbstractEffect,
     Confusion,
     Gauge,
     JointData,
@@ -254,7 +255,7 @@ def fit(
     if stack:
         joint = fit_joint(
             recording,
-            [one.to_joint() for one in stack],
+            stack,
             loss=loss,
             smoothness=smoothness if isinstance(smoothness, str) else float(smoothness),
             drift=drift,
@@ -279,9 +280,9 @@ def fit(
         if constraints and name in constraints:
             assert joint is not None
             spread = joint.covariance(stated.place(one))
-            table = _constrained(one, part, spread, constraints[name])
+            table = _constrained(part, spread, constraints[name])
         if place is not None:
-            model = one.to_model(table, -1.0, part.effect)
+            model = part.effect.to_model(table, -1.0)
             zero = -float(np.mean(one.offsets(model, *(np.array([x]) for x in place))))
             table = table - zero
             value, deviation = constant[one.axis]
@@ -290,8 +291,8 @@ def fit(
             table = table - one.offsets(active[name])
         found[name] = FittedEffect(
             one,
-            one.to_model(table, -1.0, part.effect),
-            one.to_model(part.deviation_table, 1.0, part.effect),
+            part.effect.to_model(table, -1.0),
+            part.effect.to_model(part.deviation_table, 1.0),
             part.support,
             part.lags,
         )
@@ -356,7 +357,6 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
 
 
 def _constrained(
-    effect: AbstractEffect,
     part: Part,
     covariance: Float[np.ndarray, "p p"],
     inequality: Callable[[Any], Array],
@@ -364,7 +364,6 @@ def _constrained(
     """Return the most probable table of a part whose model keeps inequalities, by IPOPT.
 
     Args:
-        effect: As it was stated.
         part: As it was fitted.
         covariance: Of its values.
         inequality: Values that the model of the controller keeps at or above zero.
@@ -384,7 +383,7 @@ def _constrained(
     def keeps(move: Float[Array, " k"], args: Any) -> Float[Array, " g"]:
         middle, along = args
         table = middle + along @ move
-        return jnp.ravel(inequality(effect.to_model(table, -1.0, part.effect)))
+        return jnp.ravel(inequality(part.effect.to_model(table, -1.0)))
 
     found = least_squares_ipopt(
         lambda move, _: move,

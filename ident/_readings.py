@@ -17,9 +17,9 @@ from ..data.measurements import (
     measurement,
     read_table,
 )
-from ._effects import AbstractEffect, Friction, Temperature
+from ._effects import Friction
 from .core import FitError
-from .fit.joint import JointData
+from .fit.joint import AbstractEffect, JointData, Temperature
 
 Roles = Mapping[str, ArrayLike]
 """Arrays by role (``"X.position"``, ``"temperature.scale"``, ``"run"``) in mm, °, s, °C."""

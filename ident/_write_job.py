@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ..data.measurements import find_role
-from ._effects import AbstractEffect, Friction
+from ._effects import Friction
 from .core import FitError
+from .fit.joint import AbstractEffect, Temperature
 
 if TYPE_CHECKING:
     from .job import JobResult
@@ -178,12 +179,28 @@ def _fits(stated: Stated) -> Iterator[dict[str, Any]]:
     together = [one for one in stated.effects if isinstance(one, AbstractEffect)]
     several = len(together) > 1 or stated.treated["drift"]
     for one in stated.effects:
-        keys = one.to_keys() | {"measurement": "readings"}
+        keys = _keys(one) | {"measurement": "readings"}
         if isinstance(one, AbstractEffect):
             keys |= {k: v for k, v in stated.options.items() if one.grid or k == "loss"}
             if several:
                 keys["group"] = "stack"
         yield keys
+
+
+def _keys(effect: AbstractEffect | Friction) -> dict[str, Any]:
+    """Return the keys of a fit that an effect states."""
+    own = {
+        field.name: getattr(effect, field.name)
+        for field in dataclasses.fields(effect)
+        if field.name not in effect.no_keys
+    }
+    fields = dataclasses.fields(effect)
+    stated = {f.name for f in fields if own.get(f.name, f.default) != f.default}
+    keys = {name: value for name, value in own.items() if name in stated}
+    if isinstance(effect, Temperature):
+        lag = {"fit": "auto", 0.0: "none"}.get(effect.lag, effect.lag)
+        keys |= {"lag": lag, "reference": float(effect.reference)}
+    return {"compensation": effect.compensation, **keys}
 
 
 def _lines(path: tuple[str, ...], value: Any) -> Iterator[str]:

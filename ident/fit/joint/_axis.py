@@ -26,7 +26,7 @@ from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
 from ._result import Options, Part, RunCurve, Smoothness
-from ._temperature import TemperatureEffect
+from ._temperature import Temperature
 
 _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
 """Rounds of lags and everything else; they end where no lag moves by that share of its sd."""
@@ -296,7 +296,7 @@ def fit_axis(
             break
         values = {sensor: lag.value for sensor, lag in lags.items()}
         own = [
-            effect.lagging(values) if isinstance(effect, TemperatureEffect) else effect
+            effect.lagging(values) if isinstance(effect, Temperature) else effect
             for effect in effects
         ]
         design = design_of(axis, own, data, options.drift, use)

@@ -29,7 +29,7 @@ from ...core import (
     chain,
 )
 from ._effect import AbstractEffect
-from ._temperature import TemperatureEffect
+from ._temperature import Temperature
 
 _BANDED = 400
 """Nodes of a plane from which on its part of the matrix is kept as a band."""
@@ -306,7 +306,7 @@ def _components(
     table: TableEffect | None,
 ) -> list[Component]:
     kind = effect.compensation
-    if not isinstance(effect, TemperatureEffect):
+    if not isinstance(effect, Temperature):
         return [Component(effect.name, kind, number, places, effect.prior, table)]
     ends = np.cumsum([len(nodes) for nodes in effect.nodes.values()])[:-1]
     return [

@@ -4,12 +4,13 @@ import abc
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
+from .... import models
 from ..._recording import JointData
 from ...core import FitError, Smooth, TableEffect
 
@@ -17,6 +18,7 @@ Inputs = tuple[tuple[str, str], ...]
 """Channel of `JointData` and name of each input."""
 Ranges = Mapping[tuple[str, str], tuple[float, float]]
 """From where to where an input goes, by channel of `JointData` and name."""
+Number = float | int
 Rows = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 """Values that each reading touches, and their shares."""
 
@@ -45,7 +47,9 @@ class AbstractEffect(abc.ABC):
     axis: str
 
     compensation: ClassVar[str]
-    """Kind of compensation: ``"leadscrew"``, ``"cross"``, ``"plane"`` and so on."""
+    """As in a job file: ``"leadscrew"``, ``"cross"``, ``"plane"`` and so on."""
+    no_keys: ClassVar[tuple[str, ...]] = ()
+    """Fields that are no keys of a fit in a job file."""
 
     @cached_property
     def masters(self) -> tuple[str, ...]:
@@ -93,6 +97,20 @@ class AbstractEffect(abc.ABC):
         return False
 
     @property
+    def roles(self) -> tuple[str, ...]:
+        """Roles of the readings that it needs, such as ``"X.position"``."""
+        found = [
+            f"temperature.{name}" if channel == "temperature" else f"{name}.{channel}"
+            for channel, name in self.inputs
+        ]
+        return (*found, "time") if self.timed else tuple(found)
+
+    @property
+    def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
+        """Nodes along each master of a table; empty for what is none."""
+        return ()
+
+    @property
     def ranges(self) -> Ranges:
         """From where to where its inputs make a difference; one left out does at any size."""
         return {}
@@ -132,6 +150,31 @@ class AbstractEffect(abc.ABC):
         """Return values in the shape in which lists hold them."""
         return values
 
+    @abc.abstractmethod
+    def to_model(self, table: Any, sign: float) -> Any:
+        """Return the controller's model of values in the shape of the list.
+
+        Args:
+            table: As the error has them.
+            sign: −1 for values (the controller takes the error off), +1 for deviations.
+        """
+
+    def offsets(
+        self, model: Any, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """Return what a model of the controller adds in mm or °, shaped like the list.
+
+        Args:
+            model: Of this compensation.
+            places: Along each master; left out: at the nodes.
+
+        Raises:
+            FitError: If the effect is no table and no backlash.
+        """
+        del model, places
+        msg = f"active: found {self.compensation}, expected a table or backlash"
+        raise FitError(msg)
+
 
 def every(shares: Float[np.ndarray, "t p"]) -> Rows:
     """Return rows that touch all values."""
@@ -140,8 +183,8 @@ def every(shares: Float[np.ndarray, "t p"]) -> Rows:
 
 @final
 @dataclasses.dataclass(frozen=True)
-class BacklashEffect(AbstractEffect):
-    r"""Backlash of an axis; its one value is the width in mm, signed as P-AXIS-00103.
+class Backlash(AbstractEffect):
+    r"""Backlash of an axis; its one value is the width in mm or °, signed as P-AXIS-00103.
 
     Error moving positive − error moving negative is minus the width:
     $e = -w\,(d - r)/2$ with the direction $d$ and the reference direction $r$, in which the
@@ -154,6 +197,7 @@ class BacklashEffect(AbstractEffect):
     reference: int = 1
 
     compensation = "backlash"
+    no_keys = ("reference",)
 
     def __post_init__(self) -> None:
         if self.reference not in (1, -1):
@@ -174,10 +218,22 @@ class BacklashEffect(AbstractEffect):
         """See `AbstractEffect`."""
         return every(-0.5 * (columns[0][:, None] - self.reference))
 
+    def to_model(self, table: Any, sign: float) -> Any:
+        """See `AbstractEffect`; the width is taken off as it stands."""
+        del sign
+        return models.Backlash(table[0], self.reference)
+
+    def offsets(
+        self, model: Any, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`; the width is taken off as it stands."""
+        del places
+        return -np.atleast_1d(np.asarray(model.width))
+
 
 @final
 @dataclasses.dataclass(frozen=True)
-class DelayEffect(AbstractEffect):
+class Delay(AbstractEffect):
     r"""Reference late behind the encoder of an axis in motion: $e = -(\tau + \rho\,(t-t_0))\,v$.
 
     No compensation carries it: it stands beside the others so that they are free of it.
@@ -207,7 +263,7 @@ class DelayEffect(AbstractEffect):
         """See `AbstractEffect`."""
         return True
 
-    def placed(self, data: JointData) -> "DelayEffect":
+    def placed(self, data: JointData) -> "Delay":
         """See `AbstractEffect`."""
         if self.origin is not None:
             return self
@@ -227,3 +283,7 @@ class DelayEffect(AbstractEffect):
         """See `AbstractEffect`."""
         speed, late = columns
         return every(-np.column_stack([speed, speed * late]))
+
+    def to_model(self, table: Any, sign: float) -> Any:
+        """See `AbstractEffect`; there is none."""
+        raise NotImplementedError

@@ -24,8 +24,8 @@ from ..._recording import JointData
 from ...core import node_shares
 from .._identifiable import Shapes, null_space, pivoted
 from ._design import Component, Design, design_of
-from ._tables import LeadscrewEffect
-from ._temperature import TemperatureEffect
+from ._tables import Leadscrew
+from ._temperature import Temperature
 
 _ORDER = (
     "wander",
@@ -160,7 +160,7 @@ class Rules:
 def priority(part: Component, design: Design) -> int:
     """Return how simple a component is: the larger, the later it gives way."""
     effect = design.effects[part.effect]
-    if part.effect >= 0 and isinstance(effect, LeadscrewEffect) and effect.bilateral:
+    if part.effect >= 0 and isinstance(effect, Leadscrew) and effect.bilateral:
         return _ORDER.index("bilateral leadscrew")
     return _ORDER.index(part.kind)
 
@@ -198,7 +198,7 @@ def _eliminated(
 def _at_reference(part: Component, design: Design) -> Float[np.ndarray, "1 p"] | None:
     """Return what a law gives at the reference temperature; None for other components."""
     effect = design.effects[part.effect]
-    if part.effect < 0 or not isinstance(effect, TemperatureEffect):
+    if part.effect < 0 or not isinstance(effect, Temperature):
         return None
     nodes = effect.nodes[part.kind.removeprefix("temperature ")]
     return node_shares(np.array([effect.reference_temperature]), nodes)
@@ -214,7 +214,7 @@ def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
     """
     effects = [
         effect.lagging(dict.fromkeys(effect.sensor_names, 0.0))
-        if isinstance(effect, TemperatureEffect)
+        if isinstance(effect, Temperature)
         else effect
         for effect in design.effects
     ]
