@@ -189,18 +189,15 @@ def _fits(stated: Stated) -> Iterator[dict[str, Any]]:
 
 def _keys(effect: AbstractEffect | Friction) -> dict[str, Any]:
     """Return the keys of a fit that an effect states."""
-    own = {
-        field.name: getattr(effect, field.name)
-        for field in dataclasses.fields(effect)
-        if field.name not in effect.no_keys
-    }
-    fields = dataclasses.fields(effect)
-    stated = {f.name for f in fields if own.get(f.name, f.default) != f.default}
-    keys = {name: value for name, value in own.items() if name in stated}
+    keys: dict[str, Any] = {"compensation": effect.compensation}
+    for field in dataclasses.fields(effect):
+        value = None if field.name in effect.no_keys else getattr(effect, field.name)
+        if value is not None and value != field.default:
+            keys[field.name] = value
     if isinstance(effect, Temperature):
         lag = {"fit": "auto", 0.0: "none"}.get(effect.lag, effect.lag)
         keys |= {"lag": lag, "reference": float(effect.reference)}
-    return {"compensation": effect.compensation, **keys}
+    return keys
 
 
 def _lines(path: tuple[str, ...], value: Any) -> Iterator[str]:

@@ -350,30 +350,22 @@ def _weights(
     """Return the weights that were asked for, given the sums; None: by evidence."""
     if isinstance(smoothness, str) and smoothness == "auto":
         return None
-    by_name = isinstance(smoothness, Mapping)
-    if not isinstance(smoothness, Mapping):
-        if isinstance(smoothness, str) or not 0 <= smoothness < np.inf:
-            msg = (
-                f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
-                "weights by name."
-            )
-            raise FitError(msg)
-        number = float(smoothness)
-        smoothness = {
-            part.name: dict.fromkeys(part.weights, number) for part in design.named
-        }
-    wanted = np.array(
-        [
-            float((smoothness.get(part.name) or {}).get(name, 0.0))
-            for part in design.named
-            for name in part.weights
-        ]
-    )
+    if not isinstance(smoothness, Mapping) and (
+        isinstance(smoothness, str) or not 0 <= smoothness < np.inf
+    ):
+        msg = (
+            f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
+            "weights by name."
+        )
+        raise FitError(msg)
 
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
         least = np.where(problem.optional, 0.0, _LEAST * problem.density)
-        # A single number is that of second differences.
-        own = wanted if by_name else np.where(problem.optional, 0.0, wanted)
-        return np.asarray(np.maximum(own, least))
+        if isinstance(smoothness, Mapping):
+            parts = [(smoothness.get(p.name) or {}, p.weights) for p in design.named]
+            wanted = [own.get(name, 0.0) for own, names in parts for name in names]
+        else:  # that of second differences
+            wanted = np.where(problem.optional, 0.0, float(smoothness)).tolist()
+        return np.asarray(np.maximum(wanted, least))
 
     return weights
