@@ -12,9 +12,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..data.measurements import Measurement
-from ._effects import Friction
 from ._ipopt import least_squares_ipopt
-from ._readings import Roles, arrays_of, recording_of, without_zero_of
+from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
 from .fit.joint import (

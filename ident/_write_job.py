@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ..data.measurements import find_role
-from ._effects import Friction
+from ._readings import Friction
 from .core import FitError
 from .fit.joint import AbstractEffect, Temperature
 

@@ -20,12 +20,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .ident._effects import Friction as Friction
     from .ident._fit_linear import fit_linear as fit_linear
     from .ident._fit_model import fit_model as fit_model
     from .ident._library import Fit as Fit, fit as fit
     from .ident._model_fit import ModelFit as ModelFit
-    from .ident._readings import read as read
+    from .ident._readings import Friction as Friction, read as read
     from .ident.exchange import (
         AxisModels as AxisModels,
         ModelUnit as ModelUnit,
@@ -46,12 +45,11 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "ident._effects": ("Friction",),
     "ident._fit_linear": ("fit_linear",),
     "ident._fit_model": ("fit_model",),
     "ident._library": ("Fit", "fit"),
     "ident._model_fit": ("ModelFit",),
-    "ident._readings": ("read",),
+    "ident._readings": ("Friction", "read"),
     "ident.fit.joint": (
         "Backlash", "Cross", "Crosstalk", "Leadscrew", "Plane", "Temperature",
     ),
