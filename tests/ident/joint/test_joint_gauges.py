@@ -162,3 +162,15 @@ def test_a_ring_shares_its_constant_alone() -> None:
     fit = fit_joint(data, stack)
     assert len(fit.gauges) == 1
     assert fit.parts[0].table[0] == fit.parts[0].table[-1]
+
+
+def test_a_joint_covariance_keeps_the_rule(mixed: Any, effects: Any) -> None:
+    case = mixed(6, count=800)
+    fit = fit_joint(case.data, effects(0.0)[:2])
+    for number, part in enumerate(fit.parts):
+        spread = fit.covariance(number)
+        assert np.sqrt(np.diag(spread)) == pytest.approx(part.standard_deviation)
+        # Whatever is read, the table has mean zero over the readings: sums of some 1e-7 mm²
+        # cancel to rounding.
+        mean = part.effect.block(case.data).columns.mean(axis=0)
+        assert abs(mean @ spread @ mean) < 1e-10 * np.trace(spread)
