@@ -197,6 +197,8 @@ def _keys(effect: AbstractEffect | Friction) -> dict[str, Any]:
     if isinstance(effect, Temperature):
         lag = {"fit": "auto", 0.0: "none"}.get(effect.lag, effect.lag)
         keys |= {"lag": lag, "reference": float(effect.reference)}
+        if len(effect.sensors) == 2 and len(effect.sensor_names) == 1:
+            keys["sensor"] = keys.pop("sensors")["offset"]
     return keys
 
 
