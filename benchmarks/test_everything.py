@@ -22,16 +22,16 @@ from axcomp.data.measurements import (
 )
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
-    CrosstalkEffect,
-    DelayEffect,
+    Backlash,
+    Cross,
+    Crosstalk,
+    Delay,
     JointData,
     JointFit,
-    LeadscrewEffect,
+    Leadscrew,
     Part,
-    PlaneEffect,
-    TemperatureEffect,
+    Plane,
+    Temperature,
     fit_joint,
     refit_joint,
 )
@@ -82,23 +82,23 @@ def effects(
     master = "Z" if swapped else "X"
     heights = np.array([[0.0], [100.0], [200.0]])
     every: list[AbstractEffect] = [
-        LeadscrewEffect("X", np.linspace(0.0, 800.0, 81), bilateral=True),
-        TemperatureEffect("X", {"coefficient": "scale"}, reference=250.0, lag="fit"),
-        DelayEffect("X"),
-        LeadscrewEffect("Y", np.linspace(0.0, 400.0, 41)),
-        BacklashEffect("Y"),
-        CrossEffect("Y", master, np.linspace(0.0, SPACE[master], 81)),
-        CrosstalkEffect("Y", "X", 1500.0, -1500.0, ("Z",), heights, mode=2),
-        DelayEffect("Y"),
-        LeadscrewEffect("Z", np.linspace(0.0, 200.0, 21)),
-        BacklashEffect("Z"),
-        PlaneEffect(
+        Leadscrew("X", np.linspace(0.0, 800.0, 81), bilateral=True),
+        Temperature("X", {"coefficient": "scale"}, reference=250.0, lag="fit"),
+        Delay("X"),
+        Leadscrew("Y", np.linspace(0.0, 400.0, 41)),
+        Backlash("Y"),
+        Cross("Y", master=master, setpoints=np.linspace(0.0, SPACE[master], 81)),
+        Crosstalk("Y", "X", 1500.0, -1500.0, ("Z",), heights),
+        Delay("Y"),
+        Leadscrew("Z", np.linspace(0.0, 200.0, 21)),
+        Backlash("Z"),
+        Plane(
             "Z",
             ("X", "Y"),
             (np.linspace(0.0, 800.0, 101), np.linspace(0.0, 400.0, 101)),
         ),
-        TemperatureEffect("Z", {"offset": "spindle"}, lag="fit"),
-        DelayEffect("Z"),
+        Temperature("Z", {"offset": "spindle"}, lag="fit"),
+        Delay("Z"),
     ]
     return [one for one in every if (one.compensation, one.axis) not in absent]
 

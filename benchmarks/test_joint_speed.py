@@ -24,14 +24,14 @@ from scipy.optimize import lsq_linear
 
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
-    CrosstalkEffect,
+    Backlash,
+    Cross,
+    Crosstalk,
     JointData,
     JointFit,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
     fit_joint,
 )
 
@@ -86,12 +86,12 @@ def case(nodes: int, count: int) -> Case:
 
         grid = (spread(one, nodes), spread(two, nodes))
         effects += [
-            LeadscrewEffect(axis, spread(axis, 4 * nodes), bilateral=True),
-            CrossEffect(axis, one, spread(one, 4 * nodes)),
-            PlaneEffect(axis, (one, two), grid),
-            BacklashEffect(axis),
-            TemperatureEffect(axis, {"offset": "T", "coefficient": "T"}),
-            CrosstalkEffect(axis, one, 2000.0, -2000.0),
+            Leadscrew(axis, spread(axis, 4 * nodes), bilateral=True),
+            Cross(axis, master=one, setpoints=spread(one, 4 * nodes)),
+            Plane(axis, (one, two), grid),
+            Backlash(axis),
+            Temperature(axis, {"offset": "T", "coefficient": "T"}),
+            Crosstalk(axis, one, 2000.0, -2000.0),
         ]
     data = JointData(place, error, way, speed, pull, {"T": warm}, clock)
     return Case(data, truth, tuple(effects))

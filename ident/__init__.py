@@ -6,9 +6,9 @@ in pieces, joint fits), `kinds` (temperature, backlash, crosstalk), `friction` �
 run) → `report` → `cli`; `machine` is the virtual machine beside `proof`. Import the floor that
 you need.
 
-What `axcomp` itself offers stands beside them, in this order: `_effects` and `_effect_tables`
-(what is fitted, in the words of a job), `_readings` (`read`), `_library` (`fit`) with
-`_joint_covariance` and `_write_job` (its files), `_fit_model` with `_parameters` and
-`_model_fit` (any model), `_fit_linear` (a linear stack as a differentiable function) with
-`_linear_solver`. Lists and models of an axis: `exchange`.
+What `axcomp` itself offers stands beside them, in this order: the effects of `fit.joint`,
+`_readings` (`read`, to the record of `_recording`; `Friction`), `_library` (`fit`) with
+`_write_job` (its files), `_fit_model` with `_parameters` and `_model_fit` (any model),
+`_fit_linear` (a linear stack as a differentiable function) with `_linear_solver`. Lists and
+models of an axis: `exchange`.
 """

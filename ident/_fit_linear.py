@@ -42,7 +42,8 @@ _STEPS = {
 }
 """Steps to later nodes with which a node shares a cell, by the axes of a table."""
 _LOCAL = 1e-8
-"""Relative error of the products of a matrix that was told by a product per colour."""
+"""Relative error of a product with the matrix that columns of one colour gave, above which the
+matrix has elements between columns that share a colour: they were not independent."""
 
 
 def fit_linear(
@@ -142,6 +143,8 @@ class _Penalty(eqx.Module):
     data: Float[Array, " e"]
     reach: int = eqx.field(static=True)
     """Largest distance of an element from the diagonal; 0 outside of the band."""
+    weight: tuple[int, int] = eqx.field(static=True)
+    """Number of the table, and 0 or 1 for second or fourth differences."""
 
 
 @final
@@ -150,8 +153,8 @@ class _Structure(eqx.Module):
 
     unknown: Int[Array, " n"]
     """Of each number of the model; the last node of a ring is the first one again."""
-    penalties: tuple[tuple[tuple[_Penalty, ...], ...], ...]
-    """Of second and of fourth differences of each table: one per array and axis."""
+    penalties: tuple[_Penalty, ...]
+    """Of each table, array, axis and order."""
     size: int = eqx.field(static=True)
     grid: tuple[int, ...] = eqx.field(static=True)
     """Nodes of the table that is the band, along its longer axis first; () without."""
@@ -161,22 +164,19 @@ class _Structure(eqx.Module):
         """Return the unknowns of the fitted arrays of a model."""
         starts = dict(zip(form.paths, np.cumsum([0, *form.sizes]), strict=False))
         same = np.arange(sum(form.sizes))
-        arrays: list[list[tuple[np.ndarray, list[tuple[np.ndarray, bool]]]]] = []
-        for path, table in _tables(model):
-            arrays.append([])
+        arrays: list[tuple[int, np.ndarray, list[tuple[np.ndarray, bool]]]] = []
+        for number, (path, table) in enumerate(_tables(model)):
             for field, axes in _axes(table).items():
                 name = ".".join(filter(None, [path_name(path), field]))
-                with (
-                    jax.ensure_compile_time_eval()
-                ):  # nodes are constants under jit, too
+                with jax.ensure_compile_time_eval():  # constants under jit, too
                     places = [np.asarray(nodes.positions) for nodes, _ in axes]
                 shape = tuple(map(len, places))
                 index = starts[name] + np.arange(math.prod(shape)).reshape(shape)
                 rings = [ring for _, ring in axes]
                 if rings[0]:
                     same[index[-1]] = same[index[0]]
-                arrays[-1].append((index, list(zip(places, rings, strict=True))))
-        straight = [own for table in arrays for own, axes in table if not axes[0][1]]
+                arrays.append((number, index, list(zip(places, rings, strict=True))))
+        straight = [index for _, index, axes in arrays if not axes[0][1]]
         band = max(straight, key=np.size, default=np.zeros(0, np.int64))
         band = band if band.size > _MANY else np.zeros(0, np.int64)
         if len(band) < band.size // max(len(band), 1):
@@ -186,32 +186,32 @@ class _Structure(eqx.Module):
         place[np.concatenate([band.ravel(), rest])] = np.arange(band.size + len(rest))
         unknown = place[same]
         penalties = tuple(
-            tuple(
-                tuple(
-                    _penalty(unknown[index], axis, *each, order, band.size)
-                    for index, axes in table
-                    for axis, each in enumerate(axes)
-                )
-                for order in (0, 1)
-            )
-            for table in arrays
+            _penalty(unknown[index], axis, *each, (number, order), band.size)
+            for number, index, axes in arrays
+            for axis, each in enumerate(axes)
+            for order in (0, 1)
         )
         grid = band.shape if band.size else ()
         return cls(jnp.asarray(unknown), penalties, band.size + len(rest), grid)
 
 
 def _penalty(
-    index: np.ndarray, axis: int, places: np.ndarray, ring: bool, order: int, band: int
+    index: np.ndarray,
+    axis: int,
+    places: np.ndarray,
+    ring: bool,
+    weight: tuple[int, int],
+    band: int,
 ) -> _Penalty:
-    """Return the differences of an order along one axis of an array of unknowns."""
+    """Return the differences along one axis of an array of unknowns."""
     prior = chain(places, ring)
-    gram = sp.coo_array(prior.grams[order])
+    gram = sp.coo_array(prior.grams[weight[1]])
     along = np.moveaxis(index, axis, 0)[: prior.size].reshape(prior.size, -1)
     rows, columns = (along[each] for each in gram.coords)
     data = np.broadcast_to(gram.data[:, None], rows.shape)
     reach = int(np.max(rows - columns, initial=0)) if index.max() < band else 0
     row, column, values = (jnp.asarray(x.ravel()) for x in (rows, columns, data))
-    return _Penalty(row, column, values, reach)
+    return _Penalty(row, column, values, reach, weight)
 
 
 class _Linear(NamedTuple):
@@ -255,11 +255,10 @@ class _Problem(eqx.Module):
     @property
     def penalties(self) -> Iterator[tuple[Array, _Penalty]]:
         """Weights, and what they weigh."""
-        for orders, given in zip(
-            self.structure.penalties, self.smoothness, strict=True
-        ):
-            for own, weight in zip(orders, given, strict=False):
-                yield from ((weight, each) for each in own)
+        for own in self.structure.penalties:
+            table, order = own.weight
+            if order < len(self.smoothness[table]):
+                yield self.smoothness[table][order], own
 
     def product(
         self, linear: "_Linear", values: Float[Array, " u"]

@@ -56,19 +56,11 @@ class IpoptSolution:
 
     Attributes:
         values: The solution, inside its limits.
-        cost: Half the sum of squared residuals there.
-        residual: VectorFunctions there.
-        jacobian: Their derivatives by the values.
-        constraints: Values of the inequalities; empty where there are none.
         steps: Iterations taken.
         status: How the solve ended.
     """
 
     values: Float[np.ndarray, " x"]
-    cost: float
-    residual: Float[np.ndarray, " r"]
-    jacobian: Float[np.ndarray, "r x"]
-    constraints: Float[np.ndarray, " g"]
     steps: int
     status: IpoptStatus
 
@@ -121,11 +113,11 @@ class _Problem:
             return
         values = jnp.asarray(self.unit * x)
         found = _linearised(self.residual, values, self.args)
-        self.r, self.jacobian = (np.asarray(each) for each in found)
+        self.r, self.jacobian = map(np.asarray, found)
         self.g, self.slopes = np.zeros(0), np.zeros((0, len(x)))
         if self.inequality is not None:
             found = _linearised(self.inequality, values, self.args)
-            self.g, self.slopes = (np.asarray(each) for each in found)
+            self.g, self.slopes = map(np.asarray, found)
         self.cost = 0.5 * float(self.r @ self.r)
         parts = (self.r, self.jacobian, self.g, self.slopes)
         self.finite = all(bool(np.isfinite(each).all()) for each in parts)
@@ -161,11 +153,6 @@ class _Problem:
             at, weights = jnp.asarray(self.unit * x), jnp.asarray(dual / self.size)
             bend = np.asarray(_curvature(self.inequality, at, self.args, weights))
         return [bend * np.outer(self.unit, self.unit)]
-
-    def solution(self, values: Any, steps: int, status: IpoptStatus) -> IpoptSolution:
-        self.look(values / self.unit)
-        parts = (self.cost, self.r, self.jacobian, self.g)
-        return IpoptSolution(values, *parts, steps, status)
 
 
 class _Callback(ca.Callback):
@@ -247,7 +234,7 @@ def least_squares_ipopt(
     problem = _Problem(residual, inequality, args, np.ones(count))
     problem.look(start)
     if not problem.finite:
-        return problem.solution(start, 0, "not_finite")
+        return IpoptSolution(start, 0, "not_finite")
     problem.scale(start, upper - lower)
     rows = len(problem.g)
     shapes = [(1, 1), (count, 1), (count, count), (rows, 1), (rows, count)]
@@ -276,4 +263,4 @@ def least_squares_ipopt(
     stats = solver.stats()
     values = np.clip(np.asarray(found["x"]).ravel() * problem.unit, lower, upper)
     status = _STATUS.get(stats["return_status"], "failed")
-    return problem.solution(values, int(stats["iter_count"]), status)
+    return IpoptSolution(values, int(stats["iter_count"]), status)

@@ -7,16 +7,25 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, final
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..data.measurements import Measurement
-from ._effects import AbstractEffect, Friction
-from ._joint_covariance import constrained, covariance_of
-from ._readings import Roles, arrays_of, recording_of, without_zero_of
+from ._ipopt import least_squares_ipopt
+from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
-from .fit.joint import Confusion, Gauge, JointData, JointFit, fit_joint, refit_joint
+from .fit.joint import (
+    AbstractEffect,
+    Confusion,
+    Gauge,
+    JointData,
+    JointFit,
+    Part,
+    fit_joint,
+    refit_joint,
+)
 from .friction import Choice, DriveSamples, Known, choose_law
 
 if TYPE_CHECKING:
@@ -24,6 +33,8 @@ if TYPE_CHECKING:
 
 _FOLDS = 5
 """Blocks of consecutive readings that are held out in turn where there is one run."""
+_EMPTY = 1e-10
+"""Variance of a mode, relative to the largest one, that counts as zero."""
 
 
 @final
@@ -111,7 +122,7 @@ class Fit(Mapping[str, FittedEffect]):
     def covariance(self, name: str) -> Float[np.ndarray, "p p"]:
         """Return the joint covariance of the values of an effect, in the order of the list.
 
-        In mm² or °²; `covariance_of` says how. A value that the readings do not tell has
+        In mm² or °², see `JointFit.covariance`. A value that the readings do not tell has
         the variance inf, and NaN beside it.
 
         Raises:
@@ -120,7 +131,7 @@ class Fit(Mapping[str, FittedEffect]):
         effect = self.effects[name].effect
         if self.joint is None or not isinstance(effect, AbstractEffect):
             raise KeyError(name)
-        return covariance_of(self.joint, self.data, self.stated.place(effect))
+        return self.joint.covariance(self.stated.place(effect))
 
     def write(
         self,
@@ -243,7 +254,7 @@ def fit(
     if stack:
         joint = fit_joint(
             recording,
-            [one.to_joint() for one in stack],
+            stack,
             loss=loss,
             smoothness=smoothness if isinstance(smoothness, str) else float(smoothness),
             drift=drift,
@@ -267,10 +278,10 @@ def fit(
         table = part.table
         if constraints and name in constraints:
             assert joint is not None
-            spread = covariance_of(joint, recording, stated.place(one))
-            table = constrained(one, part, spread, constraints[name])
+            spread = joint.covariance(stated.place(one))
+            table = _constrained(part, spread, constraints[name])
         if place is not None:
-            model = one.to_model(table, -1.0, part.effect)
+            model = part.effect.to_model(table, -1.0)
             zero = -float(np.mean(one.offsets(model, *(np.array([x]) for x in place))))
             table = table - zero
             value, deviation = constant[one.axis]
@@ -279,8 +290,8 @@ def fit(
             table = table - one.offsets(active[name])
         found[name] = FittedEffect(
             one,
-            one.to_model(table, -1.0, part.effect),
-            one.to_model(part.deviation_table, 1.0, part.effect),
+            part.effect.to_model(table, -1.0),
+            part.effect.to_model(part.deviation_table, 1.0),
             part.support,
             part.lags,
         )
@@ -342,3 +353,44 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
     velocity, acceleration, current = (given[role] for role in effect.roles[1:])
     samples = DriveSamples(given["time"], velocity, current, acceleration)
     return choose_law(samples, known=Known(inertia=inertia))
+
+
+def _constrained(
+    part: Part,
+    covariance: Float[np.ndarray, "p p"],
+    inequality: Callable[[Any], Array],
+) -> Float[np.ndarray, "..."]:
+    """Return the most probable table of a part whose model keeps inequalities, by IPOPT.
+
+    Args:
+        part: As it was fitted.
+        covariance: Of its values.
+        inequality: Values that the model of the controller keeps at or above zero.
+
+    Raises:
+        FitError: If nothing keeps them, or the readings do not determine the values.
+    """
+    if not np.isfinite(covariance).all():
+        msg = f"constraints: the readings do not determine all of {part.name}"
+        raise FitError(msg)
+    sizes, modes = np.linalg.eigh(covariance)
+    kept = sizes > _EMPTY * sizes.max()
+    # What neither readings nor prior move stays where it is.
+    span = modes[:, kept] * np.sqrt(sizes[kept])
+    along = np.stack([part.effect.table(column) for column in span.T], axis=-1)
+
+    def keeps(move: Float[Array, " k"], args: Any) -> Float[Array, " g"]:
+        middle, along = args
+        table = middle + along @ move
+        return jnp.ravel(inequality(part.effect.to_model(table, -1.0)))
+
+    found = least_squares_ipopt(
+        lambda move, _: move,
+        np.zeros(span.shape[1]),
+        (jnp.asarray(part.table), jnp.asarray(along)),
+        inequality=keeps,
+    )
+    if not found.converged:
+        msg = f"constraints of {part.name}: IPOPT ended as '{found.status}'"
+        raise FitError(msg)
+    return np.asarray(part.table + along @ found.values)

@@ -1,8 +1,12 @@
-"""Readings for a fit: a measurement file, or arrays by role, as the estimator takes them."""
+"""Readings for a fit: a measurement file, or arrays by role, as the estimator takes them.
 
+`Friction`, the effect that takes no joint readings, stands here with its roles.
+"""
+
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal, final
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -17,12 +21,34 @@ from ..data.measurements import (
     measurement,
     read_table,
 )
-from ._effects import AbstractEffect, Friction, Temperature
 from .core import FitError
-from .fit.joint import JointData
+from .fit.joint import AbstractEffect, JointData, Number, Temperature
 
 Roles = Mapping[str, ArrayLike]
 """Arrays by role (``"X.position"``, ``"temperature.scale"``, ``"run"``) in mm, °, s, °C."""
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Friction:
+    """Friction law of an axis, from the current of its drive; fitted by itself.
+
+    Attributes:
+        axis: Name of the compensated axis.
+        inertia: ``"fit"``, or known, in drive units per mm/s².
+    """
+
+    axis: str
+    inertia: Number | Literal["fit"] = "fit"
+
+    compensation: ClassVar[str] = "friction"
+    no_keys: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """Roles of the readings that it needs."""
+        kinds = ("velocity", "acceleration", "current")
+        return ("time", *(f"{self.axis}.{kind}" for kind in kinds))
 
 
 def read(

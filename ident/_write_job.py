@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ..data.measurements import find_role
-from ._effects import AbstractEffect, Friction
 from ._job_text import job_text
+from ._readings import Friction
 from .core import FitError
+from .fit.joint import AbstractEffect, Temperature
 
 if TYPE_CHECKING:
     from .job import JobResult
@@ -175,9 +176,24 @@ def _fits(stated: Stated) -> Iterator[dict[str, Any]]:
     together = [one for one in stated.effects if isinstance(one, AbstractEffect)]
     several = len(together) > 1 or stated.treated["drift"]
     for one in stated.effects:
-        keys = one.to_keys() | {"measurement": "readings"}
+        keys = _keys(one) | {"measurement": "readings"}
         if isinstance(one, AbstractEffect):
             keys |= {k: v for k, v in stated.options.items() if one.grid or k == "loss"}
             if several:
                 keys["group"] = "stack"
         yield keys
+
+
+def _keys(effect: AbstractEffect | Friction) -> dict[str, Any]:
+    """Return the keys of a fit that an effect states."""
+    keys: dict[str, Any] = {"compensation": effect.compensation}
+    for field in dataclasses.fields(effect):
+        value = None if field.name in effect.no_keys else getattr(effect, field.name)
+        if value is not None and value != field.default:
+            keys[field.name] = value
+    if isinstance(effect, Temperature):
+        lag = {"fit": "auto", 0.0: "none"}.get(effect.lag, effect.lag)
+        keys |= {"lag": lag, "reference": float(effect.reference)}
+        if len(effect.sensors) == 2 and len(effect.sensor_names) == 1:
+            keys["sensor"] = keys.pop("sensors")["offset"]
+    return keys

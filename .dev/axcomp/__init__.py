@@ -20,27 +20,24 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .ident._effect_tables import (
-        Cross as Cross,
-        Leadscrew as Leadscrew,
-        Plane as Plane,
-    )
-    from .ident._effects import (
-        Backlash as Backlash,
-        Crosstalk as Crosstalk,
-        Friction as Friction,
-        Temperature as Temperature,
-    )
     from .ident._fit_linear import fit_linear as fit_linear
     from .ident._fit_model import fit_model as fit_model
     from .ident._library import Fit as Fit, fit as fit
     from .ident._model_fit import ModelFit as ModelFit
-    from .ident._readings import read as read
+    from .ident._readings import Friction as Friction, read as read
     from .ident.exchange import (
         AxisModels as AxisModels,
         ModelUnit as ModelUnit,
         load_model as load_model,
         write_lists as write_lists,
+    )
+    from .ident.fit.joint import (
+        Backlash as Backlash,
+        Cross as Cross,
+        Crosstalk as Crosstalk,
+        Leadscrew as Leadscrew,
+        Plane as Plane,
+        Temperature as Temperature,
     )
 
     write = write_lists
@@ -48,13 +45,14 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "ident._effect_tables": ("Cross", "Leadscrew", "Plane"),
-    "ident._effects": ("Backlash", "Crosstalk", "Friction", "Temperature"),
     "ident._fit_linear": ("fit_linear",),
     "ident._fit_model": ("fit_model",),
     "ident._library": ("Fit", "fit"),
     "ident._model_fit": ("ModelFit",),
-    "ident._readings": ("read",),
+    "ident._readings": ("Friction", "read"),
+    "ident.fit.joint": (
+        "Backlash", "Cross", "Crosstalk", "Leadscrew", "Plane", "Temperature",
+    ),
     "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write", "write_lists"),
 }  # fmt: skip
 _OTHERWISE = {"write": "write_lists"}

@@ -2,25 +2,15 @@
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ...data.errors import AxcompError
+from .._recording import CHANNELS, Columns, JointData, stacked
 
-Channel = Mapping[str, Float[np.ndarray, " t"]]
 Verdict = Literal["the kernel cannot express this", "the data cannot tell"]
-
-_CHANNELS = (
-    "position",
-    "error",
-    "direction",
-    "velocity",
-    "acceleration",
-    "temperature",
-    "current",
-)
 
 
 class DiscoverError(AxcompError, ValueError):
@@ -34,48 +24,27 @@ class DiscoverError(AxcompError, ValueError):
         return f"{self.where}: found {self.found}, expected {self.expected}"
 
 
-@dataclasses.dataclass(frozen=True)
-class Observed:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Observed(JointData):
     """Readings of a machine; NaN = not measured in this row, no key = never.
 
+    Time may be None: the rows then only have an order.
+
     Attributes:
-        time: Instant of each row in s, or None where the rows only have an order.
         run: Number of the run or set-up of each row.
         source: Number of the measurement of each row: each has a zero of its own.
-        position: Commanded, mm or °, by axis.
-        error: Actual − commanded at standstill, actual − encoder in motion; mm or °.
-        direction: ±1, of the last motion of the axis.
-        velocity: In mm/s or °/s.
-        acceleration: In mm/s² or °/s².
-        temperature: In °C, by sensor.
-        current: In the unit of the drive.
+        current: In the unit of the drive, by axis.
         rotary: Axes whose positions are angles.
         modulo: Range of the axes that go round.
     """
 
-    time: Float[np.ndarray, " t"] | None
-    run: Int[np.ndarray, " t"]
+    run: Int[np.ndarray, " t"]  # pyright: ignore[reportGeneralTypeIssues]
     source: Int[np.ndarray, " t"]
-    position: Channel
-    error: Channel = dataclasses.field(default_factory=dict)
-    direction: Channel = dataclasses.field(default_factory=dict)
-    velocity: Channel = dataclasses.field(default_factory=dict)
-    acceleration: Channel = dataclasses.field(default_factory=dict)
-    temperature: Channel = dataclasses.field(default_factory=dict)
-    current: Channel = dataclasses.field(default_factory=dict)
+    current: Columns = dataclasses.field(default_factory=dict)
     rotary: frozenset[str] = frozenset()
     modulo: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        for channel in _CHANNELS:
-            for name, values in getattr(self, channel).items():
-                if len(values) != len(self):
-                    where = f"{channel} of {name}"
-                    count, rows = f"{len(values)} values", f"{len(self)}, one per row"
-                    raise DiscoverError(where, count, rows)
-
-    def __len__(self) -> int:
-        return len(self.run)
+    channels = (*CHANNELS, "current")
 
     @property
     def clock(self) -> Float[np.ndarray, " t"]:
@@ -83,17 +52,6 @@ class Observed:
         if self.time is None:
             return np.arange(len(self), dtype=float)
         return self.time
-
-    def take(self, rows: Int[np.ndarray, " n"] | Bool[np.ndarray, " t"]) -> "Observed":
-        """Return some of the rows."""
-        channels: dict[str, Any] = {
-            channel: {name: each[rows] for name, each in getattr(self, channel).items()}
-            for channel in _CHANNELS
-        }
-        time = None if self.time is None else self.time[rows]
-        return dataclasses.replace(
-            self, time=time, run=self.run[rows], source=self.source[rows], **channels
-        )
 
     def unit(self, axis: str) -> str:
         """Return the unit of positions and errors of an axis."""
@@ -110,16 +68,8 @@ def stack(parts: Iterable[Observed]) -> Observed:
     if not every:
         where, expected = "job", "at least one"
         raise DiscoverError(where, "no measurement", expected)
-    owner = np.repeat(np.arange(len(every)), [len(part) for part in every])
-
-    def joined(channel: str) -> dict[str, np.ndarray]:
-        names = dict.fromkeys(name for part in every for name in getattr(part, channel))
-        return {
-            name: np.concatenate(
-                [getattr(p, channel).get(name, np.full(len(p), np.nan)) for p in every]
-            )
-            for name in names
-        }
+    counts = [len(part) for part in every]
+    owner = np.repeat(np.arange(len(every)), counts)
 
     def numbered(labels: Sequence[np.ndarray]) -> Int[np.ndarray, " t"]:
         pairs = np.stack([owner, np.concatenate(labels)])
@@ -135,7 +85,7 @@ def stack(parts: Iterable[Observed]) -> Observed:
         source=numbered([part.source for part in every]),
         rotary=frozenset().union(*(part.rotary for part in every)),
         modulo={key: span for part in every for key, span in part.modulo.items()},
-        **{channel: joined(channel) for channel in _CHANNELS},
+        **{channel: stacked(every, channel, counts) for channel in Observed.channels},
     )
 
 

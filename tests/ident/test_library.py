@@ -229,3 +229,30 @@ def test_nodes_are_given_one_way() -> None:
     assert nodes[3] == 0.3
     with pytest.raises(FitError, match="either sensor or sensors"):
         axcomp.Temperature("X")
+
+
+@pytest.mark.parametrize(
+    ("effect", "roles"),
+    [
+        (
+            axcomp.Leadscrew("X", start=0, interval=1, points=3, bilateral=True),
+            {"X.position", "X.direction"},
+        ),
+        (
+            axcomp.Temperature("X", sensors={"offset": "scale"}, lag="fit"),
+            {"temperature.scale", "time"},
+        ),
+        (
+            axcomp.Crosstalk(
+                "Y", "X", acceleration=1, deceleration=-1, adaptation=("Z",),
+                positions=[[0], [1]],
+            ),
+            {"X.acceleration", "X.velocity", "Z.position"},
+        ),
+        (axcomp.Friction("X"), {"time", "X.velocity", "X.acceleration", "X.current"}),
+    ],
+)  # fmt: skip
+def test_an_effect_names_the_roles_that_it_needs(
+    effect: axcomp.Leadscrew, roles: set[str]
+) -> None:
+    assert set(effect.roles) == roles

@@ -1,18 +1,20 @@
 """Joint identification: any stack of effects fitted together, and what data can tell.
 
-Read `_effect` (readings, and what an effect is; `_tables` and `_temperature` are more of them),
-`_design` (their columns side by side, datum and runs), `_gauge` (what may be moved between
-effects, and the rules for it), `_identified` (what the rows cannot tell) with `_words`, `_axis`
-(one axis fitted on `ident.core`) with `_lag`, and `_result` and `_fit` (what comes out).
+Readings are those of `ident._recording`. Read `_effect` (what an effect is; `_tables`,
+`_crosstalk` and `_temperature` are more of them), `_design` (their columns side by side, datum
+and runs), `_gauge` (what may be moved between effects, and the rules for it), `_identified`
+(what the rows cannot tell) with `_words`, `_axis` (one axis fitted on `ident.core`) with `_lag`,
+and `_result` and `_fit` (what comes out).
 """
 
+from ..._recording import JointData as JointData
+from ._crosstalk import Crosstalk as Crosstalk
 from ._effect import (
-    CHANNELS as CHANNELS,
     AbstractEffect as AbstractEffect,
-    BacklashEffect as BacklashEffect,
+    Backlash as Backlash,
     Block as Block,
-    DelayEffect as DelayEffect,
-    JointData as JointData,
+    Delay as Delay,
+    Number as Number,
 )
 from ._fit import (
     examine_design as examine_design,
@@ -26,10 +28,9 @@ from ._result import (
     RunCurve as RunCurve,
 )
 from ._tables import (
-    CrossEffect as CrossEffect,
-    CrosstalkEffect as CrosstalkEffect,
-    LeadscrewEffect as LeadscrewEffect,
-    PlaneEffect as PlaneEffect,
+    Cross as Cross,
+    Leadscrew as Leadscrew,
+    Plane as Plane,
 )
-from ._temperature import TemperatureEffect as TemperatureEffect
+from ._temperature import Temperature as Temperature
 from ._words import Confusion as Confusion, Gauge as Gauge

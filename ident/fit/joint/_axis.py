@@ -16,16 +16,17 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..._recording import JointData
 from ...core import Estimate, FitError, Problem, Readings, estimate, memory
 from .._table import floor_of
 from .._types import RunEffect
 from ._design import Design, design_of
-from ._effect import AbstractEffect, JointData
+from ._effect import AbstractEffect
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
 from ._result import Options, Part, RunCurve, Smoothness
-from ._temperature import TemperatureEffect
+from ._temperature import Temperature
 
 _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
 """Rounds of lags and everything else; they end where no lag moves by that share of its sd."""
@@ -196,11 +197,8 @@ class AxisFit:
             picks[0, number, knots] = 1.0 / len(knots)
             picks[1, number, knots[-1]] += 1.0
             picks[1, number, knots[0]] -= 1.0
-        rules, whole = self.known.rules, picks.reshape(-1, design.size).T
-        # Functionals of the values under the rule, as functionals of the values as solved.
-        before = whole - rules.gain.T @ (rules.null.T @ whole)
-        post = self.estimate.posterior
-        spread = (before * post.factor.solve(before)).sum(axis=0) * post.variance
+        post, functionals = self.estimate.posterior, picks.reshape(-1, design.size).T
+        spread = np.diag(self.known.covariance(post, functionals)) * post.variance
         deviation = np.sqrt(np.maximum(spread, 0.0)).reshape(2, -1)
         numbers = np.stack(
             [picks[0] @ self.theta, deviation[0], picks[1] @ self.theta, deviation[1]]
@@ -238,7 +236,6 @@ class AxisFit:
             standard_deviation=self.deviation[places],
             support=self.estimate.posterior.problem.sums.support[places],
             determined=~self.known.unknown[places],
-            labels=design.labels[number],
             share=self.known.share_of(number),
             contribution=contribution,
             rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),
@@ -299,7 +296,7 @@ def fit_axis(
             break
         values = {sensor: lag.value for sensor, lag in lags.items()}
         own = [
-            effect.lagging(values) if isinstance(effect, TemperatureEffect) else effect
+            effect.lagging(values) if isinstance(effect, Temperature) else effect
             for effect in effects
         ]
         design = design_of(axis, own, data, options.drift, use)
@@ -353,30 +350,22 @@ def _weights(
     """Return the weights that were asked for, given the sums; None: by evidence."""
     if isinstance(smoothness, str) and smoothness == "auto":
         return None
-    by_name = isinstance(smoothness, Mapping)
-    if not isinstance(smoothness, Mapping):
-        if isinstance(smoothness, str) or not 0 <= smoothness < np.inf:
-            msg = (
-                f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
-                "weights by name."
-            )
-            raise FitError(msg)
-        number = float(smoothness)
-        smoothness = {
-            part.name: dict.fromkeys(part.weights, number) for part in design.named
-        }
-    wanted = np.array(
-        [
-            float((smoothness.get(part.name) or {}).get(name, 0.0))
-            for part in design.named
-            for name in part.weights
-        ]
-    )
+    if not isinstance(smoothness, Mapping) and (
+        isinstance(smoothness, str) or not 0 <= smoothness < np.inf
+    ):
+        msg = (
+            f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
+            "weights by name."
+        )
+        raise FitError(msg)
 
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
         least = np.where(problem.optional, 0.0, _LEAST * problem.density)
-        # A single number is that of second differences.
-        own = wanted if by_name else np.where(problem.optional, 0.0, wanted)
-        return np.asarray(np.maximum(own, least))
+        if isinstance(smoothness, Mapping):
+            parts = [(smoothness.get(p.name) or {}, p.weights) for p in design.named]
+            wanted = [own.get(name, 0.0) for own, names in parts for name in names]
+        else:  # that of second differences
+            wanted = np.where(problem.optional, 0.0, float(smoothness)).tolist()
+        return np.asarray(np.maximum(wanted, least))
 
     return weights

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
+from ..._recording import JointData
 from ...core import (
     ColumnsEffect,
     FitError,
@@ -27,8 +28,8 @@ from ...core import (
     TableEffect,
     chain,
 )
-from ._effect import AbstractEffect, Block, JointData
-from ._temperature import TemperatureEffect
+from ._effect import AbstractEffect
+from ._temperature import Temperature
 
 _BANDED = 400
 """Nodes of a plane from which on its part of the matrix is kept as a band."""
@@ -122,7 +123,6 @@ class Design:
         columns: Shape ``(r, n)``.
         components: Effects, then the datum, then the runs and what they wander, if any.
         banded: Number of leading columns that form a band.
-        labels: Of the values, per effect.
         course: What the reference does within its runs.
     """
 
@@ -132,7 +132,6 @@ class Design:
     columns: sp.csr_array
     components: tuple[Component, ...]
     banded: int
-    labels: tuple[tuple[str, ...], ...]
     course: Course
 
     @property
@@ -181,10 +180,13 @@ class Design:
 
     @cached_property
     def dense(self) -> tuple[Int[np.ndarray, "r k"], Float[np.ndarray, "r k"]]:
-        """The columns as unknowns and shares per row, those of the band first."""
+        """The columns as unknowns and shares per row, those of the band first.
+
+        Rows are filled up by the last unknown, which is never one of the band, with share 0.
+        """
         counts = np.diff(self.columns.indptr)
         width = int(counts.max(initial=1))
-        nodes = np.zeros((len(counts), width), np.int64)
+        nodes = np.full((len(counts), width), self.size - 1)
         shares = np.zeros((len(counts), width))
         row = np.repeat(np.arange(len(counts)), counts)
         place = np.arange(len(row)) - np.repeat(self.columns.indptr[:-1], counts)
@@ -268,14 +270,15 @@ def design_of(
     components: dict[int, list[Component]] = {}
     count = 0
     for k in sorted(range(len(blocks)), key=lambda k: (k != first, k)):
-        part, table = blocks[k].columns[rows], blocks[k].table if k == first else None
+        part = blocks[k].columns[rows]
+        table = effects[k].table_effect if k == first else None
         places = np.arange(count, count + effects[k].size)
         if table is not None:
             # In the order of the table's unknowns, so that the matrix is a band.
             places = table.unknowns
             part = sp.csr_array(part[:, np.argsort(places)])
         parts.append(part)
-        components[k] = _components(k, effects[k], blocks[k], places, table)
+        components[k] = _components(k, effects[k], places, table)
         count += effects[k].size
     ordered = [each for k in range(len(blocks)) for each in components[k]]
     course, beside = _course(data, axis, rows, drift, wander)
@@ -292,7 +295,6 @@ def design_of(
         columns=sp.csr_array(sp.hstack(parts, format="csr")),
         components=tuple(ordered),
         banded=effects[first].size if large else 0,
-        labels=tuple(block.labels for block in blocks),
         course=course,
     )
 
@@ -300,13 +302,12 @@ def design_of(
 def _components(
     number: int,
     effect: AbstractEffect,
-    block: Block,
     places: Int[np.ndarray, " p"],
     table: TableEffect | None,
 ) -> list[Component]:
     kind = effect.compensation
-    if not isinstance(effect, TemperatureEffect):
-        return [Component(effect.name, kind, number, places, block.prior, table)]
+    if not isinstance(effect, Temperature):
+        return [Component(effect.name, kind, number, places, effect.prior, table)]
     ends = np.cumsum([len(nodes) for nodes in effect.nodes.values()])[:-1]
     return [
         Component(f"{law} of the {effect.name}", f"{kind} {law}", number, own)

@@ -1,156 +1,26 @@
-"""Readings of several axes, and what every effect on them has: a name, inputs, columns."""
+"""What every effect on the readings of several axes has: a name, inputs, columns."""
 
 import abc
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
+from .... import models
+from ..._recording import JointData
 from ...core import FitError, Smooth, TableEffect
-from ...kinds.temperature import Clocked, clocked
 
-Columns = Mapping[str, np.ndarray]
-"""Arrays of shape ``(t,)`` by the name of an axis or of a sensor."""
-
-CHANNELS = (
-    "position",
-    "error",
-    "direction",
-    "velocity",
-    "acceleration",
-    "temperature",
-)
-"""Attributes of `JointData` that hold arrays by name."""
+Inputs = tuple[tuple[str, str], ...]
+"""Channel of `JointData` and name of each input."""
 Ranges = Mapping[tuple[str, str], tuple[float, float]]
 """From where to where an input goes, by channel of `JointData` and name."""
-ANYWHERE = np.nan, np.nan
-"""Range of an input that makes a difference at any size."""
-
-
-@dataclasses.dataclass(frozen=True)
-class JointData:
-    """Readings of one or several axes; NaN = not measured in this row.
-
-    A name that is absent was not recorded at all.
-
-    Attributes:
-        position: Commanded, in mm or °, by axis.
-        error: Actual − commanded (at rest) or actual − encoder (in motion) in mm or °, by
-            compensated axis.
-        direction: Of the last motion, ±1, by axis.
-        velocity: In mm/s, by axis.
-        acceleration: In mm/s², by axis.
-        temperature: In °C, by sensor.
-        time: In s; None where there is no clock.
-        run: Number of the repeated run or separate set-up; None where there is one.
-        runs: The same by axis, for axes on which other runs than these (or none) may have
-            an offset of their own.
-    """
-
-    position: Columns = dataclasses.field(default_factory=dict)
-    error: Columns = dataclasses.field(default_factory=dict)
-    direction: Columns = dataclasses.field(default_factory=dict)
-    velocity: Columns = dataclasses.field(default_factory=dict)
-    acceleration: Columns = dataclasses.field(default_factory=dict)
-    temperature: Columns = dataclasses.field(default_factory=dict)
-    time: Float[np.ndarray, " t"] | None = None
-    run: Int[np.ndarray, " t"] | None = None
-    runs: Mapping[str, Int[np.ndarray, " t"] | None] = dataclasses.field(
-        default_factory=dict
-    )
-
-    def __post_init__(self) -> None:
-        count = len(self)
-        for name, values in self._arrays():
-            if np.shape(values) != (count,):
-                msg = (
-                    f"{name}: found shape {np.shape(values)}, expected one number per "
-                    f"row, ({count},)."
-                )
-                raise FitError(msg)
-
-    def __len__(self) -> int:
-        return next((len(values) for _, values in self._arrays()), 0)
-
-    def _arrays(self) -> Iterator[tuple[str, np.ndarray]]:
-        for channel in CHANNELS:
-            for name, values in getattr(self, channel).items():
-                yield f"{channel} of {name}", values
-        if self.time is not None:
-            yield "time", self.time
-        if self.run is not None:
-            yield "run", self.run
-
-    def run_of(self, axis: str) -> Int[np.ndarray, " t"] | None:
-        """Return the runs that may have an offset of their own on an axis."""
-        return self.runs.get(axis, self.run)
-
-    def take(self, keep: Bool[np.ndarray, " t"] | Int[np.ndarray, " r"]) -> "JointData":
-        """Return the readings that are kept (a mask, or row numbers).
-
-        What remembers (the lag of a temperature) then knows only these rows: to leave rows out
-        of a fit give `fit_joint` the whole recording and a mask.
-        """
-        channels = {
-            channel: {
-                name: np.asarray(values)[keep]
-                for name, values in getattr(self, channel).items()
-            }
-            for channel in CHANNELS
-        }
-        return JointData(
-            **channels,
-            time=None if self.time is None else self.time[keep],
-            run=None if self.run is None else self.run[keep],
-            runs={
-                axis: None if run is None else run[keep]
-                for axis, run in self.runs.items()
-            },
-        )
-
-    def column(self, channel: str, name: str, wanted: str) -> Float[np.ndarray, " t"]:
-        """Return one column.
-
-        Args:
-            channel: Name of the attribute.
-            name: Of the axis or sensor.
-            wanted: What needs it, for the message.
-
-        Raises:
-            FitError: If it was not recorded.
-        """
-        found = getattr(self, channel).get(name)
-        if found is None:
-            known = ", ".join(getattr(self, channel)) or "none"
-            msg = f"{wanted}: needs the {channel} of {name}, the data have that of {known}."
-            raise FitError(msg)
-        return np.asarray(found, float)
-
-    def clocked(self, sensor: str, wanted: str) -> Clocked:
-        """Return the readings of a sensor on their clock, put in order once.
-
-        Args:
-            sensor: Name of the sensor.
-            wanted: What needs it, for the message.
-
-        Raises:
-            FitError: If there is no clock, or no such sensor.
-        """
-        if sensor not in self._clocks:
-            values = self.column("temperature", sensor, wanted)
-            if self.time is None:
-                msg = f"{wanted}: a lag needs the time of every reading, found none."
-                raise FitError(msg)
-            self._clocks[sensor] = clocked(np.asarray(self.time, float), values)
-        return self._clocks[sensor]
-
-    @cached_property
-    def _clocks(self) -> dict[str, Clocked]:
-        return {}
+Number = float | int
+Rows = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
+"""Values that each reading touches, and their shares."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,16 +30,10 @@ class Block:
     Attributes:
         columns: Shape ``(t, p)``; zero in rows that lack an input.
         known: Rows that have all inputs.
-        labels: What each value is, in words.
-        prior: Smoothness prior of the values; None = no value knows another.
-        table: The table as an effect of the estimator, where it is one.
     """
 
     columns: sp.csr_array
     known: Bool[np.ndarray, " t"]
-    labels: tuple[str, ...]
-    prior: Smooth | None = None
-    table: TableEffect | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -183,7 +47,9 @@ class AbstractEffect(abc.ABC):
     axis: str
 
     compensation: ClassVar[str]
-    """Kind of compensation: ``"leadscrew"``, ``"cross"``, ``"plane"`` and so on."""
+    """As in a job file: ``"leadscrew"``, ``"cross"``, ``"plane"`` and so on."""
+    no_keys: ClassVar[tuple[str, ...]] = ()
+    """Fields that are no keys of a fit in a job file."""
 
     @cached_property
     def masters(self) -> tuple[str, ...]:
@@ -200,60 +66,125 @@ class AbstractEffect(abc.ABC):
         """What it is, in words: ``"plane of Z over X and Y"``."""
         return f"{self.compensation} of {self.axis}"
 
-    @property
+    @cached_property
+    def table_effect(self) -> TableEffect | None:
+        """The table as an effect of the estimator, where it is one."""
+        return None
+
+    @cached_property
+    def prior(self) -> Smooth | None:
+        """Smoothness prior of the values; None = no value knows another."""
+        return None
+
+    @cached_property
     @abc.abstractmethod
+    def labels(self) -> tuple[str, ...]:
+        """What each value is, in words."""
+
+    @property
     def size(self) -> int:
         """Number of values."""
+        return len(self.labels)
 
     @property
     @abc.abstractmethod
+    def inputs(self) -> Inputs:
+        """What it depends on."""
+
+    @property
+    def timed(self) -> bool:
+        """Whether it needs the time of every reading."""
+        return False
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """Roles of the readings that it needs, such as ``"X.position"``."""
+        found = [
+            f"temperature.{name}" if channel == "temperature" else f"{name}.{channel}"
+            for channel, name in self.inputs
+        ]
+        return (*found, "time") if self.timed else tuple(found)
+
+    @property
+    def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
+        """Nodes along each master of a table; empty for what is none."""
+        return ()
+
+    @property
     def ranges(self) -> Ranges:
-        """Its inputs, and from where to where each of them makes a difference."""
+        """From where to where its inputs make a difference; one left out does at any size."""
+        return {}
 
     def placed(self, data: JointData) -> "AbstractEffect":
         """Return the effect with everything fixed that was to be read off the data."""
         del data
         return self
 
-    @abc.abstractmethod
     def block(self, data: JointData) -> Block:
         """Return the effect over the rows of these data.
 
         Raises:
             FitError: If an input was not recorded.
         """
+        columns = self.columns_of(data)
+        known = np.asarray(np.isfinite(columns).all(axis=0))
+        nodes, shares = self.rows([np.where(known, own, 0.0) for own in columns])
+        shares = np.where(known[:, None], shares, 0.0)
+        parts = (shares.reshape(-1), nodes.reshape(-1).astype(np.int32))
+        pointers = np.arange(len(known) + 1) * shares.shape[1]
+        matrix = sp.csr_array((*parts, pointers), shape=(len(known), self.size))
+        matrix.sum_duplicates()
+        if self.table_effect is None:  # a band wants all corners of each cell
+            matrix.eliminate_zeros()
+        return Block(matrix, known)
+
+    def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
+        """Return its inputs over the rows of these data, NaN where one is not known."""
+        return [data.column(*each, self.name) for each in self.inputs]
+
+    @abc.abstractmethod
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
+        """Return the values that each row touches, and their shares, for known inputs."""
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
         """Return values in the shape in which lists hold them."""
         return values
 
+    @abc.abstractmethod
+    def to_model(self, table: Any, sign: float) -> Any:
+        """Return the controller's model of values in the shape of the list.
 
-def few_columns(columns: Float[np.ndarray, "t p"], labels: tuple[str, ...]) -> Block:
-    """Return a block of few columns, NaN in rows that lack an input."""
-    known = np.asarray(np.isfinite(columns).all(axis=1))
-    dense = np.where(known[:, None], columns, 0.0)
-    return Block(sp.csr_array(dense), known, labels)
+        Args:
+            table: As the error has them.
+            sign: −1 for values (the controller takes the error off), +1 for deviations.
+        """
+
+    def offsets(
+        self, model: Any, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """Return what a model of the controller adds in mm or °, shaped like the list.
+
+        Args:
+            model: Of this compensation.
+            places: Along each master; left out: at the nodes.
+
+        Raises:
+            FitError: If the effect is no table and no backlash.
+        """
+        del model, places
+        msg = f"active: found {self.compensation}, expected a table or backlash"
+        raise FitError(msg)
 
 
-def sparse_rows(
-    index: Int[np.ndarray, "t k"],
-    weight: Float[np.ndarray, "t k"],
-    known: Bool[np.ndarray, " t"],
-    size: int,
-) -> sp.csr_array:
-    """Return the matrix with a fixed number of entries per row; zero where not known."""
-    count, width = index.shape
-    weight = np.where(known[:, None], weight, 0.0)
-    parts = (weight.reshape(-1), index.reshape(-1).astype(np.int32))
-    matrix = sp.csr_array((*parts, np.arange(count + 1) * width), shape=(count, size))
-    matrix.sum_duplicates()
-    return matrix
+def every(shares: Float[np.ndarray, "t p"]) -> Rows:
+    """Return rows that touch all values."""
+    return np.broadcast_to(np.arange(shares.shape[1]), shares.shape), shares
 
 
 @final
 @dataclasses.dataclass(frozen=True)
-class BacklashEffect(AbstractEffect):
-    r"""Backlash of an axis; its one value is the width in mm, signed as P-AXIS-00103.
+class Backlash(AbstractEffect):
+    r"""Backlash of an axis; its one value is the width in mm or °, signed as P-AXIS-00103.
 
     Error moving positive − error moving negative is minus the width:
     $e = -w\,(d - r)/2$ with the direction $d$ and the reference direction $r$, in which the
@@ -266,31 +197,43 @@ class BacklashEffect(AbstractEffect):
     reference: int = 1
 
     compensation = "backlash"
+    no_keys = ("reference",)
 
     def __post_init__(self) -> None:
         if self.reference not in (1, -1):
             msg = f"{self.name}: found reference {self.reference}, expected 1 or -1."
             raise FitError(msg)
 
-    @property
-    def size(self) -> int:
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
-        return 1
+        return ("width",)
 
     @property
-    def ranges(self) -> Ranges:
+    def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
-        return {("direction", self.axis): ANYWHERE}
+        return (("direction", self.axis),)
 
-    def block(self, data: JointData) -> Block:
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
-        way = data.column("direction", self.axis, self.name)
-        return few_columns(-0.5 * (way[:, None] - self.reference), ("width",))
+        return every(-0.5 * (columns[0][:, None] - self.reference))
+
+    def to_model(self, table: Any, sign: float) -> Any:
+        """See `AbstractEffect`; the width is taken off as it stands."""
+        del sign
+        return models.Backlash(table[0], self.reference)
+
+    def offsets(
+        self, model: Any, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`; the width is taken off as it stands."""
+        del places
+        return -np.atleast_1d(np.asarray(model.width))
 
 
 @final
 @dataclasses.dataclass(frozen=True)
-class DelayEffect(AbstractEffect):
+class Delay(AbstractEffect):
     r"""Reference late behind the encoder of an axis in motion: $e = -(\tau + \rho\,(t-t_0))\,v$.
 
     No compensation carries it: it stands beside the others so that they are free of it.
@@ -305,34 +248,42 @@ class DelayEffect(AbstractEffect):
 
     compensation = "delay"
 
-    @property
-    def size(self) -> int:
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
-        return 2
+        return ("delay", "rate of the delay")
 
     @property
-    def ranges(self) -> Ranges:
+    def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
-        return {("velocity", self.axis): ANYWHERE}
+        return (("velocity", self.axis),)
 
-    def placed(self, data: JointData) -> "DelayEffect":
+    @property
+    def timed(self) -> bool:
+        """See `AbstractEffect`."""
+        return True
+
+    def placed(self, data: JointData) -> "Delay":
         """See `AbstractEffect`."""
         if self.origin is not None:
             return self
-        clock = self._clock(data)
+        clock = data.clock_for(f"{self.name}: a rate")
         clock = clock[np.isfinite(clock)]
         middle = 0.5 * float(clock.min() + clock.max()) if len(clock) else 0.0
         return dataclasses.replace(self, origin=middle)
 
-    def block(self, data: JointData) -> Block:
-        """See `AbstractEffect`."""
-        speed = data.column("velocity", self.axis, self.name)
-        late = self._clock(data) - (self.placed(data).origin or 0.0)
-        columns = -np.column_stack([speed, speed * late])
-        return few_columns(columns, ("delay", "rate of the delay"))
+    def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
+        """See `AbstractEffect`; how late each reading is beside its velocity."""
+        late = data.clock_for(f"{self.name}: a rate") - (
+            self.placed(data).origin or 0.0
+        )
+        return [*super().columns_of(data), late]
 
-    def _clock(self, data: JointData) -> Float[np.ndarray, " t"]:
-        if data.time is None:
-            msg = f"{self.name}: a rate needs the time of every reading, found none."
-            raise FitError(msg)
-        return np.asarray(data.time, float)
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
+        """See `AbstractEffect`."""
+        speed, late = columns
+        return every(-np.column_stack([speed, speed * late]))
+
+    def to_model(self, table: Any, sign: float) -> Any:
+        """See `AbstractEffect`; there is none."""
+        raise NotImplementedError

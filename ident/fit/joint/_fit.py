@@ -7,10 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from jaxtyping import Bool
 
+from ..._recording import JointData
 from ...core import FitError, cores, one_blas_thread
 from ._axis import AxisFit, fit_axis
 from ._design import design_of
-from ._effect import AbstractEffect, JointData
+from ._effect import AbstractEffect
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._result import (
@@ -192,5 +193,6 @@ def _fit(
         converged=all(fit.estimate.converged for fit in fits.values()),
         message=" ".join(messages),
         known=known,
+        estimates={axis: fit.estimate for axis, fit in fits.items()},
         options=dataclasses.replace(options, smoothness=weights),
     )

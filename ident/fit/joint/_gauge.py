@@ -20,12 +20,12 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
+from ..._recording import JointData
 from ...core import node_shares
 from .._identifiable import Shapes, null_space, pivoted
 from ._design import Component, Design, design_of
-from ._effect import ANYWHERE, JointData
-from ._tables import LeadscrewEffect
-from ._temperature import TemperatureEffect
+from ._tables import Leadscrew
+from ._temperature import Temperature
 
 _ORDER = (
     "wander",
@@ -43,6 +43,8 @@ _ORDER = (
 )
 _NOTHING = 1e-7
 """Size of a direction, relative to all, below which a component has no part in it."""
+_ANYWHERE = np.nan, np.nan
+"""Range of an input that makes a difference at any size."""
 _DEGREE = 4
 """Of the smooth surfaces along each master."""
 _ROWS_PER_VALUE, _MORE_ROWS = 8, 500
@@ -158,7 +160,7 @@ class Rules:
 def priority(part: Component, design: Design) -> int:
     """Return how simple a component is: the larger, the later it gives way."""
     effect = design.effects[part.effect]
-    if part.effect >= 0 and isinstance(effect, LeadscrewEffect) and effect.bilateral:
+    if part.effect >= 0 and isinstance(effect, Leadscrew) and effect.bilateral:
         return _ORDER.index("bilateral leadscrew")
     return _ORDER.index(part.kind)
 
@@ -196,7 +198,7 @@ def _eliminated(
 def _at_reference(part: Component, design: Design) -> Float[np.ndarray, "1 p"] | None:
     """Return what a law gives at the reference temperature; None for other components."""
     effect = design.effects[part.effect]
-    if part.effect < 0 or not isinstance(effect, TemperatureEffect):
+    if part.effect < 0 or not isinstance(effect, Temperature):
         return None
     nodes = effect.nodes[part.kind.removeprefix("temperature ")]
     return node_shares(np.array([effect.reference_temperature]), nodes)
@@ -212,7 +214,7 @@ def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
     """
     effects = [
         effect.lagging(dict.fromkeys(effect.sensor_names, 0.0))
-        if isinstance(effect, TemperatureEffect)
+        if isinstance(effect, Temperature)
         else effect
         for effect in design.effects
     ]
@@ -234,8 +236,9 @@ def _everything_varies(design: Design, data: JointData) -> JointData:
     count = _ROWS_PER_VALUE * sum(sizes) + _MORE_ROWS
     ends: dict[tuple[str, str], tuple[float, float]] = {}
     for effect in design.effects:
-        for key, (low, high) in effect.ranges.items():
-            least, most = ends.get(key, ANYWHERE)
+        for key in effect.inputs:
+            low, high = effect.ranges.get(key, _ANYWHERE)
+            least, most = ends.get(key, _ANYWHERE)
             ends[key] = float(np.fmin(low, least)), float(np.fmax(high, most))
     channels: dict[str, dict[str, np.ndarray]] = {}
     for (channel, name), (low, high) in ends.items():

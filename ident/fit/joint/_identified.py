@@ -11,10 +11,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..._recording import JointData
 from ...core import Posterior
 from .._identifiable import Correlations, Shapes, Shared
 from ._design import Design
-from ._effect import JointData
 from ._gauge import Rules, Unheld, ideal_shapes, priority, shapes_of
 
 _SAME = 2e-7
@@ -82,6 +82,15 @@ class Identified:
         result = plain - 2.0 * (spread * rules.null).sum(axis=1)
         result += ((rules.null @ inner) * rules.null).sum(axis=1)
         return np.asarray(np.maximum(result, 0.0))
+
+    def covariance(
+        self, found: Posterior, functionals: Float[np.ndarray, "n k"]
+    ) -> Float[np.ndarray, "k k"]:
+        """Return the covariance of functionals of the values, per variance of one reading."""
+        rules = self.rules
+        # Functionals of the values under the rule, as functionals of the values as solved.
+        before = functionals - rules.gain.T @ (rules.null.T @ functionals)
+        return np.asarray(before.T @ found.factor.solve(before))
 
     @cached_property
     def lost(self) -> Bool[np.ndarray, " n"]:

@@ -16,10 +16,11 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
+from ..._recording import JointData
 from ...core import Estimate, FitError
 from ._design import Design
-from ._effect import AbstractEffect, JointData
-from ._temperature import TemperatureEffect
+from ._effect import AbstractEffect
+from ._temperature import Temperature
 
 _GRID = 14
 _WORTH = 4.0
@@ -53,7 +54,7 @@ class FoundLag:
 
 def sensors_to_fit(effects: Sequence[AbstractEffect]) -> tuple[str, ...]:
     """Return the sensors whose lag is to be fitted."""
-    lags = [effect.lags for effect in effects if isinstance(effect, TemperatureEffect)]
+    lags = [effect.lags for effect in effects if isinstance(effect, Temperature)]
     own = [sensor for each in lags for sensor, lag in each.items() if lag == "fit"]
     return tuple(dict.fromkeys(own))
 
@@ -137,14 +138,14 @@ def _heated(
     design: Design, data: JointData, lags: Mapping[str, float]
 ) -> Float[np.ndarray, "r k"]:
     """Return the columns of the temperatures for trial lags."""
-    effects = [each for each in design.effects if isinstance(each, TemperatureEffect)]
+    effects = [each for each in design.effects if isinstance(each, Temperature)]
     blocks = [effect.lagging(lags).block(data) for effect in effects]
     return np.hstack([each.columns[design.rows].toarray() for each in blocks])
 
 
 def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
     effects = enumerate(design.effects)
-    own = [k for k, effect in effects if isinstance(effect, TemperatureEffect)]
+    own = [k for k, effect in effects if isinstance(effect, Temperature)]
     return np.concatenate([design.places_of(k) for k in own])
 
 

@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..._recording import JointData
+from ...core import Estimate
 from .._types import RunEffect
-from ._effect import AbstractEffect, JointData
+from ._effect import AbstractEffect
 from ._identified import Identified
 from ._words import Confusion, Gauge
 
@@ -56,7 +58,6 @@ class Part:
         support: Readings that touch each value.
         determined: Whether the data tell the value: False where no reading reaches it and
             where it is confused with another effect.
-        labels: What each value is, in words.
         share: Information of the effect that is left after all other effects, the run effects
             and the datum are projected out, relative to what it would have alone: mean over
             its independent directions, 0 (nothing) to 1 (as if it were alone). Directions that a
@@ -73,7 +74,6 @@ class Part:
     standard_deviation: Float[np.ndarray, " p"]
     support: Int[np.ndarray, " p"]
     determined: Bool[np.ndarray, " p"]
-    labels: tuple[str, ...]
     share: float
     contribution: Float[np.ndarray, " t"]
     rms: float
@@ -84,6 +84,11 @@ class Part:
     def name(self) -> str:
         """Name of the effect."""
         return self.effect.name
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each value is, in words."""
+        return self.effect.labels
 
     @property
     def table(self) -> Float[np.ndarray, "..."]:
@@ -143,6 +148,7 @@ class JointFit:
         message: One sentence or more on how the fit went.
         known: What the rows tell whatever was measured in them, with the rules of the gauge, by
             axis.
+        estimates: Of the stack of each axis, by axis.
         options: By which it was fitted, the smoothness as found.
     """
 
@@ -159,6 +165,7 @@ class JointFit:
     converged: bool
     message: str
     known: Mapping[str, Identified]
+    estimates: Mapping[str, Estimate] = dataclasses.field(repr=False)
     options: Options
 
     @property
@@ -214,6 +221,33 @@ class JointFit:
                     result[axis][own] += curve.value[0]
         return result
 
+    def places_of(self, number: int) -> Int[np.ndarray, " p"]:
+        """Return which unknowns of its axis the values of a part are."""
+        axis = self.parts[number].effect.axis
+        before = [part for part in self.parts[:number] if part.effect.axis == axis]
+        return self.known[axis].design.places_of(len(before))
+
+    def covariance(self, number: int) -> Float[np.ndarray, "p p"]:
+        """Return the joint covariance of the values of a part, under the gauge of the fit.
+
+        Scaled to the stated standard deviations, which know of lags and of noise that drifts
+        as well. A value that the readings do not tell has the variance inf, and NaN beside it.
+
+        Args:
+            number: Which of the parts.
+        """
+        part = self.parts[number]
+        axis, deviation = part.effect.axis, part.standard_deviation
+        known = self.known[axis]
+        functionals = np.eye(known.design.size)[:, self.places_of(number)]
+        found = known.covariance(self.estimates[axis].posterior, functionals)
+        stated = deviation / np.sqrt(np.maximum(np.diag(found), 1e-300))
+        told = np.isfinite(deviation)
+        stated = np.where(told, stated, np.nan)
+        found = np.asarray(found * np.outer(stated, stated))
+        found[np.diag_indices_from(found)] = np.where(told, deviation, np.inf) ** 2
+        return found
+
     def in_gauge(
         self,
         values: Sequence[Float[np.ndarray, " _p"]],
@@ -234,10 +268,10 @@ class JointFit:
             own = [k for k, part in enumerate(self.parts) if part.effect.axis == axis]
             theta = np.zeros(design.size)
             theta[design.datum] = given
-            for place, number in enumerate(own):
-                theta[design.places_of(place)] = result[number]
+            for number in own:
+                theta[self.places_of(number)] = result[number]
             theta = known.rules.project(theta)
             constants[axis] = float(theta[design.datum])
-            for place, number in enumerate(own):
-                result[number] = theta[design.places_of(place)]
+            for number in own:
+                result[number] = theta[self.places_of(number)]
         return result, constants

@@ -1,23 +1,23 @@
-"""Tables as effects, over the stencils of the controller: leadscrew, cross, plane, crosstalk."""
+"""Tables as effects, over the stencils of the controller: leadscrew, cross and plane."""
 
 import abc
 import dataclasses
 import itertools
+from collections.abc import Sequence
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from ....models import Conventions, Crosstalk, surface_through
-from ...core import FitError, Readings, TableEffect
-from ...core._readings import padded
-from ...kinds.crosstalk import BRANCHES, MOST_TESTS
-from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, sparse_rows
+from .... import models
+from ...core import FitError, Readings, Smooth, TableEffect, axis_nodes
+from ._effect import AbstractEffect, Inputs, Number, Ranges, Rows
 
-_LEAST_ROWS = 1024
-"""Rows are filled up to powers of two from here on, so that compiled code is used again."""
+Numbers = Sequence[Number] | Float[np.ndarray, " n"]
+_DIGITS = 10
+"""Of node positions in mm or °: ``3 * 0.1`` is the reading that says 0.3."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -28,19 +28,15 @@ class AbstractTable(AbstractEffect):
     """
 
     def __post_init__(self) -> None:
-        for nodes in self.table_effect.nodes:
+        for nodes in self.grid:
             if len(nodes) < 2 or not (np.diff(nodes) > 0).all():
                 msg = f"{self.name}: expected at least two nodes in ascending order."
                 raise FitError(msg)
 
-    @abc.abstractmethod
-    def layout(self) -> TableEffect:
-        """Return the table as an effect of the estimator, inputs by the names of the masters."""
-
     @cached_property
+    @abc.abstractmethod
     def table_effect(self) -> TableEffect:
-        """The same, made once."""
-        return self.layout()
+        """The table as an effect of the estimator, inputs by the names of the masters."""
 
     @property
     def name(self) -> str:
@@ -53,30 +49,46 @@ class AbstractTable(AbstractEffect):
         return self.table_effect.size
 
     @property
+    def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
+        """See `AbstractEffect`."""
+        return self.table_effect.nodes
+
+    @property
+    def inputs(self) -> Inputs:
+        """See `AbstractEffect`."""
+        way = (("direction", self.axis),) if self.table_effect.way else ()
+        return (*(("position", master) for master in self.masters), *way)
+
+    @property
     def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
-        ways = {("direction", self.axis): ANYWHERE} if self.table_effect.way else {}
-        return ways | {
+        return {
             ("position", master): (float(nodes[0]), float(nodes[-1]))
-            for master, nodes in zip(self.masters, self.table_effect.nodes, strict=True)
+            for master, nodes in zip(self.masters, self.grid, strict=True)
         }
 
-    def block(self, data: JointData) -> Block:
-        """See `AbstractEffect`."""
-        table, inputs = self.table_effect, {}
-        for master in self.masters:
-            inputs[master] = data.column("position", master, self.name)
-        if table.way:
-            inputs[table.way] = data.column("direction", self.axis, self.name)
-        known = np.asarray(np.isfinite(list(inputs.values())).all(axis=0))
-        filled = {name: np.where(known, own, 0.0) for name, own in inputs.items()}
-        nodes, shares = table.design(Readings(np.zeros(len(known)), filled))
-        place = np.argsort(table.unknowns)
-        columns = sparse_rows(place[nodes], shares, known, table.size)
-        prior = dataclasses.replace(table.prior, order=place[table.prior.order])
-        return Block(columns, known, self._labels(), prior, table)
+    @cached_property
+    def _place(self) -> Int[np.ndarray, " p"]:
+        """Number of the value of each unknown of the estimator."""
+        return np.argsort(self.table_effect.unknowns)
 
-    def _labels(self) -> tuple[str, ...]:
+    @cached_property
+    def prior(self) -> Smooth:
+        """See `AbstractEffect`."""
+        prior = self.table_effect.prior
+        return dataclasses.replace(prior, order=self._place[prior.order])
+
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
+        """See `AbstractEffect`."""
+        table = self.table_effect
+        names = table.inputs if table.way is None else (*table.inputs, table.way)
+        inputs = dict(zip(names, columns, strict=True))
+        nodes, shares = table.design(Readings(np.zeros(len(columns[0])), inputs))
+        return self._place[nodes], shares
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
         table = self.table_effect
         ways = (", moving positive", ", moving negative") if table.way else ("",)
         grid = [nodes[: len(nodes) - table.ring] for nodes in reversed(table.nodes)]
@@ -95,246 +107,184 @@ class AbstractTable(AbstractEffect):
         unknowns[self.table_effect.unknowns] = values
         return self.table_effect.to_table(unknowns)
 
+    def offsets(
+        self, model: Any, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`."""
+        mesh = np.meshgrid(*(places or self.grid))
+        rows = np.column_stack([each.ravel() for each in mesh])
+        found = model.offset(rows if len(mesh) > 1 else rows[:, 0])
+        return np.asarray(found).reshape(mesh[0].shape)
 
-def _floats(*nodes: Float[np.ndarray, " _n"]) -> tuple[Float[np.ndarray, " _n"], ...]:
-    return tuple(np.asarray(each, float) for each in nodes)
+
+def _grid(start: Number, interval: Number, points: int) -> Float[np.ndarray, " n"]:
+    return np.round(float(start) + float(interval) * np.arange(points), _DIGITS)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AbstractLine(AbstractTable):
+    """A table along one axis, its nodes one by one or equidistant.
+
+    Attributes:
+        setpoints: Positions of the nodes in mm or °, ascending; or instead of them:
+        start: Position of the first node.
+        interval: Distance of nodes.
+        points: Number of nodes.
+        modulo: The last node is the first one again (modulo axis).
+    """
+
+    setpoints: Numbers | None = None
+    modulo: bool = dataclasses.field(default=False, kw_only=True)
+    start: Number | None = dataclasses.field(default=None, kw_only=True)
+    interval: Number | None = dataclasses.field(default=None, kw_only=True)
+    points: int | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if self.setpoints is not None:
+            object.__setattr__(self, "setpoints", tuple(map(float, self.setpoints)))
+        super().__post_init__()
+
+    @cached_property
+    def nodes(self) -> Float[np.ndarray, " n"]:
+        """Positions of the nodes in mm or °."""
+        start, interval, points = self.start, self.interval, self.points
+        if self.setpoints is not None and (start, interval, points) == (None,) * 3:
+            return np.asarray(self.setpoints, np.float64)
+        if self.setpoints is None and not (
+            start is None or interval is None or points is None
+        ):
+            return _grid(start, interval, points)
+        msg = (
+            f"{self.compensation} of {self.axis}: expected either setpoints or start, "
+            "interval and points"
+        )
+        raise FitError(msg)
+
+    @cached_property
+    def table_effect(self) -> TableEffect:
+        """See `AbstractTable`."""
+        return TableEffect((self.nodes,), self.masters, None, self.modulo)
+
+    @property
+    def _model_nodes(self) -> models.EquidistantNodes | models.Setpoints:
+        if self.setpoints is not None:
+            return models.Setpoints(jnp.asarray(self.nodes))
+        return axis_nodes(self.nodes)
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class LeadscrewEffect(AbstractTable):
-    """Error of an axis over its own position, mm.
+class Leadscrew(AbstractLine):
+    """Leadscrew error table of an axis over its own position, mm or °.
 
-    Values: one per node; bilateral: all for positive direction, then all for negative.
+    Nodes are ``start``, ``interval`` and ``points``, or ``setpoints``. Values: one per node;
+    bilateral: all for positive direction, then all for negative.
 
     Attributes:
-        nodes: Along the axis in mm or °, ascending.
-        bilateral: Whether each direction of motion has values of its own.
-        periodic: The last node is the first one again (modulo axis).
+        bilateral: One table per direction of motion.
+        modulo: The points include the repeated end.
     """
 
-    nodes: Float[np.ndarray, " n"]
     bilateral: bool = False
-    periodic: bool = False
 
     compensation = "leadscrew"
+
+    @cached_property
+    def table_effect(self) -> TableEffect:
+        """See `AbstractTable`."""
+        way = "direction" if self.bilateral else None
+        return dataclasses.replace(super().table_effect, way=way)
 
     @property
     def name(self) -> str:
         """See `AbstractEffect`."""
         return f"leadscrew of {self.axis}"
 
-    def layout(self) -> TableEffect:
-        """See `AbstractTable`."""
-        way = "direction" if self.bilateral else None
-        return TableEffect(_floats(self.nodes), self.masters, way, self.periodic)
+    def to_model(self, table: Any, sign: float) -> Any:
+        """See `AbstractEffect`; entries of this list are errors."""
+        del sign
+        pos, neg = table if self.bilateral else (table, None)
+        return models.Leadscrew(self._model_nodes, pos, neg, self.modulo or None)
+
+    def offsets(
+        self, model: Any, *places: Float[np.ndarray, " _n"]
+    ) -> Float[np.ndarray, "..."]:
+        """See `AbstractEffect`."""
+        (place,) = places or self.grid
+        ways = np.array([1.0, -1.0] if self.bilateral else [1.0])
+        rows = [model.offset(place, np.full(len(place), way)) for way in ways]
+        return np.stack(rows) if self.bilateral else np.asarray(rows[0])
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class CrossEffect(AbstractTable):
-    """Error of an axis over the position of another, mm; one value per node.
+class Cross(AbstractLine):
+    """Cross (sag) table of an axis over the position of another, mm or °.
+
+    Nodes are ``start``, ``interval`` and ``points``, or ``setpoints``; one value per node.
 
     Attributes:
         master: Axis over whose position the table runs.
-        nodes: Along the master in mm or °, ascending.
-        periodic: The last node is the first one again (modulo master).
+        modulo: The points include the repeated end of the master.
     """
 
-    master: str
-    nodes: Float[np.ndarray, " n"]
-    periodic: bool = False
+    master: str = dataclasses.field(kw_only=True)
 
     compensation = "cross"
+    no_keys = ("modulo",)  # its axis says so
 
     @cached_property
     def masters(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
         return (self.master,)
 
-    def layout(self) -> TableEffect:
-        """See `AbstractTable`."""
-        return TableEffect(_floats(self.nodes), self.masters, None, self.periodic)
+    def to_model(self, table: Any, sign: float) -> Any:
+        """See `AbstractEffect`."""
+        nodes = self._model_nodes
+        own = models.ModuloNodes(nodes) if self.modulo else nodes
+        return models.Cross(own, sign * table)
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class PlaneEffect(AbstractTable):
-    """Error of an axis over the positions of two masters, mm.
+class Plane(AbstractTable):
+    """Plane table of an axis over the positions of two masters, mm or °.
 
     Values: node 1 of master 2 with all nodes of master 1, then node 2 …
 
     Attributes:
-        masters: The two axes over whose positions it runs.
-        nodes: Along master 1 and along master 2 in mm or °, ascending.
+        masters: Master 1 and master 2.
+        nodes: Along master 1 and along master 2, ascending; or instead of them:
+        start: Position of the first node along each.
+        interval: Distance of nodes along each.
+        points: Number of nodes along each.
     """
 
     masters: tuple[str, str] = dataclasses.field()  # pyright: ignore[reportIncompatibleVariableOverride]
-    nodes: tuple[Float[np.ndarray, " _n1"], Float[np.ndarray, " _n2"]] = (
-        dataclasses.field()
+    nodes: tuple[Float[np.ndarray, " _n1"], Float[np.ndarray, " _n2"]] | None = None
+    start: tuple[Number, Number] | None = dataclasses.field(default=None, kw_only=True)
+    interval: tuple[Number, Number] | None = dataclasses.field(
+        default=None, kw_only=True
     )
+    points: tuple[int, int] | None = dataclasses.field(default=None, kw_only=True)
 
     compensation = "plane"
-
-    def layout(self) -> TableEffect:
-        """See `AbstractTable`."""
-        return TableEffect(_floats(*self.nodes), self.masters)
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class CrosstalkEffect(AbstractEffect):
-    """Error of an axis from the acceleration of another: entries of the tests in mm.
-
-    Values: rows of `BRANCHES`, each with one value per test; where the directions do not
-    differ, only the rows for acceleration and for deceleration, or the first of them where
-    the controller has it for both (`Conventions.crosstalk_undirected`).
-
-    Attributes:
-        master: Axis that accelerates.
-        acceleration: Specified, in mm/s², above 0.
-        deceleration: Specified, in mm/s², below 0.
-        adaptation: Axes on whose position the entries depend (mode − 1 of them).
-        positions: Of the tests in mm, shape ``(p, k)``; None = one test.
-        mode: 1, 2 or 3.
-        velocity_dependent: Each direction has entries of its own.
-        conventions: How signs and directions are told apart; None = the defaults.
-    """
-
-    master: str
-    acceleration: float
-    deceleration: float
-    adaptation: tuple[str, ...] = ()
-    positions: Float[np.ndarray, "p k"] | None = None
-    mode: int = 1
-    velocity_dependent: bool = False
-    conventions: Conventions | None = None
-
-    def __post_init__(self) -> None:
-        if self.mode != 1 + len(self.adaptation) or self.mode not in (1, 2, 3):
-            msg = (
-                f"{self.name}: found mode {self.mode} with {len(self.adaptation)} "
-                "adaptation axes, expected one axis less than the mode (1, 2 or 3)."
-            )
-            raise FitError(msg)
-        if not (self.acceleration > 0 > self.deceleration):
-            msg = (
-                f"{self.name}: found acceleration {self.acceleration:g} and deceleration "
-                f"{self.deceleration:g} mm/s², expected one above and one below 0."
-            )
-            raise FitError(msg)
-        points = self.points
-        if (
-            points.shape[1] != len(self.adaptation)
-            or not 1 <= len(points) <= MOST_TESTS
-        ):
-            msg = (
-                f"{self.name}: found positions of shape {points.shape}, expected 1 to "
-                f"{MOST_TESTS} tests along {len(self.adaptation)} adaptation axes."
-            )
-            raise FitError(msg)
-
-    compensation = "crosstalk"
+    no_keys = ("nodes",)
 
     @cached_property
-    def masters(self) -> tuple[str, ...]:
-        """The axis that accelerates, then the adaptation axes."""
-        return (self.master, *self.adaptation)
+    def table_effect(self) -> TableEffect:
+        """See `AbstractTable`."""
+        if self.nodes is not None:
+            nodes = tuple(np.asarray(each, float) for each in self.nodes)
+        elif self.start is None or self.interval is None or self.points is None:
+            msg = f"{self.name}: expected either nodes or start, interval and points"
+            raise FitError(msg)
+        else:
+            each = zip(self.start, self.interval, self.points, strict=True)
+            nodes = tuple(_grid(*axis) for axis in each)
+        return TableEffect(nodes, self.masters)
 
-    @property
-    def name(self) -> str:
+    def to_model(self, table: Any, sign: float) -> Any:
         """See `AbstractEffect`."""
-        return f"crosstalk of {self.axis} from {self.master}"
-
-    @property
-    def points(self) -> Float[np.ndarray, "p k"]:
-        """Positions of the tests in mm."""
-        if self.positions is None:
-            return np.zeros((1, 0))
-        return np.asarray(self.positions, float)
-
-    @property
-    def rules(self) -> Conventions:
-        """How signs and directions are told apart."""
-        return Conventions() if self.conventions is None else self.conventions
-
-    @property
-    def rows(self) -> tuple[int, ...]:
-        """Row of the values that stands for each row of `BRANCHES`."""
-        if self.velocity_dependent:
-            return (0, 1, 2, 3)
-        return (0, 0, 1, 1) if self.rules.of_crosstalk["own_deceleration"] else (0,) * 4
-
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return (self.rows[-1] + 1) * len(self.points)
-
-    @property
-    def ranges(self) -> Ranges:
-        """See `AbstractEffect`."""
-        top = 1.2 * max(self.acceleration, -self.deceleration)
-        found = {
-            ("position", axis): (float(places.min()), float(places.max()))
-            for axis, places in zip(self.adaptation, self.points.T, strict=True)
-        }
-        found["velocity", self.master] = ANYWHERE
-        found["acceleration", self.master] = -top, top
-        return found
-
-    def model(self, values: Float[np.ndarray, "4 p"]) -> Crosstalk:
-        """Return the controller's model with these entries in mm, their sign left alone.
-
-        Raises:
-            FitError: If the tests span no surface.
-        """
-        try:
-            surface = surface_through(self.points)
-        except ValueError as error:
-            msg = f"{self.name}: {error}"
-            raise FitError(msg) from error
-        return Crosstalk(
-            surface,
-            jnp.asarray(values),
-            jnp.asarray(float(self.acceleration)),
-            jnp.asarray(float(self.deceleration)),
-            velocity_dependent=self.velocity_dependent,
-            **self.rules.of_crosstalk,
-        )
-
-    def block(self, data: JointData) -> Block:
-        """See `AbstractEffect`."""
-        inputs = [
-            data.column("acceleration", self.master, self.name),
-            data.column("velocity", self.master, self.name),
-        ]
-        inputs += [data.column("position", axis, self.name) for axis in self.adaptation]
-        known = np.asarray(np.isfinite(inputs).all(axis=0))
-        count, tests = len(known), len(self.points)
-        filled = {str(k): np.where(known, own, 0.0) for k, own in enumerate(inputs)}
-        pull, speed, *places = padded(filled, _LEAST_ROWS).values()
-        stencil = self.model(np.zeros((4, tests))).stencil(
-            pull, speed, np.reshape(places, (-1, len(pull))).T
-        )
-        branch, test = np.divmod(np.asarray(stencil.nodes)[:count], tests)
-        index = np.array(self.rows)[branch] * tests + test
-        weight = np.asarray(stencil.weights)[:count]
-        columns = sparse_rows(index, weight, known, self.size)
-        return Block(columns, known, self._labels())
-
-    def _labels(self) -> tuple[str, ...]:
-        words: tuple[str, ...] = BRANCHES
-        if not self.velocity_dependent:
-            words = ("acceleration", "deceleration")[: self.rows[-1] + 1]
-        places = [
-            "".join(
-                f", {axis} = {value:g}"
-                for axis, value in zip(self.adaptation, point, strict=True)
-            )
-            for point in self.points
-        ]
-        return tuple(word + place for word in words for place in places)
-
-    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
-        """Return ``(4, p)``, rows as `BRANCHES`; equal rows where directions do not differ."""
-        return values.reshape(-1, len(self.points))[list(self.rows)]
+        first, second = (axis_nodes(own) for own in self.grid)
+        return models.Plane(first, second, sign * table)

@@ -1,15 +1,18 @@
 """The thermal line as an effect: offset and coefficient as functions of temperature."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from .... import models
+from ..._recording import JointData
 from ...core import FitError, node_shares
-from ._effect import ANYWHERE, AbstractEffect, Block, JointData, Ranges, few_columns
+from ._effect import AbstractEffect, Block, Inputs, Number, Ranges, Rows, every
 
 Nodes = str | int | Float[np.ndarray, " _n"]
 """``"constant"``, ``"linear"``, a number of nodes over the measured range, or °C."""
@@ -21,7 +24,7 @@ _COUNTS = {"constant": 1, "linear": 2}
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class TemperatureEffect(AbstractEffect):
+class Temperature(AbstractEffect):
     r"""Thermal line of an axis: $e = o(T) + c(T)\,(s - s_0)$.
 
     Values: the offset in mm at its temperatures, then the coefficient in mm/mm at its own;
@@ -29,22 +32,35 @@ class TemperatureEffect(AbstractEffect):
     not depend on the temperature belongs to the datum and to the leadscrew.
 
     Attributes:
-        sensors: Sensor of ``"offset"`` and of ``"coefficient"``; what is absent is not there.
+        sensors: Sensor of ``"offset"`` and of ``"coefficient"``, or of one of them.
+        sensor: Sensor of both, instead of `sensors`.
         reference: Position $s_0$ in mm (P-AXIS-00272).
-        law: How each depends on the temperature; ``"linear"`` where not given.
+        law: How each depends on its temperature: ``"linear"`` where not given, or a number of
+            nodes.
         lag: Time constant in s by which the structure follows its sensors, or ``"fit"``; or
             by sensor.
         reference_temperature: In °C, where nothing is to be corrected; the nearest measured
             one counts.
     """
 
-    sensors: Mapping[str, str]
-    reference: float = 0.0
+    sensors: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    reference: Number = 0.0
     law: Mapping[str, Nodes] = dataclasses.field(default_factory=dict)
-    lag: float | str | Mapping[str, float | str] = 0.0
-    reference_temperature: float = 20.0
+    lag: Number | str | Mapping[str, Number | str] = 0.0
+    reference_temperature: Number = 20.0
+    sensor: dataclasses.InitVar[str | None] = dataclasses.field(
+        default=None, kw_only=True
+    )
 
-    def __post_init__(self) -> None:
+    compensation = "temperature"
+    no_keys = ("reference_temperature",)
+
+    def __post_init__(self, sensor: str | None) -> None:
+        if (sensor is None) == (not self.sensors):
+            msg = f"temperature of {self.axis}: expected either sensor or sensors"
+            raise FitError(msg)
+        if sensor is not None:
+            object.__setattr__(self, "sensors", dict.fromkeys(LAWS, sensor))
         wrong = [name for name in (*self.sensors, *self.law) if name not in LAWS]
         if wrong or not self.sensors:
             msg = (
@@ -66,8 +82,6 @@ class TemperatureEffect(AbstractEffect):
                 )
                 raise FitError(msg)
 
-    compensation = "temperature"
-
     @cached_property
     def masters(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
@@ -85,7 +99,7 @@ class TemperatureEffect(AbstractEffect):
         return f"temperature of {self.axis} ({' and '.join(self.sensor_names)})"
 
     @property
-    def lags(self) -> dict[str, float | str]:
+    def lags(self) -> dict[str, Number | str]:
         """Time constant in s or ``"fit"``, by sensor."""
         if isinstance(self.lag, Mapping):
             return {sensor: self.lag.get(sensor, 0.0) for sensor in self.sensor_names}
@@ -109,12 +123,7 @@ class TemperatureEffect(AbstractEffect):
             result[law] = nodes
         return result
 
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return sum(_count(self.law.get(law, "linear")) for law in self.sensors)
-
-    def placed(self, data: JointData) -> "TemperatureEffect":
+    def placed(self, data: JointData) -> "Temperature":
         """Return the effect with its temperatures spread over those of the data."""
         law: dict[str, Nodes] = {}
         for name, sensor in self.sensors.items():
@@ -129,15 +138,28 @@ class TemperatureEffect(AbstractEffect):
             law[name] = nodes
         return dataclasses.replace(self, law=law)
 
-    def lagging(self, lags: Mapping[str, float]) -> "TemperatureEffect":
+    def lagging(self, lags: Mapping[str, float]) -> "Temperature":
         """Return the effect with these time constants in s, by sensor; others are not its own."""
         own = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}
         return dataclasses.replace(self, lag=own)
 
     @property
+    def inputs(self) -> Inputs:
+        """See `AbstractEffect`."""
+        warm = [
+            ("temperature", self.sensors[law]) for law in LAWS if law in self.sensors
+        ]
+        return (*warm, *(("position", axis) for axis in self.masters))
+
+    @property
+    def timed(self) -> bool:
+        """See `AbstractEffect`."""
+        return any(lag != 0.0 for lag in self.lags.values())
+
+    @property
     def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
-        found = {("position", self.axis): ANYWHERE} if self.masters else {}
+        found: dict[tuple[str, str], tuple[float, float]] = {}
         for law, nodes in self.nodes.items():
             half = 0.5 * max(float(np.ptp(nodes)), 1.0)
             middle = 0.5 * float(nodes[0] + nodes[-1])
@@ -146,18 +168,34 @@ class TemperatureEffect(AbstractEffect):
             found[key] = min(low, middle - half), max(high, middle + half)
         return found
 
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
+        nodes = self.nodes.items()
+        return tuple(f"{law} at {node:.4g} °C" for law, own in nodes for node in own)
+
     def block(self, data: JointData) -> Block:
         """See `AbstractEffect`; a lag to be fitted counts as none."""
-        nodes = self.placed(data).nodes
-        labels = [f"{law} at {node:.4g} °C" for law in nodes for node in nodes[law]]
-        parts: list[np.ndarray] = []
-        for law, own in nodes.items():
-            part = node_shares(self.structure(data, self.sensors[law]), own)
-            if law == "coefficient":
-                place = data.column("position", self.axis, self.name)
-                part = part * (place - self.reference)[:, None]
-            parts.append(part)
-        return few_columns(np.hstack(parts), tuple(labels))
+        return super(Temperature, self.placed(data)).block(data)
+
+    def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
+        """See `AbstractEffect`; temperatures are those of the structure."""
+        return [
+            self.structure(data, name)
+            if channel == "temperature"
+            else data.column(channel, name, self.name)
+            for channel, name in self.inputs
+        ]
+
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
+        """See `AbstractEffect`."""
+        parts = [
+            node_shares(warm, own) * (columns[-1] - self.reference)[:, None]
+            if law == "coefficient"
+            else node_shares(warm, own)
+            for warm, (law, own) in zip(columns, self.nodes.items(), strict=False)
+        ]
+        return every(np.hstack(parts))
 
     def structure(self, data: JointData, sensor: str) -> Float[np.ndarray, " t"]:
         """Return the temperature of the structure behind a sensor in °C, per row.
@@ -169,6 +207,21 @@ class TemperatureEffect(AbstractEffect):
         if isinstance(lag, str) or lag == 0.0:
             return data.column("temperature", sensor, self.name)
         return data.clocked(sensor, self.name).structure(lag)
+
+    def to_model(self, table: Any, sign: float) -> models.TemperatureLine:
+        """See `AbstractEffect`; sensors are numbered as `TemperatureLine` wants them."""
+        curves: dict[str, Any] = {"offset": 0.0, "coefficient": 0.0}
+        for law, values in self.split(table).items():
+            number, nodes = self.sensor_names.index(self.sensors[law]), self.nodes[law]
+            curves[law] = (
+                models.TemperatureCurve.of(nodes, sign * values, number)
+                if len(nodes) > 1
+                else float(sign * values[0])
+            )
+        reference: Any = jnp.asarray(float(self.reference))
+        return models.TemperatureLine(
+            reference, curves["offset"], curves["coefficient"]
+        )
 
     def split(
         self, values: Float[np.ndarray, " p"]

@@ -8,10 +8,11 @@ import numpy as np
 from jaxtyping import Bool
 
 from .._identifiable import Shared
+from ._crosstalk import Crosstalk
 from ._design import Component, Design
 from ._identified import PART, Identified
-from ._tables import AbstractTable, CrosstalkEffect
-from ._temperature import TemperatureEffect
+from ._tables import AbstractTable
+from ._temperature import Temperature
 
 _NAMED = 4
 """Values that are named; more are counted."""
@@ -136,7 +137,7 @@ def _common(one: Component, other: Component, design: Design) -> list[str]:
 
 
 def _at_reference(design: Design) -> str:
-    effect = next(e for e in design.effects if isinstance(e, TemperatureEffect))
+    effect = next(e for e in design.effects if isinstance(e, Temperature))
     return f"the temperature corrects nothing at {effect.reference_temperature:g} °C"
 
 
@@ -175,12 +176,12 @@ def _unseen(part: Component, known: Identified) -> Confusion | None:
         what = f"the {name}, all were taken in one direction"
     if part.kind in ("backlash", "leadscrew"):
         remedy = f"measure {effect.axis} in both directions."
-    elif isinstance(effect, CrosstalkEffect):
+    elif isinstance(effect, Crosstalk):
         remedy = f"accelerate and slow down {effect.master} in both directions"
         if effect.adaptation:
             remedy += f", at several places of {_and(effect.adaptation)}"
         remedy += "."
-    elif isinstance(effect, TemperatureEffect):
+    elif isinstance(effect, Temperature):
         sensors = _and(effect.sensor_names)
         remedy = f"measure {effect.axis} at two temperatures of {sensors} at least."
     elif part.kind == "delay":
@@ -214,8 +215,8 @@ def _parameters(
     part: Component, design: Design, lost: Bool[np.ndarray, " p"]
 ) -> tuple[str, ...]:
     """Return the lost values in words: some of them by name."""
-    every = zip(design.places_of(part.effect), design.labels[part.effect], strict=True)
-    where = {int(place): label for place, label in every}
+    every, labels = design.places_of(part.effect), design.effects[part.effect].labels
+    where = dict(zip(every.tolist(), labels, strict=True))
     names = [where[int(place)] for place in part.places[lost]]
     if len(names) == len(part.places) > 1:
         return (f"all values of the {part.name}",)
@@ -230,7 +231,7 @@ def _remedy(parts: Sequence[Component], design: Design) -> str:
     effects = [design.effects[part.effect] for part in parts if part.effect >= 0]
     axes = _and([axis for effect in effects for axis in effect.masters])
     sensors = [name for effect in effects for name in effect.sensor_names]
-    fast = [each.master for each in effects if isinstance(each, CrosstalkEffect)]
+    fast = [each.master for each in effects if isinstance(each, Crosstalk)]
     if sensors:
         return _remedy_of_heat(kinds, f"the temperature of {_and(sensors)}", axes)
     if fast:

@@ -5,7 +5,7 @@ Three delays have an estimate each, since each shows in something else:
 * `estimate_instrument` (data.signals): of an external instrument against the encoder of
   the same axis. It needs that axis to move, and is found from its changes of speed to
   a microsecond. It is taken off before any fit, here too where the slave moves.
-* `DelayEffect` (fit.joint): what that leaves, as an error along the axis's own velocity.
+* `Delay` (fit.joint): what that leaves, as an error along the axis's own velocity.
 * This one: of an error that was recorded as such (a dial, a scale beside the slave, which
   stands still). There is no motion of the slave to compare with, and its velocity is zero:
   only the events of the master show it, to a whole row. Groups do not have it: there the

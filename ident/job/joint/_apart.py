@@ -9,8 +9,8 @@ from ....data.errors import AxcompError
 from ...fit.joint import (
     AbstractEffect,
     JointData,
-    LeadscrewEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Temperature,
     examine_design,
 )
 from .._draft import AxisLists
@@ -168,14 +168,14 @@ def bent_by_heat(
     effect = one.effect(job, recording, None)
     if effect is None or not high > low:
         return ""
-    screw = LeadscrewEffect(one.axis, np.linspace(low, high, _NODES))
+    screw = Leadscrew(one.axis, np.linspace(low, high, _NODES))
     told = examine_design(_few(recording.data), [screw, _at_once(effect)])
     own = [each for each in told.confusions if len(set(each.effects)) > 1]
     return own[0].sentence if own else ""
 
 
 def _at_once(effect: AbstractEffect) -> AbstractEffect:
-    if isinstance(effect, TemperatureEffect):
+    if isinstance(effect, Temperature):
         return dataclasses.replace(effect, lag=0.0)
     return effect
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
-from ...fit.joint import BacklashEffect
+from ...fit.joint import Backlash
 from ...kinds.backlash import BacklashFit
 from .._fit_schema import BacklashSpec
 from .._load import Job
@@ -50,8 +50,8 @@ class BacklashMember(AbstractMember):
         job: Job,
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
-    ) -> BacklashEffect:
-        return BacklashEffect(self.axis, reference=self.known.reference)
+    ) -> Backlash:
+        return Backlash(self.axis, reference=self.known.reference)
 
     def draft(self, job: Job, share: Share) -> BacklashDraft:
         part = share.part

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import FitError
-from ...fit.joint import CrosstalkEffect
+from ...fit.joint import Crosstalk
 from ...kinds.crosstalk import (
     BRANCHES,
     CrosstalkFit,
@@ -90,27 +90,27 @@ class CrosstalkMember(AbstractMember):
         job: Job,
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
-    ) -> CrosstalkEffect | None:
+    ) -> Crosstalk | None:
         choice = self._choice(job)
         rates = choice.options["acceleration"], choice.options["deceleration"]
         way = choice.options["velocity_dependent"]
         plain = choice.mode == 1 or choice.points is not None
         if plain and None not in rates and way != "auto":
             assert isinstance(choice.mode, int)  # 1, or as many as the tests tell
-            return CrosstalkEffect(
+            return Crosstalk(
                 self.axis, self.fit.master, rates[0], rates[1],
                 adaptation=self.adaptation[: choice.mode - 1],
-                positions=choice.points, mode=choice.mode,
+                positions=choice.points,
                 velocity_dependent=bool(way), conventions=job.conventions,
             )  # fmt: skip
         if left is None:
             return None
         # The form is that of a fit to what the other effects leave.
         found = choice.fit(self._log(recording, left))
-        return CrosstalkEffect(
+        return Crosstalk(
             self.axis, self.fit.master, found.acceleration, found.deceleration,
             adaptation=tuple(self.adaptation[k] for k in found.axes),
-            positions=found.points if found.axes else None, mode=found.mode,
+            positions=found.points if found.axes else None,
             velocity_dependent=found.velocity_dependent, conventions=job.conventions,
         )  # fmt: skip
 
@@ -149,7 +149,7 @@ class CrosstalkMember(AbstractMember):
 
     def draft(self, job: Job, share: Share) -> CrosstalkDraft:
         effect = share.part.effect
-        assert isinstance(effect, CrosstalkEffect)  # of `effect`
+        assert isinstance(effect, Crosstalk)  # of `effect`
         used = np.full(len(share.rows), np.nan)
         used[share.rows] = share.error
         rates = effect.acceleration, effect.deceleration
@@ -187,7 +187,7 @@ class CrosstalkMember(AbstractMember):
         self,
         job: Job,
         share: Share,
-        effect: CrosstalkEffect,
+        effect: Crosstalk,
         events: tuple[Event, ...],
     ) -> CrosstalkFit:
         part = share.part

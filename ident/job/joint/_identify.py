@@ -9,9 +9,9 @@ from jaxtyping import Float
 from ...fit import FitError
 from ...fit.joint import (
     AbstractEffect,
-    DelayEffect,
+    Delay,
     JointFit,
-    LeadscrewEffect,
+    Leadscrew,
     Part,
     fit_joint,
     refit_joint,
@@ -124,11 +124,11 @@ def _helpers(
             place = recording.data.position[one.axis]
             ends = np.array([np.nanmin(place), np.nanmax(place)], dtype=float)
             if ends[1] > ends[0]:
-                found.append(LeadscrewEffect(one.axis, ends))
+                found.append(Leadscrew(one.axis, ends))
     if recording.timed:
         # What is left of the delay of the instrument, and of the rate of its clock.
         own = dict.fromkeys(one.axis for one in members if one.axis in recording.moving)
-        found += [DelayEffect(axis) for axis in own]
+        found += [Delay(axis) for axis in own]
     return found
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...fit.joint import CHANNELS, JointData
+from ..._recording import CHANNELS, JointData, stacked
 from .._fit_schema import FitSpec, PlaneSpec, TemperatureSpec
 from .._result import Remark
 from .._source import Tables
@@ -80,7 +80,7 @@ def read_group(
     heated = _heated(fits)
     beside = _set_ups(parts, tables, lead.sources)
     data = JointData(
-        **{table: _stacked(parts, table, counts) for table in CHANNELS},
+        **{table: stacked(parts, table, counts) for table in CHANNELS},
         time=time,
         run=label if several else None,
         runs=dict.fromkeys(heated, beside),
@@ -106,22 +106,6 @@ def read_group(
         drift=max(tables.job.spec.measurements[name].drift for name in lead.sources),
         remarks=tuple(remarks),
     )
-
-
-def _stacked(
-    parts: Sequence[ReadPart], table: str, counts: Sequence[int]
-) -> dict[str, np.ndarray]:
-    """Return the columns of all measurements one after the other; NaN where one lacks it."""
-    names = dict.fromkeys(name for part in parts for name in getattr(part, table))
-    return {
-        name: np.concatenate(
-            [
-                getattr(part, table).get(name, np.full(count, np.nan))
-                for part, count in zip(parts, counts, strict=True)
-            ]
-        )
-        for name in names
-    }
 
 
 def _labels(parts: Sequence[ReadPart]) -> Int[np.ndarray, " t"] | None:

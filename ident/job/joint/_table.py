@@ -11,10 +11,10 @@ from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit
 from ...fit.joint import (
     AbstractEffect,
-    CrossEffect,
-    LeadscrewEffect,
+    Cross,
+    Leadscrew,
     Part,
-    PlaneEffect,
+    Plane,
 )
 from ...proof import HeldOut
 from .._fit_schema import CrossSpec, PlaneSpec, TableSpec
@@ -67,13 +67,16 @@ class TableMember(AbstractMember):
         nodes = tuple(each.positions for each in table.nodes)
         if isinstance(spec, PlaneSpec):
             first, second = masters_of(spec)
-            return PlaneEffect(self.axis, (first, second), (nodes[0], nodes[1]))
+            return Plane(self.axis, (first, second), (nodes[0], nodes[1]))
         if isinstance(spec, CrossSpec):
-            return CrossEffect(
-                self.axis, spec.master, nodes[0], periodic=table.periodic
+            return Cross(
+                self.axis,
+                master=spec.master,
+                setpoints=nodes[0],
+                modulo=table.periodic,
             )
-        return LeadscrewEffect(
-            self.axis, nodes[0], bilateral=spec.bilateral, periodic=table.periodic
+        return Leadscrew(
+            self.axis, nodes[0], bilateral=spec.bilateral, modulo=table.periodic
         )
 
     def draft(self, job: Job, share: Share) -> TableDraft:

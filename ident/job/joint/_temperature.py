@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import DriftNoise
-from ...fit.joint import TemperatureEffect
+from ...fit.joint import Temperature
 from ...kinds.temperature import LEAST_RANGE, Lag, Law, TemperatureFit, ThermalReadings
 from .._fit_schema import Effect, TemperatureSpec
 from .._load import Job
@@ -71,7 +71,7 @@ class TemperatureMember(AbstractMember):
         job: Job,
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
-    ) -> TemperatureEffect:
+    ) -> Temperature:
         reference = 0.0
         if "coefficient" in self.effects:
             if isinstance(self.fit.reference, float):
@@ -86,7 +86,7 @@ class TemperatureMember(AbstractMember):
             job.spec.measurements[name].reference_temperature
             for name in self.fit.sources
         }
-        return TemperatureEffect(
+        return Temperature(
             self.axis,
             {str(key): sensor for key, sensor in self.effects.items()},
             reference=reference,
@@ -97,7 +97,7 @@ class TemperatureMember(AbstractMember):
 
     def draft(self, job: Job, share: Share) -> TemperatureDraft:
         effect = share.part.effect
-        assert isinstance(effect, TemperatureEffect)  # of `effect`
+        assert isinstance(effect, Temperature)  # of `effect`
         rows = share.rows
         position = None
         if self.positions:
@@ -140,7 +140,7 @@ class TemperatureMember(AbstractMember):
     def _line(
         self,
         share: Share,
-        effect: TemperatureEffect,
+        effect: Temperature,
         structure: Float[np.ndarray, "t s"],
     ) -> TemperatureFit:
         """Return the part as the fit of a single line."""

@@ -347,7 +347,8 @@ def plane_with(wild: float) -> Discovery:
     error[133] += wild
     rows = np.zeros(400, dtype=np.int64)
     position = {"X": x, "Y": y}
-    return discover(Observed(None, rows, rows, position, {"Z": error}), ("X", "Y", "Z"))
+    data = Observed(run=rows, source=rows, position=position, error={"Z": error})
+    return discover(data, ("X", "Y", "Z"))
 
 
 @pytest.mark.parametrize("wild", [10.0, 1000.0])
@@ -369,7 +370,10 @@ def test_a_law_that_is_zero_at_the_reference_needs_no_leadscrew(
     error = 1.1e-5 * (warm - 20.0) * place + 5e-4 * rng.normal(size=3600)
     rows = np.zeros(3600, dtype=np.int64)
     sensor = {"scale": warm + 0.01 * rng.normal(size=3600)}
-    data = Observed(time, rows, rows, {"X": place}, {"X": error}, temperature=sensor)
+    data = Observed(
+        time=time, run=rows, source=rows, position={"X": place}, error={"X": error},
+        temperature=sensor,
+    )  # fmt: skip
     found = discover(data, ("X",))
     # Where 20 °C was not measured the law is zero at 24 °C, as that of a fit is, and what
     # the axis shows there, 11e-6 x 4 K over 400 mm or 5.1 µm rms, is a leadscrew.

@@ -13,15 +13,15 @@ from axcomp.data.measurements import (
 )
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
-    CrosstalkEffect,
-    DelayEffect,
+    Backlash,
+    Cross,
+    Crosstalk,
+    Delay,
     JointData,
     JointFit,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
     fit_joint,
 )
 from axcomp.ident.machine import State
@@ -91,19 +91,17 @@ def effects(fine: float = 1.0) -> list[AbstractEffect]:
 
     heights = np.array([[0.0], [100.0], [200.0]])
     return [
-        LeadscrewEffect("X", nodes("X", 40.0), bilateral=True),
-        TemperatureEffect(
-            "X", {"coefficient": "scale"}, reference=250.0, lag=90.0 * PACE
-        ),
-        DelayEffect("X"),
-        LeadscrewEffect("Y", nodes("Y", 40.0)),
-        BacklashEffect("Y"),
-        CrossEffect("Y", "X", nodes("X", 20.0)),
-        CrosstalkEffect("Y", "X", 1500.0, -1500.0, ("Z",), heights, mode=2),
-        DelayEffect("Y"),
-        LeadscrewEffect("Z", nodes("Z", 40.0)),
-        BacklashEffect("Z"),
-        PlaneEffect("Z", ("X", "Y"), (nodes("X", 25.0), nodes("Y", 25.0))),
-        TemperatureEffect("Z", {"offset": "spindle"}, lag=45.0 * PACE),
-        DelayEffect("Z"),
+        Leadscrew("X", nodes("X", 40.0), bilateral=True),
+        Temperature("X", {"coefficient": "scale"}, reference=250.0, lag=90.0 * PACE),
+        Delay("X"),
+        Leadscrew("Y", nodes("Y", 40.0)),
+        Backlash("Y"),
+        Cross("Y", master="X", setpoints=nodes("X", 20.0)),
+        Crosstalk("Y", "X", 1500.0, -1500.0, ("Z",), heights),
+        Delay("Y"),
+        Leadscrew("Z", nodes("Z", 40.0)),
+        Backlash("Z"),
+        Plane("Z", ("X", "Y"), (nodes("X", 25.0), nodes("Y", 25.0))),
+        Temperature("Z", {"offset": "spindle"}, lag=45.0 * PACE),
+        Delay("Z"),
     ]

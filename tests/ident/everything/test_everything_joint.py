@@ -10,7 +10,7 @@ from axcomp.ident.fit.joint import (
     JointData,
     JointFit,
     Part,
-    TemperatureEffect,
+    Temperature,
     fit_joint,
 )
 from axcomp.ident.machine import State
@@ -71,7 +71,7 @@ def test_backlash_and_growth_come_out_beside_all_the_others(fit: JointFit) -> No
         # Coarse nodes and a delay of 1 µs at 200 mm/s leave a tenth of the noise.
         assert part.values[0] == pytest.approx(width, abs=8e-5)
     grown = fit.part("temperature of X (scale)")
-    assert isinstance(grown.effect, TemperatureEffect)
+    assert isinstance(grown.effect, Temperature)
     nodes = grown.effect.nodes["coefficient"]
     slope = np.diff(grown.values)[0] / np.diff(nodes)[0]
     assert slope == pytest.approx(11.5e-6, rel=0.02)

@@ -8,15 +8,15 @@ import numpy as np
 from axcomp.data.measurements import Measurement
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
-    CrosstalkEffect,
+    Backlash,
+    Cross,
+    Crosstalk,
     JointData,
     JointFit,
-    LeadscrewEffect,
+    Leadscrew,
     Part,
-    PlaneEffect,
-    TemperatureEffect,
+    Plane,
+    Temperature,
 )
 from axcomp.ident.machine import State
 from axcomp.ident.machine.motion import SPACE, WorkingMachine
@@ -87,7 +87,7 @@ def workspace(
 
 def at_once(effect: AbstractEffect) -> AbstractEffect:
     """Return an effect for places that have been as warm as they are for long."""
-    if isinstance(effect, TemperatureEffect):
+    if isinstance(effect, Temperature):
         return dataclasses.replace(effect, lag=0.0)
     return effect
 
@@ -120,24 +120,24 @@ def at_nodes(part: Part, machine: WorkingMachine) -> np.ndarray:
         ]
         return np.asarray(sum(own))
 
-    if isinstance(effect, LeadscrewEffect):
+    if isinstance(effect, Leadscrew):
         # A table of one direction has no lost motion to know of.
         sides = (1.0, -1.0) if effect.bilateral else (0.0,)
         places = np.tile(effect.nodes, len(sides))
         return true(State({axis: places}, {axis: np.repeat(sides, len(effect.nodes))}))
-    if isinstance(effect, CrossEffect):
+    if isinstance(effect, Cross):
         return true(State({effect.master: effect.nodes}, {}))
-    if isinstance(effect, PlaneEffect):
-        first, second = np.meshgrid(*effect.nodes)
+    if isinstance(effect, Plane):
+        first, second = np.meshgrid(*effect.grid)
         one, two = effect.masters
         return true(State({one: first.ravel(), two: second.ravel()}, {}))
-    if isinstance(effect, CrosstalkEffect):
+    if isinstance(effect, Crosstalk):
         heights = np.tile(effect.points[:, 0], 2)
         rate = np.repeat([effect.acceleration, effect.deceleration], len(effect.points))
         return true(State({"Z": heights}, {}, {effect.master: rate}))
-    if isinstance(effect, BacklashEffect):
+    if isinstance(effect, Backlash):
         return 2.0 * true(State({}, {axis: np.array([-1.0])}))
-    if isinstance(effect, TemperatureEffect):
+    if isinstance(effect, Temperature):
         found = []
         for name, nodes in effect.nodes.items():
             warm = {effect.sensors[name]: nodes}

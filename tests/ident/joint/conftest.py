@@ -8,13 +8,13 @@ import pytest
 
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
-    CrosstalkEffect,
+    Backlash,
+    Cross,
+    Crosstalk,
     JointData,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
 )
 from axcomp.ident.kinds.temperature import lagged
 
@@ -43,12 +43,12 @@ class Mixed:
 def _effects(lag: float | str = LAG) -> list[AbstractEffect]:
     """Return one effect of each kind on X that no other can stand for entirely."""
     return [
-        LeadscrewEffect("X", X),
-        CrossEffect("X", "Z", np.linspace(0.0, 300.0, 13)),
-        PlaneEffect("X", ("X", "Y"), (X[::2], Y)),
-        BacklashEffect("X"),
-        TemperatureEffect("X", {"offset": "T", "coefficient": "T"}, 200.0, lag=lag),
-        CrosstalkEffect("X", "Y", 1500.0, -1500.0),
+        Leadscrew("X", X),
+        Cross("X", master="Z", setpoints=np.linspace(0.0, 300.0, 13)),
+        Plane("X", ("X", "Y"), (X[::2], Y)),
+        Backlash("X"),
+        Temperature("X", {"offset": "T", "coefficient": "T"}, 200.0, lag=lag),
+        Crosstalk("X", "Y", 1500.0, -1500.0),
     ]
 
 

@@ -8,22 +8,22 @@ import pytest
 
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
-    CrosstalkEffect,
-    DelayEffect,
+    Backlash,
+    Cross,
+    Crosstalk,
+    Delay,
     JointData,
     JointFit,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
     examine_design,
     fit_joint,
 )
 
 NOISE = 5e-4  # mm
 X, Y = np.linspace(0.0, 1000.0, 21), np.linspace(0.0, 500.0, 11)
-WARM = TemperatureEffect("X", {"offset": "T"})
+WARM = Temperature("X", {"offset": "T"})
 
 
 def _data(seed: int, count: int = 3000, **tables: Any) -> JointData:
@@ -61,7 +61,9 @@ def test_a_temperature_that_rises_with_the_position(jitter: float) -> None:
     # 7 K over the axis, 2 s = 2 K of it: a jitter of 0.02 K is 1e-4 of the variance.
     warm = 18.0 + 0.007 * data.position["X"] + rng.normal(0.0, jitter, len(data))
     data = dataclasses.replace(data, temperature={"T": warm})
-    fit = fit_joint(data, [LeadscrewEffect("X", X), WARM, CrossEffect("X", "Y", Y)])
+    fit = fit_joint(
+        data, [Leadscrew("X", X), WARM, Cross("X", master="Y", setpoints=Y)]
+    )
     pair = _pair(fit, "leadscrew of X", "temperature of X (T)")
     assert abs(pair.correlation) > 0.9998
     assert (
@@ -84,9 +86,9 @@ def test_masters_that_moved_together() -> None:
         data, position={"X": x, "Y": 0.5 * x, "Z": data.position["Y"]}
     )
     stack: list[AbstractEffect] = [
-        LeadscrewEffect("X", X),
-        CrossEffect("X", "Y", Y),
-        CrossEffect("X", "Z", Y),
+        Leadscrew("X", X),
+        Cross("X", master="Y", setpoints=Y),
+        Cross("X", master="Z", setpoints=Y),
     ]
     fit = fit_joint(data, stack)
     pair = _pair(fit, "leadscrew of X", "cross of X over Y")
@@ -102,7 +104,7 @@ def test_masters_of_a_plane_that_moved_together() -> None:
     x = data.position["X"]
     data = dataclasses.replace(data, position={"X": x, "Y": 0.5 * x})
     fit = fit_joint(
-        data, [PlaneEffect("X", ("X", "Y"), (X, Y)), CrossEffect("X", "Y", Y)]
+        data, [Plane("X", ("X", "Y"), (X, Y)), Cross("X", master="Y", setpoints=Y)]
     )
     assert any("moved together" in each.sentence for each in fit.confusions)
     plane = fit.part("plane of X over X and Y")
@@ -116,7 +118,7 @@ def test_one_direction_only(way: float) -> None:
     data = _data(5)
     data = dataclasses.replace(data, direction={"X": np.full(len(data), way)})
     fit = fit_joint(
-        data, [LeadscrewEffect("X", X), BacklashEffect("X"), CrossEffect("X", "Y", Y)]
+        data, [Leadscrew("X", X), Backlash("X"), Cross("X", master="Y", setpoints=Y)]
     )
     found = [each for each in fit.confusions if "backlash of X" in each.effects]
     assert len(found) == 1
@@ -129,7 +131,7 @@ def test_one_direction_only(way: float) -> None:
 def test_one_direction_of_a_bilateral_leadscrew() -> None:
     data = _data(6)
     data = dataclasses.replace(data, direction={"X": np.ones(len(data))})
-    fit = fit_joint(data, [LeadscrewEffect("X", X, bilateral=True)])
+    fit = fit_joint(data, [Leadscrew("X", X, bilateral=True)])
     known = fit.parts[0].determined.reshape(2, -1)
     assert known[0].all()
     assert not known[1].any()
@@ -142,7 +144,7 @@ def test_one_direction_of_a_bilateral_leadscrew() -> None:
 def test_an_acceleration_that_never_varied() -> None:
     data = _data(7)
     still = np.zeros(len(data))
-    stack = [LeadscrewEffect("X", X), CrosstalkEffect("X", "Y", 1000.0, -1000.0)]
+    stack = [Leadscrew("X", X), Crosstalk("X", "Y", 1000.0, -1000.0)]
     fit = fit_joint(dataclasses.replace(data, acceleration={"Y": still}), stack)
     assert not fit.part("crosstalk of X from Y").determined.any()
     assert any("accelerate and slow down Y" in each.sentence for each in fit.confusions)
@@ -156,8 +158,8 @@ def test_an_acceleration_that_never_varied() -> None:
 def test_a_velocity_of_one_sign() -> None:
     data = _data(8)
     data = dataclasses.replace(data, velocity={"Y": np.abs(data.velocity["Y"])})
-    effect = CrosstalkEffect("X", "Y", 1000.0, -1000.0, velocity_dependent=True)
-    fit = fit_joint(data, [effect, LeadscrewEffect("X", X)])
+    effect = Crosstalk("X", "Y", 1000.0, -1000.0, velocity_dependent=True)
+    fit = fit_joint(data, [effect, Leadscrew("X", X)])
     rows = fit.parts[0].determined.reshape(4, -1)
     assert rows[[0, 2]].all()
     assert not rows[[1, 3]].any()
@@ -170,7 +172,7 @@ def test_a_velocity_of_one_sign() -> None:
 def test_a_temperature_that_never_changed(warm: float) -> None:
     data = _data(9)
     data = dataclasses.replace(data, temperature={"T": np.full(len(data), warm)})
-    fit = fit_joint(data, [LeadscrewEffect("X", X), WARM])
+    fit = fit_joint(data, [Leadscrew("X", X), WARM])
     assert not fit.part("temperature of X (T)").determined.any()
     assert any("temperature" in each.sentence for each in fit.confusions)
     assert _known(fit, "leadscrew of X")
@@ -183,7 +185,7 @@ def test_runs_that_stood_at_places_of_their_own() -> None:
     data = dataclasses.replace(
         data, run=run, position={"X": data.position["X"], "Y": place}
     )
-    fit = fit_joint(data, [LeadscrewEffect("X", X), CrossEffect("X", "Y", Y)])
+    fit = fit_joint(data, [Leadscrew("X", X), Cross("X", master="Y", setpoints=Y)])
     pair = _pair(fit, "cross of X over Y", "runs of X")
     assert "Repeat the same positions in several runs" in pair.sentence
     assert _known(fit, "leadscrew of X")
@@ -193,7 +195,9 @@ def test_three_effects_of_which_no_two_are_alike() -> None:
     data = _data(11)
     warm = 18.0 + 0.003 * data.position["X"] + 0.006 * data.position["Y"]
     data = dataclasses.replace(data, temperature={"T": warm})
-    fit = fit_joint(data, [LeadscrewEffect("X", X), CrossEffect("X", "Y", Y), WARM])
+    fit = fit_joint(
+        data, [Leadscrew("X", X), Cross("X", master="Y", setpoints=Y), WARM]
+    )
     assert len(fit.confusions) == 1
     assert set(fit.confusions[0].effects) == {part.name for part in fit.parts}
     assert not fit.part("temperature of X (T)").determined.any()
@@ -203,7 +207,7 @@ def test_a_drift_that_is_the_temperature() -> None:
     data = _data(12)
     assert data.time is not None
     data = dataclasses.replace(data, temperature={"T": 20.0 + data.time / 600.0})
-    fit = fit_joint(data, [LeadscrewEffect("X", X), WARM], drift=1)
+    fit = fit_joint(data, [Leadscrew("X", X), WARM], drift=1)
     pair = _pair(fit, "temperature of X (T)", "runs of X")
     assert "changed together with the runs (or with the time)" in pair.sentence
 
@@ -217,7 +221,7 @@ def test_a_delay_beside_the_others_frees_them(mixed: Any, effects: Any) -> None:
         error={"X": case.data.error["X"] - 2e-5 * speed},
         velocity={**case.data.velocity, "X": speed},
     )
-    fit = fit_joint(data, [*effects(), DelayEffect("X")])
+    fit = fit_joint(data, [*effects(), Delay("X")])
     delay = fit.part("delay of X")
     # 2e-5 s at 200 mm/s are 4 µm.
     assert abs(delay.values[0] - 2e-5) < 4.0 * delay.standard_deviation[0]
@@ -239,7 +243,7 @@ def test_the_share_falls_as_two_effects_become_alike() -> None:
     for jitter in (10.0, 2.0, 0.5):
         warm = 18.0 + 0.007 * data.position["X"] + rng.normal(0.0, jitter, len(data))
         trial = dataclasses.replace(data, temperature={"T": warm})
-        shares.append(examine_design(trial, [LeadscrewEffect("X", X), WARM]).share[1])
+        shares.append(examine_design(trial, [Leadscrew("X", X), WARM]).share[1])
     # What the position explains: variance of 7 K / √12 against the jitter.
     expected = [j**2 / (j**2 + 7.0**2 / 12.0) for j in (10.0, 2.0, 0.5)]
     assert shares == pytest.approx(expected, rel=0.2)
@@ -257,7 +261,7 @@ def test_a_delay_and_its_rate_are_told_in_a_recording_of_a_day() -> None:
         velocity={**data.velocity, "X": speed},
         time=time,
     )
-    fit = fit_joint(data, [LeadscrewEffect("X", X), DelayEffect("X")])
+    fit = fit_joint(data, [Leadscrew("X", X), Delay("X")])
     assert not fit.confusions
     part = fit.part("delay of X")
     away = (part.values - np.array([2e-5, 1e-9])) / part.standard_deviation

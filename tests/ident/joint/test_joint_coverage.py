@@ -7,12 +7,12 @@ import pytest
 
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
+    Backlash,
+    Cross,
     JointData,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
     fit_joint,
 )
 
@@ -25,14 +25,14 @@ def _values(effects: list[AbstractEffect], seed: int) -> list[np.ndarray]:
     rng = np.random.default_rng(seed)
     result = []
     for effect in effects:
-        if isinstance(effect, PlaneEffect):
-            x, y = np.meshgrid(*effect.nodes)
+        if isinstance(effect, Plane):
+            x, y = np.meshgrid(*effect.grid)
             values = 0.01 * np.sin(x / 180.0 + rng.uniform(0, 6)) * np.cos(y / 95.0)
             result.append(values.reshape(-1))
-        elif isinstance(effect, LeadscrewEffect | CrossEffect):
+        elif isinstance(effect, Leadscrew | Cross):
             place = effect.nodes / np.ptp(effect.nodes) * 5.0
             result.append(0.01 * np.sin(place + rng.uniform(0.0, 6.0)))
-        elif isinstance(effect, TemperatureEffect):
+        elif isinstance(effect, Temperature):
             result.append(np.array([-0.004, 0.006, -2e-5, 3e-5]))
         else:
             result.append(np.array([0.007]))
@@ -42,11 +42,11 @@ def _values(effects: list[AbstractEffect], seed: int) -> list[np.ndarray]:
 def _stack() -> list[AbstractEffect]:
     nodes = {"offset": np.array([18.0, 25.0]), "coefficient": np.array([18.0, 25.0])}
     return [
-        LeadscrewEffect("X", X),
-        CrossEffect("X", "Y", Y),
-        PlaneEffect("X", ("X", "Y"), (X[::2], Y)),
-        BacklashEffect("X"),
-        TemperatureEffect("X", {"offset": "T", "coefficient": "T"}, 0.0, law=nodes),
+        Leadscrew("X", X),
+        Cross("X", master="Y", setpoints=Y),
+        Plane("X", ("X", "Y"), (X[::2], Y)),
+        Backlash("X"),
+        Temperature("X", {"offset": "T", "coefficient": "T"}, 0.0, law=nodes),
     ]
 
 
@@ -109,10 +109,10 @@ def _overlapping(seed: int) -> tuple[JointData, np.ndarray, list[AbstractEffect]
         temperature={"T": warm},
     )
     stack: list[AbstractEffect] = [
-        LeadscrewEffect("X", X),
-        CrossEffect("X", "Y", Y),
-        BacklashEffect("X"),
-        TemperatureEffect("X", {"offset": "T", "coefficient": "T"}),
+        Leadscrew("X", X),
+        Cross("X", master="Y", setpoints=Y),
+        Backlash("X"),
+        Temperature("X", {"offset": "T", "coefficient": "T"}),
     ]
     return data, truth, stack
 

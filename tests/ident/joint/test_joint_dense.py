@@ -10,11 +10,11 @@ import scipy.linalg
 from axcomp.ident.fit import Samples, TableLayout, fit_table
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
+    Backlash,
+    Cross,
     JointData,
-    LeadscrewEffect,
-    PlaneEffect,
+    Leadscrew,
+    Plane,
     fit_joint,
     refit_joint,
 )
@@ -22,9 +22,9 @@ from axcomp.ident.fit.joint import (
 NOISE = 5e-4  # mm
 
 
-def _rows(effect: Any, data: JointData, weights: Any) -> np.ndarray:
+def _rows(effect: Any, weights: Any) -> np.ndarray:
     """Return the rows √weight · differences of one effect's prior over its values."""
-    prior: Any = effect.block(data).prior
+    prior: Any = effect.prior
     if prior is None:
         return np.zeros((0, effect.size))
     parts = [
@@ -38,7 +38,7 @@ def _dense(data: JointData, effects: Any, smoothness: Any) -> np.ndarray:
     """Return the fitted sum per reading by one dense least squares problem."""
     blocks = [effect.block(data).columns.toarray() for effect in effects]
     columns = np.asarray(np.hstack([*blocks, np.ones((len(data), 1))]))
-    priors = [_rows(effect, data, smoothness[effect.name]) for effect in effects]
+    priors = [_rows(effect, smoothness[effect.name]) for effect in effects]
     prior = np.asarray(scipy.linalg.block_diag(*priors, np.zeros((0, 1))))
     target = np.concatenate([data.error["X"], np.zeros(len(prior))])
     found: Any = scipy.linalg.lstsq(np.vstack([columns, prior]), target, cond=1e-13)
@@ -57,7 +57,7 @@ def test_the_sum_is_that_of_one_dense_least_squares_problem(
     monkeypatch.setattr("axcomp.ident.core._sums.MANY", many)
     case = mixed(2, count=1000, outliers=0.0)
     # 9 × 9 nodes are solved densely, 21 × 21 as a band beside the rest.
-    plane = PlaneEffect(
+    plane = Plane(
         "X", ("X", "Y"), (np.linspace(0, 1000, nodes), np.linspace(0, 500, nodes))
     )
     stack = [each for each in effects() if each.compensation != "plane"] + [plane]
@@ -75,7 +75,7 @@ def test_one_leadscrew_alone_is_what_the_table_fit_gives() -> None:
     error = 0.01 * np.sin(x / 150.0) + rng.normal(0.0, NOISE, 600)
     nodes = np.linspace(0.0, 1000.0, 41)
     data = JointData(position={"X": x}, error={"X": error})
-    joint = fit_joint(data, [LeadscrewEffect("X", nodes)])
+    joint = fit_joint(data, [Leadscrew("X", nodes)])
     alone = fit_table(TableLayout((nodes,)), Samples(x[:, None], error))
     total = joint.parts[0].values + joint.datum["X"][0]
     # Both choose the smoothness by the same evidence, each to within its own tolerance.
@@ -89,10 +89,10 @@ def test_one_leadscrew_alone_is_what_the_table_fit_gives() -> None:
 def test_deviations_are_those_of_dense_algebra(mixed: Any) -> None:
     case = mixed(3, count=800, outliers=0.0)
     stack: list[AbstractEffect] = [
-        LeadscrewEffect("X", np.linspace(0, 1000, 9), bilateral=True),
-        CrossEffect("X", "Y", np.linspace(0, 500, 7)),
-        PlaneEffect("X", ("X", "Y"), (np.linspace(0, 1000, 5), np.linspace(0, 500, 4))),
-        BacklashEffect("X"),
+        Leadscrew("X", np.linspace(0, 1000, 9), bilateral=True),
+        Cross("X", master="Y", setpoints=np.linspace(0, 500, 7)),
+        Plane("X", ("X", "Y"), (np.linspace(0, 1000, 5), np.linspace(0, 500, 4))),
+        Backlash("X"),
     ]
     whole = fit_joint(case.data, stack, loss="gauss")
     smoothness = {part.name: part.smoothness for part in whole.parts}
@@ -104,7 +104,7 @@ def test_deviations_are_those_of_dense_algebra(mixed: Any) -> None:
     effects = [part.effect for part in fit.parts]
     blocks = [effect.block(case.data).columns.toarray() for effect in effects]
     columns = np.hstack([*blocks, np.ones((800, 1))])
-    rows = [_rows(each, case.data, smoothness[each.name]) for each in effects]
+    rows = [_rows(each, smoothness[each.name]) for each in effects]
     prior = np.asarray(scipy.linalg.block_diag(*rows, np.zeros((0, 1))))
     whole_matrix = np.vstack([columns, prior])
     # Random errors of the readings and of the prior, moved to the rule one by one.

@@ -7,24 +7,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from axcomp import models
 from axcomp.ident.fit import FitError
 from axcomp.ident.fit.joint import (
     AbstractEffect,
-    BacklashEffect,
-    CrossEffect,
-    CrosstalkEffect,
+    Backlash,
+    Cross,
+    Crosstalk,
     JointData,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
     fit_joint,
 )
 from axcomp.models import (
-    Backlash,
     Conventions,
-    Cross,
-    Leadscrew,
-    Plane,
     Setpoints,
     TemperatureCurve,
     TemperatureLine,
@@ -65,32 +62,34 @@ EXACT = 1e-15
 def test_a_leadscrew_is_that_of_the_controller(
     data: JointData, bilateral: bool
 ) -> None:
-    curve, table = _curve(LeadscrewEffect("X", X, bilateral), data)
+    curve, table = _curve(Leadscrew("X", X, bilateral), data)
     nodes = Setpoints(jnp.asarray(X))
-    model = Leadscrew(nodes, *table) if bilateral else Leadscrew(nodes, table)
+    model = (
+        models.Leadscrew(nodes, *table) if bilateral else models.Leadscrew(nodes, table)
+    )
     expected = model.entry(data.position["X"], data.direction["X"])
     assert np.abs(curve - np.asarray(expected)).max() < EXACT
 
 
 def test_a_ring_closes(data: JointData) -> None:
-    curve, table = _curve(LeadscrewEffect("X", X, periodic=True), data)
-    model = Leadscrew(Setpoints(jnp.asarray(X)), table, modulo=True)
+    curve, table = _curve(Leadscrew("X", X, modulo=True), data)
+    model = models.Leadscrew(Setpoints(jnp.asarray(X)), table, modulo=True)
     expected = np.asarray(model.entry(data.position["X"]))
     assert np.abs(curve - expected).max() < EXACT
 
 
 def test_a_cross_is_that_of_the_controller(data: JointData) -> None:
-    curve, table = _curve(CrossEffect("X", "Y", Y), data)
-    expected = Cross(Setpoints(jnp.asarray(Y)), table).entry(data.position["Y"])
+    curve, table = _curve(Cross("X", master="Y", setpoints=Y), data)
+    expected = models.Cross(Setpoints(jnp.asarray(Y)), table).entry(data.position["Y"])
     assert np.abs(curve - np.asarray(expected)).max() < EXACT
 
 
 @pytest.mark.parametrize("second", [Y, np.linspace(0.0, 500.0, 12)])
 def test_a_plane_is_that_of_the_controller(data: JointData, second: np.ndarray) -> None:
-    curve, table = _curve(PlaneEffect("X", ("X", "Y"), (X, second)), data)
+    curve, table = _curve(Plane("X", ("X", "Y"), (X, second)), data)
     nodes = Setpoints(jnp.asarray(X)), Setpoints(jnp.asarray(second))
     places = np.column_stack([data.position["X"], data.position["Y"]])
-    expected = Plane(*nodes, table).entry(places)
+    expected = models.Plane(*nodes, table).entry(places)
     assert np.abs(curve - np.asarray(expected)).max() < EXACT
 
 
@@ -98,8 +97,8 @@ def test_a_plane_is_that_of_the_controller(data: JointData, second: np.ndarray) 
 def test_a_backlash_is_what_the_controller_takes_away(
     data: JointData, reference: int
 ) -> None:
-    curve, width = _curve(BacklashEffect("X", reference), data)
-    model = Backlash(jnp.asarray(width[0]), reference)
+    curve, width = _curve(Backlash("X", reference), data)
+    model = models.Backlash(jnp.asarray(width[0]), reference)
     assert np.abs(curve + np.asarray(model.offset(data.direction["X"]))).max() < EXACT
 
 
@@ -108,7 +107,7 @@ def test_a_temperature_is_the_line_of_the_controller(data: JointData) -> None:
         "offset": np.array([18.0, 22.0, 26.0]),
         "coefficient": np.array([18.0, 26.0]),
     }
-    effect = TemperatureEffect("X", {"offset": "T", "coefficient": "T"}, 250.0, law=law)
+    effect = Temperature("X", {"offset": "T", "coefficient": "T"}, 250.0, law=law)
     curve, values = _curve(effect, data)
     parts = effect.split(values)
     model = TemperatureLine(
@@ -133,11 +132,11 @@ def test_a_crosstalk_is_that_of_the_controller(
         3: np.array([[0.0, 0.0], [0.0, 500.0], [1000.0, 0.0], [1000.0, 500.0]]),
     }[mode]
     axes = ("X", "Y")[: mode - 1]
-    effect = CrosstalkEffect(
-        "X", "Y", 1500.0, -2000.0, axes, points, mode, velocity_dependent=directed
+    effect = Crosstalk(
+        "X", "Y", 1500.0, -2000.0, axes, points, velocity_dependent=directed
     )
     curve, table = _curve(effect, data)
-    model = effect.model(table)
+    model = effect.to_model(table, 1.0)
     places = np.column_stack([data.position[axis] for axis in axes]) if axes else None
     expected = model.entry(data.acceleration["Y"], data.velocity["Y"], places)
     assert np.abs(curve - np.asarray(expected)).max() < EXACT
@@ -147,12 +146,14 @@ def test_a_crosstalk_without_entries_of_its_own_for_slowing_down(
     data: JointData,
 ) -> None:
     rules = Conventions(crosstalk_undirected="accelerate")
-    effect = CrosstalkEffect("X", "Y", 1500.0, -2000.0, conventions=rules)
+    effect = Crosstalk("X", "Y", 1500.0, -2000.0, conventions=rules)
     curve, table = _curve(effect, data)
     assert effect.size == 1
     assert np.ptp(table) == 0.0
-    expected = effect.model(table).entry(data.acceleration["Y"], data.velocity["Y"])
-    assert not effect.model(table).own_deceleration
+    expected = effect.to_model(table, 1.0).entry(
+        data.acceleration["Y"], data.velocity["Y"]
+    )
+    assert not effect.to_model(table, 1.0).own_deceleration
     assert np.abs(curve - np.asarray(expected)).max() < EXACT
 
 
@@ -160,7 +161,7 @@ def test_rows_that_lack_an_input_are_unknown_and_add_nothing(data: JointData) ->
     y = data.position["Y"].copy()
     y[::7] = np.nan
     holed = dataclasses.replace(data, position={**data.position, "Y": y})
-    block = CrossEffect("X", "Y", Y).block(holed)
+    block = Cross("X", master="Y", setpoints=Y).block(holed)
     assert not block.known[::7].any()
     assert block.known.sum() == np.isfinite(y).sum()
     assert not block.columns[::7].toarray().any()
@@ -174,7 +175,7 @@ def test_nodes_touched_by_the_noise_of_a_position_are_not_measured() -> None:
     error = 0.01 * np.sin(x / 150.0) + rng.normal(0.0, 5e-4, 2000)
     data = JointData(position={"X": x, "Y": y}, error={"X": error})
     nodes = np.arange(-50.0, 1001.0, 50.0)
-    plane = PlaneEffect("X", ("X", "Y"), (nodes, np.linspace(0.0, 500.0, 11)))
+    plane = Plane("X", ("X", "Y"), (nodes, np.linspace(0.0, 500.0, 11)))
     fit = fit_joint(data, [plane])
     known = fit.parts[0].effect.table(fit.parts[0].determined.astype(float))
     assert not fit.confusions
@@ -190,8 +191,8 @@ def test_a_slow_drift_and_a_temperature_stand_side_by_side(mixed: Any) -> None:
     error = error + np.random.default_rng(0).normal(0.0, 5e-4, len(time))
     data = dataclasses.replace(case.data, error={"X": error})
     stack = [
-        LeadscrewEffect("X", np.linspace(0.0, 1000.0, 21)),
-        TemperatureEffect("X", {"offset": "T", "coefficient": "T"}, 200.0, lag=120.0),
+        Leadscrew("X", np.linspace(0.0, 1000.0, 21)),
+        Temperature("X", {"offset": "T", "coefficient": "T"}, 200.0, lag=120.0),
     ]
     use = np.arange(3000) % 3 != 0
     fit = fit_joint(data, stack, drift=8, use=use)
@@ -213,14 +214,14 @@ def test_columns_of_another_length_are_refused() -> None:
 
 
 def test_a_lag_without_a_clock_is_refused(data: JointData) -> None:
-    effect = TemperatureEffect("X", {"offset": "T"}, lag="fit")
+    effect = Temperature("X", {"offset": "T"}, lag="fit")
     with pytest.raises(FitError, match="a lag needs the time"):
         fit_joint(dataclasses.replace(data, time=None), [effect])
 
 
-def test_a_mode_without_its_axes_is_refused() -> None:
-    with pytest.raises(FitError, match="found mode 2 with 0 adaptation axes"):
-        CrosstalkEffect("X", "Y", 1000.0, -1000.0, mode=2)
+def test_three_adaptation_axes_are_refused() -> None:
+    with pytest.raises(FitError, match="found 3 adaptation axes, expected two"):
+        Crosstalk("X", "Y", 1000.0, -1000.0, ("X", "Y", "Z"))
 
 
 def test_a_temperature_on_one_axis_leaves_the_runs_of_another() -> None:
@@ -243,7 +244,7 @@ def test_a_temperature_on_one_axis_leaves_the_runs_of_another() -> None:
     )
     fit = fit_joint(
         data,
-        [TemperatureEffect("X", {"offset": "T"}, 0.0), LeadscrewEffect("Z", nodes)],
+        [Temperature("X", {"offset": "T"}, 0.0), Leadscrew("Z", nodes)],
     )
     # 2000 readings: relative standard deviation 1/√4000 = 1.6 %, three of them. With the
     # set-ups left in the readings the noise of Z would be 2 µm.

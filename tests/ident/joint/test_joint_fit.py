@@ -8,13 +8,13 @@ import pytest
 
 from axcomp.ident.fit import FitError
 from axcomp.ident.fit.joint import (
-    BacklashEffect,
-    CrossEffect,
+    Backlash,
+    Cross,
     JointData,
     JointFit,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
     fit_joint,
     refit_joint,
 )
@@ -93,7 +93,7 @@ def test_no_lag_is_reported_as_none(case: Any) -> None:
     warm = case.data.temperature["T"]
     error = 1e-3 * (warm - 20.0) + rng.normal(0.0, NOISE, len(warm))
     data = dataclasses.replace(case.data, error={"X": error})
-    effect = TemperatureEffect("X", {"offset": "T"}, lag="fit")
+    effect = Temperature("X", {"offset": "T"}, lag="fit")
     lag, _ = fit_joint(data, [effect]).parts[0].lags["T"]
     # Below the distance of the readings (0.45 s) no lag can be told from none.
     assert lag < 10.0
@@ -111,10 +111,8 @@ def test_two_sensors_have_a_lag_each(case: Any) -> None:
     data = dataclasses.replace(
         case.data, error={"X": error}, temperature={"spindle": spindle, "scale": scale}
     )
-    effect = TemperatureEffect(
-        "X", {"offset": "spindle", "coefficient": "scale"}, lag="fit"
-    )
-    lags = fit_joint(data, [effect, LeadscrewEffect("X", np.linspace(0, 1000, 5))])
+    effect = Temperature("X", {"offset": "spindle", "coefficient": "scale"}, lag="fit")
+    lags = fit_joint(data, [effect, Leadscrew("X", np.linspace(0, 1000, 5))])
     for sensor, truth in (("spindle", 40.0), ("scale", 200.0)):
         value, deviation = lags.parts[0].lags[sensor]
         assert abs(value - truth) < 4.0 * deviation
@@ -129,7 +127,7 @@ def test_axes_are_fitted_as_if_alone(case: Any, effects: Any) -> None:
     # Every third row has no reading of Y.
     error["Y"][::3] = np.nan
     data = dataclasses.replace(case.data, error=error)
-    own = LeadscrewEffect("Y", np.linspace(0.0, 500.0, 26))
+    own = Leadscrew("Y", np.linspace(0.0, 500.0, 26))
     both = fit_joint(data, [*effects(), own])
     alone = fit_joint(data, [own])
     assert np.array_equal(both.parts[-1].values, alone.parts[0].values)
@@ -149,7 +147,7 @@ def test_runs_and_their_drift_are_taken_off(case: Any) -> None:
     truth = 0.01 * np.sin(x / 160.0)
     error = truth + offset[run] + drift[run] * place + rng.normal(0.0, NOISE, count)
     data = JointData(position={"X": x}, error={"X": error}, time=time, run=run)
-    fit = fit_joint(data, [LeadscrewEffect("X", np.linspace(0, 1000, 41))], drift=1)
+    fit = fit_joint(data, [Leadscrew("X", np.linspace(0, 1000, 41))], drift=1)
     found = fit.runs["X"]
     for k, effect in enumerate(found):
         mean = offset + 0.5 * drift
@@ -185,19 +183,19 @@ def test_a_fold_of_a_fit_keeps_smoothness_and_lags(case: Any, fit: JointFit) -> 
 
 def test_a_missing_input_is_named(case: Any) -> None:
     with pytest.raises(FitError, match="cross of X over W: needs the position of W"):
-        fit_joint(case.data, [CrossEffect("X", "W", np.linspace(0, 1, 3))])
+        fit_joint(case.data, [Cross("X", master="W", setpoints=np.linspace(0, 1, 3))])
 
 
 def test_the_same_effect_twice_is_refused(case: Any) -> None:
     with pytest.raises(FitError, match="found the backlash of X twice"):
-        fit_joint(case.data, [BacklashEffect("X"), BacklashEffect("X")])
+        fit_joint(case.data, [Backlash("X"), Backlash("X")])
 
 
 def test_rows_without_any_complete_reading_are_refused(case: Any) -> None:
     error = {"X": np.full(len(case.data), np.nan)}
     data = dataclasses.replace(case.data, error=error)
     with pytest.raises(FitError, match="axis X: no reading has all that"):
-        fit_joint(data, [BacklashEffect("X")])
+        fit_joint(data, [Backlash("X")])
 
 
 def test_a_plane_beside_a_table_of_many_nodes_is_fitted() -> None:
@@ -211,8 +209,8 @@ def test_a_plane_beside_a_table_of_many_nodes_is_fitted() -> None:
     # More nodes beside the plane than a thinner plane could make up for.
     nodes = np.linspace(0.0, 1000.0, 21), np.linspace(0.0, 500.0, 21)
     stack = [
-        PlaneEffect("Z", ("X", "Y"), nodes),
-        LeadscrewEffect("Z", np.linspace(0.0, 300.0, 301)),
+        Plane("Z", ("X", "Y"), nodes),
+        Leadscrew("Z", np.linspace(0.0, 300.0, 301)),
     ]
     fit = fit_joint(data, stack)
     # Smooth truths of which the tables leave next to nothing.

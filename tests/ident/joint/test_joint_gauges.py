@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit.joint import (
-    BacklashEffect,
-    CrossEffect,
+    Backlash,
+    Cross,
     JointData,
     JointFit,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
     examine_design,
     fit_joint,
 )
 
 X, Y = np.linspace(0.0, 1000.0, 21), np.linspace(0.0, 500.0, 11)
-PLANE = PlaneEffect("X", ("X", "Y"), (X, Y))
-WARM = TemperatureEffect("X", {"offset": "T", "coefficient": "T"}, 200.0)
+PLANE = Plane("X", ("X", "Y"), (X, Y))
+WARM = Temperature("X", {"offset": "T", "coefficient": "T"}, 200.0)
 RUNS = "runs of X"
 
 
@@ -30,39 +30,39 @@ def _sentences(fit: JointFit, *names: str) -> list[str]:
 
 PAIRS = {
     "constants": (
-        [LeadscrewEffect("X", X), CrossEffect("X", "Y", Y)],
+        [Leadscrew("X", X), Cross("X", master="Y", setpoints=Y)],
         ("leadscrew of X", "cross of X over Y"),
         "A constant may be moved between the leadscrew of X, the cross of X over Y and",
     ),
     "slope and coefficient": (
-        [LeadscrewEffect("X", X), WARM],
+        [Leadscrew("X", X), WARM],
         ("leadscrew of X", "temperature of X (T)"),
         "A straight line over X may be moved between",
     ),
     "cross and plane": (
-        [CrossEffect("X", "Y", Y), PLANE],
+        [Cross("X", master="Y", setpoints=Y), PLANE],
         ("cross of X over Y", PLANE.name),
         "Any curve over Y may be moved between",
     ),
     "cross and plane of other nodes": (
-        [CrossEffect("X", "Y", np.linspace(0.0, 500.0, 8)), PLANE],
+        [Cross("X", master="Y", setpoints=np.linspace(0.0, 500.0, 8)), PLANE],
         ("cross of X over Y", PLANE.name),
         "A straight line over Y may be moved between",
     ),
     "leadscrew and plane": (
-        [LeadscrewEffect("X", X), PLANE],
+        [Leadscrew("X", X), PLANE],
         ("leadscrew of X", PLANE.name),
         "Any curve over X may be moved between",
     ),
     "backlash and two directions": (
-        [LeadscrewEffect("X", X, bilateral=True), BacklashEffect("X")],
+        [Leadscrew("X", X, bilateral=True), Backlash("X")],
         ("leadscrew of X", "backlash of X"),
         "A constant difference between the directions may be moved between",
     ),
     "large plane": (
         [
-            LeadscrewEffect("X", X),
-            PlaneEffect("X", ("X", "Y"), (X, np.linspace(0.0, 500.0, 20))),
+            Leadscrew("X", X),
+            Plane("X", ("X", "Y"), (X, np.linspace(0.0, 500.0, 20))),
         ],
         ("leadscrew of X", PLANE.name),
         "Any curve over X may be moved between",
@@ -102,7 +102,7 @@ def test_the_datum_keeps_the_constant_and_tables_have_none(mixed: Any) -> None:
     case = mixed(6, count=2000)
     error = {"X": case.data.error["X"] + 1.0}
     data = dataclasses.replace(case.data, error=error)
-    stack = [LeadscrewEffect("X", X), CrossEffect("X", "Y", Y), PLANE]
+    stack = [Leadscrew("X", X), Cross("X", master="Y", setpoints=Y), PLANE]
     fit = fit_joint(data, stack)
     for part in fit.parts:
         # Over the readings, with the wild ones that only the fit itself finds.
@@ -113,9 +113,9 @@ def test_the_datum_keeps_the_constant_and_tables_have_none(mixed: Any) -> None:
 def test_the_temperature_corrects_nothing_at_its_reference(mixed: Any) -> None:
     case = mixed(7, count=2000)
     warm = dataclasses.replace(WARM, reference_temperature=21.5)
-    fit = fit_joint(case.data, [LeadscrewEffect("X", X), warm])
+    fit = fit_joint(case.data, [Leadscrew("X", X), warm])
     part = fit.parts[1]
-    assert isinstance(part.effect, TemperatureEffect)
+    assert isinstance(part.effect, Temperature)
     for law, values in part.effect.split(part.values).items():
         at = np.interp(21.5, part.effect.nodes[law], values)
         assert abs(at) < 1e-12 * np.abs(values).max()
@@ -126,7 +126,7 @@ def test_run_offsets_sum_to_zero_beside_the_datum(mixed: Any) -> None:
     case = mixed(8, count=2000)
     run = np.arange(2000) % 4
     data = dataclasses.replace(case.data, run=run)
-    fit = fit_joint(data, [LeadscrewEffect("X", X)])
+    fit = fit_joint(data, [Leadscrew("X", X)])
     assert abs(sum(each.offset for each in fit.runs["X"])) < 1e-12
     assert _sentences(fit, RUNS, "leadscrew of X")
 
@@ -156,9 +156,21 @@ def test_a_ring_shares_its_constant_alone() -> None:
     error = 0.01 * np.sin(np.radians(c)) + 1e-5 * x + rng.normal(0.0, 5e-4, 800)
     data = JointData(position={"C": c, "X": x}, error={"C": error})
     stack = [
-        LeadscrewEffect("C", np.linspace(0.0, 360.0, 13), periodic=True),
-        CrossEffect("C", "X", Y),
+        Leadscrew("C", np.linspace(0.0, 360.0, 13), modulo=True),
+        Cross("C", master="X", setpoints=Y),
     ]
     fit = fit_joint(data, stack)
     assert len(fit.gauges) == 1
     assert fit.parts[0].table[0] == fit.parts[0].table[-1]
+
+
+def test_a_joint_covariance_keeps_the_rule(mixed: Any, effects: Any) -> None:
+    case = mixed(6, count=800)
+    fit = fit_joint(case.data, effects(0.0)[:2])
+    for number, part in enumerate(fit.parts):
+        spread = fit.covariance(number)
+        assert np.sqrt(np.diag(spread)) == pytest.approx(part.standard_deviation)
+        # Whatever is read, the table has mean zero over the readings: sums of some 1e-7 mm²
+        # cancel to rounding.
+        mean = part.effect.block(case.data).columns.mean(axis=0)
+        assert abs(mean @ spread @ mean) < 1e-10 * np.trace(spread)

@@ -8,9 +8,9 @@ import pytest
 
 from axcomp.ident.fit.joint import (
     JointData,
-    LeadscrewEffect,
-    PlaneEffect,
-    TemperatureEffect,
+    Leadscrew,
+    Plane,
+    Temperature,
     fit_joint,
 )
 from axcomp.ident.kinds.temperature import clocked, lagged
@@ -70,9 +70,9 @@ def _warm(seed: int, count: int) -> tuple[JointData, list[Any]]:
     )
     nodes = (np.linspace(0.0, 800.0, 49), np.linspace(0.0, 400.0, 49))
     return data, [
-        PlaneEffect("Z", ("X", "Y"), nodes),
-        LeadscrewEffect("Z", np.linspace(0.0, 200.0, 21)),
-        TemperatureEffect("Z", {"offset": "T"}, lag="fit"),
+        Plane("Z", ("X", "Y"), nodes),
+        Leadscrew("Z", np.linspace(0.0, 200.0, 21)),
+        Temperature("Z", {"offset": "T"}, lag="fit"),
     ]
 
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from axcomp.ident.fit.joint import (
-    LeadscrewEffect,
+    Leadscrew,
     Part,
-    TemperatureEffect,
+    Temperature,
     fit_joint,
 )
 
@@ -25,8 +25,8 @@ def grown(mixed: Any, seed: int, walk: float) -> Part:
     error = case.parts["temperature"] + wander + rng.normal(0.0, 5e-4, count)
     data = dataclasses.replace(case.data, error={"X": error})
     stack = [
-        LeadscrewEffect("X", np.linspace(0.0, 1000.0, 11)),
-        TemperatureEffect("X", {"offset": "T", "coefficient": "T"}, 200.0, lag=120.0),
+        Leadscrew("X", np.linspace(0.0, 1000.0, 11)),
+        Temperature("X", {"offset": "T", "coefficient": "T"}, 200.0, lag=120.0),
     ]
     return fit_joint(data, stack, loss="gauss").parts[1]
 
@@ -34,7 +34,7 @@ def grown(mixed: Any, seed: int, walk: float) -> Part:
 def away(part: Part) -> float:
     """Return how far the offset at its last node is off, in its deviations."""
     effect = part.effect
-    assert isinstance(effect, TemperatureEffect)
+    assert isinstance(effect, Temperature)
     # The mix grows by 1 µm per K at the reference.
     true = 1e-3 * (effect.nodes["offset"][-1] - 20.0)
     place = len(effect.nodes["offset"]) - 1

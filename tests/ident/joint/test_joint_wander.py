@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit.joint import (
-    CrossEffect,
+    Cross,
     JointData,
     JointFit,
-    LeadscrewEffect,
+    Leadscrew,
     fit_joint,
     refit_joint,
 )
@@ -45,7 +45,7 @@ def truth(nodes: np.ndarray, place: np.ndarray, wave: float) -> np.ndarray:
 
 
 def fitted(data: JointData, **options: Any) -> JointFit:
-    stack = [LeadscrewEffect("X", X), CrossEffect("X", "Y", Y)]
+    stack = [Leadscrew("X", X), Cross("X", master="Y", setpoints=Y)]
     return fit_joint(data, stack, **{"loss": "gauss", "drift": 6} | options)
 
 

@@ -1,0 +1,178 @@
+"""Crosstalk as an effect: entries of tests, over the stencil of the controller."""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .... import models
+from ...core import FitError
+from ...core._readings import padded
+from ...kinds.crosstalk import BRANCHES, MOST_TESTS
+from ._effect import AbstractEffect, Inputs, Number, Ranges, Rows
+
+_LEAST_ROWS = 1024
+"""Rows are filled up to powers of two from here on, so that compiled code is used again."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Crosstalk(AbstractEffect):
+    """Error of an axis from the acceleration of another: entries of the tests in mm.
+
+    Values: rows of `BRANCHES`, each with one value per test; where the directions do not
+    differ, only the rows for acceleration and for deceleration, or the first of them where
+    the controller has it for both (`Conventions.crosstalk_undirected`).
+
+    Attributes:
+        master: Axis that accelerates.
+        acceleration: Specified, in mm/s², above 0.
+        deceleration: Specified, in mm/s², below 0.
+        adaptation: Axes on whose position the entries depend, none, one or two.
+        positions: Of the tests along them in mm, one row each; None = one test.
+        velocity_dependent: Each direction has entries of its own.
+        conventions: How signs and directions are told apart; None = the defaults.
+    """
+
+    master: str
+    acceleration: Number
+    deceleration: Number
+    adaptation: tuple[str, ...] = ()
+    positions: Sequence[Sequence[Number]] | Float[np.ndarray, "p k"] | None = None
+    velocity_dependent: bool = False
+    conventions: models.Conventions | None = None
+
+    compensation = "crosstalk"
+    no_keys = ("conventions",)
+
+    def __post_init__(self) -> None:
+        if self.positions is not None:
+            rows = tuple(tuple(map(float, row)) for row in self.positions)
+            object.__setattr__(self, "positions", rows)
+        if len(self.adaptation) > 2:
+            msg = (
+                f"{self.name}: found {len(self.adaptation)} adaptation axes, expected two "
+                "at most."
+            )
+            raise FitError(msg)
+        if not (self.acceleration > 0 > self.deceleration):
+            msg = (
+                f"{self.name}: found acceleration {self.acceleration:g} and deceleration "
+                f"{self.deceleration:g} mm/s², expected one above and one below 0."
+            )
+            raise FitError(msg)
+        points = self.points
+        if (
+            points.shape[1] != len(self.adaptation)
+            or not 1 <= len(points) <= MOST_TESTS
+        ):
+            msg = (
+                f"{self.name}: found positions of shape {points.shape}, expected 1 to "
+                f"{MOST_TESTS} tests along {len(self.adaptation)} adaptation axes."
+            )
+            raise FitError(msg)
+
+    @cached_property
+    def masters(self) -> tuple[str, ...]:
+        """The axis that accelerates, then the adaptation axes."""
+        return (self.master, *self.adaptation)
+
+    @property
+    def name(self) -> str:
+        """See `AbstractEffect`."""
+        return f"crosstalk of {self.axis} from {self.master}"
+
+    @property
+    def mode(self) -> int:
+        """Of the list: 1, 2 or 3."""
+        return 1 + len(self.adaptation)
+
+    @property
+    def points(self) -> Float[np.ndarray, "p k"]:
+        """Positions of the tests in mm."""
+        if self.positions is None:
+            return np.zeros((1, 0))
+        return np.asarray(self.positions, float)
+
+    @property
+    def rules(self) -> models.Conventions:
+        """How signs and directions are told apart."""
+        return self.conventions or models.Conventions()
+
+    @property
+    def branches(self) -> tuple[int, ...]:
+        """Row of the values that stands for each row of `BRANCHES`."""
+        if self.velocity_dependent:
+            return (0, 1, 2, 3)
+        return (0, 0, 1, 1) if self.rules.of_crosstalk["own_deceleration"] else (0,) * 4
+
+    @property
+    def inputs(self) -> Inputs:
+        """See `AbstractEffect`."""
+        motion = (("acceleration", self.master), ("velocity", self.master))
+        return (*motion, *(("position", axis) for axis in self.adaptation))
+
+    @property
+    def ranges(self) -> Ranges:
+        """See `AbstractEffect`."""
+        top = 1.2 * max(self.acceleration, -self.deceleration)
+        found = {
+            ("position", axis): (float(places.min()), float(places.max()))
+            for axis, places in zip(self.adaptation, self.points.T, strict=True)
+        }
+        return found | {("acceleration", self.master): (-top, top)}
+
+    def to_model(self, table: Any, sign: float) -> models.Crosstalk:
+        """See `AbstractEffect`.
+
+        Raises:
+            FitError: If the tests span no surface.
+        """
+        try:
+            surface = models.surface_through(self.points)
+        except ValueError as error:
+            msg = f"{self.name}: {error}"
+            raise FitError(msg) from error
+        return models.Crosstalk(
+            surface,
+            jnp.asarray(sign * table),
+            jnp.asarray(float(self.acceleration)),
+            jnp.asarray(float(self.deceleration)),
+            velocity_dependent=self.velocity_dependent,
+            **self.rules.of_crosstalk,
+        )
+
+    def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
+        """See `AbstractEffect`."""
+        count, tests = len(columns[0]), len(self.points)
+        filled = padded({str(k): own for k, own in enumerate(columns)}, _LEAST_ROWS)
+        pull, speed, *places = filled.values()
+        stencil = self.to_model(np.zeros((4, tests)), 1.0).stencil(
+            pull, speed, np.reshape(places, (-1, len(pull))).T
+        )
+        branch, test = np.divmod(np.asarray(stencil.nodes)[:count], tests)
+        index = np.array(self.branches)[branch] * tests + test
+        return index, np.asarray(stencil.weights)[:count]
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """See `AbstractEffect`."""
+        words: tuple[str, ...] = BRANCHES
+        if not self.velocity_dependent:
+            words = ("acceleration", "deceleration")[: self.branches[-1] + 1]
+        places = [
+            "".join(
+                f", {axis} = {value:g}"
+                for axis, value in zip(self.adaptation, point, strict=True)
+            )
+            for point in self.points
+        ]
+        return tuple(word + place for word in words for place in places)
+
+    def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
+        """Return ``(4, p)``, rows as `BRANCHES`; equal rows where directions do not differ."""
+        return values.reshape(-1, len(self.points))[list(self.branches)]
