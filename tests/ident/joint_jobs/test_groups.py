@@ -57,7 +57,8 @@ def test_sum_of_a_group_is_what_its_files_add(folder: Path, result: JobResult) -
     out, probe = folder / "out", m.probe(900)
     one = next(each for each in result.groups[0].axes if each.axis == "X")
     x, way, warm = (
-        probe[name][one.rows] for name in ("X.position", "X.direction", "temperature.scale")
+        probe[name][one.rows]
+        for name in ("X.position", "X.direction", "temperature.scale")
     )
     screw = ListFile.read(out / "achskw1.lis").table("kw.ssfk", "pos")
     machine = ListFile.read(out / "achsmds1.add.lis")
