@@ -75,8 +75,18 @@ def judge_whole(
                 whole = axis.alone(drafts[k], gates[k])
         except ExchangeError as error:
             whole = axis.unread(error)
+        steps = {
+            one.compensation: _step(job, one, gates[k]) for k, one in acting.items()
+        }
+        whole = dataclasses.replace(whole, switching=steps)
         found.append(_with_partner(job, whole, every, lists, drafts))
     return tuple(found)
+
+
+def _step(job: Job, draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
+    """Return the largest step in one cycle: all of it where nothing spreads it."""
+    spread = [check.value for check in gate if check.name == "max_switching"]
+    return max(spread, default=draft.jump(job))
 
 
 @dataclasses.dataclass(frozen=True)
