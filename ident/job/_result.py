@@ -321,6 +321,7 @@ class WholeAxis:
         velocity: That is added at this feed, in mm/s.
         acceleration: Likewise, in mm/s².
         jump: By which the axis moves by itself at most where all comes or goes.
+        switching: Largest step in one cycle where a fitted compensation comes or goes.
         error: rms by measurement and fit: ``before``, by this list ``alone``, by all
             ``together``; empty where one list acts alone, as its own figures stand.
         gate: Lines of the gate for the axis.
@@ -338,6 +339,7 @@ class WholeAxis:
     error: Mapping[str, Mapping[str, float]]
     gate: tuple[GateCheck, ...]
     remarks: tuple[Remark, ...]
+    switching: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     def as_tree(self) -> dict[str, Any]:
         """Return what result.json says of the axis; its remarks stand with its fits."""

@@ -3,11 +3,11 @@
 import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from ...data.measurements import MeasurementError
+from ...models import TemperatureCurve
 from ..exchange import ExchangeError, Motion
 from ..proof import GateCheck, Measured, gate_check
 from ..proof.axis import (
@@ -17,6 +17,7 @@ from ..proof.axis import (
     added_beyond,
     judge_together,
     judge_workspace,
+    switching_cycles,
     warm_states,
 )
 from ._acting import acting_after, acting_before, adds_nothing, ranges_of
@@ -28,6 +29,12 @@ from ._outside import read_error
 from ._result import Remark, WholeAxis
 from ._source import Tables
 
+_CYCLES = {
+    "cross": ("kw.crosscomp.n_cycles", 20),
+    "plane": ("kw.crosscomp2.n_cycles", 20),
+    "temperature": ("lr_param.temp_comp_n_cycles", 19),
+}
+"""Entry that spreads the coming and going of a compensation, and its largest value."""
 _Read = tuple[Measured, Mapping[str, np.ndarray]]
 """The error of an axis in one measurement, and the temperatures in it."""
 
@@ -68,8 +75,18 @@ def judge_whole(
                 whole = axis.alone(drafts[k], gates[k])
         except ExchangeError as error:
             whole = axis.unread(error)
+        steps = {
+            one.compensation: _step(job, one, gates[k]) for k, one in acting.items()
+        }
+        whole = dataclasses.replace(whole, switching=steps)
         found.append(_with_partner(job, whole, every, lists, drafts))
     return tuple(found)
+
+
+def _step(job: Job, draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
+    """Return the largest step in one cycle: all of it where nothing spreads it."""
+    spread = [check.value for check in gate if check.name == "max_switching"]
+    return max(spread, default=draft.jump(job))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,13 +142,37 @@ class _Axis:
         Raises:
             ExchangeError: If a list makes no table.
         """
-        lines = judge_workspace(loaded, self._travel(), limits_of(self.job))
-        remarks: list[Remark] = []
+        lines, jumps = judge_workspace(loaded, self._travel(), limits_of(self.job))
+        remarks = self._abrupt(loaded, jumps)
         readings = self._readings(loaded, names, remarks)
         values = {c.name.removeprefix("axis "): c.value for c in lines}
         checks = (*lines, *(one.check(self.unit) for one in readings))
         remarks += [self._doubled(one, names) for one in readings if not one.passed]
         return self._whole(names, checks, values, readings, remarks)
+
+    def _abrupt(self, loaded: Loaded, jumps: Mapping[str, float]) -> list[Remark]:
+        """Return what to set for compensations of the list that come in too few cycles.
+
+        The job does not write them, and leaves them as they are.
+        """
+        limit, found = limits_of(self.job).max_switching, []
+        fitted = {draft.compensation for draft in self.drafts}
+        for name, jump in jumps.items():
+            if name not in _CYCLES or name in fitted:
+                continue
+            entry, most = _CYCLES[name]
+            listing = loaded.used[name].listing
+            wanted = switching_cycles(jump, limit, listing.integer(entry), most)
+            if wanted is None:
+                continue
+            words = (
+                f"The {name} of {listing.source} moves {self.name} by up to {jump:.4g}"
+                f" {self.unit} where it comes or goes, in"
+                f" {listing.integer(entry) or 0} cycles: set {entry} {wanted}, so that"
+                f" a cycle brings no more than {limit:g} {self.unit} (max_switching)."
+            )
+            found.append(Remark("warning", words))
+        return found
 
     def unread(self, error: ExchangeError) -> WholeAxis:
         """Return an axis of which a list cannot be read."""
@@ -209,10 +250,11 @@ class _Axis:
         """Return how warm the sensors get that temperature laws follow."""
         found: dict[str, tuple[float, float]] = {}
         for draft in self.drafts:
-            line: Any = draft.line(self.job, self.lists.machine)
-            for name in draft.sensors if line is not None else ():
-                ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
-                found[name] = (float(ends[0]), float(ends[1]))
+            line = draft.line(self.job, self.lists.machine)
+            if line is None or not isinstance(line.offset_0, TemperatureCurve):
+                continue
+            ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
+            found |= dict.fromkeys(draft.sensors, (float(ends[0]), float(ends[1])))
         return found
 
     def _readings(
@@ -222,18 +264,15 @@ class _Axis:
         before, found = acting_before(self.job, self.name, self.lists), []
         for draft, source, reading in self._measured:
             spec = self.job.spec.measurements[source]
-            added, why = dict[str, np.ndarray](), str(reading)
-            if not isinstance(reading, str):
-                measured, warmth = reading
-                motion = self._motion(measured, warmth)
-                added = added_beyond(loaded, before, spec.active, motion)
-                why = f"it lacks what {', '.join(n for n in names if n not in added)} follows"
-            if not added.keys() >= set(names):
-                words = (
-                    f"What all that acts on {self.name} leaves of measurement {source!r} is"
-                    f" not known: {why}."
-                )
-                remarks.append(Remark("info", words))
+            if isinstance(reading, str):
+                remarks.append(self._unknown(source, reading))
+                continue
+            measured, warmth = reading
+            motion = self._motion(measured, warmth)
+            added = added_beyond(loaded, before, spec.active, motion)
+            if lacking := [name for name in names if name not in added]:
+                reason = f"it lacks what {', '.join(lacking)} follows"
+                remarks.append(self._unknown(source, reason))
                 continue
             known, kind = (
                 spec.remove == "none" and spec.datum is None,
@@ -245,6 +284,12 @@ class _Axis:
                 )
             )
         return found
+
+    def _unknown(self, source: str, why: str) -> Remark:
+        words = (
+            f"What all that acts on {self.name} leaves of measurement {source!r} is not"
+        )
+        return Remark("info", f"{words} known: {why}.")
 
     @functools.cached_property
     def _measured(self) -> list[tuple[AbstractDraft, str, _Read | str]]:

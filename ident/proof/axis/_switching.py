@@ -18,7 +18,7 @@ def largest_step(jump: float, cycles: int) -> float:
 
 
 def switching_cycles(
-    jump: float, max_step: float, existing: int | None = None
+    jump: float, max_step: float, existing: int | None = None, most: int = MOST_CYCLES
 ) -> int | None:
     """Return over how many cycles a jump is to be spread, or None: as it is.
 
@@ -30,11 +30,12 @@ def switching_cycles(
         jump: In mm or °.
         max_step: Largest step in one cycle, likewise.
         existing: What the list says already, or None.
+        most: Largest number that the parameter may have.
     """
     if largest_step(jump, existing or 0) <= max_step:
         return None
-    enough = (n for n in range(2, MOST_CYCLES) if largest_step(jump, n) <= max_step)
-    return next(enough, MOST_CYCLES)
+    enough = (n for n in range(2, most) if largest_step(jump, n) <= max_step)
+    return next(enough, most)
 
 
 def check_switching(

@@ -41,8 +41,10 @@ class Travel:
 
 def judge_workspace(
     loaded: Loaded, travel: Travel, limits: GateLimits
-) -> tuple[GateCheck, ...]:
+) -> tuple[tuple[GateCheck, ...], dict[str, float]]:
     """Return the lines of the gate for the sum of all that acts on an axis.
+
+    Beside them stands the largest offset of each compensation in mm or °.
 
     Compensations that look at different axes are judged apart and brought together: their
     largest offsets add up, their velocities as at right angles; of kinks and accelerations,
@@ -74,14 +76,18 @@ def judge_workspace(
         dataclasses.replace(check, name=f"axis {name}") for name, check in found.items()
     ]
     jump = gate_check("max_jump", total, limits.max_jump, unit, f"{where}, at once")
-    return (*together, jump)
+    return (*together, jump), {k: v for part in parts for k, v in part.jumps.items()}
 
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """What compensations over the same axes add: smallest and largest, and their gate."""
+    """What compensations over the same axes add: smallest and largest, and their gate.
+
+    ``jumps`` is the largest offset of each of them.
+    """
 
     bounds: tuple[float, float]
+    jumps: Mapping[str, float]
     lines: tuple[GateCheck, ...]
 
 
@@ -120,6 +126,7 @@ def _judged(
     turns = "backlash" in names or ("leadscrew" in names and screw.bilateral)
     ways = (1, -1) if turns else (1,)
     bounds, lines = (0.0, 0.0), dict[str, GateCheck]()
+    jumps = dict.fromkeys(names, 0.0)
     for warm in travel.warmth:
         branches = []
         for way in ways:
@@ -132,6 +139,8 @@ def _judged(
                 },
             )
             added = loaded.parts(motion)
+            for name in names:
+                jumps[name] = max(jumps[name], float(np.abs(added[name]).max()))
             total = np.sum([added[name] for name in names], axis=0)
             branches.append(total.reshape([len(each) for each in reversed(nodes)]))
         bounds = (
@@ -141,7 +150,7 @@ def _judged(
         for check in judge(_table(loaded, travel, axes, nodes, branches), limits):
             if check.name not in lines or check.value > lines[check.name].value:
                 lines[check.name] = check
-    return _Part(bounds, tuple(lines.values()))
+    return _Part(bounds, jumps, tuple(lines.values()))
 
 
 def _table(

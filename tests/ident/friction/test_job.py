@@ -213,6 +213,33 @@ def test_list_is_weak_by_default_until_its_sign_is_settled(
     assert found.judgement.verdict is verdict
 
 
+def test_list_at_half_the_level_promises_half_and_says_what_to_do(
+    tmp_path: Path,
+) -> None:
+    record(tmp_path)
+    half = friction(run(tmp_path, keys=f"{FULL}\nlevel = 0.5"))
+    listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
+    at, out = (listing.table("frict_comp", name) for name in ("in", "out"))
+    velocity = motion()
+    moving = np.abs(velocity) > 1.0
+    # µm/s, and units of 12 A / 1000.
+    speeds = [1e-3 * at[k] for k in sorted(at)]
+    added = (
+        RATED
+        * SHARE
+        * np.interp(np.abs(velocity), speeds, [out[k] for k in sorted(out)])
+    )
+    truth = np.abs(np.asarray(LAW(velocity)))
+    left = np.sqrt(np.mean((truth - added)[moving] ** 2))
+    # What is promised is what is left of the true law: half of it, a tenth for the
+    # noise and for the slow samples, which count differently.
+    assert half.error["predicted"].sound.rms == pytest.approx(left, rel=0.1)
+    assert left > 0.45 * np.sqrt(np.mean(truth[moving] ** 2))
+    words = " ".join(remark.message for remark in half.remarks)
+    assert "The rest remains" in words
+    assert "raise level and fit again" in words
+
+
 def test_existing_list_keeps_all_but_its_friction_table(tmp_path: Path) -> None:
     record(tmp_path)
     old = (

@@ -65,6 +65,7 @@ def measured(name: str, more: str = "") -> str:
     return f"""
 [measurements.{name}]
 file = "{name}.csv"
+remove = "none"
 {more}
 [measurements.{name}.columns]
 "X.position" = "x"

@@ -23,6 +23,7 @@ def test_cross_and_plane_from_two_files_do_not_correct_twice(tmp_path: Path) -> 
     assert np.ptp(left) < 1e-3
     whole = json.loads((tmp_path / "out" / "result.json").read_text())["whole"]["Z"]
     assert set(whole["compensations"]) == {"cross", "plane"}
+    assert whole["switching"]["cross"] <= 0.02
 
 
 def test_plane_first_takes_the_readings_of_the_cross_into_account(

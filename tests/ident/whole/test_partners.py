@@ -22,6 +22,7 @@ limits = [0, 400]
 {axis}
 [measurements.laser]
 file = "laser.csv"
+remove = "none"
 {active}
 columns = {{ "X.position" = "target", "X.error" = "error", "X.direction" = "way", "run" = "run" }}
 [[fits]]
@@ -48,6 +49,7 @@ limits = [0, 300]
 {partner}
 [measurements.line]
 file = "line.csv"
+remove = "none"
 columns = {{ "X.position" = "x", "Y.error" = "dy" }}
 [[fits]]
 compensation = "cross"

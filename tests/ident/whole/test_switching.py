@@ -116,3 +116,28 @@ def test_no_smaller_number_of_cycles_would_do() -> None:
         assert largest_step(jump, cycles) <= 0.02 < largest_step(jump, cycles - 1)
     assert switching_cycles(0.019, 0.02) is None
     assert switching_cycles(0.9, 0.02) == 20
+
+
+def test_abrupt_table_of_the_list_is_named_with_the_value_to_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edge(tmp_path, size=0.01)
+    entries = [
+        "kopf.achs_nr 3",
+        "kw.ssfk.unit 1",
+        "kw.ssfk.interval 1000000",
+        "kw.ssfk.kw_startpos -5000000",
+        "kw.ssfk.kw_nr_max 6",
+    ]
+    entries += [f"kw.ssfk.table[{k}].pos {100 * k}" for k in range(6)]
+    (tmp_path / "z.lis").write_text("\n".join(entries) + "\n")
+    heat = (
+        "kopf.achs_nr 3\nlr_param.ssfk 1\nlr_param.temp_comp 1\n"
+        "lr_param.temp_comp_offset_0 1000\n"
+    )
+    (tmp_path / "zm.lis").write_text(heat)
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    assert fit(tmp_path, axes + measured("edge", "active = []") + CROSS) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    # 0.1 mm at once; sin² over 8 cycles brings 20 µm in the fastest of them.
+    assert "set lr_param.temp_comp_n_cycles 8" in said
