@@ -108,7 +108,16 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         history: Folders of earlier batches, for the trends.
     """
     columns = [
-        *("job", "state", "reason", "passed", "verified", "verdict", "machine_id", "measured_at"),
+        *(
+            "job",
+            "state",
+            "reason",
+            "passed",
+            "verified",
+            "verdict",
+            "machine_id",
+            "measured_at",
+        ),
         *("compensation", "axis", "unit", "gate_failed"),
         *(f"{stage}_rms" for stage in _STAGES),
     ]
