@@ -52,6 +52,11 @@ def read_results(folder: Path) -> Any:
     if not 1 <= version <= VERSION:
         reason = f"found version {version} of the table, expected 1 to {VERSION}"
         raise BatchError(where=str(path), reason=reason)
+    for field in arrow_schema():
+        if (
+            field.name not in table.column_names
+        ):  # written before there was such a column
+            table = table.append_column(field, pa.nulls(len(table), field.type))
     return table
 
 

@@ -110,8 +110,8 @@ def _print(result: "BatchResult", out: Path) -> None:
     if summary.unverified:
         say(
             f"{_count(summary.unverified, 'list')} lie{'s' * (summary.unverified == 1)}"
-            " in unverified/: the conventions of their machines are only assumed. Verify"
-            " them before loading."
+            " in unverified/: computed; sign unproven. The conventions of their machines"
+            " are only assumed. Verify them before loading."
         )
     say(
         f"{_count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"

@@ -97,9 +97,9 @@ def plan_second(
         return None, ()
     name, why = str(earlier["file"]), "the lists have changed since"
     if earlier["lists"] == lists:
-        again = _unchanged(job.file(name), earlier["inputs"])
-        if again is not None:
-            return Second(again, name, str(earlier["date"]), lists), ()
+        same_job = _unchanged(job.file(name), earlier["inputs"])
+        if same_job is not None:
+            return Second(same_job, name, str(earlier["date"]), lists), ()
         why = "it has changed since, or is gone"
     words = (
         f"The second measurement of {earlier['date']} ({name}) no longer counts: {why}."

@@ -1,5 +1,6 @@
 """`axcomp demo`: from a machine with known faults to verified lists, in one command."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -8,9 +9,18 @@ import pytest
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
-from axcomp.ident.cli._demo_files import FolderError, claim_folder, seal_folder
+from axcomp.ident.cli._demo_files import (
+    FolderError,
+    claim_folder,
+    measure,
+    seal_folder,
+    second_job,
+    write_measurements,
+)
+from axcomp.ident.exchange import read_conventions
 from axcomp.ident.job import load_job
 from axcomp.ident.machine import LASER, PROBE, STRAIGHTEDGE, example_machine
+from axcomp.models import Conventions
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +114,47 @@ def test_report_calls_the_lists_verified_and_stands_alone(demo: Path) -> None:
 
 
 @pytest.mark.slow
+def test_rerun_of_the_job_keeps_what_the_second_measurement_verified(
+    demo: Path,
+) -> None:
+    out = demo / "result"
+    first = json.loads((out / "result.json").read_text())
+    assert main(["fit", str(demo / "job.toml"), "--out", str(out)]) == 0
+    again = json.loads((out / "result.json").read_text())
+    verdicts = ["good", "good", "good", "unproven"]  # friction shows in no position
+    for result in (first, again):
+        assert [fit["verdict"] for fit in result["fits"]] == verdicts
+        assert all("verified" in fit["error"] for fit in result["fits"][:3])
+    assert again["second_measurement"] == first["second_measurement"]
+
+
+@pytest.mark.slow
+def test_machine_whose_sign_is_flipped_is_named(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flipped = Conventions(leadscrew_sign=1, cross_sign=-1, plane_sign=-1)
+    machine = dataclasses.replace(example_machine(), conventions=flipped)
+    names = [demo / "result" / f"achskw{number}.lis" for number in (1, 2, 3)]
+    again = measure(machine.with_lists(ListFile.read(name) for name in names), 5)
+    folder = tmp_path / "flipped"
+    write_measurements(folder, again)
+    text = second_job().replace("../result/", f"{demo / 'result'}/")
+    (folder / "job.toml").write_text(text)
+    out = tmp_path / "out"
+    command = ["fit", str(demo / "job.toml"), "--out", str(out)]
+    assert main([*command, "--after", str(folder / "job.toml")]) == 1
+    assert capsys.readouterr().err.count("the list doubles the error: sign") == 3
+    result = json.loads((out / "result.json").read_text())
+    for fit in result["fits"][:3]:
+        assert fit["verdict"] == "rejected"
+        assert fit["diagnosis"]["verdict"] == "sign"
+        assert fit["verified_by"] is None
+    saved = read_conventions(out / "conventions.toml")
+    assert saved.conventions == flipped
+    assert '<div class="verdict good">' not in (out / "report.html").read_text("utf-8")
+
+
+@pytest.mark.slow
 def test_old_list_keeps_everything_but_its_table(demo: Path) -> None:
     old = (demo / "machine" / "achskw2.lis").read_bytes()
     new = (demo / "result" / "achskw2.lis").read_bytes()
@@ -117,7 +168,7 @@ def test_old_list_keeps_everything_but_its_table(demo: Path) -> None:
 
 @pytest.mark.slow
 def test_both_jobs_can_be_read_and_run_again(demo: Path, tmp_path: Path) -> None:
-    load_job(demo / "second" / "job.toml")
+    load_job(demo / "second" / "job.toml", needs_fits=False)
     assert main(["fit", str(demo / "job.toml"), "--out", str(tmp_path)]) == 0
     for number in (1, 2, 3):
         name = f"achskw{number}.lis"

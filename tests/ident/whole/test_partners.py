@@ -187,6 +187,7 @@ def test_slope_that_leadscrew_and_temperature_both_correct_is_stopped(
     job += """
 [measurements.warm]
 file = "warm.csv"
+remove = "none"
 columns = { "X.position" = "place", "X.error" = "e", "temperature.frame" = "t" }
 [[fits]]
 compensation = "temperature"
