@@ -158,7 +158,7 @@ def test_nodes_finer_than_readings_are_filled_marked_and_a_grid_is_proposed(
     # Between targets 50 mm apart, smoothness makes more of a wave of 60 mm than a line
     # does: 0.9 µm.
     values = fit.table["pos"]  # type: ignore[attr-defined]
-    truth = -0.01 * np.sin(np.arange(0.0, 401.0, 20.0) / 60.0)
+    truth = 0.01 * np.sin(np.arange(0.0, 401.0, 20.0) / 60.0)
     assert np.max(np.abs(values - truth)) < 9e-4 + LIST_UNIT
 
 
