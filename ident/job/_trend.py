@@ -156,4 +156,5 @@ def _amount(value: float, deviation: float) -> str:
     """Return thousandths of a value with its deviation, to two digits of the latter."""
     small = 1e3 * deviation
     digits = 1 if small <= 0 else int(np.clip(1 - np.floor(np.log10(small)), 0, 6))
-    return f"{1e3 * value:.{digits}f} ± {small:.{digits}f}"
+    shown = round(1e3 * value, digits) + 0.0  # no minus before a zero
+    return f"{shown:.{digits}f} ± {small:.{digits}f}"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
+from axcomp.ident.cli import main
 from axcomp.ident.exchange import ExchangeError
 from axcomp.ident.proof import Diagnosis, Measured, diagnose, not_judged
 from axcomp.models import Conventions
@@ -30,6 +31,7 @@ LIST = ListFile.parse(
     ).encode(),
     "achskw1.lis",
 )
+DOCTOR = ["doctor", "achskw1.lis", "--before", "before.toml"]
 TARGETS = np.arange(0.0, 801.0, 10.0)
 RUNS = 10
 X = np.tile(np.concatenate([TARGETS, TARGETS[::-1]]), RUNS)
@@ -182,6 +184,15 @@ def test_an_axis_that_was_not_measured_is_refused() -> None:
         diagnose([LIST], other, other, Conventions())
 
 
+@pytest.fixture
+def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the current folder, with the list of X in it."""
+    monkeypatch.setenv("AXCOMP_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "achskw1.lis").write_bytes(LIST.dumps())
+    return tmp_path
+
+
 def write_job(folder: Path, name: str, effect: float) -> None:
     rng = np.random.default_rng(8)
     values = error(X) + effect * -error(X) + 2e-3 * rng.normal(size=X.size)
@@ -203,24 +214,17 @@ def write_job(folder: Path, name: str, effect: float) -> None:
     ],
 )
 def test_the_command_needs_no_fits_and_its_status_says_whether_all_is_right(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    shop: Path,
     capsys: pytest.CaptureFixture[str],
     effect: float,
     status: int,
     sentence: str,
 ) -> None:
-    from axcomp.ident.cli import main
-
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "achskw1.lis").write_bytes(LIST.dumps())
-    write_job(tmp_path, "before", 0.0)
-    write_job(tmp_path, "after", effect)
-    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
-    assert main([*command, "--after", "after.toml"]) == status
+    write_job(shop, "before", 0.0)
+    write_job(shop, "after", effect)
+    assert main([*DOCTOR, "--after", "after.toml"]) == status
     assert capsys.readouterr().out == sentence
-    assert main([*command, "--after", "after.toml", "--json"]) == status
+    assert main([*DOCTOR, "--after", "after.toml", "--json"]) == status
     assert '"verdict"' in capsys.readouterr().out
 
 
@@ -240,59 +244,39 @@ def write_log(folder: Path, name: str, feed: float, effect: float) -> None:
 
 
 def test_a_log_in_motion_that_holds_the_following_error_is_refused(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    shop: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from axcomp.ident.cli import main
-
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "achskw1.lis").write_bytes(LIST.dumps())
-    write_log(tmp_path, "before", 10.0, 0.0)
-    write_log(tmp_path, "after", 20.0, 1.0)
-    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
-    assert main([*command, "--after", "after.toml"]) == 1
+    write_log(shop, "before", 10.0, 0.0)
+    write_log(shop, "after", 20.0, 1.0)
+    assert main([*DOCTOR, "--after", "after.toml"]) == 1
     shown = capsys.readouterr()
     assert not shown.out
     assert "before.csv: line 2: found X moving" in shown.err
 
 
 def test_a_marker_for_no_reading_is_refused(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    shop: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from axcomp.ident.cli import main
-
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "achskw1.lis").write_bytes(LIST.dumps())
-    write_job(tmp_path, "before", 0.0)
-    write_job(tmp_path, "after", 1.0)
-    lines = (tmp_path / "after.csv").read_text().splitlines()
+    write_job(shop, "before", 0.0)
+    write_job(shop, "after", 1.0)
+    lines = (shop / "after.csv").read_text().splitlines()
     lines[3] = "20.000000,9.9e37,1"
-    (tmp_path / "after.csv").write_text("\n".join(lines) + "\n")
-    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
-    assert main([*command, "--after", "after.toml"]) == 1
+    (shop / "after.csv").write_text("\n".join(lines) + "\n")
+    assert main([*DOCTOR, "--after", "after.toml"]) == 1
     assert "line 4: found 9.9e+37 mm" in capsys.readouterr().err
 
 
 def test_a_list_in_increments_names_what_the_doctor_has(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    shop: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from axcomp.ident.cli import main
-
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
-    monkeypatch.chdir(tmp_path)
     text = LIST.dumps().replace(b"kw.ssfk.unit 1", b"kw.ssfk.unit 0")
-    (tmp_path / "achskw1.lis").write_bytes(text)
-    write_job(tmp_path, "before", 0.0)
-    write_job(tmp_path, "after", 1.0)
-    command = ["doctor", "achskw1.lis", "--before", "before.toml"]
-    assert main([*command, "--after", "after.toml"]) == 1
+    (shop / "achskw1.lis").write_bytes(text)
+    write_job(shop, "before", 0.0)
+    write_job(shop, "after", 1.0)
+    assert main([*DOCTOR, "--after", "after.toml"]) == 1
     shown = capsys.readouterr().err
     assert "increment = … of the axis in the job" in shown
     assert "--increment" not in shown

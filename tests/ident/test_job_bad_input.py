@@ -76,7 +76,7 @@ def test_equal_positions_are_refused(tmp_path: Path) -> None:
     refused(tmp_path, r"job.toml:8: fits\[0\]: leadscrew of X from m: .*", rows=rows)
 
 
-def test_fewer_readings_than_nodes_are_refused(tmp_path: Path) -> None:
+def test_readings_too_few_to_judge_their_noise_are_refused(tmp_path: Path) -> None:
     refused(tmp_path, r"fits\[0\]: leadscrew of X from m: .*", rows="x,e\n0,1\n40,2\n")
 
 

@@ -2,6 +2,7 @@
 
 import datetime
 import tomllib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ def test_numbers_of_numpy_are_written_as_those_of_python() -> None:
 )
 def test_an_edit_sets_and_removes_keys_however_they_are_written(text: str) -> None:
     keys = {"datum": None, "remove": "offset", "drift": 3}
-    expected = tomllib.loads(text) | {"fits": FITS}
+    expected: dict[str, Any] = tomllib.loads(text) | {"fits": FITS}
     del expected["measurements"]["p"]["datum"]
     expected["measurements"]["p"] |= {"remove": "offset", "drift": 3}
     assert tomllib.loads(edited_job(text, {"p": keys}, FITS)) == expected

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ..friction_job import friction_job
+
 _JOB = """\
 title = "axis {k}"
 [machine]
@@ -32,22 +34,7 @@ interval = 5.0
 points = 9
 """
 
-_FRICTION = """\
-[axes.X]
-number = 1
-[measurements.trace]
-file = "{k:05d}.csv"
-[measurements.trace.columns]
-time = {{ column = "t", unit = "s" }}
-"X.position" = {{ column = "x", unit = "mm" }}
-"X.current" = {{ column = "i", unit = "A" }}
-[[fits]]
-compensation = "friction"
-axis = "X"
-measurement = "trace"
-rated_current = 12.0
-torque_unit = 0.001
-"""
+_RATED = "rated_current = 12.0\ntorque_unit = 0.001"
 
 
 def fleet(folder: Path, count: int) -> list[str]:
@@ -103,7 +90,7 @@ def friction_fleet(folder: Path, count: int) -> list[str]:
             header="t,x,i",
             comments="",
         )
-        (folder / f"{k:05d}.toml").write_text(_FRICTION.format(k=k))
+        (folder / f"{k:05d}.toml").write_text(friction_job(_RATED, file=f"{k:05d}.csv"))
     return [f"{k:05d}" for k in range(count)]
 
 

@@ -98,6 +98,28 @@ def test_a_job_that_fails_is_a_row_with_its_reason_and_leaves_no_files(
     assert not list((batch / "out").rglob("00005"))
 
 
+def test_a_fleet_whose_template_leaves_a_constant_to_nobody_fails_job_by_job(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    names = fleet(tmp_path / "jobs", 2)
+    for name in names:
+        path = tmp_path / "jobs" / f"{name}.toml"
+        path.write_text(path.read_text().replace('remove = "none"\n', ""))
+        # A laser whose zero is 0.1 mm off; the errors of the fleet are within 0.04 mm.
+        head, *rows = path.with_suffix(".csv").read_text().splitlines()
+        cells = [row.split(",") for row in rows]
+        moved = [f"{x},{float(e) + 100.0},{d},{r}" for x, e, d, r in cells]
+        path.with_suffix(".csv").write_text("\n".join([head, *moved]) + "\n")
+    out = tmp_path / "out"
+    out.mkdir()
+    found = run_chunk(tasks_of(tmp_path / "jobs", names), Order(str(out), "test"))
+    rows = [row for one in found for row in one.rows]
+    assert [row["state"] for row in rows] == ["failed", "failed"]
+    for row in rows:
+        assert "measurements.laser: found a constant of" in row["reason"]
+        assert 'remove = "none"' in row["reason"]
+
+
 def test_a_rejected_list_has_its_report_and_a_passed_one_none(batch: Path) -> None:
     out = batch / "out" / "unverified"
     assert (out / "00006" / "rejected" / "achskw1.lis").is_file()

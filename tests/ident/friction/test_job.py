@@ -15,26 +15,12 @@ from axcomp.ident.job.friction._proof import Remaining
 from axcomp.ident.report import write_report
 from axcomp.models import AbstractFriction, Conventions, StribeckFriction
 
+from ..friction_job import friction_job
+
 LAW = StribeckFriction(2.0, 3.0, 5.0, 2.0, 0.004)
 INERTIA, OFFSET, NOISE = 0.002, 0.3, 0.1
 RATED, SHARE = 12.0, 0.001
 
-JOB = """
-[axes.X]
-number = 1
-{axis}
-[measurements.trace]
-file = "trace.csv"
-[measurements.trace.columns]
-time = {{ column = "t", unit = "s" }}
-"X.position" = {{ column = "x", unit = "mm" }}
-"X.current" = {{ column = "i", unit = "{unit}" }}
-[[fits]]
-compensation = "friction"
-axis = "X"
-measurement = "trace"
-{keys}
-"""
 PLAIN = f"rated_current = {RATED}\ntorque_unit = {SHARE}"
 FULL = f"{PLAIN}\nlevel = 1.0"
 
@@ -67,7 +53,7 @@ def record(
 
 def run(folder: Path, keys: str = FULL, axis: str = "", unit: str = "A") -> JobResult:
     path = folder / "job.toml"
-    path.write_text(JOB.format(keys=keys, axis=axis, unit=unit))
+    path.write_text(friction_job(keys, axis=axis, unit=unit))
     return run_job(path, folder / "out")
 
 
@@ -357,7 +343,7 @@ def test_constant_load_is_the_one_that_goes_with_the_list(tmp_path: Path) -> Non
 
 def test_rotary_axes_are_told_in_degrees_per_second(tmp_path: Path) -> None:
     record(tmp_path)
-    text = JOB.format(keys=FULL, axis='type = "rotary"', unit="A")
+    text = friction_job(FULL, axis='type = "rotary"')
     path = tmp_path / "job.toml"
     path.write_text(text.replace('unit = "mm"', 'unit = "deg"'))
     result = run_job(path, tmp_path / "out")

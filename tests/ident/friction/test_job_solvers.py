@@ -13,28 +13,13 @@ from axcomp.models import (
     StribeckFriction,
 )
 
-JOB = """
-[controller]
-cycle_time = {cycle}
-[axes.X]
-number = 1
-[measurements.trace]
-file = "trace.csv"
-[measurements.trace.columns]
-time = {{ column = "t", unit = "s" }}
-"X.position" = {{ column = "x", unit = "mm" }}
-"X.current" = {{ column = "i", unit = "A" }}
-[[fits]]
-compensation = "friction"
-axis = "X"
-measurement = "trace"
-{keys}
-"""
+from ..friction_job import friction_job
 
 
 def write_job(folder: Path, cycle: float, keys: str) -> Path:
     path = folder / "job.toml"
-    path.write_text(JOB.format(cycle=cycle, keys=keys))
+    head = f"[controller]\ncycle_time = {cycle}"
+    path.write_text(friction_job(keys, head=head))
     return path
 
 

@@ -112,6 +112,27 @@ def test_a_group_is_asked_as_well(tmp_path: Path) -> None:
         run_job(path, tmp_path / "out")
 
 
+def test_a_plane_is_asked_for_its_slope_over_each_master(tmp_path: Path) -> None:
+    x, y = (one.ravel() for one in np.meshgrid(np.arange(0, 101, 10.0), PLACES[::4]))
+    error = 1e-4 * (y - y.mean()) + 5e-4 * np.random.default_rng(5).normal(size=x.size)
+    table(
+        tmp_path / "m.csv", "X.position [mm],Y.position [mm],Z.error [mm]", x, y, error
+    )
+    axes = "".join(f"[axes.{axis}]\nnumber = {k}\n" for k, axis in enumerate("XYZ", 1))
+    keys = "start = [0, 0]\ninterval = [20, 40]\npoints = [6, 11]\n"
+    fit = (
+        'compensation = "plane"\naxis = "Z"\nmasters = ["X", "Y"]\nmeasurement = "m"\n'
+    )
+    path = tmp_path / "job.toml"
+    path.write_text(f'{axes}[measurements.m]\nfile = "m.csv"\n[[fits]]\n{fit}{keys}')
+    over_x, over_y = (
+        r"a slope of \S+ ± \S+ µm/m over X",
+        r"a slope of (99|100)\.\d+ ± \S+",
+    )
+    with pytest.raises(JobError, match=f"{over_x} and {over_y} µm/m over Y"):
+        run_job(path, tmp_path / "out")
+
+
 def test_a_whole_turn_has_no_slope(tmp_path: Path) -> None:
     turn = np.linspace(0.0, 350.0, 36)
     error = 0.05 + 1e-3 * np.sin(np.deg2rad(3 * turn))
@@ -158,7 +179,7 @@ def test_nodes_finer_than_readings_are_filled_marked_and_a_grid_is_proposed(
     # Between targets 50 mm apart, smoothness makes more of a wave of 60 mm than a line
     # does: 0.9 µm.
     values = fit.table["pos"]  # type: ignore[attr-defined]
-    truth = -0.01 * np.sin(np.arange(0.0, 401.0, 20.0) / 60.0)
+    truth = 0.01 * np.sin(np.arange(0.0, 401.0, 20.0) / 60.0)
     assert np.max(np.abs(values - truth)) < 9e-4 + LIST_UNIT
 
 

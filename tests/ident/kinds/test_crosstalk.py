@@ -148,6 +148,15 @@ def test_deviations_over_a_polygon_hold_too() -> None:
     assert (np.abs(distances) < 1.0).mean() < 0.85
 
 
+def test_over_one_axis_three_tests_are_chosen_where_two_would_do() -> None:
+    def straight(branch: np.ndarray, places: np.ndarray) -> np.ndarray:
+        return np.asarray(BY_QUADRANT[branch] * (1.0 + places[:, 1] / 400.0))
+
+    fit = fit_crosstalk(log(11, straight), acceleration=FULL, deceleration=-FULL)
+    # One statement of the manuals has three in mode 2, and the check warns of others.
+    assert (fit.mode, len(fit.points)) == (2, 3)
+
+
 @pytest.mark.parametrize(("law", "apart"), [(mode_1, True), (alike, False)])
 def test_directions_get_values_of_their_own_only_where_they_differ(
     law: Law, apart: bool
