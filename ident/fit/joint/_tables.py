@@ -111,7 +111,7 @@ class AbstractTable(AbstractEffect):
         self, model: Any, *places: Float[np.ndarray, " _n"]
     ) -> Float[np.ndarray, "..."]:
         """See `AbstractEffect`."""
-        mesh = np.meshgrid(*(places or self.grid))
+        mesh = list(np.meshgrid(*(places or self.grid)))
         rows = np.column_stack([each.ravel() for each in mesh])
         found = model.offset(rows if len(mesh) > 1 else rows[:, 0])
         return np.asarray(found).reshape(mesh[0].shape)
