@@ -111,7 +111,7 @@ class AbstractTable(AbstractEffect):
         self, model: Any, *places: Float[np.ndarray, " _n"]
     ) -> Float[np.ndarray, "..."]:
         """See `AbstractEffect`."""
-        mesh = np.meshgrid(*(places or self.grid))
+        mesh = list(np.meshgrid(*(places or self.grid)))
         rows = np.column_stack([each.ravel() for each in mesh])
         found = model.offset(rows if len(mesh) > 1 else rows[:, 0])
         return np.asarray(found).reshape(mesh[0].shape)
@@ -148,7 +148,8 @@ class AbstractLine(AbstractTable):
     def nodes(self) -> Float[np.ndarray, " n"]:
         """Positions of the nodes in mm or °."""
         start, interval, points = self.start, self.interval, self.points
-        if self.setpoints is not None and (start, interval, points) == (None,) * 3:
+        none = start is None and interval is None and points is None
+        if self.setpoints is not None and none:
             return np.asarray(self.setpoints, np.float64)
         if self.setpoints is None and not (
             start is None or interval is None or points is None
