@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from ...models import linear_weights
 from ..core import FitError
+from ._equation import ridged
 
 _PER_MM = 1000.0
 _PLACES = 60
@@ -137,9 +138,8 @@ class _Curve:
         hats = np.zeros((len(first), len(places)))
         hats[rows, first], hats[rows, first + 1] = root * weights
         chord = self.at(places)  # stays where no point tells a height
-        inverse = np.linalg.pinv(hats.T @ hats, rcond=1e-10, hermitian=True)
         off = hats.T @ (root * self.height - hats @ chord)
-        return np.asarray(chord + inverse @ off)
+        return chord + ridged(hats.T @ hats, off)
 
     def _between(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
         """Return sums over the points in (left, right], from the first point on."""
