@@ -299,7 +299,7 @@ def _hold_out(
         # Too far for tangents: factors anew at the shape they lead to.
         kept, held = solution.share.copy(), window == number
         kept[near[number]] = 0.0
-        design = equation.design(shapes[number])
+        design = equation.columns(shapes[number])[0]
         normal = View(equation, kept, shape).rows(design, target).sums
         factors[number] = ridged(normal[:, :-1], normal[:, -1])
         error[held] = target[held] - design[held] @ factors[number]
