@@ -13,6 +13,7 @@ from ._inverse import METHOD, FrictionFit, assemble, fit_carried, part_offset
 from ._samples import DriveSamples
 from ._separable import Solution, View
 from ._structures import (
+    GAUSS,
     KNOTS,
     AbstractStructure,
     CoulombViscous,
@@ -137,7 +138,7 @@ def choose_law(
     with one_blas_thread():
         weights = weigh(equation, loss)
         found: dict[AbstractStructure, _HeldOut] = {}
-        near: dict[tuple[str, ...], Float[np.ndarray, " h"]] = {}
+        near: dict[int, Float[np.ndarray, " h"]] = {}
         fits: dict[AbstractStructure, FrictionFit] = {}
         spoken, candidates = [], []
         for kind in kinds:
@@ -145,11 +146,10 @@ def choose_law(
             asked, solution, missing = fit_carried(
                 equation.with_structure(kind),
                 weights,
-                near=near.get(kind.shapes),
+                near=near.get(len(kind.shapes)),
                 quick=True,
             )
-            if len(solution.shape) == len(kind.shapes):
-                near[kind.shapes] = solution.shape
+            near.setdefault(len(solution.shape), solution.shape)
             if kind.parametric:
                 fits[kind] = assemble(asked, solution, missing, METHOD)
             # Where the data do not carry a law, the simpler one speaks for it.
@@ -181,7 +181,7 @@ def default_structures(equation: Equation) -> tuple[AbstractStructure, ...]:
     """Return the kinds of law to compare: simple, Stribeck, table, alike and per direction."""
     knots, ways = default_knots(equation.speed, KNOTS), (False, True)
     laws: list[AbstractStructure] = [CoulombViscous(way) for way in ways]
-    laws += [Stribeck(way) for way in ways]
+    laws += [Stribeck(way, exponent) for exponent in (GAUSS, None) for way in ways]
     if len(knots) > 2:
         laws += [KnotTable(way, knots) for way in ways]
     return tuple(laws)
@@ -299,7 +299,7 @@ def _hold_out(
         # Too far for tangents: factors anew at the shape they lead to.
         kept, held = solution.share.copy(), window == number
         kept[near[number]] = 0.0
-        design = equation.design(shapes[number])
+        design = equation.columns(shapes[number])[0]
         normal = View(equation, kept, shape).rows(design, target).sums
         factors[number] = ridged(normal[:, :-1], normal[:, -1])
         error[held] = target[held] - design[held] @ factors[number]

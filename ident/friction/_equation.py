@@ -36,8 +36,8 @@ _WILD = 4.0
 """Error in scales beyond which a row says nothing of the law."""
 _RIDGE = 1e-12
 """Added to scaled normal matrices that are inverted as they stand."""
-_SHARED = ("lowpass", "load", "target", "usable", "piece", "speed", "speed_range")
-"""What equations of one recording have in common, besides columns."""
+_SHARED = "lowpass load target usable piece speed speed_range _beside _steady".split()
+"""What equations of one recording have in common."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,8 +138,7 @@ class Equation:
     def with_structure(self, structure: AbstractStructure) -> "Equation":
         """Return the same rows for another kind of law; what they share is kept."""
         other = dataclasses.replace(self, structure=structure)
-        for name in (*_SHARED, "_beside", "_directed", "_steady"):
-            other.__dict__[name] = getattr(self, name)
+        other.__dict__.update({name: getattr(self, name) for name in _SHARED})
         return other
 
     @cached_property
@@ -222,34 +221,27 @@ class Equation:
         """Columns per direction that follow no shape, of all laws of the recording."""
         return {}
 
-    @cached_property
-    def _directed(self) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, "2 t"]]:
-        """Speed in mm/s, and the signs of both directions, sample by sample."""
-        velocity = self.samples.velocity
-        return np.abs(velocity), KnotTable(True).signs(velocity)
-
     def _of_each_way(
-        self, profile: Float[np.ndarray, "t k"], signs: Float[np.ndarray, "w t"]
+        self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "w s k"]:
         """Return columns over speed with the signs of each direction, filtered."""
+        signs = structure.signs(self.samples.velocity)
         return np.stack([self.lowpass(sign[:, None] * profile) for sign in signs])
 
     @cached_property
     def steady(self) -> Float[np.ndarray, "w s k"]:
         """Columns of friction that follow no shape; those of both directions are kept."""
-        each_way = dataclasses.replace(self.structure, directional=True)
-        if each_way not in self._steady:
-            speed, signs = self._directed
-            self._steady[each_way] = self._of_each_way(each_way.steady(speed), signs)
-        found = self._steady[each_way]
+        both = dataclasses.replace(self.structure, directional=True)
+        if both not in self._steady:
+            profile = both.steady(np.abs(self.samples.velocity))
+            self._steady[both] = self._of_each_way(both, profile)
+        found = self._steady[both]
         return found if self.structure.directional else found.sum(axis=0)[None]
 
     def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s c"]:
         """Return the column of each direction that follows the shape, and its derivatives."""
-        speed, signs = self._directed
-        if not self.structure.directional:
-            signs = signs.sum(axis=0)[None]
-        return self._of_each_way(self.structure.falling(speed, shape), signs)
+        profile = self.structure.falling(np.abs(self.samples.velocity), shape)
+        return self._of_each_way(self.structure, profile)
 
     def columns(
         self, shape: Float[np.ndarray, " h"]
@@ -267,10 +259,6 @@ class Equation:
             slopes = own[:, :, 1:]
             friction = np.concatenate([friction, own[:, :, :1]], axis=2)
         return np.hstack([self.beside, *friction]), slopes
-
-    def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
-        """Return all linear columns, those beside friction first."""
-        return self.columns(shape)[0]
 
     def tangents(
         self, slopes: Float[np.ndarray, "w s h"], factors: Float[np.ndarray, " k"]
@@ -366,11 +354,10 @@ def weigh(equation: Equation, loss: str) -> Weights:
     Raises:
         FitError: If the loss is unknown.
     """
-    free = equation.with_structure(
-        KnotTable(True, default_knots(equation.speed, KNOTS))
-    )
+    knots = default_knots(equation.speed, KNOTS)
+    free = equation.with_structure(KnotTable(True, knots))
     used = free.usable
-    rows, target = free.design(np.zeros(0))[used], free.target[used]
+    rows, target = free.columns(np.zeros(0))[0][used], free.target[used]
     right = np.column_stack([rows, target])
     every = rows.T @ right
     count, size = rows.shape
@@ -391,9 +378,9 @@ def weigh(equation: Equation, loss: str) -> Weights:
 
     own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
     if loss != "gauss" and count > 2 * size:
-        floor, even = least_scale(target), np.ones(count)
+        floor = least_scale(target)
         last = iterate(
-            np.zeros(size), lambda x: target - rows @ x, solve, even, size, floor, loss
+            np.zeros(size), lambda x: target - rows @ x, solve, own, size, floor, loss
         )
         ratio = (target - rows @ last.value) / last.loss.scale
         own = np.where(last.wild, 0.0, last.loss.share(ratio))

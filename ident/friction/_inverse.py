@@ -394,5 +394,5 @@ def force_error(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " 
         samples: A recording, the one fitted or another; its rows in motion count.
     """
     equation = equation_of(samples, fit.structure, fit.known, fit.decimate)
-    error = equation.target - equation.design(fit.shape) @ fit.state
+    error = equation.target - equation.columns(fit.shape)[0] @ fit.state
     return np.asarray(error[equation.usable])

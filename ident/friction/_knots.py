@@ -12,8 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...models import linear_weights
 from ..core import FitError
+from ._equation import ridged
+from ._structures import KnotTable
 
 _PER_MM = 1000.0
 _PLACES = 60
@@ -75,21 +76,21 @@ def place_knots(
         FitError: If there are fewer than 3 entries or 2 speeds, or arguments are no
             numbers or out of order.
     """
-    ascend = bool(np.all(np.diff(velocity, prepend=0.0) > 0))
-    finite = bool(np.isfinite([current, weight]).all())
-    counts = bool(np.all(weight >= 0) and np.any(weight > 0))
-    count = len(velocity)
-    for found, words in (
-        (entries < 3, f"{entries} entries, expected at least 3 for a friction table"),
-        (count < 2, f"{count} speeds, expected at least 2 for a friction table"),
-        (not ascend, "speeds that do not ascend from above 0, expected them to"),
-        (not finite, "gaps in the friction curve, expected numbers"),
-        (not counts, "no speed that counts, expected weights of 0 or more"),
-        (not unit > 0, f"{unit:g} per list unit, expected more than 0"),
-    ):
-        if found:
-            msg = "found " + words
-            raise FitError(msg)
+    count, msg = len(velocity), ""
+    if entries < 3 or count < 2:
+        found = f"{entries} entries" if entries < 3 else f"{count} speeds"
+        least = 3 if entries < 3 else 2
+        msg = f"found {found}, expected at least {least} for a friction table"
+    elif not np.all(np.diff(velocity, prepend=0.0) > 0):
+        msg = "found speeds that do not ascend from above 0, expected them to"
+    elif not np.isfinite([current, weight]).all():
+        msg = "found gaps in the friction curve, expected numbers"
+    elif np.any(weight < 0) or not np.any(weight):
+        msg = "found no speed that counts, expected weights of 0 or more"
+    elif not unit > 0:
+        msg = f"found {unit:g} per list unit, expected more than 0"
+    if msg:
+        raise FitError(msg)
     low = max(1, round(velocity[0] * _PER_MM))
     high = max(low + 1, math.ceil(velocity[-1] * _PER_MM - 1e-6))
     beyond = max(high + 1, math.ceil(1.05 * (reach or velocity[-1]) * _PER_MM))
@@ -132,14 +133,11 @@ class _Curve:
 
     def heights(self, places: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Return the heights at which a polyline with these knots follows the curve best."""
-        first, weights = linear_weights(places, self.place)
-        root, rows = np.sqrt(self.weight), np.arange(len(first))
-        hats = np.zeros((len(first), len(places)))
-        hats[rows, first], hats[rows, first + 1] = root * weights
+        hats = KnotTable(knots=tuple(places)).steady(self.place)
+        told = hats.T * self.weight
         chord = self.at(places)  # stays where no point tells a height
-        inverse = np.linalg.pinv(hats.T @ hats, rcond=1e-10, hermitian=True)
-        off = hats.T @ (root * self.height - hats @ chord)
-        return np.asarray(chord + inverse @ off)
+        off = told @ (self.height - hats @ chord)
+        return np.asarray(chord + ridged(told @ hats, off))
 
     def _between(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
         """Return sums over the points in (left, right], from the first point on."""

@@ -13,11 +13,11 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import least_squares
 
+from ...data.signals import median
 from ..core import FitError, one_blas_thread
-from ._equation import Known
+from ._equation import Known, ridged
 from ._samples import DriveSamples, check_samples
 from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
@@ -35,6 +35,10 @@ _DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 6)])
 """Where the search for the distance starts, in mm."""
 _MOST_DELAY = 30
 """Largest delay that is tried, in cycles."""
+_ASIDE = 4
+"""Cycles on each side of the best delay that are looked at closely."""
+_ROUGH = 6
+"""Knots per direction of the table that shows where the delay is."""
 _MARGIN = 10
 """Cycles that are looked at beyond those that look-ahead and delay touch."""
 _REVERSALS = 64
@@ -46,8 +50,6 @@ _SMALL = 0.05
 """Share of the friction below which nothing is wild, however quiet the rest."""
 _FEW = 4
 """Reversals below which nothing is known of them."""
-_SINGULAR = 1e-12
-"""Added to the diagonal of scaled normal matrices."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,9 +86,9 @@ class ReversalFit:
         """What the recording cannot tell: name → reason."""
         reasons: dict[str, str] = {}
         if self.reversals < _FEW:
-            names = ("reversal_lookahead", "position_delay", "delay_cycles")
             words = f"only {self.reversals} reversals were recorded"
-            reasons = dict.fromkeys(names, words)
+            for name in ("reversal_lookahead", "position_delay", "delay_cycles"):
+                reasons[name] = words
         for name, cycles, probability in (
             ("reversal_lookahead", self.lookahead, self.lookahead_probability),
             ("delay_cycles", self.delay_cycles, self.delay_probability),
@@ -114,10 +116,10 @@ def fit_reversal(
     """Find how the friction current changes over where the axis reverses, and the law with it.
 
     A Stribeck curve and a table per direction are tried, and the one taken that leaves least
-    (Bayesian information criterion). Every look-ahead and delay is tried at some distances;
-    distance and shape are then searched for those that come near the best. Samples beyond 6
-    standard deviations are left out, and what successive residuals have in common counts in
-    the uncertainty.
+    (Bayesian information criterion). Every look-ahead and delay is tried at some distances
+    with a rough table; delays beside the best one are tried with both, and distance and
+    shape searched for what comes near the best. Samples beyond 6 standard deviations are
+    left out; what successive residuals have in common counts in the uncertainty.
 
     Args:
         samples: The recording, one sample per cycle of the controller.
@@ -147,9 +149,14 @@ def fit_reversal(
     speed = np.abs(samples.velocity[samples.in_motion])
     kinds = Stribeck(True), KnotTable(True, default_knots(speed, KNOTS))
     with one_blas_thread():
+        # A rough table shows where the delay is, whatever the law.
+        rough = _Search(samples, KnotTable(True, default_knots(speed, _ROUGH)), *given)
+        every = np.ones(len(position), bool)
+        table = rough.grid(np.zeros(0), every, range(_MOST_DELAY + 1))
+        delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
         found = [
-            _found(_Search(samples, structure, *given), len(starts))
-            for structure in kinds
+            _found(_Search(samples, kind, *given), len(starts), delays)
+            for kind in kinds
         ]
     return min(found, key=lambda each: each[1])[0]
 
@@ -225,23 +232,25 @@ class _Search:
         own = self.share(setting.distance)[setting.lookahead, before, None] * own
         design, load = np.concatenate([own, self.beside[use]], axis=1), self.load[use]
         gram = design.T @ design
-        factors, _ = _least(gram, design.T @ load)
+        factors = ridged(gram, design.T @ load)
         left = load - design @ factors
         # Once more for what rounding leaves of normal equations.
-        more, _ = _least(gram, design.T @ left)
+        more: np.ndarray = ridged(gram, design.T @ left)
         return factors + more, left - design @ more
 
     def grid(
-        self, shape: Float[np.ndarray, " h"], keep: Bool[np.ndarray, " t"]
+        self,
+        shape: Float[np.ndarray, " h"],
+        keep: Bool[np.ndarray, " t"],
+        delays: range,
     ) -> Float[np.ndarray, "l d s"]:
-        """Return the sums of squares by look-ahead, delay and distance."""
+        """Return the sums of squares by look-ahead, delay and distance; else infinite."""
         near, far = self.near[keep[self.near]], self.far[keep[self.far]]
-        columns, beside = self.columns(tuple(shape)), self.beside
+        columns, beside, load = self.columns(tuple(shape)), self.beside, self.load
         split = columns.shape[1]
-        load = self.load
         total = float(load[near] @ load[near] + load[far] @ load[far])
-        found = np.empty((LOOKAHEADS, _MOST_DELAY + 1, len(_DISTANCES)))
-        for delay in range(_MOST_DELAY + 1):
+        found = np.full((LOOKAHEADS, _MOST_DELAY + 1, len(_DISTANCES)), np.inf)
+        for delay in delays:
             away = np.concatenate([columns[far - delay], beside[far]], axis=1)
             gram, moment = away.T @ away, away.T @ load[far]
             own = np.concatenate([columns[near - delay], beside[near]], axis=1)
@@ -249,9 +258,10 @@ class _Search:
                 for lookahead, share in enumerate(self.share(float(distance))):
                     design = own.copy()
                     design[:, :split] *= share[near - delay, None]
-                    parts = gram + design.T @ design, moment + design.T @ load[near]
-                    found[lookahead, delay, place] = total - _least(*parts)[1]
-        return np.maximum(found, 0.0)
+                    right = moment + design.T @ load[near]
+                    gain = right @ ridged(gram + design.T @ design, right)
+                    found[lookahead, delay, place] = total - gain
+        return np.asarray(np.maximum(found, 0.0))
 
     def refined(
         self, setting: _Setting, use: Int[np.ndarray, " r"]
@@ -261,8 +271,7 @@ class _Search:
         ends = _DISTANCES[max(place - 1, 0)], _DISTANCES[place : place + 2][-1]
         shapes = self.structure.bounds(range_of(np.abs(self.velocity[use])))
         low, high = np.column_stack([ends, shapes])
-        first = np.append(setting.distance, setting.shape)
-        inside = 1e-3 * (high - low)
+        start, inside = np.append(setting.distance, setting.shape), 1e-3 * (high - low)
         unit = np.linalg.norm(self.solve(setting, use)[1]) or 1.0
 
         def at(point: Float[np.ndarray, " q"]) -> _Setting:
@@ -272,7 +281,7 @@ class _Search:
 
         found = least_squares(
             lambda point: self.solve(at(point), use)[1] / unit,
-            np.clip(first, low + inside, high - inside),
+            np.clip(start, low + inside, high - inside),
             bounds=(low, high),
             x_scale=high - low,
             max_nfev=_TRIALS,
@@ -280,18 +289,6 @@ class _Search:
         if 2.0 * found.cost < 1.0:
             return at(found.x), 2.0 * float(found.cost * unit**2)
         return setting, float(unit**2)
-
-
-def _least(
-    gram: Float[np.ndarray, "p p"], moment: Float[np.ndarray, " p"]
-) -> tuple[Float[np.ndarray, " p"], float]:
-    """Return the solution of normal equations, and how much of the squares it explains."""
-    size = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
-    scaled, right = gram / size / size[:, None], moment / size
-    # Where columns cannot be told apart, all of them take a share.
-    scaled[np.diag_indices_from(scaled)] += _SINGULAR
-    found = cho_solve(cho_factor(scaled, check_finite=False), right, check_finite=False)
-    return found / size, float(right @ found)
 
 
 def _rows(
@@ -316,24 +313,27 @@ def _rows(
     return np.flatnonzero(near & good), np.flatnonzero(far)
 
 
-def _found(search: _Search, reversals: int) -> tuple[ReversalFit, float]:
+def _beside(delay: int) -> range:
+    """Return the delays around the best one."""
+    return range(max(delay - _ASIDE, 0), min(delay + _ASIDE, _MOST_DELAY) + 1)
+
+
+def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, float]:
     """Return the best setting and what it says, wild samples left out, and its criterion."""
     use = np.union1d(search.near, search.far)
-    keep = np.zeros(len(search.position), bool)
-    keep[use] = True
+    keep = np.isin(np.arange(len(search.position)), use)
     shape = search.structure.bounds(range_of(np.abs(search.velocity[use]))).mean(axis=0)
     # A first pass finds the wild samples and the shape, the second does without them.
-    table = search.grid(shape, keep)
+    table = search.grid(shape, keep, delays)
     first, _ = _pass(search, shape, keep, table, 1)
     left = search.solve(first, use)[1]
-    level = float(np.median(np.abs(search.load[use])))
-    typical = 1.4826 * float(np.median(np.abs(left)))
-    good = np.abs(left) <= max(_WILD * typical, _SMALL * level)
+    level, typical = (median(np.abs(each)) for each in (search.load[use], left))
+    good = np.abs(left) <= max(_WILD * 1.4826 * typical, _SMALL * level)
     if good.mean() >= 0.5:
         keep[use[~good]] = False
         use = use[good]
     if len(shape) or not good.all():
-        table = search.grid(first.shape, keep)
+        table = search.grid(first.shape, keep, _beside(first.delay))
     best, squares = _pass(search, first.shape, keep, table, _CLOSE)
     if best.distance < _NOTHING:
         best = dataclasses.replace(best, distance=0.0)

@@ -26,8 +26,8 @@ from ._equation import Equation, Weights, ridged
 
 _NULL = 1e-9
 """Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
-_TOLERANCE = 1e-6
-"""Of cost and shape at the end of a search."""
+_LAST_GAIN, _LAST_STEP = 1e-7, 1e-4
+"""Relative, of cost and shape at the end of a search: a hundredth of their deviations."""
 _AWAY, _FIRST_STEP = 5.0, 0.1
 """MINPACK bounds its first step by a share of the unknowns: so they stay away from 0."""
 _INSIDE = 0.999
@@ -248,7 +248,7 @@ def _search(
         lambda free: at(free)[0],
         _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
         Dfun=lambda free: at(free)[1],
-        xtol=_TOLERANCE, ftol=_TOLERANCE, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
+        xtol=_LAST_STEP, ftol=_LAST_GAIN, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
     return middle + half * np.tanh(found[0] - _AWAY), found[-1] in (1, 2, 3, 4)
 

@@ -374,12 +374,10 @@ def _shares(
     velocity: Float[Array, " t"],
     distance: Float[Array, ""],
 ) -> Float[Array, "l t"]:
-    found = []
-    for lookahead in range(LOOKAHEADS):
-        # Only its rules for the change of direction matter, not its law.
-        model = FrictionCompensation(_ANY_LAW, lookahead, distance)
-        found.append(model.shares(model.start(), position, velocity)[0])
-    return jnp.abs(jnp.stack(found))
+    # Only its rules for the change of direction matter, not its law.
+    every = [FrictionCompensation(_ANY_LAW, n, distance) for n in range(LOOKAHEADS)]
+    shares = [one.shares(one.start(), position, velocity)[0] for one in every]
+    return jnp.abs(jnp.stack(shares))
 
 
 def share_of(

@@ -211,7 +211,8 @@ class Stribeck(AbstractStructure):
     @property
     def words(self) -> str:
         """See `AbstractStructure`."""
-        return "Stribeck" + " per direction" * self.directional
+        fixed = "" if self.exponent is None else f" with exponent {self.exponent:g}"
+        return "Stribeck" + fixed + " per direction" * self.directional
 
     @property
     def factors(self) -> tuple[str, ...]:
