@@ -1,7 +1,13 @@
 """Many jobs: one or a hundred thousand, resumable, on one machine or a cluster.
 
-Fitting a log is imported when it is first asked for: it needs the estimators, while the
-process that looks after a batch leaves them to its workers.
+Read in this order: `_run` (the whole), `_collect` with `_job_table` (which jobs there are),
+`_manifest` and `_journal` (what was done so far, on disk), `_lock`, `_pool` over `_cluster`
+(chunks of jobs on workers that may die), `_work` (what a worker does), `_rows` and `_schema` (a
+row per fit), `_table` (questions to them), `_summary` and `_page`. `_log` spreads one huge log
+over the same workers.
+
+Fitting a log is imported when it is first asked for: it needs the estimators, while the process
+that looks after a batch leaves them to its workers.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -1,10 +1,12 @@
 """List ↔ model, rounded to integers: the one place that converts list units.
 
-A room per compensation: `plane_from_list`/`entries_of_plane` and so on; what an axis
-list sets up by itself, and the start-up list, have theirs. A table fit works with an
-`AbstractTable`, which knows its nodes, its sign and how it is written.
-`controller_from_lists` makes a whole machine of its lists, `simulate` runs it;
-`load_model` makes models of the lists of one axis, `write_lists` writes them back.
+Read `_units` and `_nodes` (integers of a list), then a room per compensation: `_plane`,
+`_cross`, `_leadscrew`, `_friction`, `_crosstalk` with `plane_from_list`/`entries_of_plane` and
+so on; `_axis_list` (what an axis list sets up by itself) and `_startup`. `_table` with
+`_tables`: what a table fit writes, with its nodes and its sign. `_machine_lists` and
+`_controller` make a whole machine of its lists, `_simulate` runs it, `_probe` asks it for
+plateaus; `load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists`
+writes them back. `_conventions_file`: how one machine reads them.
 """
 
 from ._axis_list import (

@@ -1,7 +1,16 @@
-"""Job files: from TOML to lists, result and proof.
+"""From a job file to proven lists: plan, readings, fits, drafts, gate, files, result.
 
-Results of the rooms beside the tables are imported when they are first asked for: a
-job of one table needs none of them, and starts sooner without.
+Read in this order: `_schema` with `_fit_schema` (every key), `_load` with `_checks` (a job that
+can be run), `_run` (the whole way, in one function), `_rooms` and `_plan` (what each fit
+writes), `_source` and `_readings` with `_remove` and `_trend` (from a file to readings),
+`_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
+(entries into the user's lists), `_gating`, `_whole` with `_acting` and `_switching` (the gate
+of a fit and of a whole axis), `_prove` (the files, read back), `_result` with `_verdict`,
+`_loadsheet`, and `_measure_again` (the second measurement).
+
+Rooms: `backlash`, `crosstalk`, `friction`, `temperature` (what is special about each), `joint`
+(fits of one group), `streamed` (logs read in pieces). Their results are imported when they are
+first asked for: a job of one table needs none of them, and starts sooner without.
 """
 
 import importlib

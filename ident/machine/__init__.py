@@ -1,8 +1,12 @@
 """A virtual machine with known errors: it takes lists, is measured, and can be asked.
 
-Measured with no list, it gives the data of a job; measured again with the written
-lists active, it gives a true second measurement, since its errors come from physical
-causes and its offsets from the controller's rules, not from the fit.
+Measured with no list, it gives the data of a job; measured again with the written lists active,
+it gives a true second measurement, since its errors come from physical causes and its offsets
+from the controller's rules, not from the fit.
+
+Read `_sources` and `_moving_sources` (causes), `_state`, `_machine`, `_instrument` and
+`_measure` (files as instruments leave them), `_drive`, `_example` (the machine of the demo);
+`motion` is the same machine at work.
 """
 
 from ._drive import (

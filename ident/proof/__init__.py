@@ -1,4 +1,11 @@
-"""Read-back, held-out prediction and the gate: why a list can be trusted."""
+"""Why a list can be trusted: held-out prediction, the gate, and what a controller shows.
+
+Read `_figures` (how large an error is), `_heldout` (each reading under the list that was fitted
+without it), `_dynamics` and `_reversal` (the motion that a table adds), `_gate` (what it may
+do), `_circle` with `_course` (what friction does to a circle). Rooms: `axis` (all that acts on
+one axis, judged together), `verify` (a controller's log against its lists), `doctor`
+(measurements without and with the lists).
+"""
 
 from ._circle import (
     CircularTest as CircularTest,

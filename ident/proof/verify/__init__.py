@@ -1,9 +1,14 @@
 """A controller's log against its lists: what it does with each compensation.
 
-Each compensation is a *channel* that gives what is added along the motion of the log,
-also under changes that a controller may make (`Change`). The search compares such
-hypotheses by how well they explain what was logged, the noise being estimated, and what
-each costs (a description length); the judge puts the best into words.
+Each compensation is a *channel* that gives what is added along the motion of the log, also
+under changes that a controller may make (`Change`). The search compares such hypotheses by how
+well they explain what was logged, the noise being estimated, and what each costs (a description
+length); the judge puts the best into words.
+
+Read `_verify` (the whole), `_reports` and `_target` (what is to be explained), `_lists` with
+`_channel`, `_tables`, `_steps`, `_dynamic` (the channels), `_hypothesis`, `_scan` and
+`_search`, `_judge`, `_words`; `_owner` and `_total` for logs that show more than one axis or
+sums only.
 """
 
 from ._channel import AbstractChannel as AbstractChannel, Change as Change
