@@ -76,6 +76,13 @@ def test_simplest_law_that_predicts_is_chosen() -> None:
     assert choose_law(recording(plain), kinds, windows=5).chosen == 0
 
 
+def test_an_exponent_is_fitted_only_where_the_data_ask_for_it() -> None:
+    plain = choose_law(recording()).fit
+    assert plain.structure == Stribeck(exponent=2.0)
+    assert plain.structure.words == "Stribeck with exponent 2"
+    assert "stribeck_shape" not in plain.parameters
+
+
 def test_an_exponent_other_than_two_is_found() -> None:
     samples = recording(friction(recording().velocity, exponent=1.0))
     choice = choose_law(samples)
