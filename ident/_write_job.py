@@ -189,7 +189,7 @@ def _keys(effect: AbstractEffect | Friction) -> dict[str, Any]:
     keys: dict[str, Any] = {"compensation": effect.compensation}
     for field in dataclasses.fields(effect):
         value = None if field.name in effect.no_keys else getattr(effect, field.name)
-        if value is not None and value not in (field.default, {}):
+        if value not in (None, {}, field.default):
             keys[field.name] = value
     if isinstance(effect, Temperature):
         lag = {"fit": "auto", 0.0: "none"}.get(effect.lag, effect.lag)
