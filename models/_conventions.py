@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 Sign = Literal[1, -1]
+Decides = Literal["sign", "owner", "zero", ""]
 
 
 class ConventionError(ValueError):
@@ -39,8 +40,9 @@ class Convention:
         rule: Number in the list of contradictions and silent points (S-…).
         meaning: One line.
         decides: ``sign`` where another value turns what a list adds, ``owner`` where it
-            hands it to another axis or master, else empty. A list is unproven as long as
-            such a rule is assumed.
+            hands it to another axis or master, ``zero`` where it shifts an axis as a
+            whole, which an instrument with a zero of its own cannot show, else empty. A
+            list is unproven as long as such a rule is assumed.
     """
 
     name: str
@@ -49,12 +51,10 @@ class Convention:
     choices: tuple[int | str, ...]
     rule: str
     meaning: str
-    decides: Literal["sign", "owner", ""]
+    decides: Decides
 
 
-def _about(
-    rule: str, meaning: str, decides: Literal["sign", "owner", ""] = ""
-) -> dict[str, str]:
+def _about(rule: str, meaning: str, decides: Decides = "") -> dict[str, str]:
     return {"rule": rule, "meaning": meaning, "decides": decides}
 
 
@@ -121,7 +121,7 @@ class Conventions:
     backlash_reference: Sign = dataclasses.field(
         default=1,
         metadata=_about(
-            "S-45", "Direction of the reference flank where P-AXIS-00021 is 1.", "sign"
+            "S-45", "Direction of the reference flank where P-AXIS-00021 is 1.", "zero"
         ),
     )
     backlash_start: Literal["direction", "reference"] = dataclasses.field(

@@ -39,7 +39,8 @@ class ConventionState:
         value: The value taken.
         state: ``assumed`` or ``verified``.
         meaning: One line.
-        decides: ``sign`` or ``owner`` where a list is unproven without it, else empty.
+        decides: ``sign``, ``owner`` or ``zero`` where a list is unproven without it, else
+            empty.
     """
 
     name: str
@@ -175,9 +176,7 @@ class AbstractResult(abc.ABC):
         """Whether a second measurement shows that the list does what it says."""
         if self.again is None or self.judgement.verdict is Verdict.REJECTED:
             return False
-        found = self.again.diagnosis
-        right = found is not None and found.verdict == "right"
-        return right or self.judgement.verdict is Verdict.GOOD
+        return self.again.acts or self.judgement.verdict is Verdict.GOOD
 
     @property
     def measured_as(self) -> str:

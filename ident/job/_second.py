@@ -11,6 +11,10 @@ from ...data.errors import AxcompError
 from ...data.measurements import Iso230, iso230
 from ..proof import Diagnosis, ErrorFigures, RunTable, error_figures
 
+LESS = 1.5
+"""Ratio of the measured to the predicted error, from which on less came of a list."""
+SHOWN = 0.5
+"""Share of what a list adds that may be left where the figures alone show its sign."""
 _WILD = 6.0
 """Standard deviations from the median at which a reading is the instrument's fault."""
 
@@ -39,6 +43,8 @@ class SecondMeasurement:
         run: Run per reading, or None.
         wild: Readings that are the instrument's fault, or None: rms and largest error
             are given without them as well, as for the first measurement.
+        added: What the list adds at these readings, standard deviation in mm or °; None
+            where only a diagnosis can tell that it acts.
     """
 
     name: str
@@ -47,6 +53,7 @@ class SecondMeasurement:
     direction: Int[np.ndarray, " t"] | None = None
     run: Int[np.ndarray, " t"] | None = None
     wild: Bool[np.ndarray, " t"] | None = None
+    added: float | None = None
 
     def __post_init__(self) -> None:
         if self.error.size == 0 or not np.isfinite(self.error).all():
@@ -63,11 +70,12 @@ class SecondMeasurement:
         error: Float[np.ndarray, " t"],
         direction: Int[np.ndarray, " t"] | None = None,
         run: Int[np.ndarray, " t"] | None = None,
+        added: float | None = None,
     ) -> "SecondMeasurement":
         """Return readings with the wild ones among them marked."""
         away = np.abs(error - np.median(error))
         wild = away > _WILD * 1.4826 * np.median(away)
-        return cls(name, positions, error, direction, run, wild)
+        return cls(name, positions, error, direction, run, wild, added)
 
     @property
     def sound(self) -> Bool[np.ndarray, " t"]:
@@ -120,6 +128,24 @@ class MeasuredAgain:
     def rms(self) -> float | None:
         """Error with the list active, rms without wild readings; None: not measured."""
         return None if self.readings is None else self.readings.figures.sound.rms
+
+    @property
+    def shown(self) -> bool:
+        """Whether the figures alone show that the list does what it says.
+
+        What is left is as predicted, and far less than the list adds at these very
+        readings: with another sign, size or place that much would be left.
+        """
+        if self.readings is None or self.readings.added is None or self.rms is None:
+            return False
+        small = self.rms <= LESS * self.predicted
+        return small and self.rms <= SHOWN * self.readings.added
+
+    @property
+    def acts(self) -> bool:
+        """Whether the list surely does what it says."""
+        found = self.diagnosis
+        return self.shown or (found is not None and found.verdict == "right")
 
     @property
     def source(self) -> Mapping[str, Any]:

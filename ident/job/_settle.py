@@ -10,7 +10,6 @@ from ...data.files import write_atomically
 from ..exchange import StoredConventions, read_conventions
 from ._load import Job
 from ._result import AbstractResult, Remark
-from ._verdict import Verdict, judgement_of
 
 CONVENTIONS = "conventions.toml"
 """Name in the output folder, where the job names no file of its machine."""
@@ -24,16 +23,18 @@ def settled_by(
     for one in results:
         again = one.again
         found = None if again is None else again.diagnosis
-        if again is None or found is None or found.sign == 0:
+        if again is None:
+            continue
+        sign = 1 if again.shown else 0 if found is None else found.sign
+        if sign == 0:
             continue
         # Scatter of the runs may look like a fault: the error must go the same way.
-        if again.rms is not None and (again.rms - again.before) * found.sign > 0:
+        if again.rms is not None and (again.rms - again.before) * sign > 0:
             continue
-        proven = found.verdict == "right" or _as_predicted(one)
         for rule in one.conventions:
             if rule.decides == "sign":
-                votes.setdefault(rule.name, set()).add(found.sign * int(rule.value))
-            elif rule.decides == "owner" and proven and found.sign > 0:
+                votes.setdefault(rule.name, set()).add(sign * int(rule.value))
+            elif rule.decides == "owner" and again.acts and sign > 0:
                 votes.setdefault(rule.name, set()).add(rule.value)
     remarks = [
         Remark(
@@ -45,12 +46,6 @@ def settled_by(
         if len(values) > 1
     ]
     return {n: next(iter(v)) for n, v in votes.items() if len(v) == 1}, remarks
-
-
-def _as_predicted(result: AbstractResult) -> bool:
-    """Return whether the error with the list active is what was predicted."""
-    known = dataclasses.replace(result, conventions=())
-    return judgement_of(known).verdict is Verdict.GOOD
 
 
 def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Remark]:

@@ -20,6 +20,7 @@ from ._output import OutFolder
 from ._plan import plan_fit
 from ._prove import Proof, offset_at_readings, prove, result_of
 from ._readings import read_fit
+from ._remove import without_zero
 from ._result import Remark, TableResult
 from ._second import SecondMeasurement
 from ._source import Tables
@@ -155,12 +156,24 @@ class AbstractTableDraft(AbstractDraft):
         table = self.one.plan.table
         found = read_fit(tables, self.index, fit, table, {}, {})
         own = table.masters == (table.axis,)
+        branch = None
+        if table.branches == 2:
+            assert found.direction is not None  # `read_fit` refuses it otherwise
+            branch = (found.direction < 0).astype(np.int64)
+        model = table.model(self.one.integers)
+        added = table.offset(model, found.positions, branch)
+        if self.one.plan.active and (old := self.one.plan.old) is not None:
+            added = added - table.offset(old, found.positions, branch)
+        removed = {tables.job.spec.measurements[name].remove for name in fit.sources}
+        if "line" in removed:  # a slope that no reading shows
+            added = without_zero(added, found.positions, "line")
         return SecondMeasurement.of(
             ", ".join(fit.sources),
             found.positions,
             found.error - found.zero_at_datum(table),
             found.direction if own else None,
             found.run if own and found.run_table(own) is not None else None,
+            float(np.std(added)),
         )
 
     def prove(

@@ -5,13 +5,13 @@ import enum
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from ._second import LESS
+
 if TYPE_CHECKING:
     from ._result import AbstractResult
 
 NO_GAIN = 0.98
 """Share of the error before that a list must undercut to count as a gain."""
-LESS = 1.5
-"""Ratio of the measured to the predicted error, from which on less came of a list."""
 
 
 class Verdict(enum.StrEnum):
@@ -91,10 +91,13 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
     if (fault := _fault_measured(fit)) is not None:
         return Judgement(Verdict.REJECTED, (fault,))
     reasons = _doubts(fit)
+    acts = fit.again is not None and fit.again.acts
     assumed = [
         rule.name
         for rule in fit.conventions
         if rule.decides and rule.state == "assumed"
+        # What a list does is seen; where the axis as a whole lies is not asked then.
+        if not (acts and rule.decides == "zero")
     ]
     if assumed:
         reasons.append(Reason(Code.ASSUMED, {"conventions": assumed}))
@@ -113,7 +116,7 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     again = fit.again
     if again is None:
         return None
-    found = again.diagnosis
+    found = None if again.shown else again.diagnosis
     if found is not None and found.verdict not in ("right", "cannot tell"):
         return Reason(Code.DIAGNOSED, {"verdict": found.verdict, "value": found.value})
     promised = again.predicted < NO_GAIN * again.before

@@ -123,6 +123,25 @@ def test_verdicts_have_a_value_and_a_sentence() -> None:
     assert other.sentence == "acts on A2 instead of A1"
 
 
+@pytest.mark.parametrize("fault", ["right", "twice", "sign"])
+def test_beside_a_temperature_line_no_fault_is_named(fault: str) -> None:
+    # What a PLC adds stands in no list, and may look like any fault of a table.
+    machine = ListFile.parse(
+        b"kopf.achs_nr 1\nlr_param.ssfk 1\nlr_param.temp_comp 1\n"
+        b"lr_param.temp_comp_position_0 0\nlr_param.temp_comp_offset_0 0\n"
+        b"lr_param.temp_comp_coefficient 0.0\n",
+        "achsmds1.lis",
+    )
+    rng = np.random.default_rng(9)
+    noise = SIZE / 10 * rng.normal(size=(2, X.size))
+    before = [Measured(1, {1: X}, error(X) + noise[0], None)]
+    after = [Measured(1, {1: X}, error(X) + EFFECTS[fault] + noise[1], None)]
+    found = diagnose([LIST, machine], before, after, Conventions())
+    verdicts = {one.compensation: (one.verdict, one.sign) for one in found}
+    told = ("right", 1) if fault == "right" else ("cannot tell", 0)
+    assert verdicts == {"leadscrew": told, "temperature": ("cannot tell", 0)}
+
+
 def test_a_factor_that_is_no_fault_is_said_and_not_guessed() -> None:
     one = draw(-0.5 * error(X), SIZE / 10, np.random.default_rng(5))
     assert one.verdict == "cannot tell"

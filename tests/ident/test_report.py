@@ -213,6 +213,19 @@ def test_second_measurement_decides_the_verdict(
     assert "nothing here is verified" not in text
 
 
+def test_figures_outweigh_a_diagnosis_that_something_else_may_have_blurred(
+    leadscrew: Make,
+) -> None:
+    # Before: 19 µm rms; predicted: 2 µm. Twice the list would have left 19 µm.
+    fit = again(leadscrew(), 0.0018, "twice")
+    assert fit.judgement.verdict is Verdict.REJECTED
+    assert fit.again is not None
+    assert fit.measured is not None
+    seen = dataclasses.replace(fit.measured, added=0.019)
+    shown = dataclasses.replace(fit.again, readings=seen)
+    assert dataclasses.replace(fit, again=shown).judgement.verdict is Verdict.GOOD
+
+
 def test_second_measurement_with_gaps_is_refused() -> None:
     with pytest.raises(
         SecondMeasurementError, match=r"again\.csv: found 2 readings, 1 of them numbers"

@@ -189,6 +189,7 @@ class BacklashDraft(AbstractDraft):
             before,
             way.astype(np.int64),
             wild=again._wild,
+            added=0.5 * abs(self.width - self.known.acting),
         )
 
     def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:

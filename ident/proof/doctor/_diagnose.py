@@ -124,14 +124,26 @@ def diagnose(
             expected="an axis with a list that was switched between the measurements",
         )
     setting = Setting(conventions, increment, modulo or {})
-    columns = {
+    acting = {
         (use.axis, use.name): setting.column(use, changes[use.axis]) for use in judged
     }
+    # What a list says is the same everywhere, such as a temperature line that a PLC
+    # moves, hides in the zero of the instrument; what the PLC adds looks like a fault.
+    columns = {key: one for key, one in acting.items() if np.ptp(one) > 0}
+    blurred = {axis for axis, name in acting.keys() - columns.keys()}
     found = []
     for use in judged:
         key = use.axis, use.name
         found.append(
-            _judged(use, switched[key], changes, columns, setting, names or {})
+            _judged(
+                use,
+                switched[key],
+                changes,
+                columns,
+                setting,
+                names or {},
+                blurred=use.axis in blurred,
+            )
         )
     return tuple(found)
 
@@ -163,6 +175,8 @@ def _judged(
     columns: Mapping[tuple[int, str], Float[np.ndarray, " g"]],
     setting: Setting,
     names: Mapping[int, str],
+    *,
+    blurred: bool,
 ) -> Diagnosis:
     explained = cases_of(use, switched, changes, columns, setting)
     cases = explained.cases
@@ -178,6 +192,7 @@ def _judged(
     best = cases[first]
     blind = explained.blind if word == "right" else None
     told = by_word[word] >= SURE and word != "cannot tell"
+    told = told and (word == "right" or not blurred)
     sure = told and blind is None
     text = sentence_of(
         word if sure else "cannot tell",

@@ -11,7 +11,14 @@ from axcomp.ident.cli import main
 from axcomp.ident.exchange import read_conventions
 from axcomp.ident.job import run_job
 
-from .screw import offsets, screw_error, screw_job, state_conventions, table
+from .screw import (
+    offsets,
+    old_list,
+    screw_error,
+    screw_job,
+    state_conventions,
+    table,
+)
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "iso230"
 
@@ -215,6 +222,32 @@ def test_sign_that_a_log_settled_is_not_turned_by_an_instrument(
     assert fit(job, "--after", str(after_job(job.parent, -1.0))) == 1
     assert (job.parent / "mill.toml").read_text() == rules
     assert "was settled before and stays" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("added", [1.0, -1.0])
+def test_new_table_over_an_active_old_one_is_proven_by_what_it_takes_off(
+    tmp_path: Path, added: float
+) -> None:
+    # Nothing was switched between the measurements, so that no diagnosis is made.
+    (tmp_path / "old").mkdir()
+    whole = old_list(tmp_path / "old")
+    kept = [line for line in whole.splitlines(True) if b"crosscomp" not in line]
+    (tmp_path / "achskw1.lis").write_bytes(b"".join(kept))
+    laser(tmp_path / "laser.csv", None)
+    rows = np.genfromtxt(tmp_path / "laser.csv", delimiter=",", names=True)
+    target, way, run = rows["target"], rows["direction"].astype(int), rows["run"]
+    actual = rows["actual"] + added * offsets(tmp_path, 1, A1=target, D=way)
+    table(
+        tmp_path / "laser.csv", "target,actual,run,direction", target, actual, run, way
+    )  # fmt: skip
+    job = screw_job(
+        tmp_path, axis='list = "achskw1.lis"', measurement='active = ["leadscrew"]'
+    )
+    run_job(job, tmp_path / "out")
+    assert fit(job, "--after", str(after_job(tmp_path, added))) == int(added < 0)
+    one = fitted(job)
+    assert one["diagnosis"] is None
+    assert one["verdict"] == ("good" if added > 0 else "rejected")
 
 
 def real_job(folder: Path, name: str, nodes: list[int], runs: range) -> Path:
