@@ -64,9 +64,10 @@ def judge_whole(
             continue
         axis = _Axis(tables, own.axis, tuple(acting.values()), lists[own.axis])
         loaded = None
-        if len(acting) > 1 or axis.has_lists:
-            loaded = acting_after(job, own.axis, lists[own.axis], own, axis.drafts)
         try:
+            if len(acting) > 1 or axis.has_others():
+                own_lists = lists[own.axis]
+                loaded = acting_after(job, own.axis, own_lists, own, axis.drafts)
             names = axis.compensations(loaded)
             if loaded is not None and len(names) > 1:
                 whole = axis.together(loaded, names)
@@ -106,10 +107,14 @@ class _Axis:
     def unit(self) -> str:
         return "mm" if self.job.spec.axes[self.name].kind == "linear" else "°"
 
-    @property
-    def has_lists(self) -> bool:
-        """Whether there is a list that something else may stand in."""
-        return (self.lists.compensation, self.lists.machine) != (None, None)
+    def has_others(self) -> bool:
+        """Return whether its existing lists hold more than what the fits write.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        fitted = {draft.compensation for draft in self.drafts}
+        return bool(acting_before(self.job, self.name, self.lists).used.keys() - fitted)
 
     def compensations(self, loaded: Loaded | None) -> tuple[str, ...]:
         """Return what acts on the axis; tables of zeros do not.

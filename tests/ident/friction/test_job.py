@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,7 +206,8 @@ def test_list_at_half_the_level_promises_half_and_says_what_to_do(
     record(tmp_path)
     half = friction(run(tmp_path, keys=f"{FULL}\nlevel = 0.5"))
     listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
-    at, out = (listing.table("frict_comp", name) for name in ("in", "out"))
+    at: Any = listing.table("frict_comp", "in")
+    out: Any = listing.table("frict_comp", "out")
     velocity = motion()
     moving = np.abs(velocity) > 1.0
     # µm/s, and units of 12 A / 1000.

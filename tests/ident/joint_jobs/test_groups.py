@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def test_sum_of_a_group_is_what_its_files_add(folder: Path, result: JobResult) -
         probe[name][one.rows]
         for name in ("X.position", "X.direction", "temperature.scale")
     )
-    screw = ListFile.read(out / "achskw1.lis").table("kw.ssfk", "pos")
+    screw: Any = ListFile.read(out / "achskw1.lis").table("kw.ssfk", "pos")
     machine = ListFile.read(out / "achsmds1.add.lis")
     law = np.genfromtxt(out / "temperature_X.csv", delimiter=",", names=True)
     nodes = 25.0 * np.arange(len(screw))

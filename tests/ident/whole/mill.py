@@ -1,6 +1,7 @@
 """A mill with a sagging ram, measured to files; and what its lists add, by hand."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -114,10 +115,16 @@ def cross_list(number: int = 3, master: int = 2, size: float = 0.06) -> str:
     return "\n".join(lines) + "\n"
 
 
+def column(listing: ListFile, prefix: str, field: str) -> dict[Any, int]:
+    """Return a column of a table by index; that of a plane by `(j, i)`."""
+    found: Any = listing.table(prefix, field)
+    return dict(found)
+
+
 def cross_by_hand(listing: ListFile, y: np.ndarray) -> np.ndarray:
     """Return what a cross table adds, from its entries."""
-    at = listing.table("kw.crosscomp", "setpoint")
-    value = listing.table("kw.crosscomp", "correction")
+    at = column(listing, "kw.crosscomp", "setpoint")
+    value = column(listing, "kw.crosscomp", "correction")
     order = sorted(at)
     return LIST_UNIT * np.interp(
         y, [LIST_UNIT * at[k] for k in order], [value[k] for k in order]
@@ -126,7 +133,7 @@ def cross_by_hand(listing: ListFile, y: np.ndarray) -> np.ndarray:
 
 def plane_by_hand(listing: ListFile, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return what a plane on the nodes of `PLANE` adds, from its entries."""
-    value = listing.table("kw.crosscomp2", "correction")
+    value = column(listing, "kw.crosscomp2", "correction")
     grid = np.array([[value[j, i] for i in range(len(X))] for j in range(len(Y))])
     law = RegularGridInterpolator((Y, X), LIST_UNIT * grid)
     return np.asarray(law(np.stack([y, x], axis=-1)))

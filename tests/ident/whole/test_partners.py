@@ -8,7 +8,7 @@ import pytest
 
 from axcomp.data.lists import ListFile
 
-from .mill import LIST_UNIT, NOISE, cross_list, fit, table
+from .mill import LIST_UNIT, NOISE, column, cross_list, fit, table
 
 PLACES = np.arange(0.0, 401.0, 100.0)
 SCREW = np.array([0.0, 0.012, 0.02, 0.011, -0.005])
@@ -75,9 +75,9 @@ def laser(folder: Path, *, slope: float = 0.0, width: float = 0.0) -> None:
     table(folder / "laser.csv", "target,error,way,run", target, error, way, run)
 
 
-def screw_by_hand(listing: ListFile, column: str = "pos") -> np.ndarray:
+def screw_by_hand(listing: ListFile, field: str = "pos") -> np.ndarray:
     """Return what the table adds at its nodes, from its entries: offset = −entry."""
-    values = listing.table("kw.ssfk", column)
+    values = column(listing, "kw.ssfk", field)
     return np.array([-LIST_UNIT * values[k] for k in range(len(PLACES))])
 
 
