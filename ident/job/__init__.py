@@ -26,7 +26,6 @@ from ._load import (
     load_conventions as load_conventions,
     load_job as load_job,
 )
-from ._outside import read_outside as read_outside
 from ._result import (
     AbstractResult as AbstractResult,
     ConventionState as ConventionState,
@@ -60,6 +59,7 @@ from ._verdict import (
 if TYPE_CHECKING:
     from ._found_fits import found_keys as found_keys, job_with_fits as job_with_fits
     from ._observe import Observation as Observation, observe as observe
+    from ._outside import read_outside as read_outside
     from .backlash import BacklashResult as BacklashResult
     from .crosstalk import (
         CrosstalkResult as CrosstalkResult,
@@ -90,6 +90,7 @@ _HOMES = {
     "Observation": "_observe",
     "found_keys": "_found_fits",
     "job_with_fits": "_found_fits",
+    "read_outside": "_outside",
     "observe": "_observe",
     "AxisSum": "joint",
     "BacklashResult": "backlash",

@@ -5,12 +5,14 @@ without it), `_dynamics` and `_reversal` (the motion that a table adds), `_gate`
 do), `_circle` with `_course` (what friction does to a circle). Rooms: `axis` (all that acts on
 one axis, judged together), `verify` (a controller's log against its lists), `doctor`
 (measurements without and with the lists).
+
+The circular test, `doctor` and `verify` are imported when they are first asked for: most jobs
+need none of them.
 """
 
-from ._circle import (
-    CircularTest as CircularTest,
-    circular_test as circular_test,
-)
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from ._course import ServoLoop as ServoLoop
 from ._dynamics import GateTable as GateTable
 from ._figures import (
@@ -36,14 +38,40 @@ from ._reversal import (
     reversal_dynamics as reversal_dynamics,
     spread_share as spread_share,
 )
-from .doctor import (
-    Diagnosis as Diagnosis,
-    Measured as Measured,
-    diagnose as diagnose,
-    not_judged as not_judged,
-)
-from .verify import (
-    Verdict as Verdict,
-    Verification as Verification,
-    verify_log as verify_log,
-)
+
+if TYPE_CHECKING:
+    from ._circle import (
+        CircularTest as CircularTest,
+        circular_test as circular_test,
+    )
+    from .doctor import (
+        Diagnosis as Diagnosis,
+        Measured as Measured,
+        diagnose as diagnose,
+        not_judged as not_judged,
+    )
+    from .verify import (
+        Verdict as Verdict,
+        Verification as Verification,
+        verify_log as verify_log,
+    )
+
+_HOMES = {
+    "CircularTest": "_circle",
+    "circular_test": "_circle",
+    "Diagnosis": "doctor",
+    "Measured": "doctor",
+    "diagnose": "doctor",
+    "not_judged": "doctor",
+    "Verdict": "verify",
+    "Verification": "verify",
+    "verify_log": "verify",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use."""
+    if name not in _HOMES:
+        msg = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
