@@ -137,6 +137,7 @@ axis = "X"
 measurement = "drive"
 rated_current = 9.0               # of the drive, in A
 torque_unit = 0.001               # share of it that one unit of the list is
+level = 1.0                       # all of the friction; 0.15 until the sign is settled, else
 """
 
 JOB = _TABLES + _FRICTION

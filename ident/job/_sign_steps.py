@@ -35,11 +35,12 @@ def sign_steps(
                 f" Load the lists of axcomp probe {job.path.name} instead: one log or"
                 " one dial settles every table."
             )
-        name = job.spec.axes[draft.axis].name or draft.axis
+        axis = job.spec.axes[draft.axis]
+        unit = "mm/s" if axis.kind == "linear" else "°/s"
         expected = result.expectation
         if expected is not None:
             start = "" if switch.adds_current else " Or, with the new lists in place: "
-            words += start + _move(name, switch, expected)
+            words += start + _move(axis.name or draft.axis, switch, expected, unit)
         steps.append(
             LoadStep(
                 f"Settle the sign first: {draft.compensation} of {draft.axis}", words
@@ -48,13 +49,13 @@ def sign_steps(
     return steps
 
 
-def _move(axis: str, switch: Switch, expected: Expectation) -> str:
-    """Return the slow move that shows a sign, and what to see."""
+def _move(axis: str, switch: Switch, expected: Expectation, per_second: str) -> str:
+    """Return the slow move that shows a sign, and what to see; speeds in that unit."""
     unit, factor = _SHOWN.get(expected.unit, (expected.unit, 1.0))
     off, on = (f"{axis}[COMP {word} {switch.keyword}]" for word in ("OFF", "ON"))
     if expected.speed is not None:
         return (
-            f" Move {axis} positive at {expected.speed:g} mm/s, {off}, then {on}: the list"
+            f" Move {axis} positive at {expected.speed:g} {per_second}, {off}, then {on}: the list"
             f" adds {expected.value:+.3g} {unit}, so the current that the controller asks"
             f" for beside it must fall by as much. Where it rises instead, the sign is"
             " wrong: take the list out."

@@ -17,6 +17,9 @@ from ...friction import (
 from ...proof import CircularTest
 from .._result import AbstractResult, Expectation
 
+_JOG = 1.0
+"""Slowest speed in mm/s or °/s at which a person is told to move an axis."""
+
 
 @dataclasses.dataclass(frozen=True)
 class FrictionView:
@@ -125,19 +128,21 @@ class FrictionResult(AbstractResult):
 
     @property
     def expectation(self) -> Expectation | None:
-        """The largest current that the written list adds, moving positive."""
+        """The largest current that the written list adds at a speed to jog with, positive."""
         if self.knots is None:
             return None
+        speed = self.knots.velocity / 1000.0
         sign = next(
             (int(r.value) for r in self.conventions if r.name.endswith("_sign")), 1
         )
-        largest = int(np.argmax(np.abs(self.knots.out)))
+        slow = speed < min(_JOG, float(speed[-1]))
+        largest = int(np.argmax(np.where(slow, -1, np.abs(self.knots.out))))
         return Expectation(
             {},
             1,
             sign * float(self.knots.out[largest] * self.knots.unit),
             self.unit,
-            speed=float(self.knots.velocity[largest]) / 1000.0,
+            speed=float(speed[largest]),
         )
 
     def details(self) -> dict[str, Any]:

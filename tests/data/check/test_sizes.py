@@ -99,7 +99,7 @@ def test_older_build_has_no_max_points(write: Write, judge: Judge) -> None:
     assert judge(file, build="V3.1.3079.06") == []
     assert judge(file, build="V3.1.3077.0") == [
         ("error", "P-COMP-00010", 70610),
-        ("warning", "P-COMP-00061", None),
+        ("error", "P-COMP-00061", None),
     ]
 
 

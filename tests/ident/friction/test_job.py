@@ -204,7 +204,7 @@ def test_list_at_half_the_level_promises_half_and_says_what_to_do(
     tmp_path: Path,
 ) -> None:
     record(tmp_path)
-    half = friction(run(tmp_path, keys=f"{FULL}\nlevel = 0.5"))
+    half = friction(run(tmp_path, keys=f"{PLAIN}\nlevel = 0.5"))
     listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
     at: Any = listing.table("frict_comp", "in")
     out: Any = listing.table("frict_comp", "out")

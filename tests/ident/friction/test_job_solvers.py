@@ -84,7 +84,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_what_is_predicted_follows_the_law_that_output_error_found(
     driven: Path,
 ) -> None:
-    keys = "rated_current = 12\ntorque_unit = 0.001"
+    keys = "rated_current = 12\ntorque_unit = 0.001\nlevel = 1.0"
     inverse = run(driven, 0.002, keys)
     output = run(driven, 0.002, f'method = "output_error"\n{keys}')
     assert output.output is not None
@@ -135,7 +135,7 @@ def test_reversal_and_list_are_found_with_an_unknown_law(
     model = FrictionCompensation(FrictionTable(Setpoints(knots), out), 2, 0.008, 3)
     current = np.array(model.run(model.start(), position, velocity)[0])
     record(tmp_path, cycle, position, current + inertia * np.gradient(velocity, cycle))
-    keys = f"reversal = true\nrated_current = 12000\ntorque_unit = 0.001\n{line}"
+    keys = f"reversal = true\nrated_current = 12000\ntorque_unit = 0.001\nlevel = 1.0\n{line}"
     found = run(tmp_path, cycle, keys)
     assert found.reversal is not None
     assert (found.reversal.lookahead, found.reversal.delay_cycles) == (2, 3)
