@@ -61,7 +61,8 @@ def plan_second(
     """Return the second measurement of a run, before its lists are written.
 
     The one that is asked for; else the one that ``[verify]`` names; else that of an
-    earlier run into the same folder, as long as lists and measurement are the same.
+    earlier run into the same folder. The last two count as long as lists and measurement
+    are the same, else a remark says that they do not.
 
     Args:
         job: The first job.
@@ -82,14 +83,18 @@ def plan_second(
     }
     earlier = _earlier(root)
     stated = job.spec.verify
-    if asked is None and stated is not None:
-        asked = job.file(stated.job)
-    if asked is not None:
-        after = load_job(asked, needs_fits=False)
-        name = os.path.relpath(asked, job.path.parent)
+    path = job.file(stated.job) if asked is None and stated is not None else asked
+    if path is not None:
+        after = load_job(path, needs_fits=False)
+        name = os.path.relpath(path, job.path.parent)
         other = _other_list(job, after, root, files, lists)
-        if other is not None:
+        if other is not None and asked is not None:
             raise after.error((), other)
+        if other is not None:
+            words = (
+                f"The second measurement of [verify] ({name}) does not count: {other}"
+            )
+            return None, (Remark("warning", words),)
         same = earlier is not None and earlier.get("inputs") == _hashes(after)
         date = earlier["date"] if same and earlier else _today()
         return Second(after, name, date, lists), ()

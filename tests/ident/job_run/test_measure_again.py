@@ -213,6 +213,19 @@ def test_job_may_name_its_second_measurement(job: Path) -> None:
     assert found.second is not None
 
 
+def test_new_lists_are_written_where_the_named_measurement_is_of_old_ones(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    after_job(job.parent, 1.0)
+    text = job.read_text().replace("points = 5", "points = 4")
+    job.write_text(text + '[verify]\njob = "after.toml"\n')
+    assert fit(job) == 0
+    assert fitted(job)["verdict"] == "unproven"
+    said = " ".join(capsys.readouterr().err.split())
+    assert "of [verify] (after.toml) does not count" in said
+    assert "load its lists and measure again" in said
+
+
 def test_sign_that_a_log_settled_is_not_turned_by_an_instrument(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
