@@ -15,6 +15,9 @@ from axcomp.models import (
 
 from ..friction_job import friction_job
 
+WRITTEN = "rated_current = 12\ntorque_unit = 0.001\nlevel = 1.0"
+"""Keys with which all of the friction becomes a list."""
+
 
 def write_job(folder: Path, cycle: float, keys: str) -> Path:
     path = folder / "job.toml"
@@ -80,14 +83,17 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def output(driven: Path) -> FrictionResult:
+    """The recording fitted by simulation."""
+    return run(driven, 0.002, f'method = "output_error"\n{WRITTEN}')
+
+
 @pytest.mark.slow
 def test_what_is_predicted_follows_the_law_that_output_error_found(
-    driven: Path,
+    driven: Path, output: FrictionResult
 ) -> None:
-    keys = "rated_current = 12\ntorque_unit = 0.001\nlevel = 1.0"
-    inverse = run(driven, 0.002, keys)
-    output = run(driven, 0.002, f'method = "output_error"\n{keys}')
-    assert output.output is not None
+    inverse = run(driven, 0.002, WRITTEN)
     velocity, moving = output.view.velocity, output.view.moving
     laws = [each.fit.law for each in (inverse, output)]
     assert laws[0] is not None
@@ -108,16 +114,15 @@ def test_what_is_predicted_follows_the_law_that_output_error_found(
 
 
 @pytest.mark.slow
-def test_ipopt_in_a_job_ends_no_higher_than_optimistix(driven: Path) -> None:
-    first, second = (
-        run(driven, 0.002, f'method = "output_error"\n{keys}')
-        for keys in ("", 'solver = "ipopt"')
-    )
-    assert first.output is not None
+def test_ipopt_in_a_job_ends_no_higher_than_optimistix(
+    driven: Path, output: FrictionResult
+) -> None:
+    second = run(driven, 0.002, 'method = "output_error"\nsolver = "ipopt"')
+    assert output.output is not None
     assert second.output is not None
     assert second.law.method == "output error (ipopt)"
     # A current that comes late makes many bottoms: the solvers end in some of them.
-    assert second.output.cost <= 1.05 * first.output.cost
+    assert second.output.cost <= 1.05 * output.output.cost
 
 
 @pytest.mark.parametrize(
