@@ -105,35 +105,39 @@ class Problem:
             factor: Of the same matrix, where one is known.
         """
         stack, sums = self.stack, self.sums
-        if factor is None:
-            factor = self._factor(weights)
-        if factor is None:
-            return None
         slope = self.held * self.theta
         if stack.small:
-            slope += self._precision(weights) @ self.theta
-        for weight, term in self._beside(weights):
-            here = term.here
-            slope[here] += weight * (term.penalty.gram @ self.theta[here])
+            flat = stack.grams.reshape(-1, stack.size**2)
+            precision = (weights @ flat).reshape(stack.size, stack.size)
+            slope += precision @ self.theta
+            if factor is None:
+                factor = self._dense_factor(precision)
+        else:
+            for weight, term in self._terms(weights):
+                here = term.here
+                slope[here] += weight * (term.penalty.gram @ self.theta[here])
+            if factor is None:
+                factor = self._band_factor(weights)
+        if factor is None:
+            return None
         move = factor.solve(self.right - slope)
         square = sums.tally[2] / self.gain**2 - 2.0 * float(move @ self.right)
         square += float(move @ sums.apply(move))
         return Posterior(self, weights, factor, self.theta + move, max(square, 0.0))
 
-    def _precision(self, weights: Vector) -> Float[np.ndarray, "u u"]:
-        """Return the precision of the prior of a small stack."""
-        size = self.stack.size
-        flat = self.stack.grams.reshape(-1, size**2)
-        return np.asarray((weights @ flat).reshape(size, size))
+    def _terms(self, weights: Vector) -> list[tuple[float, Term]]:
+        """Return the terms of the prior that have a weight, and it."""
+        terms = zip(weights.tolist(), self.stack.terms, strict=True)
+        return [(w, t) for w, t in terms if w > 0.0]
 
-    def _beside(self, weights: Vector) -> list[tuple[float, Term]]:
-        """Return the terms that are not taken as whole matrices, and their weights."""
-        terms = () if self.stack.small else self.stack.terms
-        return [(w, t) for w, t in zip(weights, terms, strict=False) if w > 0.0]
+    def _dense_factor(self, prior: Float[np.ndarray, "u u"]) -> ArrowFactor | None:
+        matrix = self.sums.border + prior
+        np.einsum("ii->i", matrix)[:] += self.held
+        return ArrowFactor.of(np.zeros((0, 1)), self.sums.cross, matrix)
 
-    def _factor(self, weights: Vector) -> ArrowFactor | None:
+    def _band_factor(self, weights: Vector) -> ArrowFactor | None:
         stack, sums = self.stack, self.sums
-        terms = self._beside(weights)
+        terms = self._terms(weights)
         n = stack.band
         reach = [max(stack.offsets)]
         reach += [term.penalty.reach for _, term in terms if not term.border]
@@ -145,8 +149,6 @@ class Problem:
         columns[:, 0] += self.held[:n]
         border = sums.border.copy()
         np.einsum("ii->i", border)[:] += self.held[n:]
-        if stack.small:
-            border += self._precision(weights)
         for weight, term in terms:
             own, shift = term.penalty, term.shift
             if term.border:

@@ -102,8 +102,10 @@ class Sums:
     def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
         """Return $A^T W A$ × values."""
         n = self.stack.band
+        if not n:
+            return np.asarray(self.border @ values)
         result, band = np.zeros_like(values), values[:n]
-        for slot, k in enumerate(self.stack.offsets if n else ()):
+        for slot, k in enumerate(self.stack.offsets):
             diagonal = self.diagonals[: n - k, slot]
             result[k:n] += diagonal * band[: n - k]
             if k:
