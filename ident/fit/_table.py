@@ -130,11 +130,11 @@ def fit_values(
     with one_blas_thread():
         zero = np.zeros(stack.size)
         problem = Problem.of(sums_of(stack, readings, zero, Loss())[0], zero)
-        found = problem.at(_weights_of(stack, smoothness)(problem))
+        found = problem.values_at(_weights_of(stack, smoothness)(problem))
     if found is None:
         msg = "the readings do not determine the table: the normal matrix is singular."
         raise FitError(msg)
-    return layout.effect.to_table(found.values)
+    return layout.effect.to_table(found)
 
 
 def estimate_table(

@@ -208,3 +208,21 @@ def test_bend_of_one_axis_only_is_smoothed_along_the_other() -> None:
     # 15 readings per node, 31 nodes to each value of the rail: 2 µm / √(15 × 31) and
     # what the weak coupling of the rail's ends costs.
     assert size(fit.values - truth) < 2 * NOISE / np.sqrt(15 * 31)
+
+
+@pytest.mark.parametrize("smoothness", [0.1, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("gap", [False, True])
+def test_values_alone_are_those_of_the_whole_fit(smoothness: float, gap: bool) -> None:
+    rng = np.random.default_rng(15)
+    nodes = np.linspace(0.0, 300.0, 31)
+    places = rng.uniform(0.0, 300.0, (8000, 2))
+    if gap:
+        places = places[(places > 100.0).any(axis=1)]
+    error = 0.02 * np.sin(places[:, 0] / 60.0) * np.cos(places[:, 1] / 50.0)
+    error += 0.002 * rng.standard_normal(len(places))
+    layout = TableLayout((nodes, nodes))
+    fit = fit_table(layout, Samples(places, error), smoothness=smoothness, loss="gauss")
+    values = fit_values(layout, places, error, smoothness=smoothness)
+    # Conjugate gradients end at 1e-10 of the right-hand side, a thousandth of a list unit
+    # after the condition of the matrix; stiff ones go to the factor.
+    np.testing.assert_allclose(values, fit.values, atol=1e-7)
