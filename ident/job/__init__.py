@@ -6,7 +6,7 @@ writes), `_source` and `_readings` with `_remove` and `_trend` (from a file to r
 `_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
 (entries into the user's lists), `_gating`, `_whole` with `_acting` and `_switching` (the gate
 of a fit and of a whole axis), `_prove` (the files, read back), `_result` with `_verdict`,
-`_loadsheet`, and `_measure_again` (the second measurement).
+`_job_result`, `_loadsheet`, and `_measure_again` (the second measurement).
 
 Rooms: `backlash`, `crosstalk`, `friction`, `temperature` (what is special about each), `joint`
 (fits of one group), `streamed` (logs read in pieces). Their results are imported when they are
@@ -20,6 +20,11 @@ from ...data.files import write_atomically as write_atomically
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
 from ._errors import JobError as JobError, OutputError as OutputError
+from ._job_result import (
+    JobResult as JobResult,
+    LoadStep as LoadStep,
+    WholeAxis as WholeAxis,
+)
 from ._json import plain as plain, result_json as result_json
 from ._load import (
     Job as Job,
@@ -30,13 +35,10 @@ from ._result import (
     AbstractResult as AbstractResult,
     ConventionState as ConventionState,
     Expectation as Expectation,
-    JobResult as JobResult,
-    LoadStep as LoadStep,
     Remark as Remark,
     SampleView as SampleView,
     Streamed as Streamed,
     TableResult as TableResult,
-    WholeAxis as WholeAxis,
 )
 from ._run import (
     JobRun as JobRun,

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ._result import AbstractResult, JobResult
+from ._job_result import JobResult
+from ._result import AbstractResult
 
 _DEPTH = 3
 """Down to the entries of a fit."""

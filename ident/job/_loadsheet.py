@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 from ._draft import AbstractDraft
+from ._job_result import LoadStep
 from ._lists import AxisFiles
 from ._load import Job
-from ._result import AbstractResult, LoadStep
+from ._result import AbstractResult
 from ._sign_steps import sign_steps
 
 

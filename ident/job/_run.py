@@ -18,6 +18,7 @@ from ._errors import UntoldError
 from ._fit_schema import FitSpec, TemperatureSpec
 from ._fragments import startup_fragment
 from ._gating import limits_of
+from ._job_result import JobResult, WholeAxis
 from ._json import result_json
 from ._judge import judge_files
 from ._lists import AxisFiles, axis_files
@@ -26,7 +27,7 @@ from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
 from ._plc_names import temperature_names
-from ._result import AbstractResult, JobResult, Remark, WholeAxis
+from ._result import AbstractResult, Remark
 from ._rooms import Plans, plan_all
 from ._source import Tables
 from ._untold import left_out, untold_alone

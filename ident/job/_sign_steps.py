@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from ._draft import AbstractDraft, Switch
+from ._job_result import LoadStep
 from ._load import Job
-from ._result import AbstractResult, Expectation, LoadStep
+from ._result import AbstractResult, Expectation
 from ._verdict import Code
 
 _SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}

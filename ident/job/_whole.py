@@ -23,10 +23,11 @@ from ..proof.axis import (
 from ._acting import acting_after, acting_before, adds_nothing, ranges_of
 from ._draft import AbstractDraft, AxisLists
 from ._gating import limits_of
+from ._job_result import WholeAxis
 from ._lists import AxisFiles
 from ._load import Job
 from ._outside import read_error
-from ._result import Remark, WholeAxis
+from ._result import Remark
 from ._source import Tables
 
 _CYCLES = {
