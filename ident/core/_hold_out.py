@@ -11,7 +11,6 @@ import operator
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float, Int
 
 from ._effect import GroupEffect
@@ -110,8 +109,12 @@ def _without_runs(
     slim = Stack((*stack.effects[:-1], own), stack.banded)
     # Effects of all runs per effect of the fewer ones: the same columns in another basis.
     turn = effect.contrast.T @ own.contrast
-    parts = [np.eye(before - n)] + [turn] * (1 if effect.trend is None else 2)
-    border = np.asarray(scipy.linalg.block_diag(*parts), np.float64)
+    if effect.trend is not None:
+        turn = np.kron(np.eye(2), turn)
+    kept = before - n
+    border = np.zeros((kept + len(turn), kept + turn.shape[1]))
+    border[:kept, :kept] = np.eye(kept)
+    border[kept:, kept:] = turn
     inside = np.linalg.lstsq(border, theta[n:], rcond=None)[0]
     start = np.concatenate([theta[:n], inside])
     step = np.concatenate([np.zeros(n), border @ inside - theta[n:]])
