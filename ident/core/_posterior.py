@@ -136,24 +136,19 @@ class Problem:
         A plane full of readings takes a few conjugate gradients, a fraction of a factor; what
         does not converge soon (a stiff prior, gaps) is left to the factor.
         """
-        stack, sums, n = self.stack, self.sums, self.stack.band
-        if n < stack.size or len(stack.offsets) <= 3:
-            found = self.at(weights)
-            return None if found is None else found.values
-        parts: Any = [sums.diagonals[: n - k, s] for s, k in enumerate(stack.offsets)]
-        away: Any = [-k for k in stack.offsets]
-        lower = sp.csr_array(sp.diags_array(parts, offsets=away, shape=(n, n)))
-        prior: Any = sp.csr_array(sp.diags_array(self.held))
-        for weight, term in self._terms(weights):
-            prior = prior + weight * term.penalty.gram
-        matrix = lower + sp.tril(lower, -1).T + prior
-        right = self.right - prior @ self.theta
-        inverse = sp.diags_array(1.0 / np.maximum(matrix.diagonal(), 1e-300))
-        move, left = cg(matrix, right, rtol=_EXACT, maxiter=_STEPS, M=inverse)
-        if left:
-            found = self.at(weights)
-            return None if found is None else found.values
-        return np.asarray(self.theta + move)
+        stack = self.stack
+        if stack.band == stack.size and len(stack.offsets) > 3:
+            prior: Any = sp.csr_array(sp.diags_array(self.held))
+            for weight, term in self._terms(weights):
+                prior = prior + weight * term.penalty.gram
+            matrix = self.sums.band_matrix + prior
+            right = self.right - prior @ self.theta
+            inverse = sp.diags_array(1.0 / np.maximum(matrix.diagonal(), 1e-300))
+            move, left = cg(matrix, right, rtol=_EXACT, maxiter=_STEPS, M=inverse)
+            if not left:
+                return np.asarray(self.theta + move)
+        found = self.at(weights)
+        return None if found is None else found.values
 
     def _terms(self, weights: Vector) -> list[tuple[float, Term]]:
         """Return the terms of the prior that have a weight, and it."""

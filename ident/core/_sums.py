@@ -115,6 +115,17 @@ class Sums:
             result[n:] = self.cross @ band + self.border @ values[n:]
         return result
 
+    @property
+    def band_matrix(self) -> sp.csr_array:
+        """$A^T W A$ of the band, both triangles."""
+        n = self.stack.band
+        parts: Any = [
+            self.diagonals[: n - k, s] for s, k in enumerate(self.stack.offsets)
+        ]
+        away: Any = [-k for k in self.stack.offsets]
+        lower = sp.csr_array(sp.diags_array(parts, offsets=away, shape=(n, n)))
+        return sp.csr_array(lower + sp.tril(lower, -1).T)
+
     def moved(self, step: Vector, gain: float = 1.0) -> "Sums":
         """Return the sums about θ + step, the weights of the loss kept.
 
@@ -143,13 +154,7 @@ class Sums:
         n = self.stack.band
         diagonals, cross, right = self.diagonals, border.T @ self.cross, self.right[:n]
         if band is not None:
-            own: Any = [
-                self.diagonals[: n - k, s] for s, k in enumerate(self.stack.offsets)
-            ]
-            away: Any = [-k for k in self.stack.offsets]
-            gram = sp.diags_array(own, offsets=away, shape=(n, n))
-            gram = sp.csr_array(gram + sp.tril(gram, -1).T)
-            lower = lower_band(sp.csr_array(band.T @ gram @ band))
+            lower = lower_band(sp.csr_array(band.T @ self.band_matrix @ band))
             diagonals = np.zeros((stack.band, len(stack.offsets)))
             for slot, k in enumerate(stack.offsets):
                 if k < lower.shape[1]:
