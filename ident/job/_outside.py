@@ -1,6 +1,6 @@
 """What instruments outside of the controller measured: all axes of a job, no fits."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -35,9 +35,8 @@ def read_outside(job: Job) -> tuple[Measured, ...]:
     """
     tables = Tables(job)
     found: list[Measured] = []
-    for name, axes in errors_in(tables).items():
+    for name, measured, axes in _measurements(tables):
         spec = job.spec.measurements[name]
-        measured = _measurement(tables, name, spec)
         found += [_outside(job, _standing(measured, axis), spec, axis) for axis in axes]
     if not found:
         name, spec = next(iter(job.spec.measurements.items()))
@@ -52,11 +51,17 @@ def errors_in(tables: Tables) -> dict[str, tuple[str, ...]]:
     Raises:
         MeasurementError: If a file holds nothing usable.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    return {name: axes for name, _, axes in _measurements(tables)}
+
+
+def _measurements(
+    tables: Tables,
+) -> Iterator[tuple[str, Measurement, tuple[str, ...]]]:
+    """Yield each measurement of a job with its name and the axes whose error it holds."""
     for name, spec in tables.job.spec.measurements.items():
         measured = _measurement(tables, name, spec)
-        found[name] = tuple(a for a in tables.job.spec.axes if has_error(measured, a))
-    return found
+        axes = tuple(a for a in tables.job.spec.axes if has_error(measured, a))
+        yield name, measured, axes
 
 
 def read_error(
