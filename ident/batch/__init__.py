@@ -10,8 +10,9 @@ Fitting a log is imported when it is first asked for: it needs the estimators, w
 that looks after a batch leaves them to its workers.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from .._lazy import importer
 from ._collect import JobItem as JobItem, collect_jobs as collect_jobs
 from ._errors import BatchError as BatchError
 from ._progress import Progress as Progress
@@ -29,12 +30,4 @@ from ._table import query_results as query_results, read_results as read_results
 if TYPE_CHECKING:
     from ._log import fit_log as fit_log
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name != "fit_log":
-        msg = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(msg)
-    from ._log import fit_log
-
-    return fit_log
+__getattr__ = importer(__name__, {"fit_log": "_log"})

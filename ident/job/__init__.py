@@ -13,10 +13,10 @@ Rooms: `backlash`, `crosstalk`, `friction`, `temperature` (what is special about
 first asked for: a job of one table needs none of them, and starts sooner without.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...data.files import write_atomically as write_atomically
+from .._lazy import importer
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
 from ._errors import JobError as JobError, OutputError as OutputError
@@ -113,10 +113,4 @@ _HOMES = {
     "ThermalView": "temperature",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name of a room on first use."""
-    if name not in _HOMES:
-        msg = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+__getattr__ = importer(__name__, _HOMES)

@@ -10,9 +10,9 @@ The circular test, `doctor` and `verify` are imported when they are first asked 
 need none of them.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from .._lazy import importer
 from ._course import ServoLoop as ServoLoop
 from ._dynamics import GateTable as GateTable
 from ._figures import (
@@ -68,10 +68,4 @@ _HOMES = {
     "verify_log": "verify",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name not in _HOMES:
-        msg = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+__getattr__ = importer(__name__, _HOMES)

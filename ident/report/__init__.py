@@ -10,8 +10,9 @@ The public names are imported when they are first asked for: the report of a job
 ISO 230-2 chart of this package does not, and `axcomp iso230` draws just that.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from .._lazy import importer
 
 if TYPE_CHECKING:
     from ._overview import write_picture as write_picture
@@ -27,10 +28,4 @@ _HOMES = {
     "write_report": "_write",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name not in _HOMES:
-        msg = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+__getattr__ = importer(__name__, _HOMES)
