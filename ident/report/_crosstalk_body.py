@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..job import CrosstalkResult
-from ..kinds.crosstalk import BRANCHES
+from ..kinds.crosstalk.effect import BRANCHES
 from ._body import Body
 from ._crosstalk_plots import course_plot, events_plot, tests_plot
 from ._scale import Scale, count, number, percent, place

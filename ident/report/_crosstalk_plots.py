@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..job import CrosstalkResult
-from ..kinds.crosstalk import BRANCHES
+from ..kinds.crosstalk.effect import BRANCHES
 from . import _style as style
 from ._plot import Plot
 from ._scale import Scale, number, percent

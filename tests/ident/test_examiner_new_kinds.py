@@ -10,7 +10,7 @@ from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
 from axcomp.ident.friction import place_knots
 from axcomp.ident.job import BacklashResult, JobResult, run_job
-from axcomp.ident.kinds.temperature import ThermalReadings, fit_temperature
+from axcomp.ident.kinds.temperature.effect import ThermalReadings, fit_temperature
 
 WIDTH, NOISE = 0.012, 0.0005
 BOTH = """

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from .... import models
 from ...core import FitError
 from ...core._readings import padded
-from ...kinds.crosstalk import BRANCHES, MOST_TESTS
+from ...kinds.crosstalk.effect import BRANCHES, MOST_TESTS
 from ._effect import AbstractEffect, Inputs, Number, Ranges, Rows
 
 _LEAST_ROWS = 1024

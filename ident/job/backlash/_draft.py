@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ....data.lists import ListFile, Value
 from ...exchange import ExchangeError, backlash_from_list, entries_of_backlash
 from ...fit import FitError
-from ...kinds.backlash import BacklashFit
+from ...kinds.backlash.effect import BacklashFit
 from ...proof import (
     GateCheck,
     choose_cycles,

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...kinds.backlash import BacklashFit, fit_backlash, fit_backlash_trace
+from ...kinds.backlash.effect import BacklashFit, fit_backlash, fit_backlash_trace
 from .._fit_schema import BacklashSpec
 from .._readings import joined, joined_runs
 from .._result import Remark

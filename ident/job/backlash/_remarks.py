@@ -1,6 +1,6 @@
 """What the user must know of a backlash."""
 
-from ...kinds.backlash import BacklashFit
+from ...kinds.backlash.effect import BacklashFit
 from .._result import Remark
 from ._recording import Recording
 

@@ -6,7 +6,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...kinds.backlash import BacklashFit
+from ...kinds.backlash.effect import BacklashFit
 from .._result import AbstractResult, Expectation
 
 

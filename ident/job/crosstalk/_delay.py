@@ -18,7 +18,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from ...kinds.crosstalk import CrosstalkFit, CrosstalkReadings
+from ...kinds.crosstalk.effect import CrosstalkFit, CrosstalkReadings
 
 _FARTHEST = 0.02
 """s: a delay beyond this is another event."""

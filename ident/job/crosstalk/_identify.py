@@ -9,7 +9,7 @@ from scipy.special import ndtri  # scipy.stats takes long to load
 
 from ....models import Conventions
 from ...fit import FitError
-from ...kinds.crosstalk import (
+from ...kinds.crosstalk.effect import (
     CrosstalkFit,
     CrosstalkReadings,
     fit_crosstalk,

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ....models import Conventions, Crosstalk, surface_through
-from ...kinds.crosstalk import CrosstalkFit
+from ...kinds.crosstalk.effect import CrosstalkFit
 from ._existing import Existing
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import Conventions, Crosstalk, LegacyCrosstalk
-from ...kinds.crosstalk import CrosstalkReadings, cut_events
+from ...kinds.crosstalk.effect import CrosstalkReadings, cut_events
 
 SHORT = ("accelerating +", "accelerating −", "decelerating +", "decelerating −")
 """Words for the rows of `Crosstalk.values`: what the master does, and its direction."""

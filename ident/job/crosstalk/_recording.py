@@ -13,7 +13,7 @@ from ....data.measurements import (
     wrap_degrees,
 )
 from ....models import Conventions
-from ...kinds.crosstalk import CrosstalkReadings
+from ...kinds.crosstalk.effect import CrosstalkReadings
 from .._fit_schema import CrosstalkSpec
 from .._result import Remark
 from .._source import Tables, measured_for

@@ -6,7 +6,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...kinds.crosstalk import BRANCHES, CrosstalkFit
+from ...kinds.crosstalk.effect import BRANCHES, CrosstalkFit
 from .._result import AbstractResult
 from ._words import remarks_of_fit
 

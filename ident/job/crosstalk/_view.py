@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from ...kinds.crosstalk import BRANCHES, Event
+from ...kinds.crosstalk.effect import BRANCHES, Event
 from ._identify import Identified
 from ._result import CrosstalkView, EventCourse
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...kinds.crosstalk import BRANCHES, SAFE_TESTS, CrosstalkFit
+from ...kinds.crosstalk.effect import BRANCHES, SAFE_TESTS, CrosstalkFit
 from .._result import Remark
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
 from ...fit.joint import Backlash
-from ...kinds.backlash import BacklashFit
+from ...kinds.backlash.effect import BacklashFit
 from .._fit_schema import BacklashSpec
 from .._load import Job
 from ..backlash import BacklashDraft, KnownBacklash, Recording

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...fit import FitError
 from ...fit.joint import Crosstalk
-from ...kinds.crosstalk import (
+from ...kinds.crosstalk.effect import (
     BRANCHES,
     CrosstalkFit,
     CrosstalkReadings,

@@ -8,7 +8,13 @@ from jaxtyping import Float
 
 from ...fit import DriftNoise
 from ...fit.joint import Temperature
-from ...kinds.temperature import LEAST_RANGE, Lag, Law, TemperatureFit, ThermalReadings
+from ...kinds.temperature.effect import (
+    LEAST_RANGE,
+    Lag,
+    Law,
+    TemperatureFit,
+    ThermalReadings,
+)
 from .._fit_schema import Effect, TemperatureSpec
 from .._load import Job
 from ..temperature import (

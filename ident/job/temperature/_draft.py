@@ -12,7 +12,7 @@ from ....data.lists import ListFile, Value
 from ....models import ConstantParameter, TemperatureLine
 from ...exchange import ExchangeError, entries_of_temperature, temperature_line
 from ...fit import FitError
-from ...kinds.temperature import TemperatureFit
+from ...kinds.temperature.effect import TemperatureFit
 from ...proof import GateCheck, choose_cycles, error_figures, reversal_dynamics
 from ...proof.axis import check_switching
 from .._active import refuse_unstated

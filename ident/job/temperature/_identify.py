@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
-from ...kinds.temperature import (
+from ...kinds.temperature.effect import (
     Confusion,
     LawKey,
     TemperatureFit,

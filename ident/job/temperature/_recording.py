@@ -14,7 +14,7 @@ from ....data.measurements import (
     without_motion,
 )
 from ...fit import FitError
-from ...kinds.temperature import ThermalReadings, steady
+from ...kinds.temperature.effect import ThermalReadings, steady
 from .._fit_schema import Effect, TemperatureSpec
 from .._remove import without_zero
 from .._result import Remark

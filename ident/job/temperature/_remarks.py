@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...discover import heat_or_drift
-from ...kinds.temperature import Effect, Lag, Meeting, TemperatureFit
+from ...kinds.temperature.effect import Effect, Lag, Meeting, TemperatureFit
 from .._result import Remark
 from ._identify import Identified
 from ._recording import ThermalRecording

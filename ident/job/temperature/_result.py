@@ -6,7 +6,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...kinds.temperature import Law, TemperatureFit
+from ...kinds.temperature.effect import Law, TemperatureFit
 from .._result import AbstractResult, Expectation
 from ._table import ThermalLaw
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ....data.lists import ListFile
 from ....models import Conventions, TemperatureLine
 from ...exchange import read_temperature_table
-from ...kinds.temperature import TemperatureFit
+from ...kinds.temperature.effect import TemperatureFit
 
 _SAME = 1e-3
 """K within which two rows are one."""

@@ -1,13 +1,17 @@
-"""Backlash: readings from both directions or reversals of a trace in, the width out.
+"""Backlash: the lost motion at a reversal."""
 
-Read in this order: `_fit` (what comes out; readings approached from both directions),
-`_trace` (reversals of a motion).
-"""
+from .._kind import Kind
 
-from ._fit import (
-    BacklashFit as BacklashFit,
-    Dependence as Dependence,
-    Reversal as Reversal,
-    fit_backlash as fit_backlash,
+KIND = Kind(
+    name="backlash",
+    words="the lost motion at a reversal",
+    holder="axis",
+    prefix="getriebe[0].lose",
+    activation="lr_param.anwahl_losekomp",
+    keyword="BACKLASH",
+    variable="V.A.BACKLASH_COMP_CURR",
+    channel="BC::actual backlash",
+    conventions=("backlash_", "direction_source"),
+    cycles=None,
+    resized=None,
 )
-from ._trace import fit_backlash_trace as fit_backlash_trace

@@ -1,20 +1,18 @@
-"""Crosstalk: master motion and slave error in, tests of modes 1 to 3 out.
+"""Crosstalk: an offset of the axis while another one accelerates."""
 
-Read in this order: `_events` (accelerations cut out of a log, one value each), `_tests` (where
-the tests stand, by events held out), `_fit` (`fit_crosstalk`: all of it in order, and the values
-of the tests).
-"""
+from .._kind import Kind
 
-from ._events import (
-    BRANCHES as BRANCHES,
-    CrosstalkReadings as CrosstalkReadings,
-    Event as Event,
-    cut_events as cut_events,
+KIND = Kind(
+    name="crosstalk",
+    words="an offset while another axis accelerates",
+    holder="compensation",
+    prefix="kw.crosstalk",
+    activation="lr_param.crosstalk",
+    keyword="CROSSTALK",
+    variable="V.A.CROSSTALK_COMP_CURR",
+    channel="CROSSTALK::end_offset",
+    conventions=("crosstalk_",),
+    cycles=None,
+    resized=None,
+    demanded=False,
 )
-from ._fit import (
-    MOST_TESTS as MOST_TESTS,
-    SAFE_TESTS as SAFE_TESTS,
-    CrosstalkFit as CrosstalkFit,
-    fit_crosstalk as fit_crosstalk,
-)
-from ._tests import ModeScore as ModeScore

@@ -1,26 +1,17 @@
-"""Temperature: errors over position and temperature in, the thermal line out.
+"""Temperature: a line over the position that follows a sensor."""
 
-Read in this order: `_types` (what goes in and comes out),
-`_structure` (the temperature behind a sensor: the one first-order lag), `_line` (readings in
-order, and the line fitted to them), `_choice` (law, lag and intersection by readings left
-out), `_fit` (`fit_temperature`: all of it in order, and what the readings confuse).
-"""
+from .._kind import Kind
 
-from ._fit import LawKey as LawKey, fit_temperature as fit_temperature
-from ._line import LEAST_RANGE as LEAST_RANGE
-from ._structure import (
-    Clocked as Clocked,
-    clocked as clocked,
-    lagged as lagged,
-    steady as steady,
-)
-from ._types import (
-    Confusion as Confusion,
-    Effect as Effect,
-    Lag as Lag,
-    Law as Law,
-    LawScore as LawScore,
-    Meeting as Meeting,
-    TemperatureFit as TemperatureFit,
-    ThermalReadings as ThermalReadings,
+KIND = Kind(
+    name="temperature",
+    words="a line over the position that follows a sensor",
+    holder="axis",
+    prefix="lr_param.temp_comp",
+    activation="lr_param.temp_comp",
+    keyword="TEMP",
+    variable="V.A.TEMP_COMP_CURR",
+    channel="TEMPC::actual_offset",
+    conventions=("temperature_",),
+    cycles=("lr_param.temp_comp_n_cycles", 19),
+    resized=None,
 )

@@ -16,7 +16,7 @@ from axcomp.ident.fit.joint import (
     Plane,
     Temperature,
 )
-from axcomp.ident.kinds.temperature import lagged
+from axcomp.ident.kinds.temperature.effect import lagged
 
 NOISE = 5e-4
 """Standard deviation of one reading in mm."""

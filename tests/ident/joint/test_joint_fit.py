@@ -18,7 +18,7 @@ from axcomp.ident.fit.joint import (
     fit_joint,
     refit_joint,
 )
-from axcomp.ident.kinds.temperature import lagged
+from axcomp.ident.kinds.temperature.effect import lagged
 
 NOISE = 5e-4  # of the mix, in mm
 LAG = 120.0  # of the mix, in s

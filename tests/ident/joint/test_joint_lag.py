@@ -13,7 +13,7 @@ from axcomp.ident.fit.joint import (
     Temperature,
     fit_joint,
 )
-from axcomp.ident.kinds.temperature import clocked, lagged
+from axcomp.ident.kinds.temperature.effect import clocked, lagged
 
 LAG = 90.0
 

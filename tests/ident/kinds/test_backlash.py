@@ -7,7 +7,7 @@ import pytest
 
 from axcomp.data.measurements import read_table
 from axcomp.ident.fit import FitError
-from axcomp.ident.kinds.backlash import (
+from axcomp.ident.kinds.backlash.effect import (
     fit_backlash,
     fit_backlash_trace,
 )

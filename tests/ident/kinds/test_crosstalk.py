@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit import FitError
-from axcomp.ident.kinds.crosstalk import (
+from axcomp.ident.kinds.crosstalk._tests import Table, points_of
+from axcomp.ident.kinds.crosstalk.effect import (
     CrosstalkReadings,
     cut_events,
     fit_crosstalk,
 )
-from axcomp.ident.kinds.crosstalk._tests import Table, points_of
 from axcomp.models import Conventions, surface_through
 
 FULL = 2000.0  # mm/s²

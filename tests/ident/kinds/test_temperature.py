@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from axcomp.ident.core import FitError
-from axcomp.ident.kinds.temperature import (
+from axcomp.ident.kinds.temperature.effect import (
     TemperatureFit,
     ThermalReadings,
     fit_temperature,

@@ -9,7 +9,7 @@ import pytest
 
 from axcomp.ident.fit import FitError
 from axcomp.ident.job._clocks import clock_offset
-from axcomp.ident.kinds.temperature import (
+from axcomp.ident.kinds.temperature.effect import (
     ThermalReadings,
     fit_temperature,
     lagged,

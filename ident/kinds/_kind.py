@@ -1,0 +1,48 @@
+"""The facts of one compensation: what is special about it, as data."""
+
+import dataclasses
+import importlib
+from types import ModuleType
+from typing import Literal, final
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """What is known of one compensation before any list or measurement is read.
+
+    Attributes:
+        name: As in a job: ``cross``.
+        words: What it is, in words.
+        holder: Kind of the list that holds its values.
+        prefix: Beginning of their entries there: ``kw.crosscomp``.
+        activation: Entry of the axis list that switches it on.
+        keyword: Of the NC command ``COMP`` and of ``V.A.…_COMP_ACTIVE``.
+        variable: NC variable of what it adds, in mm or °.
+        channel: Object of the CNC that shows the same, in increments; None: there is none.
+        cycles: Entry that spreads its coming and going, and the largest value of it; None:
+            it has none.
+        resized: Error number of the controller when its table changes its size after
+            start-up; None: it has no such number.
+        demanded: Whether P-AXIS-00465 can demand it in automatic mode.
+        adds_current: It adds to the current of the motor, and not to a position.
+        conventions: Beginnings of the names of the rules that its sign and owner rest on.
+    """
+
+    name: str
+    words: str
+    holder: Literal["compensation", "axis"]
+    prefix: str
+    activation: str
+    keyword: str
+    variable: str
+    channel: str | None
+    conventions: tuple[str, ...]
+    cycles: tuple[str, int] | None = None
+    resized: int | None = None
+    demanded: bool = True
+    adds_current: bool = False
+
+    def part(self, name: str) -> ModuleType:
+        """Return a module of its folder (``entries``, ``page``), imported on first use."""
+        return importlib.import_module(f".{self.name}.{name}", __package__)

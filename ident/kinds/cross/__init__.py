@@ -1,0 +1,17 @@
+"""Cross: a table over the position of one master."""
+
+from .._kind import Kind
+
+KIND = Kind(
+    name="cross",
+    words="a table over the position of one master",
+    holder="compensation",
+    prefix="kw.crosscomp",
+    activation="lr_param.crosscomp",
+    keyword="CROSS",
+    variable="V.A.CROSS_COMP_CURR",
+    channel="CROSSC::actual_offset",
+    conventions=("cross_",),
+    cycles=("kw.crosscomp.n_cycles", 20),
+    resized=110639,
+)

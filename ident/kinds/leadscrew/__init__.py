@@ -1,0 +1,17 @@
+"""Leadscrew: a table over the position of the axis itself."""
+
+from .._kind import Kind
+
+KIND = Kind(
+    name="leadscrew",
+    words="a table over the own position, for one direction or both",
+    holder="compensation",
+    prefix="kw.ssfk",
+    activation="lr_param.ssfk",
+    keyword="LEAD",
+    variable="V.A.LEAD_COMP_CURR",
+    channel="LSEC::sum epsilon",
+    conventions=("leadscrew_", "direction_source", "start_direction"),
+    cycles=None,
+    resized=110638,
+)

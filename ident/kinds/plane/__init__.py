@@ -1,0 +1,17 @@
+"""Plane: a grid over the positions of two masters."""
+
+from .._kind import Kind
+
+KIND = Kind(
+    name="plane",
+    words="a grid over the positions of two masters",
+    holder="compensation",
+    prefix="kw.crosscomp2",
+    activation="lr_param.crosscomp2",
+    keyword="PLANE",
+    variable="V.A.PLANE_COMP_CURR",
+    channel="CC2::correction",
+    conventions=("plane_",),
+    cycles=("kw.crosscomp2.n_cycles", 20),
+    resized=110640,
+)
