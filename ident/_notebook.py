@@ -36,7 +36,8 @@ def fit_html(fit: "Fit") -> str:
     noise = ", ".join(f"{axis} {value:.3g}" for axis, value in fit.noise.items())
     parts.append(f"<p>Scatter of one reading: {html.escape(noise)}.</p>")
     parts += [
-        f"<p>Not determined: {html.escape(str(one))}</p>" for one in fit.undetermined
+        f"<p>Not determined: {html.escape(one if isinstance(one, str) else one.sentence)}</p>"
+        for one in fit.undetermined
     ]
     if not fit.converged:
         parts.append("<p><b>The iterations did not reach their tolerance.</b></p>")

@@ -26,7 +26,7 @@ PAGES = ["index", "compensations/leadscrew", "job", "parameters", "library", "ap
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_: Any) -> None:
+    def log_message(self, format: str, *args: Any) -> None:
         return None
 
 
