@@ -29,8 +29,8 @@ def write_diagnosis(
         for name in DIAGNOSIS:
             folder.retire(name)
         return
-    machine = job.spec.machine
-    stated = "cycle_time" in machine.model_fields_set
-    scope = scope_configuration(rows, cycle_time=machine.cycle_time if stated else None)
+    controller = job.spec.controller
+    stated = "cycle_time" in controller.model_fields_set
+    cycle_time = controller.cycle_time if stated else None
     folder.accept(OBJECTS, objects_csv(rows).encode())
-    folder.accept(SCOPE, scope)
+    folder.accept(SCOPE, scope_configuration(rows, cycle_time=cycle_time))
