@@ -28,8 +28,10 @@ def check_plausible(view: ListView) -> None:
         if row is None or not (row.plausible or row.step or row.jump):
             continue
         unit = _unit(view, row)
-        values = _values(row, rows) if unit is not None else {}
-        if not values or unit is None:
+        if unit is None or _is_narrow(row, rows, unit):
+            continue
+        values = _values(row, rows)
+        if not values:
             continue
         if row.plausible is not None:
             _check_sizes(view, rows, row, row.plausible, values, unit)
@@ -48,6 +50,16 @@ def _unit(view: ListView, row: Parameter) -> float | None:
     if unit is None or view.integer(unit) == 1:
         return 1.0
     return None if view.increment is None else view.increment / _LIST_UNIT
+
+
+def _is_narrow(row: Parameter, rows: Rows, unit: float) -> bool:
+    """Return whether a whole column is plausible at a glance: most are, and are long."""
+    numbers = [value for value in rows.integers if value is not None]
+    if row.jump is not None or not row.is_integer or not numbers:
+        return False
+    low, high = min(numbers) * unit, max(numbers) * unit
+    is_inside = row.plausible is None or row.plausible.holds(low, high)
+    return is_inside and (row.step is None or high - low <= row.step.largest)
 
 
 def _values(row: Parameter, rows: Rows) -> Values:
@@ -93,9 +105,6 @@ def _check_steps(
     unit: float,
 ) -> None:
     """Report neighbours of a column that differ too much, in each direction of it."""
-    sizes = [value for _, value in values.values()]
-    if (max(sizes) - min(sizes)) * unit <= step.largest:
-        return
     for index, (at, value) in values.items():
         for place in range(len(index)):
             before = (*index[:place], index[place] - 1, *index[place + 1 :])

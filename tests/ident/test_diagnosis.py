@@ -91,7 +91,7 @@ def recorded(
     loaded: list[ListFile], motion: Motion, sign: float
 ) -> dict[str, np.ndarray]:
     """Return what a controller with these lists shows, by channel of the configuration."""
-    shown = {
+    shown: dict[str, np.ndarray] = {
         f"A{axis}.position": np.round(place, 6)
         for axis, place in motion.positions.items()
     }
@@ -196,8 +196,7 @@ def test_configuration_records_every_object_that_has_an_address() -> None:
         if row.channel is None:
             continue
         own = found[row.channel]
-        is_known = row.index_offset is not None and row.found is not None
-        certain = is_known and row.found.size is not None
+        certain = row.found is not None and row.found.size is not None
         assert own["Enabled"] == ("true" if certain else "false")
         assert int(own["IndexOffset"]) == (row.index_offset or 0)
         assert int(own["BaseSampleTime"]) == 50_000  # 5 ms in ticks of 100 ns
