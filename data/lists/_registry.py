@@ -7,7 +7,15 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..errors import AxcompError
-from ._parameter import Alias, Condition, Function, Kind, Parameter, parse_interval
+from ._parameter import (
+    Alias,
+    Change,
+    Condition,
+    Function,
+    Kind,
+    Parameter,
+    parse_interval,
+)
 
 _TUPLES = (
     "values",
@@ -121,9 +129,12 @@ def _row(raw: dict[str, Any], kinds: Mapping[str, Kind]) -> Parameter:
     for name in _TUPLES:
         if name in fields:
             fields[name] = tuple(fields[name])
-    for name in ("range", "wide_range"):
+    for name in ("range", "wide_range", "plausible"):
         if name in fields:
             fields[name] = parse_interval(fields[name], type_name)
+    for name in ("step", "jump"):
+        if name in fields:
+            fields[name] = Change(**fields[name])
     fields["conditions"] = tuple(
         Condition(**{**condition, "readings": tuple(condition["readings"])})
         for condition in fields.get("conditions", ())

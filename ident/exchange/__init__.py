@@ -4,7 +4,8 @@ Read `_units` and `_nodes` (integers of a list), then a room per compensation: `
 `_cross`, `_leadscrew`, `_friction`, `_crosstalk` with `plane_from_list`/`entries_of_plane` and
 so on; `_axis_list` (what an axis list sets up by itself) and `_startup`. `_table` with
 `_tables`: what a table fit writes, with its nodes and its sign. `_machine_lists` and
-`_controller` make a whole machine of its lists, `_simulate` runs it, `_probe` asks it for
+`_controller` make a whole machine of its lists, `_simulate` runs it (`_events` and `_reload`:
+with what happens at the controller meanwhile), `_probe` asks it for
 plateaus; `load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists`
 writes them back. `_conventions_file`: how one machine reads them.
 """
@@ -51,6 +52,11 @@ from ._crosstalk import (
 )
 from ._errors import ExchangeError as ExchangeError
 from ._evaluate import offset_at as offset_at
+from ._events import (
+    EVENT_FORMS as EVENT_FORMS,
+    ControllerEvent as ControllerEvent,
+    parse_action as parse_action,
+)
 from ._external import (
     ExternalAxis as ExternalAxis,
     entries_of_external_axis as entries_of_external_axis,
@@ -115,6 +121,7 @@ from ._probe_steps import (
     probe_steps as probe_steps,
 )
 from ._probe_text import probe_program as probe_program, probe_text as probe_text
+from ._reload import simulate_events as simulate_events
 from ._simulate import AxisOffsets as AxisOffsets, simulate as simulate
 from ._startup import (
     Startup as Startup,
