@@ -21,6 +21,7 @@ from ._controller import (
     PositionController as PositionController,
 )
 from ._controller_axis import (
+    AbstractOffset as AbstractOffset,
     AxisCompensations as AxisCompensations,
     Coupled as Coupled,
 )
@@ -76,10 +77,12 @@ from ._friction_stribeck import (
     stribeck_columns as stribeck_columns,
 )
 from ._leadscrew import Leadscrew as Leadscrew
+from ._lookup import AbstractLookup as AbstractLookup
 from ._motion import (
     COMPENSATIONS as COMPENSATIONS,
     Motion as Motion,
     Offsets as Offsets,
+    Rows as Rows,
 )
 from ._nodes import (
     AbstractNodes as AbstractNodes,

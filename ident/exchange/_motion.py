@@ -161,6 +161,12 @@ class Motion:
             return None
         return self._change(velocity, given=axis in self.velocities)
 
+    def lacks(self, axis: int, quantity: str) -> str:
+        """Return in words what a ``velocity`` or ``acceleration`` cannot be had from."""
+        if self.time is None:
+            return f"there is neither A{axis}.{quantity} nor time"
+        return f"there is neither A{axis}.{quantity} nor A{axis}.position"
+
     def actual_rates(
         self, axis: int, span: float | None
     ) -> tuple[Float[np.ndarray, " t"] | None, Float[np.ndarray, " t"] | None]:

@@ -12,13 +12,14 @@ import numpy as np
 
 from ...data.lists import ListFile
 from ...models import Conventions, TemperatureLine
+from ..kinds import NAMES, kind
 from ._errors import ExchangeError
 from ._events import ControllerEvent
 from ._identity import Increments, axis_number
 from ._machine_lists import machine_lists
 from ._modulo import Ranges
 from ._motion import Motion
-from ._simulate import ORDER, AxisOffsets, simulate
+from ._simulate import AxisOffsets, simulate
 
 
 def simulate_events(
@@ -143,11 +144,12 @@ def _added(
     known, none = before.parts, np.zeros_like(before.total)
     parts = {
         name: known.get(name, none) + new.get(name, none)
-        for name in ORDER
+        for name in NAMES
         if name in known or name in new
     }
     current = before.current
-    if after.current is not None and (after.axis, "friction") in fresh:
+    pushes = any(kind(name).adds_current for axis, name in fresh if axis == after.axis)
+    if after.current is not None and pushes:
         current = after.current if current is None else current + after.current
     return dataclasses.replace(
         before,
