@@ -137,10 +137,11 @@ def _check_external(view: ListView, lists: ListSet) -> None:
                 found=axis.text(row.key) or "no entry",
                 expected="a limit above 0",
             )
-    if lists.axis and not taking_part:
+    if not taking_part:
+        # The axis lists may well have them; without any nobody can see.
         view.add(
-            "warning",
-            "external compensation is open, but no axis has limits for it",
+            "warning" if lists.axis else "info",
+            "external compensation is open, but no axis list here has limits for it",
             view.place(_INTERFACE),
             parameter=row,
             number=70585,

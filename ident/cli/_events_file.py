@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from ..exchange import ControllerEvent, Motion
 
 _RELOAD = "RELOAD "
+_LONGEST_HEAD = 65_536
+"""Characters; a motion may be no text at all."""
 
 
 def read_events(
@@ -65,7 +67,7 @@ _SLACK = 1e-9
 def _has_events(file: Path) -> bool:
     """Return whether the first line of a motion file names a column of events."""
     with file.open(encoding="utf-8-sig", errors="replace") as lines:
-        return "event" in _columns(lines.readline())
+        return "event" in _columns(lines.readline(_LONGEST_HEAD))
 
 
 def _columns(head: str) -> list[str]:

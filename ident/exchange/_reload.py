@@ -82,8 +82,9 @@ def simulate_events(
                 if id(one.listing) in spans
             },
         )
-        fresh = {(one.axis, one.name) for one in used if id(one.listing) not in known}
-        known |= {id(one) for one in version}
+        new = {id(one) for one in version} - known
+        known |= new
+        fresh = {(one.axis, one.name) for one in used if id(one.listing) in new}
         found = _joined(found, offsets, fresh) if found else offsets
     return found
 

@@ -15,7 +15,7 @@ from axcomp.ident.exchange import (
     simulate,
     simulate_events,
 )
-from axcomp.models import Conventions
+from axcomp.models import Conventions, TemperatureLine
 
 CYCLES = 4
 HALF = np.sqrt(0.5)
@@ -101,6 +101,16 @@ def test_reload_leads_from_the_old_table_to_the_new_one() -> None:
     np.testing.assert_allclose(found[8:12], 0.3, atol=ROUNDING)
     np.testing.assert_allclose(found[12:16], 0.3 - 0.2 * RAMP, atol=ROUNDING)
     np.testing.assert_allclose(found[16:], 0.1, atol=ROUNDING)
+
+
+def test_reload_leaves_what_the_list_does_not_hold() -> None:
+    line = TemperatureLine(0.0, 0.01, 0.0)
+    (found,) = simulate_events(
+        [parse(cross(1000))], STILL, Conventions(), lines={3: line},
+        events=[ControllerEvent(4, "reload", listing=parse(cross(3000)))],
+    )  # fmt: skip
+    np.testing.assert_allclose(found.parts["temperature"], 0.01, atol=ROUNDING)
+    assert found.total[-1] == pytest.approx(0.31, abs=ROUNDING)
 
 
 def test_command_before_a_reload_holds_behind_it() -> None:

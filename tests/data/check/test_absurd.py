@@ -222,3 +222,9 @@ def test_backlash_is_spread_by_whatever_list_of_the_axis_says_so() -> None:
     added = {"achsmds3.add.lis": "\nlr_param.n_backlash_cyc 9\n"}
     assert [one.id for one in serious({"achsmds3.lis": whole})] == ["P-AXIS-00243"]
     assert serious({"achsmds3.lis": whole, **added}) == []
+
+
+def test_open_interface_alone_is_a_remark_that_names_the_limits() -> None:
+    text = STARTUP.replace(f"{INTERFACE} 0", f"{INTERFACE} 1")
+    found = check([ListFile.parse(text.encode(), "hochlauf.lis")])
+    assert [(one.level, one.number) for one in found] == [("info", 70585)]
