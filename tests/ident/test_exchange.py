@@ -31,7 +31,7 @@ from axcomp.models import Conventions, Cross, Leadscrew, Plane, Setpoints
 
 RULES = Conventions()
 RNG = np.random.default_rng(20)
-VALUES = RNG.integers(-900, 900, (7, 8))  # neighbours closer than `check` doubts
+VALUES = RNG.integers(-450, 450, (7, 8))  # neighbours closer than `check` doubts
 
 
 def parse(text: str, name: str = "achskw3.lis") -> ListFile:
