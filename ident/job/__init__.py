@@ -59,21 +59,26 @@ from ._verdict import (
 )
 
 if TYPE_CHECKING:
-    from ._found_fits import found_keys as found_keys, job_with_fits as job_with_fits
-    from ._observe import Observation as Observation, observe as observe
-    from ._outside import read_outside as read_outside
-    from .backlash import BacklashResult as BacklashResult
-    from .crosstalk import (
+    from ..kinds.backlash._result import BacklashResult as BacklashResult
+    from ..kinds.crosstalk._result import (
         CrosstalkResult as CrosstalkResult,
         CrosstalkView as CrosstalkView,
         EventCourse as EventCourse,
     )
-    from .friction import (
+    from ..kinds.friction._result import (
         FrictionResult as FrictionResult,
         FrictionView as FrictionView,
         LawCurve as LawCurve,
         choice_sentence as choice_sentence,
     )
+    from ..kinds.temperature._law import ThermalLaw as ThermalLaw
+    from ..kinds.temperature._result import (
+        TemperatureResult as TemperatureResult,
+        ThermalView as ThermalView,
+    )
+    from ._found_fits import found_keys as found_keys, job_with_fits as job_with_fits
+    from ._observe import Observation as Observation, observe as observe
+    from ._outside import read_outside as read_outside
     from .joint import (
         AxisSum as AxisSum,
         EffectShare as EffectShare,
@@ -81,11 +86,6 @@ if TYPE_CHECKING:
         GroupResult as GroupResult,
         LeftOutResult as LeftOutResult,
         LostPair as LostPair,
-    )
-    from .temperature import (
-        TemperatureResult as TemperatureResult,
-        ThermalLaw as ThermalLaw,
-        ThermalView as ThermalView,
     )
 
 _HOMES = {
@@ -95,22 +95,22 @@ _HOMES = {
     "read_outside": "_outside",
     "observe": "_observe",
     "AxisSum": "joint",
-    "BacklashResult": "backlash",
-    "CrosstalkResult": "crosstalk",
-    "CrosstalkView": "crosstalk",
+    "BacklashResult": ".kinds.backlash._result",
+    "CrosstalkResult": ".kinds.crosstalk._result",
+    "CrosstalkView": ".kinds.crosstalk._result",
     "EffectShare": "joint",
-    "EventCourse": "crosstalk",
+    "EventCourse": ".kinds.crosstalk._result",
     "Freedom": "joint",
-    "FrictionResult": "friction",
-    "FrictionView": "friction",
+    "FrictionResult": ".kinds.friction._result",
+    "FrictionView": ".kinds.friction._result",
     "GroupResult": "joint",
-    "LawCurve": "friction",
+    "LawCurve": ".kinds.friction._result",
     "LeftOutResult": "joint",
     "LostPair": "joint",
-    "choice_sentence": "friction",
-    "TemperatureResult": "temperature",
-    "ThermalLaw": "temperature",
-    "ThermalView": "temperature",
+    "choice_sentence": ".kinds.friction._result",
+    "TemperatureResult": ".kinds.temperature._result",
+    "ThermalLaw": ".kinds.temperature._law",
+    "ThermalView": ".kinds.temperature._result",
 }
 
 __getattr__ = importer(__name__, _HOMES)

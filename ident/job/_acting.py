@@ -64,7 +64,7 @@ def acting_after(
     machine = _read_back(files.machine) or lists.machine
     if lists.machine is None and machine is not None:
         machine = _with_all_on(machine, before)
-    lines = [line for one in drafts if (line := one.line(job, machine)) is not None]
+    lines = [line for one in drafts if one.written and (line := one.line(job, machine))]
     return dataclasses.replace(
         before,
         lists=_lists(number, listing, machine),

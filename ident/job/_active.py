@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ._fit_schema import FitSpec
+from ..kinds._keys import FitSpec
 from ._load import Job
 
 

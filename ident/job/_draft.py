@@ -12,9 +12,10 @@ from jaxtyping import Float
 from ...data.lists import ListFile, Value
 from ...data.measurements import Measurement
 from ...models import TemperatureLine
+from ..kinds._keys import FitSpec
+from ..kinds._kind import Kind
 from ..proof import GateCheck
 from ._conventions import convention_states
-from ._fit_schema import FitSpec
 from ._load import Job
 from ._result import AbstractResult, Remark
 from ._second import SecondMeasurement
@@ -89,23 +90,6 @@ class AxisLists:
 
 
 @dataclasses.dataclass(frozen=True)
-class Switch:
-    """How the controller switches a compensation on.
-
-    Attributes:
-        keyword: In ``COMP ON …`` and ``V.A.…_COMP_ACTIVE``.
-        needs: What must hold before it works: ``Works once its masters are referenced``.
-        demanded: Whether P-AXIS-00465 can demand it in automatic mode.
-        adds_current: It adds to the current of the motor, and not to a position.
-    """
-
-    keyword: str
-    needs: str
-    demanded: bool = True
-    adds_current: bool = False
-
-
-@dataclasses.dataclass(frozen=True)
 class AbstractDraft(abc.ABC):
     """A compensation of one axis, fitted and not yet written.
 
@@ -125,14 +109,24 @@ class AbstractDraft(abc.ABC):
         return self.fit.axis
 
     @property
-    @abc.abstractmethod
+    def kind(self) -> Kind:
+        """The facts of the compensation."""
+        return self.fit.kind
+
+    @property
     def compensation(self) -> str:
         """Name of the compensation, as in the job."""
+        return self.fit.compensation
+
+    @property
+    def written(self) -> bool:
+        """Whether there is anything to write; entries, gate and jump are asked only then."""
+        return True
 
     @property
     @abc.abstractmethod
-    def switch(self) -> Switch | None:
-        """How it is switched on, or None where nothing is written."""
+    def needs(self) -> str:
+        """What must hold before it works: ``Works once its masters are referenced``."""
 
     @property
     def partial(self) -> bool:
@@ -154,7 +148,7 @@ class AbstractDraft(abc.ABC):
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
         """Return the entries of the axis list; ``cycles`` is P-AXIS-00243 of the axis."""
-        return {}
+        return {self.kind.activation: 1}
 
     def machine_remarks(self) -> list[Remark]:
         """Return what the user must know of changes to the axis list."""
@@ -171,7 +165,7 @@ class AbstractDraft(abc.ABC):
     def jump(self, job: Job) -> float:
         """Return by how much it moves the standing axis at most where it comes or goes.
 
-        In mm or °; 0 where nothing is written, or nothing is added at standstill.
+        In mm or °; 0 where nothing is added at standstill.
         """
         return 0.0
 
@@ -200,7 +194,7 @@ class AbstractDraft(abc.ABC):
         return None
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        """Return every line of the gate; none where nothing is written."""
+        """Return every line of the gate."""
         return ()
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
@@ -239,7 +233,6 @@ class AbstractDraft(abc.ABC):
         job: Job,
         gate: tuple[GateCheck, ...],
         files: "AxisFiles",
-        conventions: tuple[str, ...],
     ) -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class.
 
@@ -247,7 +240,6 @@ class AbstractDraft(abc.ABC):
             job: The job.
             gate: What the gate said.
             files: The lists of the axis.
-            conventions: Beginnings of the names of the rules that were used.
         """
         axis = job.spec.axes[self.axis]
         return {
@@ -256,7 +248,7 @@ class AbstractDraft(abc.ABC):
             "axis_number": axis.number,
             "unit": "mm" if axis.kind == "linear" else "deg",
             "gate": gate,
-            "conventions": convention_states(job, conventions),
+            "conventions": convention_states(job, self.kind.conventions),
             "findings": tuple(dataclasses.asdict(item) for item in files.findings),
         }
 

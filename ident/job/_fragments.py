@@ -10,14 +10,19 @@ from ._result import Remark
 
 
 def machine_list(
-    job: Job, axis: str, drafts: Sequence[AbstractDraft], cycles: int | None
+    job: Job,
+    axis: str,
+    existing: ListFile | None,
+    drafts: Sequence[AbstractDraft],
+    cycles: int | None,
 ) -> tuple[ListFile | None, str, list[Remark]]:
     """Return the axis list, edited, or just the entries to add to it.
 
     Args:
         job: The job.
         axis: Its name in the job.
-        drafts: The fits of this axis.
+        existing: The axis list that is there, or None.
+        drafts: The fits of this axis that are written.
         cycles: Value of P-AXIS-00243, where a fit asks for one.
 
     Returns:
@@ -30,7 +35,6 @@ def machine_list(
     for one in drafts:
         values |= one.machine_entries(job, cycles)
         remarks += one.machine_remarks()
-    existing = drafts[0].lists.machine
     if existing is not None:
         name = f"achsmds{number}.lis"
         if not values:
@@ -38,7 +42,7 @@ def machine_list(
         edited = existing.merge(values)
         if added := [entry for entry in values if existing.get(entry) is None]:
             words = f"Added to {existing.source}: {', '.join(added)}."
-            remarks.append(Remark("info", words))
+            remarks.append(Remark.info(words))
         return dataclasses.replace(edited, source=name), name, remarks
     name = f"achsmds{number}.add.lis"
     if not values:

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from ._fit_schema import FitSpec, FrictionSpec, LineSpec, PlaneSpec, TemperatureSpec
-from ._lines import Path as KeyPath
+from ..kinds._keys import Fault, FitSpec
 from ._schema import JobFile
 
 
@@ -29,13 +28,13 @@ def _drifts(job: JobFile, fit: FitSpec) -> bool:
     return any(one is not None and one.drift > 0 for one in named)
 
 
-def group_faults(job: JobFile) -> Iterator[tuple[KeyPath, str]]:
+def group_faults(job: JobFile) -> Iterator[Fault]:
     """Yield what is wrong, each with its key."""
     for k, fit in enumerate(job.fits):
-        if fit.group is not None and isinstance(fit, FrictionSpec):
+        if fit.group is not None and fit.kind.adds_current:
             yield (
                 ("fits", k, "group"),
-                f"found friction in group {fit.group!r}: it works on the current of the"
+                f"found {fit.compensation} in group {fit.group!r}: it works on the current of the"
                 " drive and not on the position, expected no group",
             )
     groups = groups_of(job)
@@ -53,12 +52,10 @@ def group_faults(job: JobFile) -> Iterator[tuple[KeyPath, str]]:
         yield from _beside(job, name, members)
 
 
-def _unlike(
-    job: JobFile, name: str, members: tuple[int, ...]
-) -> Iterator[tuple[KeyPath, str]]:
+def _unlike(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
     first = job.fits[members[0]]
-    tables = [k for k in members if isinstance(job.fits[k], PlaneSpec | LineSpec)]
-    for key, own in (("loss", members), ("smoothness", tuple(tables))):
+    for key in ("loss", "smoothness"):
+        own = [k for k in members if key not in job.fits[k].lacking]
         for k in own[1:]:
             mine, theirs = getattr(job.fits[k], key), getattr(job.fits[own[0]], key)
             if mine != theirs:
@@ -77,13 +74,7 @@ def _unlike(
                 " same measurements for all",
             )
     for k in members:
-        fit = job.fits[k]
-        if isinstance(fit, TemperatureSpec) and fit.steady is not None:
-            reason = (
-                f"found in group {name!r}, whose other fits need all readings, expected"
-                " no steady"
-            )
-            yield ("fits", k, "steady"), reason
+        yield from job.fits[k].faults_in_group(("fits", k))
     for source in first.sources:
         measured = job.measurements.get(source)
         if measured is not None and measured.datum is not None:
@@ -94,14 +85,12 @@ def _unlike(
             )
 
 
-def _beside(
-    job: JobFile, name: str, members: tuple[int, ...]
-) -> Iterator[tuple[KeyPath, str]]:
+def _beside(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
     own: list[FitSpec] = [job.fits[k] for k in members]
     axes = {fit.axis for fit in own}
     sources = set(own[0].sources)
     for k, fit in enumerate(job.fits):
-        if k in members or isinstance(fit, FrictionSpec) or fit.axis not in axes:
+        if k in members or fit.kind.adds_current or fit.axis not in axes:
             continue
         shared = sources & set(fit.sources)
         if shared:

@@ -50,6 +50,16 @@ class AxisFiles:
         )
         return tuple((name, one) for name, one in pairs if one is not None)
 
+    def compensation_in(self, written: Sequence[Path]) -> Path | None:
+        """Return the compensation list among the written files, or None."""
+        return next(
+            (one for one in written if one.name == self.compensation_name), None
+        )
+
+    def machine_in(self, written: Sequence[Path]) -> Path | None:
+        """Return the axis list among the written files, or None."""
+        return next((one for one in written if one.name == self.machine_name), None)
+
     def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
         """Return those of the written files that are lists, not the PLC's."""
         return tuple(file for file in written if file.name not in self.extra)
@@ -71,7 +81,9 @@ def axis_files(
             is not found again in it.
     """
     name = f"achskw{job.spec.axes[axis].number}.lis"
-    existing = drafts[0].lists.compensation
+    lists = drafts[0].lists
+    existing = lists.compensation
+    drafts = [one for one in drafts if one.written]
     entries: dict[str, Value] = {}
     for one in drafts:
         entries |= one.entries(job)
@@ -79,8 +91,7 @@ def axis_files(
     if entries and existing is None:
         listing = _new(job, axis, entries)
         remarks.append(
-            Remark(
-                "info",
+            Remark.info(
                 f"{name} is a new list, since no list of {axis} was given: copied over"
                 " another one, it would lose that one's other compensations.",
             )
@@ -93,8 +104,8 @@ def axis_files(
         listing = dataclasses.replace(listing, source=name)
         for one in drafts:
             one.refuse_misread(job, listing)
-    machine, machine_name, more = machine_list(job, axis, drafts, cycles)
-    pairs = (existing, listing), (drafts[0].lists.machine, machine)
+    machine, machine_name, more = machine_list(job, axis, lists.machine, drafts, cycles)
+    pairs = (existing, listing), (lists.machine, machine)
     same = {
         new.source
         for old, new in pairs
@@ -156,13 +167,10 @@ def _edited(
     rows = len(added) - len(plain)
     if added:
         words = plain + ([f"{rows} table entries"] if rows else [])
-        remarks.append(
-            Remark("info", f"Added to {existing.source}: {', '.join(words)}.")
-        )
+        remarks.append(Remark.info(f"Added to {existing.source}: {', '.join(words)}."))
     if stale:
         remarks.append(
-            Remark(
-                "info",
+            Remark.info(
                 f"Removed from {existing.source}: {len(stale)} table entries beyond"
                 " the new table.",
             )

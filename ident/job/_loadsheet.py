@@ -61,13 +61,13 @@ def _measuring(
 ) -> list[LoadStep]:
     """Return the second measurement, where none has shown yet what the lists do."""
     unproven = [
-        draft.switch
+        draft.kind
         for draft, one in zip(drafts, results, strict=True)
-        if draft.switch is not None and not one.confirmed
+        if draft.written and not one.confirmed
     ]
     if not unproven:
         return []
-    if all(switch.adds_current for switch in unproven):
+    if all(kind.adds_current for kind in unproven):
         return [
             LoadStep(
                 "Measure once more with the list active",
@@ -197,11 +197,10 @@ def _switching(
     name = job.spec.axes[one.axis].name or one.axis
     steps = []
     for draft in drafts:
-        switch = draft.switch
-        if draft.axis != one.axis or switch is None:
+        if draft.axis != one.axis or not draft.written:
             continue
-        word = switch.keyword
-        detail = f"{switch.needs}. {name}[COMP ON {word}] switches it on"
+        word = draft.kind.keyword
+        detail = f"{draft.needs}. {name}[COMP ON {word}] switches it on"
         if draft.fit.manual_activation:
             detail += " and is needed in every NC program (manual_activation 1)"
         else:
@@ -223,14 +222,14 @@ def _watching(
     shown: list[str] = []
     currents: list[str] = []
     for draft in drafts:
-        switch = draft.switch
-        if draft.axis not in names or switch is None:
+        if draft.axis not in names or not draft.written:
             continue
-        if switch.demanded:
-            words.setdefault(draft.axis, []).append(switch.keyword)
+        kind = draft.kind
+        if kind.demanded:
+            words.setdefault(draft.axis, []).append(kind.keyword)
         name = job.spec.axes[draft.axis].name or draft.axis
-        own = currents if switch.adds_current else shown
-        own.append(f"V.A.{switch.keyword}_COMP_CURR.{name}")
+        own = currents if kind.adds_current else shown
+        own.append(f"{kind.variable}.{name}")
     demands = "; ".join(f"{axis}: {' | '.join(own)}" for axis, own in words.items())
     steps = []
     if demands:

@@ -14,10 +14,10 @@ from ..exchange import (
     is_activated,
     refuse_lost_nodes,
 )
+from ..kinds._keys import TableSpec
 from ._active import was_active
 from ._draft import AxisLists
-from ._fit_schema import CrossSpec, LeadscrewSpec, TableSpec
-from ._layout import empty_table, has_nodes, refuse_short_cross, table_of
+from ._layout import empty_table, table_of
 from ._load import Job
 from ._result import Remark
 from ._source import Tables
@@ -64,7 +64,6 @@ def plan_fit(
     """
     existing, axis_list = lists.compensation, lists.machine
     where = ("fits", index)
-    used = {name: set(job.spec.measurements[name].active) for name in fit.sources}
     active = was_active(job, index, fit, _holder(fit, existing))
     try:
         old, unread = _old_table(job, fit, existing, active)
@@ -86,22 +85,7 @@ def plan_fit(
             refuse_lost_nodes(table, old, existing.source)
     except ExchangeError as error:
         raise job.error(where, str(error)) from None
-    refuse_short_cross(job, index, fit, table)
-    if isinstance(fit, CrossSpec) and job.conventions.cross_list == "master":
-        raise job.error(
-            where,
-            "found the convention cross_list = 'master', expected 'slave': cross tables"
-            " are written into the list of the compensated axis",
-        )
-    if isinstance(fit, LeadscrewSpec) and fit.bilateral:
-        for name, names in used.items():
-            if "backlash" in names:
-                raise job.error(
-                    ("measurements", name, "active"),
-                    "found backlash for a bilateral leadscrew fit, which switches it"
-                    " off (both would compensate the reversal), expected a measurement"
-                    " without it",
-                )
+    fit.refuse(job, index, table)
     return Plan(
         index=index,
         fit=fit,
@@ -158,10 +142,10 @@ def _old_table(
     try:
         return probe.read(existing, _increments(job)), []
     except ExchangeError as error:
-        if active or not has_nodes(fit) or job.spec.gate.max_change is not None:
+        if active or not fit.nodes or job.spec.gate.max_change is not None:
             raise
         words = f"The new table replaces one that cannot be compared with it: {error}"
-        return None, [Remark("warning", words)]
+        return None, [Remark.warning(words)]
 
 
 def _remarks(
@@ -175,28 +159,18 @@ def _remarks(
     found: list[Remark] = []
     if active:
         found.append(
-            Remark(
-                "info",
+            Remark.info(
                 "The old table was active while measuring: the new one is old +"
                 " residual.",
             )
         )
     elif old is not None:
         found.append(
-            Remark(
-                "info",
+            Remark.info(
                 "The old table was off while measuring: the new one replaces it.",
             )
         )
-    if isinstance(fit, CrossSpec) and job.spec.axes[fit.master].limits is None:
-        found.append(
-            Remark(
-                "warning",
-                f"No software limits of {fit.master} are given: make sure that the"
-                " nodes reach them, since what the controller does outside a cross"
-                " table is not documented.",
-            )
-        )
+    found += [Remark.warning(words) for words in fit.warnings(job)]
     if existing is None:
         return found
     others = {spec.compensation for spec in job.spec.fits if spec.axis == fit.axis}
@@ -206,8 +180,7 @@ def _remarks(
             continue  # the axis is judged with it
         if kind not in on | others and _has_values(existing, kind):
             found.append(
-                Remark(
-                    "warning",
+                Remark.warning(
                     f"The list also holds a {kind} table that was off while measuring:"
                     " what it corrects is part of the new table as well. Leave it off,"
                     f" or measure with {kind} active.",

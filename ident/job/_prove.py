@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ...data.lists import ListFile
 from ..exchange import LIST_UNITS, Model, by_branch
 from ..fit import TableFit
-from ..proof import ErrorFigures, error_figures
+from ..proof import ErrorFigures
 from ._fitting import AbstractFitted, Fitted
 from ._lists import AxisFiles
 from ._load import Job
@@ -22,8 +22,8 @@ from ._result import (
     SampleView,
     Streamed,
     TableResult,
+    staged,
 )
-from ._source import masters_of
 from ._switching import switching_remarks
 
 
@@ -86,11 +86,7 @@ def prove(folder: OutFolder, one: Fitted, written: tuple[Path, ...]) -> Proof:
             share=one.fit.share,
             timed=readings.timed,
         ),
-        error={
-            "before": error_figures(one.before, runs, wild),
-            "predicted": error_figures(left.residual, runs, wild),
-            "from_file": error_figures(from_file, runs, wild),
-        },
+        error=staged(one.before, left.residual, from_file, wild, runs),
         counts=Counts(
             len(one.before),
             int(wild.sum()),
@@ -132,7 +128,7 @@ def result_of(
     linear = job.spec.axes[spec.axis].kind == "linear"
     return TableResult(
         **frame,
-        masters=masters_of(spec),
+        masters=spec.over,
         nodes=tuple(nodes.positions for nodes in table.nodes),
         table=by_branch(table, table.sign * one.offset),
         old_table=None if old is None else by_branch(table, table.sign * old),
@@ -174,8 +170,7 @@ def _without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark
             " error that changes from node to node: repeated runs would tell which."
         )
     return [
-        Remark(
-            "warning",
+        Remark.warning(
             "On readings that the fit did not see, this list leaves no less error than"
             f" there is without it: {why}",
         )

@@ -8,7 +8,6 @@ from jaxtyping import Bool, Float
 from ..exchange import AbstractTable
 from ._fitting import AbstractFitted
 from ._result import Remark
-from ._source import masters_of
 
 _MANY = 0.05
 """Share of wild readings from which on the instrument deserves a look."""
@@ -51,16 +50,14 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remar
         if counts.wild:
             why = "rest on no reading (not measured, or only wild ones)"
         found.append(
-            Remark(
-                "warning",
+            Remark.warning(
                 f"{empty} of {fit.support.size} node values {why}; they are"
                 " filled by the prior and marked with support 0.",
             )
         )
     if counts.outside:
         found.append(
-            Remark(
-                "info",
+            Remark.info(
                 f"{counts.outside} readings lie outside the table, where its edge is held.",
             )
         )
@@ -77,13 +74,12 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remar
         more = len(fit.suspect_nodes) - len(names)
         words = "; ".join(names) + (f" and {more} more" if more else "")
         found.append(
-            Remark("warning", f"Readings contradict their surroundings at {words}.")
+            Remark.warning(f"Readings contradict their surroundings at {words}.")
         )
     if fit.suspect_runs:
         runs = ", ".join(str(run) for run in fit.suspect_runs)
         found.append(
-            Remark(
-                "warning",
+            Remark.warning(
                 f"Contradicts the other runs, and does not count in their mean: run {runs}.",
             )
         )
@@ -92,8 +88,7 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remar
         unit = "µm" if linear else "0.001°"
         own = "offset and drift" if one.run_effects == "drift" else "offset"
         found.append(
-            Remark(
-                "info",
+            Remark.info(
                 f"Each of the {len(fit.runs)} runs was allowed an {own} of its own"
                 f" (offsets up to {largest:.1f} {unit}); the table keeps their"
                 " mean.",
@@ -109,15 +104,14 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remar
                     f" line of readings, {1e3 * fit.line_offset:.1f} {unit} (1 sd)"
                 )
             found.append(
-                Remark(
-                    "info",
+                Remark.info(
                     "Nothing was measured twice: what changes from one measurement to the"
                     f" next {known}. A second measurement, given together with the first,"
                     " brings it in.",
                 )
             )
     if not fit.converged or fit.loss != one.plan.fit.loss:
-        found.append(Remark("warning", fit.message))
+        found.append(Remark.warning(fit.message))
     return found
 
 
@@ -145,7 +139,7 @@ def _node(one: AbstractFitted, index: int) -> str:
     words = ", ".join(
         f"{name} = {nodes.positions[k]:g}"
         for name, nodes, k in zip(
-            masters_of(one.plan.fit), table.nodes, reversed(own), strict=True
+            one.plan.fit.over, table.nodes, reversed(own), strict=True
         )
     )
     if table.branches == 2:

@@ -1,26 +1,18 @@
-"""Which room of a job fits which compensation, and the lists that are there already."""
+"""Every fit of a job, planned, and the lists that are there already."""
 
 import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ...data.lists import ListFile
+from ..core import FitError
 from ..exchange import ExchangeError, axis_number
-from ._draft import AxisLists, Planned
-from ._fit_schema import (
-    AnyFit,
-    BacklashSpec,
-    CrossSpec,
-    CrosstalkSpec,
-    FrictionSpec,
-    LeadscrewSpec,
-    PlaneSpec,
-    TemperatureSpec,
-)
+from ..kinds._keys import FitSpec
+from ..kinds._parts import single_of
+from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
 from ._group_faults import groups_of
 from ._load import Job
 from ._source import Tables
-from ._table_draft import plan_table
 
 if TYPE_CHECKING:
     from .joint import GroupPlan
@@ -74,9 +66,7 @@ def _refuse_streams(job: Job, grouped: set[int]) -> None:
         JobError: Naming the measurement.
     """
     for index, fit in enumerate(job.spec.fits):
-        if index not in grouped and isinstance(
-            fit, PlaneSpec | CrossSpec | LeadscrewSpec
-        ):
+        if index not in grouped and fit.kind.table:
             continue
         for name in fit.sources:
             if job.spec.measurements[name].stream is True:
@@ -90,28 +80,19 @@ def _refuse_streams(job: Job, grouped: set[int]) -> None:
 
 
 def _plan(
-    job: Job, tables: Tables, index: int, fit: AnyFit, lists: AxisLists
+    job: Job, tables: Tables, index: int, fit: FitSpec, lists: AxisLists
 ) -> Planned:
-    # A room is imported when a job asks for it: each takes a while to load.
-    if isinstance(fit, BacklashSpec):
-        from .backlash import plan_backlash
+    planned = single_of(fit.compensation).plan(job, tables, index, fit, lists)
 
-        return plan_backlash(job, tables, index, fit, lists)
-    if isinstance(fit, CrosstalkSpec):
-        from .crosstalk import plan_crosstalk
+    def draft(left: Leftovers) -> AbstractDraft:
+        try:
+            return planned(left)
+        except (FitError, ExchangeError) as error:
+            reason = f"{fit.name} from {', '.join(fit.sources)}: {error}"
+            raised = job.untold if isinstance(error, FitError) else job.error
+            raise raised(("fits", index), reason) from None
 
-        return plan_crosstalk(job, tables, index, fit, lists)
-    if isinstance(fit, FrictionSpec):
-        from .friction import plan_friction
-
-        return plan_friction(job, tables, index, fit, lists)
-    if isinstance(fit, TemperatureSpec):
-        from .temperature import plan_temperature
-
-        return plan_temperature(job, tables, index, fit, lists)
-    # `find_fault` has refused what no room fits.
-    assert isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec)
-    return plan_table(job, tables, index, fit, lists)
+    return draft
 
 
 def existing_lists(job: Job) -> dict[str, AxisLists]:

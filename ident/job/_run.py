@@ -15,7 +15,6 @@ from ._beside import hand_on, leftovers
 from ._clocks import ClockState
 from ._draft import AbstractDraft
 from ._errors import UntoldError
-from ._fit_schema import FitSpec, TemperatureSpec
 from ._fragments import startup_fragment
 from ._gating import limits_of
 from ._job_result import JobResult, WholeAxis
@@ -26,7 +25,6 @@ from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
-from ._plc_names import temperature_names
 from ._result import AbstractResult, Remark
 from ._rooms import Plans, plan_all
 from ._source import Tables
@@ -94,9 +92,11 @@ def begin_job(
         raise
     cycles: dict[str, int] = {}
     for one in drafts:
-        if (spread := one.cycles(job)) is not None:
+        if one.written and (spread := one.cycles(job)) is not None:
             cycles[one.axis] = max(spread, cycles.get(one.axis, 0))
-    gates = [one.gate(job, cycles.get(one.axis)) for one in drafts]
+    gates = [
+        one.gate(job, cycles.get(one.axis)) if one.written else () for one in drafts
+    ]
     say("writing lists")
     files = tuple(
         axis_files(
@@ -233,15 +233,9 @@ def _names(job: Job) -> list[str]:
             f"achskw{number}.lis",
             f"achsmds{number}.lis",
             f"achsmds{number}.add.lis",
-            *_for_the_plc(fit),
+            *fit.plc_files,
         ]
     return names
-
-
-def _for_the_plc(fit: FitSpec) -> tuple[str, ...]:
-    """Return the names of what a fit may write for the PLC."""
-    named = isinstance(fit, TemperatureSpec)
-    return temperature_names(fit.axis) if named else ()
 
 
 def _fit_all(
@@ -266,9 +260,9 @@ def _fit_all(
             hand_on(job, plans, one, left)
     untold: list[UntoldError] = []
     alone = untold_alone(job, tables, plans)
-    order = sorted(plans.single, key=lambda k: fits[k].compensation != "backlash")
+    order = sorted(plans.single, key=lambda k: not fits[k].kind.fitted_first)
     for place, k in enumerate(order):
-        if k in alone and not isinstance(fits[k], TemperatureSpec):
+        if k in alone and not fits[k].kind.partial:
             drafts[k] = left_out(job, plans, k, alone[k])
             continue
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
@@ -279,10 +273,11 @@ def _fit_all(
                 untold.append(error)
             drafts[k] = left_out(job, plans, k, alone.get(k, error.reason))
             continue
-        if k in alone and one.switch is not None and not one.partial:
+        if k in alone and one.written and not one.partial:
             drafts[k] = left_out(job, plans, k, alone[k])
             continue
-        if one.axis not in [fits[later].axis for later in order[place + 1 :]]:
+        later = [fits[k].axis for k in order[place + 1 :]]
+        if not one.written or one.axis not in later:
             continue
         left.take(one.left_by())
         hand_on(job, plans, one, left)
@@ -310,7 +305,7 @@ def _with_whole(
             for one in files
         ),
         [
-            (*gate, *lines.get(one.axis, ())) if one.switch is not None else gate
+            (*gate, *lines.get(one.axis, ())) if one.written else gate
             for one, gate in zip(drafts, gates, strict=True)
         ],
     )
@@ -355,7 +350,7 @@ def _write(
         kinds = {f"achsmds{number}.lis", f"achsmds{number}.add.lis"}
         for fit in job.spec.fits:
             if fit.axis == one.axis:
-                kinds |= set(_for_the_plc(fit))
+                kinds |= set(fit.plc_files)
         stale = {one.compensation_name, *kinds} - set(contents) - set(one.extra)
         for name in sorted(stale):
             retired.append((name, folder.retire(name)))
@@ -371,15 +366,14 @@ def _write(
         name = "hochlauf.add.lis"
         retired.append((name, folder.retire(name)))
     moved = [
-        Remark(
-            "warning",
+        Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
             " the lists of this run.",
         )
         for name, earlier in retired
         if earlier is not None
     ]
-    moved += [Remark("warning", words) for words in folder.remarks]
+    moved += [Remark.warning(words) for words in folder.remarks]
     return written, moved
 
 

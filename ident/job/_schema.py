@@ -1,15 +1,25 @@
 """The job file as data: every key, its type and its default (interface.md)."""
 
 import datetime
-from typing import Annotated, Any, Literal
+import functools
+import operator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from ._fit_schema import AnyFit, JobPart
+from ..kinds import NAMES
+from ..kinds._keys import FitSpec, JobPart
+from ..kinds._parts import keys_of
 
-Compensation = Literal[
-    "backlash", "temperature", "cross", "plane", "leadscrew", "friction", "crosstalk"
-]
+if TYPE_CHECKING:  # both follow from the table of kinds
+    Compensation = str
+    AnyFit = FitSpec
+else:
+    Compensation = Literal[NAMES]
+    AnyFit = Annotated[
+        functools.reduce(operator.or_, map(keys_of, NAMES)),
+        Field(discriminator="compensation"),
+    ]
 Number = Annotated[int, Field(ge=1, le=65535)]
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -50,6 +60,11 @@ class Axis(JobPart, frozen=True):
     increment: Annotated[float, Field(gt=0)] | None = None
     modulo: Range | None = None
     gantry: str | None = None
+
+    @property
+    def unit(self) -> str:
+        """Unit of its positions: mm or °."""
+        return "mm" if self.kind == "linear" else "°"
 
 
 class ColumnChoice(JobPart, frozen=True):

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ._draft import AbstractDraft, Switch
+from ._draft import AbstractDraft
 from ._job_result import LoadStep
 from ._load import Job
 from ._result import AbstractResult, Expectation
@@ -23,25 +23,27 @@ def sign_steps(
     """
     steps: list[LoadStep] = []
     for draft, result in zip(drafts, results, strict=True):
-        judged, switch = result.judgement, draft.switch
-        if switch is None or not judged.has(Code.ASSUMED):
+        judged, kind = result.judgement, draft.kind
+        if not draft.written or not judged.has(Code.ASSUMED):
             continue
         open_ = next(r for r in judged.reasons if r.code is Code.ASSUMED)
         words = (
             f"Computed; sign unproven: {', '.join(open_.fields['conventions'])} assumed,"
             " no measurement has settled that."
         )
-        if not switch.adds_current:
+        if not kind.adds_current:
             words += (
                 f" Load the lists of axcomp probe {job.path.name} instead: one log or"
                 " one dial settles every table."
             )
         axis = job.spec.axes[draft.axis]
-        unit = "mm/s" if axis.kind == "linear" else "°/s"
+        unit = f"{axis.unit}/s"
         expected = result.expectation
         if expected is not None:
-            start = "" if switch.adds_current else " Or, with the new lists in place: "
-            words += start + _move(axis.name or draft.axis, switch, expected, unit)
+            start = "" if kind.adds_current else " Or, with the new lists in place: "
+            words += start + _move(
+                axis.name or draft.axis, kind.keyword, expected, unit
+            )
         steps.append(
             LoadStep(
                 f"Settle the sign first: {draft.compensation} of {draft.axis}", words
@@ -50,10 +52,10 @@ def sign_steps(
     return steps
 
 
-def _move(axis: str, switch: Switch, expected: Expectation, per_second: str) -> str:
+def _move(axis: str, keyword: str, expected: Expectation, per_second: str) -> str:
     """Return the slow move that shows a sign, and what to see; speeds in that unit."""
     unit, factor = _SHOWN.get(expected.unit, (expected.unit, 1.0))
-    off, on = (f"{axis}[COMP {word} {switch.keyword}]" for word in ("OFF", "ON"))
+    off, on = (f"{axis}[COMP {word} {keyword}]" for word in ("OFF", "ON"))
     if expected.speed is not None:
         return (
             f" Move {axis} positive at {expected.speed:g} {per_second}, {off}, then {on}: the list"

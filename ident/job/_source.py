@@ -22,21 +22,18 @@ from ...data.measurements import (
     with_error,
     without_motion,
 )
+from ..kinds._keys import FitSpec
 from ._clocks import ClockState
-from ._fit_schema import FitSpec, FrictionSpec
 from ._joined import JoinedFiles, join_files
 from ._load import Job
 from ._reference import (
+    Wanted as Wanted,
     at_reference as at_reference,
     reduced_to_reference,
+    wanted_by as wanted_by,
     words_of_reference,
 )
 from ._remove import without_zero
-from ._wanted import (
-    Wanted as Wanted,
-    masters_of as masters_of,
-    wanted_by as wanted_by,
-)
 
 PROFILE_FORMATS = ("Klipper bed mesh",)
 """Formats of which one file may hold several surfaces, by name."""
@@ -74,7 +71,7 @@ class Tables:
     @functools.cached_property
     def _plain_rows(self) -> PlainRows | None:
         """What reads plain rows fast: machine code, where a fit of the job needs it anyway."""
-        if not any(isinstance(fit, FrictionSpec) for fit in self.job.spec.fits):
+        if not any(fit.kind.compiles for fit in self.job.spec.fits):
             return None
         from ._plain_rows import plain_rows  # takes long to load
 

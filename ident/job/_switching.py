@@ -19,8 +19,8 @@ def jump_of(one: AbstractFitted) -> float:
 
 def cycles_entry(one: AbstractFitted) -> str | None:
     """Return the entry that spreads the switching; a leadscrew table has none."""
-    prefix = one.plan.table.prefix
-    return None if one.plan.table.keyword == "LEAD" else f"{prefix}.n_cycles"
+    cycles = one.plan.fit.kind.cycles
+    return None if cycles is None else cycles[0]
 
 
 def chosen_cycles(job: Job, one: AbstractFitted) -> int | None:
@@ -60,12 +60,12 @@ def switching_remarks(job: Job, one: AbstractFitted) -> list[Remark]:
             f"{start} in one cycle: the controller has no n_cycles for it. At standstill"
             " only, without a tool in cut, best where the table is near 0."
         )
-        return [Remark("info", words)]
+        return [Remark.info(words)]
     cycles = _cycles(job, one, name)
     step = largest_step(jump, cycles)
     words = f"{start}: {name} {cycles} spreads it, {step:.3g} {unit} per cycle at most."
     if step <= limit:
-        return [Remark("info", f"{words} At standstill only, without a tool in cut.")]
+        return [Remark.info(f"{words} At standstill only, without a tool in cut.")]
     more = "n_cycles can be no larger"
     if cycles < (switching_cycles(jump, limit) or 0):
         more = "leave n_cycles out of the job, and it is chosen"
@@ -74,7 +74,7 @@ def switching_remarks(job: Job, one: AbstractFitted) -> list[Remark]:
         f" of the table to where {axis} is homed (datum), so that less comes at once, or"
         " raise max_switching in [gate] if the builder of the machine allows it."
     )
-    return [Remark("warning", words)]
+    return [Remark.warning(words)]
 
 
 def _cycles(job: Job, one: AbstractFitted, name: str) -> int:
@@ -89,4 +89,4 @@ def _existing(one: AbstractFitted, name: str) -> int | None:
 
 
 def _unit(job: Job, one: AbstractFitted) -> str:
-    return "mm" if job.spec.axes[one.plan.fit.axis].kind == "linear" else "°"
+    return job.spec.axes[one.plan.fit.axis].unit

@@ -9,9 +9,9 @@ from typing import final
 import numpy as np
 
 from ...data.lists import ListFile, Value
+from ..kinds._keys import FitSpec, TableSpec
 from ..proof import GateCheck
-from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Switch
-from ._fit_schema import FitSpec, TableSpec
+from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned
 from ._fitting import AbstractFitted, Fitted, fit_plan
 from ._gating import cycles_for, pass_gate
 from ._lists import AxisFiles
@@ -28,12 +28,6 @@ from ._switching import jump_of, switching_checks
 from ._table_entries import refuse_misread, restart_of_table, table_entries
 from ._trend import refuse_unowned_trend
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
-
-_CONVENTIONS = {
-    "plane": ("plane_",),
-    "cross": ("cross_",),
-    "leadscrew": ("leadscrew_", "direction_source", "start_direction"),
-}
 
 
 def plan_table(
@@ -96,14 +90,9 @@ class AbstractTableDraft(AbstractDraft):
     one: AbstractFitted
 
     @property
-    def compensation(self) -> str:
-        return self.one.plan.table.compensation
-
-    @property
-    def switch(self) -> Switch:
-        keyword = self.one.plan.table.keyword
-        whose = "it is" if keyword == "LEAD" else "its masters are"
-        return Switch(keyword, f"Works once {whose} referenced")
+    def needs(self) -> str:
+        whose = "it is" if self.fit.lengths else "its masters are"
+        return f"Works once {whose} referenced"
 
     @property
     def replaces(self) -> tuple[str, ...]:
@@ -113,7 +102,7 @@ class AbstractTableDraft(AbstractDraft):
         return table_entries(job, self.one)
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
-        values: dict[str, Value] = {self.one.plan.table.activation: 1}
+        values: dict[str, Value] = super().machine_entries(job, cycles)
         if self._bilateral and cycles is not None:
             # A bilateral table contains the backlash; the parameter beside it would
             # compensate it twice.
@@ -127,8 +116,7 @@ class AbstractTableDraft(AbstractDraft):
         if not listing.integer("lr_param.anwahl_losekomp"):
             return []
         return [
-            Remark(
-                "warning",
+            Remark.warning(
                 f"{listing.source}: backlash compensation is switched off"
                 " (anwahl_losekomp 0), since the bilateral leadscrew table contains"
                 " the backlash.",
@@ -185,7 +173,7 @@ class AbstractTableDraft(AbstractDraft):
         written: tuple[Path, ...],
         cycles: int | None,
     ) -> TableResult:
-        frame = self.frame(job, gate, files, _CONVENTIONS[self.compensation])
+        frame = self.frame(job, gate, files)
         proof = self.proof(folder, written)
         return result_of(job, self.one, proof, frame, files, written, cycles)
 

@@ -2,16 +2,20 @@
 
 import abc
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from ...fit.joint import AbstractEffect
+from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
+from ...kinds._keys import FitSpec
 from .._draft import AbstractDraft, AxisLists
-from .._fit_schema import FitSpec
 from .._load import Job
 from ._recording import GroupRecording
-from ._share import Share
+from ._share import Share, lost
+
+_MOST = 10_000
+"""Readings that are enough to see what goes together."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,26 +24,23 @@ class AbstractMember(abc.ABC):
 
     Attributes:
         index: Of the fit in the job.
+        fit: Its specification.
         lists: What the axis has already.
     """
 
     index: int
+    fit: FitSpec
     lists: AxisLists
-
-    @property
-    @abc.abstractmethod
-    def spec(self) -> FitSpec:
-        """Its specification."""
 
     @property
     def axis(self) -> str:
         """The compensated axis."""
-        return self.spec.axis
+        return self.fit.axis
 
     @property
     def name(self) -> str:
         """Compensation and axis, for messages."""
-        return f"{self.spec.compensation} of {self.axis}"
+        return self.fit.name
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -62,13 +63,46 @@ class AbstractMember(abc.ABC):
         return ()
 
     @property
-    def holds_constant(self) -> bool:
+    def takes_constant(self) -> bool:
         """Whether its list can hold a constant error of the axis."""
+        return self.fit.kind.takes_constant is not None
+
+    @property
+    def takes_line(self) -> bool:
+        """Whether its list can hold a line over the position of the axis."""
+        return False
+
+    @property
+    def needs_line(self) -> bool:
+        """Whether it shows what is its own only beside such a line."""
         return False
 
     def unfit(self, recording: GroupRecording) -> str:
         """Return why these readings tell nothing of it, whatever they are; else nothing."""
         return ""
+
+    def undetermined(self, data: JointData) -> str:
+        """Return why the motion of its masters does not tell it; else nothing."""
+        return ""
+
+    def confused(
+        self,
+        job: Job,
+        members: Sequence["AbstractMember"],
+        recording: GroupRecording,
+    ) -> str:
+        """Return with what that no fit stands for the readings confuse it; else nothing.
+
+        Args:
+            job: The job.
+            members: All that are fitted to these readings.
+            recording: What was measured.
+        """
+        return ""
+
+    def may_be_written(self, part: Part, fit: JointFit) -> bool:
+        """Return whether the readings tell its part of the joint fit."""
+        return bool(part.determined.any()) and not lost(part, fit)
 
     @abc.abstractmethod
     def effect(
@@ -96,3 +130,16 @@ class AbstractMember(abc.ABC):
             FitError: If the readings cannot carry it.
             ExchangeError: If it fits no list.
         """
+
+
+def at_once(effect: AbstractEffect) -> AbstractEffect:
+    """Return an effect without the lag of what it follows: linear in its values."""
+    if isinstance(effect, Temperature):
+        return dataclasses.replace(effect, lag=0.0)
+    return effect
+
+
+def few(data: JointData) -> JointData:
+    """Return as many readings as are enough to see what goes together."""
+    step = -(-len(data) // _MOST)
+    return data.take(np.arange(0, len(data), step)) if step > 1 else data

@@ -1,27 +1,13 @@
-"""The fits of a group, planned: existing lists read, keys understood."""
+"""The fits of a group, planned, and the columns that they use."""
 
 from collections.abc import Mapping, Sequence
 
+from ...kinds._parts import group_of
 from .._draft import AxisLists
-from .._fit_schema import (
-    BacklashSpec,
-    CrosstalkSpec,
-    Effect,
-    FitSpec,
-    TableSpec,
-    TemperatureSpec,
-)
 from .._load import Job
-from .._plan import plan_fit
-from .._source import Tables, measured_for
-from ..backlash import known_backlash
-from ..crosstalk import active_in, read_existing
-from ..temperature import only_sensor, refuse_unstated_law, sensor_name
-from ._backlash import BacklashMember
-from ._crosstalk import CrosstalkMember
+from .._source import Tables
 from ._member import AbstractMember
-from ._table import TableMember
-from ._temperature import TemperatureMember
+from ._reader import GroupNeeds
 
 
 def members_of(
@@ -30,41 +16,30 @@ def members_of(
     indices: Sequence[int],
     lists: Mapping[str, AxisLists],
 ) -> tuple[AbstractMember, ...]:
-    """Return the fits of a group.
+    """Return the fits of a group: existing lists read, keys understood.
 
     Raises:
         JobError: If keys, nodes, masters or existing lists do not suit.
         MeasurementError: If the only sensor is to be taken and there is none.
     """
+    pairs = [(index, job.spec.fits[index]) for index in indices]
     return tuple(
-        _member(
-            job, tables, index, job.spec.fits[index], lists[job.spec.fits[index].axis]
-        )
-        for index in indices
+        group_of(fit.compensation).member(job, tables, index, fit, lists[fit.axis])
+        for index, fit in pairs
     )
 
 
-def _member(
-    job: Job, tables: Tables, index: int, fit: FitSpec, lists: AxisLists
-) -> AbstractMember:
-    if isinstance(fit, BacklashSpec):
-        return BacklashMember(index, lists, fit, known_backlash(job, index, fit, lists))
-    if isinstance(fit, TemperatureSpec):
-        refuse_unstated_law(job, fit, lists)
-        return TemperatureMember(index, lists, fit, _sensors(tables, fit))
-    if isinstance(fit, CrosstalkSpec):
-        old, why = read_existing(lists.compensation, job.conventions)
-        active = active_in(job, index, fit, old, why) is not None
-        return CrosstalkMember(index, lists, fit, old, active, why)
-    # `group_faults` has refused what cannot stand in a group.
-    assert isinstance(fit, TableSpec)
-    return TableMember(index, lists, plan_fit(job, tables, index, fit, lists))
+def needs_of(members: Sequence[AbstractMember]) -> GroupNeeds:
+    """Return the axes and sensors whose columns the fits use."""
 
+    def unique(names: Sequence[str]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(names))
 
-def _sensors(tables: Tables, fit: TemperatureSpec) -> dict[Effect, str]:
-    effects: dict[Effect, str] | None = fit.effects
-    if effects is None:
-        measured = measured_for(tables, fit.sources[0], fit, (fit.axis,))
-        only = only_sensor(measured, fit.axis)
-        effects = {"offset": only, "coefficient": only}
-    return {key: sensor_name(name) for key, name in effects.items()}
+    return GroupNeeds(
+        error=unique([one.axis for one in members]),
+        position=unique([name for one in members for name in one.positions]),
+        direction=unique([name for one in members for name in one.turning]),
+        motion=unique([name for one in members for name in one.accelerating]),
+        temperature=unique([name for one in members for name in one.sensors]),
+        heated=unique([one.axis for one in members if one.sensors]),
+    )

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...fit.joint import Gauge, Part
-from ...proof import error_figures
 from .._draft import AbstractDraft
 from .._lists import AxisFiles
 from .._load import Job
-from .._result import Remark
+from .._result import Remark, staged
 from ._added import added_by_files
 from ._identify import IdentifiedGroup
 from ._left_out import LeftOutDraft
@@ -95,7 +94,7 @@ class GroupDraft:
                     rms=_size(part),
                     information=part.share,
                     determined=not missing,
-                    written=draft.switch is not None,
+                    written=draft.written,
                     why=in_words(missing),
                 )
             )
@@ -145,7 +144,7 @@ class GroupDraft:
             if part.effect.compensation == "delay":
                 error = error - part.contribution[rows]
         predicted = found.held_out[axis][rows].copy()
-        unwritten = [found.parts[k] for k in mine if self.drafts[k].switch is None] + [
+        unwritten = [found.parts[k] for k in mine if not self.drafts[k].written] + [
             part for part in helpers if part.effect.compensation != "delay"
         ]
         for part in unwritten:
@@ -164,11 +163,7 @@ class GroupDraft:
             unit="mm" if linear else "deg",
             noise=float(fit.noise[axis]),
             datum=found.left_constant[axis],
-            error={
-                "before": error_figures(error, wild=wild),
-                "predicted": error_figures(predicted, wild=wild),
-                "from_file": error_figures(from_file, wild=wild),
-            },
+            error=staged(error, predicted, from_file, wild),
             rows=rows,
             before=error,
             predicted=predicted,
@@ -179,9 +174,9 @@ class GroupDraft:
 
     def _remarks(self) -> list[Remark]:
         fit = self.found.fit
-        remarks = [Remark("info", words) for words in _unique(self.recording.remarks)]
+        remarks = [Remark.info(words) for words in _unique(self.recording.remarks)]
         if not fit.converged:
-            remarks.append(Remark("warning", fit.message))
+            remarks.append(Remark.warning(fit.message))
         left_out = {
             share.part.name
             for share, draft in zip(self.shares, self.drafts, strict=True)
@@ -194,14 +189,13 @@ class GroupDraft:
             own = {part.name for part in self.found.parts} & set(each.effects)
             if own <= fine:
                 # Only values that hardly any reading reaches: the prior fills them.
-                remarks.append(Remark("info", each.sentence))
+                remarks.append(Remark.info(each.sentence))
             elif not left_out & own:
-                remarks.append(Remark("error", each.sentence))
+                remarks.append(Remark.error(each.sentence))
         for axis, value in self.found.left_constant.items():
             if value:
                 remarks.append(
-                    Remark(
-                        "info",
+                    Remark.info(
                         f"A constant error of {axis} stands in no list of this group:"
                         " figures of the sum are about their middle.",
                     )
@@ -210,8 +204,7 @@ class GroupDraft:
             if part.effect.compensation == "delay":
                 continue
             remarks.append(
-                Remark(
-                    "info",
+                Remark.info(
                     f"A line over {part.effect.axis} that no temperature moves was"
                     " fitted beside the group: it belongs to a leadscrew, and no list of"
                     " this group holds it.",

@@ -14,7 +14,7 @@ from ....data.measurements import (
     explain_direction,
     without_motion,
 )
-from .._fit_schema import FitSpec, LeadscrewSpec, PlaneSpec
+from ...kinds._keys import FitSpec
 from .._remove import without_zero
 from .._runs import cycles_of
 from .._source import Tables, Wanted, at_reference, measured_for
@@ -27,13 +27,14 @@ _SLOW = 1e-3
 
 @dataclasses.dataclass(frozen=True)
 class GroupNeeds:
-    """Which columns the effects of a group use, by axis or sensor."""
+    """Which columns the effects of a group use, by axis or sensor; ``heated``: by axis too."""
 
     error: tuple[str, ...]
     position: tuple[str, ...]
     direction: tuple[str, ...]
     motion: tuple[str, ...]
     temperature: tuple[str, ...]
+    heated: tuple[str, ...]
 
 
 _Columns = dict[str, np.ndarray]
@@ -67,8 +68,7 @@ class GroupReader:
         needs: GroupNeeds,
     ) -> None:
         self.tables, self.name, self.fits, self.needs = tables, name, fits, needs
-        masters = tuple(lead.masters) if isinstance(lead, PlaneSpec) else ()
-        masters = masters or tuple(needs.position) or (lead.axis,)
+        masters = lead.over if len(lead.over) > 1 else needs.position or (lead.axis,)
         plain = measured_for(tables, name, lead, masters)
         self.measured = without_motion(plain, needs.error).with_gaps()
         self.moving = frozenset(
@@ -155,7 +155,7 @@ class GroupReader:
         spec = self.tables.job.spec.measurements[self.name]
         own = [fit for fit in self.fits if fit.axis == axis]
         if spec.expansion is not None and axis in position:
-            lengths = any(isinstance(fit, LeadscrewSpec) for fit in own)
+            lengths = any(fit.lengths for fit in own)
             error, note = at_reference(
                 self.tables.job, self.name, self.measured, own[0],
                 Wanted((axis,), "no", lengths), position[axis][:, None], error,

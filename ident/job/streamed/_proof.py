@@ -79,8 +79,7 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
         else ""
     )
     found = [
-        Remark(
-            "info",
+        Remark.info(
             f"{names}: {one.estimate.count} readings were read in pieces and not into"
             f" memory{shown}.",
         )
@@ -92,7 +91,7 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
             " what differs from run to run counts as noise. stream = false reads it into"
             " memory, which does both."
         )
-        found.append(Remark("warning", words))
+        found.append(Remark.warning(words))
     if one.estimate.crowded:
         words = (
             f"At {one.estimate.crowded} nodes wild readings stand side by side: they may"
@@ -100,7 +99,7 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
             " a second thought; a log that is read in pieces is not. Fit every n-th row"
             " of it to have them judged."
         )
-        found.append(Remark("warning", words))
+        found.append(Remark.warning(words))
     return found
 
 

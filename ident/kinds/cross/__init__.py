@@ -12,6 +12,9 @@ KIND = Kind(
     variable="V.A.CROSS_COMP_CURR",
     channel="CROSSC::actual_offset",
     conventions=("cross_",),
+    follows=frozenset({"position"}),
     cycles=("kw.crosscomp.n_cycles", 20),
     resized=110639,
+    table=True,
+    takes_constant=3,
 )

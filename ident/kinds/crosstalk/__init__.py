@@ -12,7 +12,6 @@ KIND = Kind(
     variable="V.A.CROSSTALK_COMP_CURR",
     channel="CROSSTALK::end_offset",
     conventions=("crosstalk_",),
-    cycles=None,
-    resized=None,
+    follows=frozenset({"position", "acceleration"}),
     demanded=False,
 )

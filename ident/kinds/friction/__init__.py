@@ -12,8 +12,8 @@ KIND = Kind(
     variable="V.A.FRICT_COMP_CURR",
     channel=None,
     conventions=("friction_",),
-    cycles=None,
-    resized=None,
+    follows=frozenset({"velocity"}),
     demanded=False,
     adds_current=True,
+    compiles=True,
 )

@@ -12,6 +12,8 @@ KIND = Kind(
     variable="V.A.LEAD_COMP_CURR",
     channel="LSEC::sum epsilon",
     conventions=("leadscrew_", "direction_source", "start_direction"),
-    cycles=None,
+    follows=frozenset({"position", "direction"}),
     resized=110638,
+    table=True,
+    takes_constant=1,
 )

@@ -12,6 +12,10 @@ KIND = Kind(
     variable="V.A.PLANE_COMP_CURR",
     channel="CC2::correction",
     conventions=("plane_",),
+    follows=frozenset({"position"}),
     cycles=("kw.crosscomp2.n_cycles", 20),
     resized=110640,
+    table=True,
+    takes_constant=2,
+    often_open=True,
 )

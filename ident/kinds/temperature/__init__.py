@@ -12,6 +12,8 @@ KIND = Kind(
     variable="V.A.TEMP_COMP_CURR",
     channel="TEMPC::actual_offset",
     conventions=("temperature_",),
+    follows=frozenset({"position", "temperature"}),
     cycles=("lr_param.temp_comp_n_cycles", 19),
-    resized=None,
+    partial=True,
+    often_open=True,
 )
