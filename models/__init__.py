@@ -76,6 +76,7 @@ from ._friction_stribeck import (
     stribeck_columns as stribeck_columns,
 )
 from ._leadscrew import Leadscrew as Leadscrew
+from ._lookup import AbstractLookup as AbstractLookup
 from ._motion import (
     COMPENSATIONS as COMPENSATIONS,
     Motion as Motion,

@@ -155,6 +155,12 @@ class Motion:
         velocity = self.velocity(axis, span)
         return None if self.time is None or velocity is None else self._rate(velocity)
 
+    def lacks(self, axis: int, quantity: str) -> str:
+        """Return in words what a ``velocity`` or ``acceleration`` cannot be had from."""
+        if self.time is None:
+            return f"there is neither A{axis}.{quantity} nor time"
+        return f"there is neither A{axis}.{quantity} nor A{axis}.position"
+
     def actual_rates(
         self, axis: int, span: float | None
     ) -> tuple[Float[np.ndarray, " t"] | None, Float[np.ndarray, " t"] | None]:

@@ -16,18 +16,15 @@ from ...models import (
     PositionController,
     TemperatureLine,
 )
-from ._controller import Reading, controller_of
-from ._controller_motion import controller_motion, missing_for, needed_positions
+from ..kinds import kinds
+from ._controller import controller_of
+from ._controller_motion import controller_motion
 from ._errors import ExchangeError
 from ._identity import Increments
-from ._machine_lists import InUse, axes_in_use, machine_lists
+from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
 from ._modulo import Ranges
 from ._motion import Motion
 
-ORDER = ("cross", "plane", "leadscrew", "temperature", "backlash", "crosstalk")
-"""Position offsets, in the order of their columns."""
-
-_NAMES = {"leadscrew": "the leadscrew table", "cross": "the cross table"}
 _SMALLEST = 256
 """Motions are padded to powers of two from here on: few shapes to compile."""
 
@@ -87,12 +84,11 @@ def simulate(
             lacks an axis or has bad values.
     """
     motion.check(cycle_time)
-    ranges = modulo or {}
     machine = machine_lists(lists)
     used = machine.in_use(conventions, lines or ())
     if only is not None:
         used = tuple(one for one in used if only(one))
-    own = {one.axis for one in used if one.name in ("temperature", "backlash")}
+    own = {one.axis for one in used if one.kind.holder == "axis"}
     if not machine.compensation and not own:
         names = ", ".join(one.source for one in lists)
         raise ExchangeError(
@@ -100,14 +96,13 @@ def simulate(
             found="no compensation list",
             expected="at least one (kopf.*, kw.*)",
         )
-    why = {one: missing_for(one, motion, conventions, ranges) for one in used}
+    reading = Reading(conventions, increment, modulo or {}, lines or {}, commanded=True)
+    why = {one: one.kind.entries.lacks(one, motion, reading) for one in used}
     computed = [one for one in used if why[one] is None]
     for one in computed:
-        for axis in needed_positions(one, motion):
-            name = _NAMES.get(one.name, f"the {one.name}")
-            motion.position(axis, f"for {name} of A{one.axis}")
+        for axis in one.kind.entries.looks_at(one, motion):
+            motion.position(axis, f"for {one.kind.noun} of A{one.axis}")
     numbers = axes_in_use(used, machine)
-    reading = Reading(conventions, increment, ranges, lines or {}, commanded=True)
     controller = controller_of(computed, machine, numbers, reading)
     found = _run(controller, motion, numbers, reading)
     listed = set(machine.compensation) if only is None else set[int]()
@@ -129,9 +124,7 @@ def _run(
     rows = motion.rows
     if rows == 0:
         return {name: np.zeros((0, len(numbers))) for name in controller.installed}
-    whole = _padded(
-        controller_motion(motion, numbers, reading.conventions, reading.modulo)
-    )
+    whole = _padded(controller_motion(motion, numbers, reading))
     offsets: Offsets
     if motion.time is None:
         offsets = controller.settled(whole)
@@ -166,11 +159,14 @@ def _axis(
     motion: Motion,
 ) -> AxisOffsets:
     here = {one.name for one, reason in why.items() if reason is None}
-    parts = {
-        name: np.ascontiguousarray(found[name][:, column])
-        for name in ORDER
-        if name in here
-    }
+    parts, currents = {}, []
+    for each in kinds():
+        if each.name in here:
+            rows = np.ascontiguousarray(found[each.name][:, column])
+            if each.adds_current:
+                currents.append(rows)
+            else:
+                parts[each.name] = rows
     remarks = [
         f"A{axis}: {one.name} stands in the list and is not computed: {reason}"
         for one, reason in why.items()
@@ -192,6 +188,6 @@ def _axis(
         parts=parts,
         total=sum(parts.values(), np.zeros(motion.rows)),
         left_out=tuple(one.name for one, reason in why.items() if reason is not None),
-        current=found["friction"][:, column] if "friction" in here else None,
+        current=sum(currents[1:], currents[0]) if currents else None,
         remarks=tuple(remarks),
     )

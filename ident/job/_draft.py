@@ -179,6 +179,11 @@ class AbstractDraft(abc.ABC):
         """Names of the temperatures that it follows, as its law counts them."""
         return ()
 
+    @property
+    def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
+        """Temperature in °C of what its sensors stand for at its readings, lag included."""
+        return {}
+
     def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
         """Return the temperature line that a PLC makes of it, or None.
 

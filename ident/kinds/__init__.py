@@ -3,7 +3,10 @@
 `Kind` (`_kind`) holds the facts; the other modules of a folder are its parts, each imported on
 first use (`Kind.part`):
 
-* ``effect``: what is fitted, through `axcomp.models` and the estimator.
+* ``effect``: what is fitted, through `axcomp.models` and the estimator;
+* ``entries``: between its list and its model (`_protocol.AbstractEntries`);
+* ``channel``: what a log shows of it (``channel_of``, as `_protocol.ChannelOf`);
+* ``probe``: its step of a probe (`_protocol.AbstractProbe`).
 
 A compensation is added by a folder and by its name in `NAMES`.
 """
@@ -13,16 +16,16 @@ import importlib
 
 from ._kind import Kind as Kind
 
-NAMES = (
-    "backlash",
-    "temperature",
+NAMES: tuple[str, ...] = (
     "cross",
     "plane",
     "leadscrew",
-    "friction",
+    "temperature",
+    "backlash",
     "crosstalk",
+    "friction",
 )
-"""All compensations, in the order in which the controller adds them up."""
+"""All compensations, in the order in which they are listed."""
 
 
 @functools.cache

@@ -1,9 +1,13 @@
 """The facts of one compensation: what is special about it, as data."""
 
 import dataclasses
+import functools
 import importlib
 from types import ModuleType
-from typing import Literal, final
+from typing import TYPE_CHECKING, Literal, final
+
+if TYPE_CHECKING:
+    from ._protocol import AbstractEntries, AbstractProbe
 
 
 @final
@@ -37,6 +41,14 @@ class Kind:
         often_open: Readings may not tell it even where it is the only fit of its axis.
         compiles: Its fit loads JAX in any case, and so may what reads the measurements.
         conventions: Beginnings of the names of the rules that its sign and owner rest on.
+        noun: How a sentence calls it: ``the cross table``.
+        manual: Entry that makes it wait for COMP ON; None: it has none.
+        owner: Rule that says in whose list it stands, its own axis's or its master's; None:
+            in that of its own axis.
+        by_plc: A PLC may make its law instead of the axis list.
+        adds: What the controller does with its entries, in a sentence.
+        raw_tables: Names of its tables that are shown with their entries as they stand.
+        unseen: Why readings at standstill do not show it, in words; empty: they do.
     """
 
     name: str
@@ -59,7 +71,26 @@ class Kind:
     partial: bool = False
     often_open: bool = False
     compiles: bool = False
+    noun: str = ""
+    manual: str | None = None
+    owner: str | None = None
+    by_plc: bool = False
+    adds: str = ""
+    raw_tables: tuple[str, ...] = ()
+    unseen: str = ""
 
     def part(self, name: str) -> ModuleType:
         """Return a module of its folder (``entries``, ``page``), imported on first use."""
         return importlib.import_module(f".{self.name}.{name}", __package__)
+
+    @functools.cached_property
+    def entries(self) -> "AbstractEntries":
+        """Between its list and its model."""
+        found: AbstractEntries = self.part("entries").ENTRIES
+        return found
+
+    @functools.cached_property
+    def probe(self) -> "AbstractProbe":
+        """Its step of a probe."""
+        found: AbstractProbe = self.part("probe").PROBE
+        return found

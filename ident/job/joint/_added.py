@@ -11,7 +11,6 @@ from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
 from .._lists import AxisFiles
 from .._load import Job
-from ..temperature import TemperatureDraft
 from ._recording import GroupRecording
 
 
@@ -58,12 +57,6 @@ def _motion(
         taken = {axes[name].number: values[rows] for name, values in table.items()}
         return {axis: each for axis, each in taken.items() if np.isfinite(each).all()}
 
-    warmth = {}
-    for draft in drafts:
-        if isinstance(draft, TemperatureDraft):
-            # As the structure follows its sensors, which the PLC does as well.
-            heat = draft.found.fit.temperature
-            warmth = {name: heat[:, k] for k, name in enumerate(draft.sensors)}
     return Motion(
         positions=columns(data.position),
         directions={
@@ -73,5 +66,5 @@ def _motion(
         time=None,
         velocities=columns(data.velocity),
         accelerations=columns(data.acceleration),
-        temperatures=warmth,
+        temperatures={k: v for one in drafts for k, v in one.warmth.items()},
     )

@@ -14,4 +14,5 @@ KIND = Kind(
     conventions=("backlash_", "direction_source"),
     follows=frozenset({"direction"}),
     fitted_first=True,
+    noun="the backlash",
 )

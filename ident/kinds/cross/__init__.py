@@ -17,4 +17,8 @@ KIND = Kind(
     resized=110639,
     table=True,
     takes_constant=3,
+    noun="the cross table",
+    manual="kw.crosscomp.manual_activation",
+    owner="cross_list",
+    adds="The controller adds the entry to the command position of the axis as it stands.",
 )

@@ -16,4 +16,8 @@ KIND = Kind(
     resized=110638,
     table=True,
     takes_constant=1,
+    noun="the leadscrew table",
+    manual="kw.ssfk.manual_activation",
+    adds="The entry is the error of the axis (actual minus setpoint); the controller adds its"
+    " negative to the command position.",
 )

@@ -18,4 +18,7 @@ KIND = Kind(
     table=True,
     takes_constant=2,
     often_open=True,
+    noun="the plane",
+    manual="kw.crosscomp2.manual_activation",
+    adds="The controller adds the entry to the command position of the axis as it stands.",
 )

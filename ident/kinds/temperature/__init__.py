@@ -16,4 +16,7 @@ KIND = Kind(
     cycles=("lr_param.temp_comp_n_cycles", 19),
     partial=True,
     often_open=True,
+    noun="the temperature",
+    manual="lr_param.temp_comp_manual_activation",
+    by_plc=True,
 )

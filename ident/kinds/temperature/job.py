@@ -7,6 +7,7 @@ from typing import final
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import ConstantParameter, TemperatureLine
@@ -183,6 +184,11 @@ class TemperatureDraft(AbstractDraft):
     @property
     def sensors(self) -> tuple[str, ...]:
         return self.recording.sensors
+
+    @property
+    def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
+        heat = self.found.fit.temperature
+        return {name: heat[:, k] for k, name in enumerate(self.sensors)}
 
     def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
         law, rules = self._law(job), job.conventions

@@ -14,10 +14,9 @@ from ._motion import LogMotion
 
 def ways_of(model: Model) -> tuple[Way, ...]:
     """Return the extent of a table per master."""
-    nodes = (model.nodes1, model.nodes2) if isinstance(model, Plane) else (model.nodes,)
     ends = not (isinstance(model, Leadscrew) and model.modulo)
     found = []
-    for one in nodes:
+    for one in model.ways:
         places = np.asarray(one.positions, dtype=float)
         step = float(np.min(np.diff(places))) if len(places) > 1 else 1.0
         found.append(Way(float(places[0]), float(places[-1]), step, ends))

@@ -1,12 +1,16 @@
 """Plane compensation: ``kw.crosscomp2`` in a list ↔ `Plane`."""
 
-import numpy as np
+import dataclasses
+from typing import Any, final
 
-from ...data.lists import ListFile
-from ...models import Conventions, EquidistantNodes, Plane
-from ._capacity import max_points_entry, refuse_huge
-from ._errors import ExchangeError
-from ._identity import (
+import numpy as np
+from jaxtyping import Int
+
+from ....data.lists import ListFile
+from ....models import Conventions, EquidistantNodes, Plane
+from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._errors import ExchangeError
+from ...exchange._identity import (
     Increments,
     axis_number,
     optional,
@@ -15,11 +19,15 @@ from ._identity import (
     unit_size,
     values_of,
 )
-from ._modulo import Ranges, refuse_jump, wrapped
-from ._nodes import GridNodes, as_array, nodes_of_model
-from ._units import round_to_list
+from ...exchange._machine_lists import Reading
+from ...exchange._modulo import Ranges, refuse_jump, wrapped
+from ...exchange._nodes import GridNodes, as_array, nodes_of_model
+from ...exchange._table import AbstractTable
+from ...exchange._units import from_list_units, round_to_list
+from .._protocol import AbstractEntries
+from . import KIND
 
-PREFIX = "kw.crosscomp2"
+PREFIX = KIND.prefix
 DEFAULT_LAST_INDEX = 100
 """Largest index per direction where ``max_points`` is not set (101 · 101 entries)."""
 
@@ -144,16 +152,14 @@ def entries_of_plane(
         entries[f"{PREFIX}.grid"] = "RECTANGULAR"
         entries[f"{PREFIX}.interval1"] = g1.interval
         entries[f"{PREFIX}.interval2"] = g2.interval
-    size = max_points_entry(
+    entries |= max_points_entry(
         g1.count * g2.count,
         name=f"{PREFIX}.max_points",
         fits_default=max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1,
         wanted=max_points,
-        existing=None if existing is None else existing.integer(f"{PREFIX}.max_points"),
+        existing=existing,
         build=build,
     )
-    if size is not None:
-        entries[f"{PREFIX}.max_points"] = size
     entries |= {
         f"{PREFIX}.last_index_master1": g1.count - 1,
         f"{PREFIX}.last_index_master2": g2.count - 1,
@@ -171,3 +177,49 @@ def entries_of_plane(
         for i, value in enumerate(row):
             entries[f"{PREFIX}.table[{j}][{i}].correction"] = value
     return entries
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class PlaneTable(AbstractTable):
+    """A plane table: the offset over the positions of two masters."""
+
+    kind = KIND
+
+    def model(self, integers: Int[np.ndarray, "j i"]) -> Plane:
+        first, second = (nodes.model() for nodes in self.nodes)
+        values = as_array(from_list_units(integers))
+        return Plane(first, second, values, sign=float(self.sign))
+
+
+@final
+class PlaneEntries(AbstractEntries):
+    """``kw.crosscomp2`` ↔ `Plane`."""
+
+    kind = KIND
+    models = (Plane,)
+    value = f"{PREFIX}.table[][].correction"
+
+    def is_in(self, listing: ListFile) -> bool:
+        return has_plane(listing)
+
+    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
+        return plane_masters(listing)
+
+    def model(self, listing: ListFile, axis: int, reading: Reading) -> Plane:
+        return plane_from_list(
+            listing, reading.conventions, reading.increment, modulo=reading.modulo
+        )
+
+    def to_list(
+        self,
+        model: Plane,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        **options: Any,
+    ) -> dict[str, int | str]:
+        first, second = self.exactly(masters, 2)
+        return entries_of_plane(model, (first, second), conventions, **options)
+
+
+ENTRIES = PlaneEntries()

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ...data.lists import ListFile
-from ...data.measurements import read_table
-from ...models import Conventions, TemperatureCurve, TemperatureLine
-from ._axis_list import constant
-from ._errors import ExchangeError
-from ._identity import optional
-from ._units import LIST_UNITS
+from ....data.lists import ListFile
+from ....data.measurements import read_table
+from ....models import Conventions, TemperatureCurve, TemperatureLine
+from ...exchange._errors import ExchangeError
+from ...exchange._identity import optional
+from ...exchange._units import LIST_UNITS
+from . import KIND
+from .entries import constant
 
 COLUMNS = ("temperature", "offset_0", "coefficient")
 """In °C, mm and µm/m."""
@@ -79,7 +80,7 @@ def temperature_line(
         machine: Axis list with the reference position and the filter; None: 0 and none.
     """
     place, cycles = (
-        0 if machine is None else optional(machine, f"lr_param.temp_comp_{name}")
+        0 if machine is None else optional(machine, f"{KIND.prefix}_{name}")
         for name in ("position_0", "n_cycles")
     )
     return TemperatureLine(

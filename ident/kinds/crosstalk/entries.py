@@ -1,12 +1,13 @@
 """Crosstalk compensation: ``kw.crosstalk`` in a list ↔ `Crosstalk`, old form read."""
 
 from collections.abc import Sequence
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
 
-from ...data.lists import ListFile
-from ...models import (
+from ....data.lists import ListFile
+from ....models import (
     AbstractSurface,
     Conventions,
     Crosstalk,
@@ -16,14 +17,24 @@ from ...models import (
     ThinPlateSurface,
     surface_through,
 )
-from ._capacity import refuse_huge
-from ._crosstalk_old import as_mode_1
-from ._errors import ExchangeError
-from ._identity import column, flag, optional, required
-from ._nodes import as_array
-from ._units import SGN32, SGN64, exact_in_list, from_list_units, round_to_list
+from ...exchange._capacity import refuse_huge
+from ...exchange._errors import ExchangeError
+from ...exchange._identity import column, flag, not_negative, optional, required
+from ...exchange._machine_lists import InUse, Reading
+from ...exchange._motion import Motion
+from ...exchange._nodes import as_array
+from ...exchange._units import (
+    SGN32,
+    SGN64,
+    exact_in_list,
+    from_list_units,
+    round_to_list,
+)
+from .._protocol import AbstractEntries
+from . import KIND
+from ._older import as_mode_1
 
-PREFIX = "kw.crosstalk"
+PREFIX = KIND.prefix
 MOST_TESTS = 14
 """One manual wants fewer than 15 tests, another up to 15 (S-39)."""
 MOST_CYCLES = 20
@@ -90,7 +101,7 @@ def crosstalk_from_list(
         acceleration=as_array(float(rates["acceleration"])),
         deceleration=as_array(float(rates["deceleration"])),
         velocity_dependent=flag(listing, f"{PREFIX}.velocity_dependent"),
-        cycles=_cycles(listing),
+        cycles=not_negative(listing, f"{PREFIX}.n_cycles"),
         **conventions.of_crosstalk,
     )
 
@@ -153,17 +164,6 @@ def _tests(listing: ListFile) -> int:
     return count
 
 
-def _cycles(listing: ListFile) -> int:
-    cycles = optional(listing, f"{PREFIX}.n_cycles")
-    if cycles < 0:
-        raise ExchangeError(
-            where=f"{listing.source}: {PREFIX}.n_cycles",
-            found=str(cycles),
-            expected="0 or more",
-        )
-    return cycles
-
-
 def _old_from_list(listing: ListFile, conventions: Conventions) -> LegacyCrosstalk:
     count = optional(listing, f"{PREFIX}.last_index") + 1
     refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
@@ -180,7 +180,7 @@ def _old_from_list(listing: ListFile, conventions: Conventions) -> LegacyCrossta
     return LegacyCrosstalk(
         nodes=Setpoints(as_array(nodes.astype(float))),
         values=as_array(from_list_units(table)),
-        cycles=_cycles(listing),
+        cycles=not_negative(listing, f"{PREFIX}.n_cycles"),
         sign=float(conventions.crosstalk_sign),
     )
 
@@ -263,3 +263,52 @@ def _rate(value: object, name: str) -> int:
             expected="a whole number of mm/s²",
         )
     return round(number)
+
+
+@final
+class CrosstalkEntries(AbstractEntries):
+    """``kw.crosstalk`` ↔ `Crosstalk`."""
+
+    kind = KIND
+    models = (Crosstalk, LegacyCrosstalk)
+    value = f"{PREFIX}.position[]"
+    stale = ("table[", "position[", "max_points", "master_", "last_index")
+
+    def is_in(self, listing: ListFile) -> bool:
+        return has_crosstalk(listing)
+
+    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
+        return crosstalk_masters(listing)
+
+    def model(
+        self, listing: ListFile, axis: int, reading: Reading
+    ) -> Crosstalk | LegacyCrosstalk:
+        return crosstalk_from_list(listing, reading.conventions)
+
+    def to_list(
+        self,
+        model: Crosstalk | LegacyCrosstalk,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        **options: Any,
+    ) -> dict[str, int | str]:
+        return entries_of_crosstalk(model, masters)
+
+    def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
+        master = one.masters[0]
+        if motion.acceleration(master, reading.span(master)) is None:
+            return motion.lacks(master, "acceleration")
+        by_slave = reading.conventions.crosstalk_velocity == "slave"
+        mover = one.axis if by_slave else master
+        if motion.velocity(mover, reading.span(mover)) is None:
+            return motion.lacks(mover, "velocity")
+        return None
+
+    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+        return one.masters[1:]
+
+    def inputs(self, masters: tuple[int, ...]) -> tuple[int, ...]:
+        return ()
+
+
+ENTRIES = CrosstalkEntries()

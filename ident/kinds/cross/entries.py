@@ -1,12 +1,15 @@
 """Cross compensation: ``kw.crosscomp`` in a list ↔ `Cross`."""
 
-import numpy as np
+import dataclasses
+from typing import Any, final
 
-from ...data.lists import ListFile
-from ...models import Conventions, Cross, Setpoints
-from ._capacity import max_points_entry, refuse_huge
-from ._errors import ExchangeError
-from ._identity import (
+import numpy as np
+from jaxtyping import Int
+
+from ....data.lists import ListFile
+from ....models import Conventions, Cross, Setpoints
+from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._identity import (
     Increments,
     axis_number,
     column,
@@ -14,11 +17,15 @@ from ._identity import (
     scaled,
     unit_size,
 )
-from ._modulo import Ranges, refuse_jump, wrapped
-from ._nodes import as_array, nodes_of_model
-from ._units import round_to_list
+from ...exchange._machine_lists import Reading
+from ...exchange._modulo import Ranges, refuse_jump, wrapped
+from ...exchange._nodes import PointNodes, as_array, nodes_of_model, refuse_unordered
+from ...exchange._table import AbstractTable
+from ...exchange._units import from_list_units, round_to_list
+from .._protocol import AbstractEntries
+from . import KIND
 
-PREFIX = "kw.crosscomp"
+PREFIX = KIND.prefix
 DEFAULT_COUNT = 1000
 """Entries without ``max_points``: one manual has 1001, two have 1000 (S-13)."""
 
@@ -80,20 +87,6 @@ def cross_from_list(
     )
 
 
-def refuse_unordered(points: np.ndarray, name: str) -> None:
-    """Raise where setpoints are none or do not ascend."""
-    if len(points) == 0:
-        raise ExchangeError(where=name, found="no points", expected="at least one")
-    falling = np.flatnonzero(np.diff(points) <= 0)
-    if falling.size:
-        at = int(falling[0])
-        raise ExchangeError(
-            where=name,
-            found=f"{points[at + 1]:g} after {points[at]:g} (index {at + 1})",
-            expected="ascending setpoints",
-        )
-
-
 def entries_of_cross(
     cross: Cross,
     master: int,
@@ -117,16 +110,14 @@ def entries_of_cross(
     """
     points = nodes_of_model(cross.nodes, PREFIX).integers
     entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-    size = max_points_entry(
+    entries |= max_points_entry(
         len(points),
         name=f"{PREFIX}.max_points",
         fits_default=len(points) <= DEFAULT_COUNT,
         wanted=max_points,
-        existing=None if existing is None else existing.integer(f"{PREFIX}.max_points"),
+        existing=existing,
         build=build,
     )
-    if size is not None:
-        entries[f"{PREFIX}.max_points"] = size
     entries[f"{PREFIX}.last_index"] = len(points) - 1
     entries[f"{PREFIX}.master_ax_nr"] = master
     table = round_to_list(np.asarray(cross.values), f"{PREFIX}.table[].correction")
@@ -135,3 +126,60 @@ def entries_of_cross(
         entries[f"{PREFIX}.table[{k}].setpoint"] = point
         entries[f"{PREFIX}.table[{k}].correction"] = value
     return entries
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class CrossTable(AbstractTable):
+    """A cross table: the offset over the position of one master."""
+
+    kind = KIND
+
+    def model(self, integers: Int[np.ndarray, " n"]) -> Cross:
+        # The list knows single setpoints only.
+        points = PointNodes(self.nodes[0].integers)
+        return Cross(
+            nodes=wrapped(points.model(), self.modulo),
+            values=as_array(from_list_units(integers)),
+            sign=float(self.sign),
+            held=self.conventions.cross_edge == "hold",
+        )
+
+
+@final
+class CrossEntries(AbstractEntries):
+    """``kw.crosscomp`` ↔ `Cross`."""
+
+    kind = KIND
+    models = (Cross,)
+    value = f"{PREFIX}.table[].correction"
+
+    def is_in(self, listing: ListFile) -> bool:
+        return has_cross(listing)
+
+    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
+        return (cross_master(listing),)
+
+    def axes(
+        self, listing: ListFile, number: int, conventions: Conventions
+    ) -> tuple[int, tuple[int, ...]]:
+        axis, master = cross_axes(listing, conventions)
+        return axis, (master,)
+
+    def model(self, listing: ListFile, axis: int, reading: Reading) -> Cross:
+        return cross_from_list(
+            listing, reading.conventions, reading.increment, modulo=reading.modulo
+        )
+
+    def to_list(
+        self,
+        model: Cross,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        **options: Any,
+    ) -> dict[str, int | str]:
+        (master,) = self.exactly(masters, 1)
+        return entries_of_cross(model, master, **options)
+
+
+ENTRIES = CrossEntries()

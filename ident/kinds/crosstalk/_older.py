@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ...models import BilinearGrid, Crosstalk, LegacyCrosstalk
-from ._errors import ExchangeError
-from ._nodes import as_array
+from ....models import BilinearGrid, Crosstalk, LegacyCrosstalk
+from ...exchange._errors import ExchangeError
+from ...exchange._nodes import as_array
 
 _SAME = 1e-9
 """mm; far below the list unit of 1e-4 mm."""

@@ -2,21 +2,26 @@
 
 import dataclasses
 import functools
-from typing import Any
+from typing import Any, final
 
+import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.lists import ListFile
-from ...models import Conventions, FrictionCompensation, FrictionTable, Setpoints
-from ._capacity import max_points_entry, refuse_huge
-from ._errors import ExchangeError
-from ._identity import column, optional, required
-from ._nodes import as_array
-from ._units import LIST_UNITS, SGN32, round_to_list
+from ....data.lists import ListFile
+from ....models import Conventions, FrictionCompensation, FrictionTable, Setpoints
+from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._errors import ExchangeError
+from ...exchange._identity import column, not_negative, optional, required
+from ...exchange._machine_lists import InUse, Reading
+from ...exchange._motion import Motion
+from ...exchange._nodes import as_array
+from ...exchange._units import LIST_UNITS, SGN32, ModelUnit, round_to_list
+from .._protocol import AbstractEntries
+from . import KIND
 
-PREFIX = "frict_comp"
+PREFIX = KIND.prefix
 VELOCITY_UNITS = 1000
 """µm/s per mm/s, or 0.001°/s per °/s."""
 DEFAULT_COUNT = 19
@@ -101,7 +106,7 @@ def read_friction(listing: ListFile, conventions: Conventions) -> FrictionCompen
     if scale is None:
         stated = listing.get(f"{PREFIX}.scaling_factor") is not None
         scale = required(listing, f"{PREFIX}.scaling_factor") if stated else _PER_MILLE
-    delay, ahead, late = (_not_negative(listing, name) for name in _MOST)
+    delay, ahead, late = (not_negative(listing, f"{PREFIX}.{name}") for name in _MOST)
     numbers = (
         knots / VELOCITY_UNITS,
         np.array([currents.get(k, 0) for k in range(count)], float),
@@ -147,17 +152,6 @@ def _structure(
     )
 
 
-def _not_negative(listing: ListFile, name: str) -> int:
-    value = optional(listing, f"{PREFIX}.{name}")
-    if value < 0:
-        raise ExchangeError(
-            where=f"{listing.source}: {PREFIX}.{name}",
-            found=str(value),
-            expected="0 or more",
-        )
-    return value
-
-
 def entries_of_friction(
     friction: FrictionCompensation | FrictionNumbers,
     *,
@@ -186,17 +180,14 @@ def entries_of_friction(
     if isinstance(friction, FrictionCompensation):
         friction = _numbers_of(friction)
     speeds, currents = _with_ends(friction, fastest)
-    entries: dict[str, int | str] = {}
-    size = max_points_entry(
+    entries = max_points_entry(
         len(speeds) + 1,
         name=f"{PREFIX}.max_points",
         fits_default=len(speeds) <= DEFAULT_COUNT,
         wanted=max_points,
-        existing=None if existing is None else existing.integer(f"{PREFIX}.max_points"),
+        existing=existing,
         build=build,
     )
-    if size is not None:
-        entries[f"{PREFIX}.max_points"] = size
     delay = round_to_list(
         np.asarray(friction.position_delay), f"{PREFIX}.position_delay", (0, 10)
     )
@@ -297,3 +288,66 @@ def _round(
             expected=f"a number from {bounds[0]} to {bounds[1]}",
         )
     return np.asarray(rounded, dtype=np.int64)
+
+
+@final
+class FrictionEntries(AbstractEntries):
+    """``frict_comp`` ↔ `FrictionCompensation`."""
+
+    kind = KIND
+    models = (FrictionCompensation,)
+    value = f"{PREFIX}.table[].out"
+    units = ("list",)
+
+    def is_in(self, listing: ListFile) -> bool:
+        return has_friction(listing)
+
+    def model(
+        self, listing: ListFile, axis: int, reading: Reading
+    ) -> FrictionCompensation:
+        return friction_from_list(listing, reading.conventions)
+
+    def to_list(
+        self,
+        model: FrictionCompensation,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        **options: Any,
+    ) -> dict[str, int | str]:
+        return entries_of_friction(model, **options)
+
+    def in_list_units(
+        self, model: FrictionCompensation, unit: ModelUnit | None
+    ) -> FrictionCompensation:
+        # A current has no unit unless somebody says it.
+        unit = unit or ModelUnit("no stated unit")
+        if unit.name in self.units:
+            return model
+        if unit.size and isinstance(model.law, FrictionTable):
+            scaling = model.law.scaling / unit.size
+            found: FrictionCompensation = eqx.tree_at(
+                lambda friction: friction.law.scaling, model, scaling
+            )
+            return found
+        expected = (
+            "currents in units of the list (units={'friction': 'list'}), which are"
+            " shares of the rated torque, or what one of them is:"
+            f" ModelUnit({unit.name!r}, size=rated current · share)"
+        )
+        raise ExchangeError(self.value, f"values in {unit.name}", expected)
+
+    def installed(
+        self, model: FrictionCompensation, masters: tuple[int, ...], listing: ListFile
+    ) -> dict[str, Any]:
+        return {KIND.name: model}
+
+    def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
+        if motion.velocity(one.axis, reading.span(one.axis)) is None:
+            return motion.lacks(one.axis, "velocity")
+        return None
+
+    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+        return () if motion.time is None else one.masters
+
+
+ENTRIES = FrictionEntries()

@@ -1,19 +1,19 @@
 """Leadscrew error compensation: ``kw.ssfk`` in a list ↔ `Leadscrew`."""
 
+import dataclasses
 import functools
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Collection
+from typing import Any, ClassVar, final
 
 import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.lists import ListFile
-from ...models import Conventions, EquidistantNodes, Leadscrew, Setpoints
-from ._capacity import max_points_entry, refuse_huge
-from ._cross import refuse_unordered
-from ._errors import ExchangeError
-from ._identity import (
+from ....data.lists import ListFile
+from ....models import Conventions, EquidistantNodes, Leadscrew, Setpoints
+from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._errors import ExchangeError
+from ...exchange._identity import (
     Increments,
     axis_number,
     column,
@@ -23,10 +23,21 @@ from ._identity import (
     scaled,
     unit_size,
 )
-from ._nodes import GridNodes, ListNodes, as_array, equidistant, nodes_of_model
-from ._units import SGN16, round_to_list
+from ...exchange._machine_lists import Reading
+from ...exchange._nodes import (
+    GridNodes,
+    as_array,
+    equidistant,
+    nodes_of_model,
+    refuse_unordered,
+)
+from ...exchange._table import AbstractTable, Model
+from ...exchange._units import SGN16, from_list_units, round_to_list
+from .. import kind
+from .._protocol import AbstractEntries
+from . import KIND
 
-PREFIX = "kw.ssfk"
+PREFIX = KIND.prefix
 DEFAULT_COUNT = 1499
 """Entries without ``max_points``: ``kw_nr_max`` must stay below 1500."""
 
@@ -172,50 +183,17 @@ def entries_of_leadscrew(
         for name, branch in (("pos", screw.pos), ("neg", screw.neg))
         if branch is not None
     }
-    return entries_of_integers(
-        nodes_of_model(screw.nodes, PREFIX),
-        branches,
-        modulo=screw.modulo is not None,
-        existing=existing,
-        max_points=max_points,
-        build=build,
-    )
-
-
-def entries_of_integers(
-    nodes: ListNodes,
-    branches: Mapping[str, Int[np.ndarray, " n"]],
-    *,
-    modulo: bool,
-    existing: ListFile | None = None,
-    max_points: int | None = None,
-    build: str | None = None,
-) -> dict[str, int | str]:
-    """Return the same of a table in list units.
-
-    Args:
-        nodes: Of the table.
-        branches: Values by name, ``pos`` and for two directions ``neg``.
-        modulo: Whether the table goes round.
-        existing: As for `entries_of_leadscrew`; ``max_points`` and ``build`` as well.
-        max_points: See there.
-        build: See there.
-
-    Raises:
-        ExchangeError: If something does not fit into a list.
-    """
+    nodes, modulo = nodes_of_model(screw.nodes, PREFIX), screw.modulo is not None
     count = len(nodes.integers)
     entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-    size = max_points_entry(
+    entries |= max_points_entry(
         count + 1,
         name=f"{PREFIX}.max_points",
         fits_default=count <= DEFAULT_COUNT,
         wanted=max_points,
-        existing=None if existing is None else existing.integer(f"{PREFIX}.max_points"),
+        existing=existing,
         build=build,
     )
-    if size is not None:
-        entries[f"{PREFIX}.max_points"] = size
     entries |= {
         f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
         f"{PREFIX}.kw_startpos": nodes.integers[0],
@@ -238,3 +216,106 @@ def entries_of_integers(
         for k, value in enumerate(values.tolist()):
             entries[f"{PREFIX}.table[{k}].{name}"] = value
     return entries
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class LeadscrewTable(AbstractTable):
+    """A leadscrew table: the offset over the position of the axis itself.
+
+    Attributes:
+        bilateral: One value per direction of motion.
+    """
+
+    bilateral: bool = False
+
+    kind = KIND
+    branch_names: ClassVar[tuple[str, ...]] = ("pos", "neg")
+    value_bounds: ClassVar[tuple[int, int]] = SGN16
+
+    @property
+    def branches(self) -> int:
+        return 2 if self.bilateral else 1
+
+    def model(self, integers: Int[np.ndarray, "..."]) -> Leadscrew:
+        return leadscrew_of(
+            self.nodes[0].model(),
+            np.atleast_2d(from_list_units(integers)),
+            self.modulo,
+            self.conventions,
+        )
+
+    def read(self, listing: ListFile, increments: Increments = None) -> Leadscrew:
+        return read_leadscrew(listing, self.conventions, increments, modulo=self.modulo)
+
+    def refuse_other_form(self, old: Model, source: str) -> None:
+        assert isinstance(old, Leadscrew)
+        for name, was, will in (
+            ("bilateral", old.bilateral, self.bilateral),
+            ("modulo", old.modulo is not None, self.periodic),
+        ):
+            # A table for both directions may become one per direction, not vice versa.
+            if was != will and (was or name == "modulo"):
+                raise ExchangeError(
+                    where=f"{source}: {PREFIX}.{name}",
+                    found=f"{int(was)} in the table that was active while measuring",
+                    expected=f"{name} = {str(was).lower()} in the fit as well",
+                )
+
+
+@final
+class LeadscrewEntries(AbstractEntries):
+    """``kw.ssfk`` ↔ `Leadscrew`."""
+
+    kind = KIND
+    models = (Leadscrew,)
+    value = f"{PREFIX}.table[].pos"
+    comes_last = True
+
+    def is_in(self, listing: ListFile) -> bool:
+        return has_leadscrew(listing)
+
+    def model(self, listing: ListFile, axis: int, reading: Reading) -> Leadscrew:
+        return leadscrew_from_list(
+            listing,
+            reading.conventions,
+            reading.increment,
+            modulo=reading.modulo.get(axis),
+        )
+
+    def to_list(
+        self,
+        model: Leadscrew,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        **options: Any,
+    ) -> dict[str, int | str]:
+        return entries_of_leadscrew(model, **options)
+
+    def beside(self, model: Leadscrew, others: Collection[str]) -> dict[str, int | str]:
+        if not model.bilateral:
+            return {}
+        play = kind("backlash")
+        if play.name in others:
+            raise ExchangeError(
+                where=play.activation,
+                found="a backlash beside a leadscrew table for both directions",
+                expected="one of the two: the table contains the backlash",
+            )
+        return {play.activation: 0}
+
+    def installed(
+        self, model: Leadscrew, masters: tuple[int, ...], listing: ListFile
+    ) -> dict[str, Any]:
+        alone = flag(listing, f"{PREFIX}.set_pos_without_comp")
+        return {KIND.name: model, "leadscrew_alone": alone}
+
+    def sees_offsets(self, listing: ListFile, conventions: Conventions) -> bool:
+        alone = flag(listing, f"{PREFIX}.set_pos_without_comp")
+        return not alone and conventions.leadscrew_input == "all"
+
+    def turns(self, model: Leadscrew) -> bool:
+        return model.bilateral
+
+
+ENTRIES = LeadscrewEntries()
