@@ -90,6 +90,45 @@ class AxisLists:
 
 
 @dataclasses.dataclass(frozen=True)
+class Written:
+    """What became of a draft: its gate, and the files of its axis as they lie there.
+
+    Attributes:
+        job: The job.
+        folder: Where the files lie.
+        files: The lists of the axis.
+        names: Names in the folder of what was written for the axis, the compensation list
+            first where there is one.
+        gate: What the gate said.
+        cycles: P-AXIS-00243 of the axis, where a fit of it asks for one.
+    """
+
+    job: Job
+    folder: "OutFolder"
+    files: "AxisFiles"
+    names: tuple[Path, ...]
+    gate: tuple[GateCheck, ...]
+    cycles: int | None
+
+    def path(self, name: str) -> Path | None:
+        """Return where a file of the axis lies, or None."""
+        found = next((one for one in self.names if one.name == name), None)
+        return None if found is None else self.folder.root / found
+
+    @property
+    def compensation(self) -> ListFile | None:
+        """The compensation list, read back; None: none was written."""
+        path = self.path(self.files.compensation_name)
+        return None if path is None else ListFile.read(path)
+
+    @property
+    def machine(self) -> ListFile | None:
+        """The axis list, or the entries to add to it, read back; None likewise."""
+        path = self.path(self.files.machine_name)
+        return None if path is None else ListFile.read(path)
+
+
+@dataclasses.dataclass(frozen=True)
 class AbstractDraft(abc.ABC):
     """A compensation of one axis, fitted and not yet written.
 
@@ -233,48 +272,19 @@ class AbstractDraft(abc.ABC):
         """Return what the new table adds to the readings of its measurements."""
         return {}
 
-    def frame(
-        self,
-        job: Job,
-        gate: tuple[GateCheck, ...],
-        files: "AxisFiles",
-    ) -> dict[str, Any]:
-        """Return what every result says alike, as arguments of its class.
+    @abc.abstractmethod
+    def prove(self, done: Written) -> AbstractResult:
+        """Return the result, with the file as it lies in the folder, read back."""
 
-        Args:
-            job: The job.
-            gate: What the gate said.
-            files: The lists of the axis.
-        """
-        axis = job.spec.axes[self.axis]
+    def frame(self, done: Written) -> dict[str, Any]:
+        """Return what every result says alike, as arguments of its class."""
+        axis, found = done.job.spec.axes[self.axis], done.files.findings
         return {
             "compensation": self.compensation,
             "axis": self.axis,
             "axis_number": axis.number,
             "unit": "mm" if axis.kind == "linear" else "deg",
-            "gate": gate,
-            "conventions": convention_states(job, self.kind.conventions),
-            "findings": tuple(dataclasses.asdict(item) for item in files.findings),
+            "gate": done.gate,
+            "conventions": convention_states(done.job, self.kind.conventions),
+            "findings": tuple(dataclasses.asdict(item) for item in found),
         }
-
-    @abc.abstractmethod
-    def prove(
-        self,
-        job: Job,
-        folder: "OutFolder",
-        gate: tuple[GateCheck, ...],
-        files: "AxisFiles",
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> AbstractResult:
-        """Return the result, with the file as it lies in the folder, read back.
-
-        Args:
-            job: The job.
-            folder: Where the files lie.
-            gate: What the gate said.
-            files: The lists of the axis.
-            written: Names in the folder of what was written for the axis, the
-                compensation list first where there is one.
-            cycles: P-AXIS-00243 of the axis, where a fit of it asks for one.
-        """

@@ -50,16 +50,6 @@ class AxisFiles:
         )
         return tuple((name, one) for name, one in pairs if one is not None)
 
-    def compensation_in(self, written: Sequence[Path]) -> Path | None:
-        """Return the compensation list among the written files, or None."""
-        return next(
-            (one for one in written if one.name == self.compensation_name), None
-        )
-
-    def machine_in(self, written: Sequence[Path]) -> Path | None:
-        """Return the axis list among the written files, or None."""
-        return next((one for one in written if one.name == self.machine_name), None)
-
     def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
         """Return those of the written files that are lists, not the PLC's."""
         return tuple(file for file in written if file.name not in self.extra)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from ..proof import GateCheck
 from ._beside import hand_on, leftovers
 from ._clocks import ClockState
-from ._draft import AbstractDraft
+from ._draft import AbstractDraft, Written
 from ._errors import UntoldError
 from ._fragments import startup_fragment
 from ._gating import limits_of
@@ -114,7 +114,9 @@ def begin_job(
     for one, gate in zip(drafts, gates, strict=True):
         own = next(each for each in files if each.axis == one.axis)
         results.append(
-            one.prove(job, folder, gate, own, written[one.axis], cycles.get(one.axis))
+            one.prove(
+                Written(job, folder, own, written[one.axis], gate, cycles.get(one.axis))
+            )
         )
     by_axis = {one.axis: one for one in files}
     sums = [group.prove(job, by_axis) for group in groups]

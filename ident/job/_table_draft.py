@@ -3,7 +3,6 @@
 import abc
 import dataclasses
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import final
 
 import numpy as np
@@ -11,12 +10,10 @@ import numpy as np
 from ...data.lists import ListFile, Value
 from ..kinds._keys import FitSpec, TableSpec
 from ..proof import GateCheck
-from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned
+from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Written
 from ._fitting import AbstractFitted, Fitted, fit_plan
 from ._gating import cycles_for, pass_gate
-from ._lists import AxisFiles
 from ._load import Job
-from ._output import OutFolder
 from ._plan import plan_fit
 from ._prove import Proof, offset_at_readings, prove, result_of
 from ._readings import read_fit
@@ -164,27 +161,12 @@ class AbstractTableDraft(AbstractDraft):
             float(np.std(added)),
         )
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> TableResult:
-        frame = self.frame(job, gate, files)
-        proof = self.proof(folder, written)
-        return result_of(job, self.one, proof, frame, files, written, cycles)
+    def prove(self, done: Written) -> TableResult:
+        return result_of(self.one, self.proof(done), self.frame(done), done)
 
     @abc.abstractmethod
-    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
-        """Return the proof of the fit: its file, read back.
-
-        Args:
-            folder: Where the files lie.
-            written: Their names in the folder, the compensation list first.
-        """
+    def proof(self, done: Written) -> Proof:
+        """Return the proof of the fit: its file, read back."""
 
     @property
     def _bilateral(self) -> bool:
@@ -210,8 +192,8 @@ class TableDraft(AbstractTableDraft):
             (self.axis, name): added[rows] for name, rows in one.readings.slices.items()
         }
 
-    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
-        return prove(folder, self.one, written)
+    def proof(self, done: Written) -> Proof:
+        return prove(self.one, done)
 
 
 @final
@@ -225,5 +207,5 @@ class StreamedDraft(AbstractTableDraft):
     def in_memory(self) -> bool:
         return False
 
-    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
-        return prove_streamed(folder, self.one, written)
+    def proof(self, done: Written) -> Proof:
+        return prove_streamed(self.one, done)

@@ -1,17 +1,13 @@
 """A fit of a group that its readings do not tell: named, and not written."""
 
 import dataclasses
-from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...proof import ErrorFigures, GateCheck, error_figures
-from .._draft import AbstractDraft
-from .._lists import AxisFiles
-from .._load import Job
-from .._output import OutFolder
+from ...proof import ErrorFigures, error_figures
+from .._draft import AbstractDraft, Written
 from .._result import AbstractResult, Remark
 from ._share import Share, in_words, lost
 
@@ -92,15 +88,7 @@ class LeftOutDraft(AbstractDraft):
     def needs(self) -> str:
         return ""
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> LeftOutResult:
+    def prove(self, done: Written) -> LeftOutResult:
         share = self.share
         if share is None:
             # There is nothing to say of it but why.
@@ -133,12 +121,12 @@ class LeftOutDraft(AbstractDraft):
             }
             figures = error_figures(share.error, wild=share.wild)
             remarks = share.remarks()
-        frame = self.frame(job, gate, files) | {"conventions": ()}
+        frame = self.frame(done) | {"conventions": ()}
         return LeftOutResult(
             **frame,
             **own,
             error=dict.fromkeys(("before", "predicted", "from_file"), figures),
-            remarks=(Remark.error(self._words()), *remarks, *files.remarks),
+            remarks=(Remark.error(self._words()), *remarks, *done.files.remarks),
             files=(),
         )
 

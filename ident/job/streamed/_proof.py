@@ -1,13 +1,11 @@
 """The proof of a fit to a log: one more pass, with the file as the controller reads it."""
 
 import dataclasses
-from pathlib import Path
 from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.lists import ListFile
 from ...exchange import Model
 from ...fit import (
     AbstractPass,
@@ -18,7 +16,7 @@ from ...fit import (
     predict,
 )
 from ...proof import ErrorFigures, held_out_deviation
-from .._output import OutFolder
+from .._draft import Written
 from .._prove import Proof
 from .._remarks import Counts, outside
 from .._result import Remark, SampleView, Streamed
@@ -33,12 +31,12 @@ _STAGES = ("before", "predicted", "from_file")
 Columns = dict[str, np.ndarray]
 
 
-def prove_streamed(
-    folder: OutFolder, one: StreamedFitted, written: tuple[Path, ...]
-) -> Proof:
+def prove_streamed(one: StreamedFitted, done: Written) -> Proof:
     """Return the proof of a fit, as `prove` does; the readings that it shows are a few."""
     table = one.plan.table
-    back = table.read(ListFile.read(folder.root / written[0]))
+    listing = done.compensation
+    assert listing is not None  # a table stands in it
+    back = table.read(listing)
     every = max(1, one.estimate.count // _SHOWN)
     stream = Stream(one.readings.parts)
     tally: _Tally = stream.ask(_Take(one, back, every))

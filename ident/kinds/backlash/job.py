@@ -2,22 +2,19 @@
 
 import dataclasses
 from collections.abc import Mapping
-from pathlib import Path
 from typing import final
 
 import numpy as np
 from jaxtyping import Float
 
-from ....data.lists import ListFile, Value
+from ....data.lists import Value
 from ....models import Backlash
 from ...exchange import ExchangeError, backlash_from_list, entries_of_backlash
 from ...fit import FitError
 from ...job._active import was_active
-from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned
+from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
-from ...job._lists import AxisFiles
 from ...job._load import Job
-from ...job._output import OutFolder
 from ...job._result import staged
 from ...job._second import SecondMeasurement
 from ...job._source import Tables
@@ -215,15 +212,7 @@ class BacklashDraft(AbstractDraft):
             for name, rows in self.recording.slices.items()
         }
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> BacklashResult:
+    def prove(self, done: Written) -> BacklashResult:
         way, where, before, group, by_run = self._readings()
         own = self.known.acting
         predicted = self.left
@@ -231,11 +220,11 @@ class BacklashDraft(AbstractDraft):
             predicted = before + 0.5 * way * self._held_out(group, by_run)
         else:
             by_run = self.left_by_run
-        back = self._read_back(job, folder, files, written)
+        back = self._read_back(done)
         # About the mean of both directions, which the tables of the axis look after.
         from_file = before + 0.5 * way * (back - own)
         return BacklashResult(
-            **self.frame(job, gate, files),
+            **self.frame(done),
             error=staged(before, predicted, from_file, self._wild),
             remarks=(
                 *remarks_of(
@@ -244,13 +233,13 @@ class BacklashDraft(AbstractDraft):
                     self.known.old is not None,
                     self.known.active,
                 ),
-                *files.remarks,
+                *done.files.remarks,
             ),
-            files=tuple(file for file in written if file.name == files.machine_name),
+            files=tuple(n for n in done.names if n.name == done.files.machine_name),
             held_out="run" if by_run else "block",
             width=self.width if self.written else 0.0,
             reference=self.reference,
-            cycles=cycles or 0,
+            cycles=done.cycles or 0,
             fit=self.found,
             view=ReversalView(
                 position=where,
@@ -306,12 +295,10 @@ class BacklashDraft(AbstractDraft):
                 found[group == each] = 0.0
         return found
 
-    def _read_back(
-        self, job: Job, folder: OutFolder, files: AxisFiles, written: tuple[Path, ...]
-    ) -> float:
+    def _read_back(self, done: Written) -> float:
         """Return the width that the written file holds."""
-        name = files.machine_in(written)
-        if name is None:
+        listing = done.machine
+        if listing is None:
             return 0.0 if self.known.old is None else float(self.known.old.width)
-        back = backlash_from_list(ListFile.read(folder.root / name), job.conventions)
+        back = backlash_from_list(listing, done.job.conventions)
         return 0.0 if back is None else float(back.width)

@@ -1,7 +1,6 @@
 """The crosstalk of one axis: fitted, judged, written into its list, read back."""
 
 import dataclasses
-from pathlib import Path
 from typing import final
 
 import numpy as np
@@ -10,11 +9,9 @@ from jaxtyping import Bool, Float
 from ....data.lists import ListFile, Value
 from ....models import Crosstalk, surface_through
 from ...exchange import ExchangeError, entries_of_crosstalk
-from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned
+from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
-from ...job._lists import AxisFiles
 from ...job._load import Job
-from ...job._output import OutFolder
 from ...job._result import Remark, staged
 from ...job._source import Tables
 from ...proof import GateCheck, error_figures
@@ -170,17 +167,10 @@ class CrosstalkDraft(AbstractDraft):
             return None
         return f"{name} changes, which a reload may not take over"
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> CrosstalkResult:
+    def prove(self, done: Written) -> CrosstalkResult:
+        job = done.job
         found, fit = self.found, self.found.fit
-        added = self.added_to_log(job, folder, files, written)
+        added = self.added_to_log(done)
         left = events_under(
             found.readings, added, fit.acceleration, fit.deceleration, fit.conventions
         )
@@ -199,7 +189,7 @@ class CrosstalkDraft(AbstractDraft):
             held_out = error_figures(view.predicted[judged], wild=wild[judged])
             predicted = {"predicted": held_out}
         return CrosstalkResult(
-            **self.frame(job, gate, files),
+            **self.frame(done),
             error=staged(view.before, view.before, view.from_file, wild) | predicted,
             remarks=(
                 *self.recording.remarks,
@@ -213,9 +203,9 @@ class CrosstalkDraft(AbstractDraft):
                     job.verified,
                 ),
                 *self._about_the_old(),
-                *files.remarks,
+                *done.files.remarks,
             ),
-            files=written if self.written else (),
+            files=done.names if self.written else (),
             held_out="event",
             master=self.fit.master,
             adaptation=found.masters,
@@ -230,16 +220,13 @@ class CrosstalkDraft(AbstractDraft):
             view=view,
         )
 
-    def added_to_log(
-        self, job: Job, folder: OutFolder, files: AxisFiles, written: tuple[Path, ...]
-    ) -> Float[np.ndarray, " t"]:
+    def added_to_log(self, done: Written) -> Float[np.ndarray, " t"]:
         """Return what the written file adds in each row beyond what acted already."""
-        readings = self.found.readings
+        readings, job, listing = self.found.readings, done.job, done.compensation
         motion = readings.acceleration, readings.velocity, readings.positions
-        name = files.compensation_in(written)
-        if not self.written or name is None:
+        if not self.written or listing is None:
             return np.zeros(len(readings.time))
-        back, why = read_existing(ListFile.read(folder.root / name), job.conventions)
+        back, why = read_existing(listing, job.conventions)
         if back is None:
             raise job.error(("fits", self.index), f"the written list: {why}")
         added = np.asarray(back.model.offset(*motion))

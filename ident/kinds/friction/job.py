@@ -1,7 +1,6 @@
 """The friction of one axis: law, list within the controller's limits, proof."""
 
 import dataclasses
-from pathlib import Path
 from typing import final
 
 import numpy as np
@@ -15,11 +14,9 @@ from ...exchange import (
     read_friction,
 )
 from ...friction import Knots
-from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned
+from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of
-from ...job._lists import AxisFiles
 from ...job._load import Job
-from ...job._output import OutFolder
 from ...job._result import Remark
 from ...job._source import Tables
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
@@ -155,17 +152,10 @@ class FrictionDraft(AbstractDraft):
             return None
         return f"{name} changes (a reload would end in error 110641)"
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> FrictionResult:
+    def prove(self, done: Written) -> FrictionResult:
+        job = done.job
         samples, found, rest = self.recording.samples, self.found, self.rest
-        back = self._read_back(job, folder, files, written)
+        back = self._read_back(done)
         listed = rest.listed
         if back is not None and self.unit.current is not None:
             listed = self.unit.current * back.law.evaluate(samples.velocity)
@@ -175,14 +165,14 @@ class FrictionDraft(AbstractDraft):
             curve = dataclasses.replace(curve, listed=self.knots.current(curve.speed))
         unit = {"unit": self.recording.unit or "raw"}
         return FrictionResult(
-            **self.frame(job, gate, files) | unit,
+            **self.frame(done) | unit,
             error={
                 "before": rest.figures(rest.before),
                 "predicted": rest.figures(rest.predicted),
                 "from_file": rest.figures(from_file),
             },
-            remarks=(*self._remarks(), *files.remarks),
-            files=files.of_lists(written) if self.knots is not None else (),
+            remarks=(*self._remarks(), *done.files.remarks),
+            files=done.files.of_lists(done.names) if self.knots is not None else (),
             held_out="window",
             fit=found.fit,
             law=found.law,
@@ -209,13 +199,11 @@ class FrictionDraft(AbstractDraft):
             length_unit=samples.unit,
         )
 
-    def _read_back(
-        self, job: Job, folder: OutFolder, files: AxisFiles, written: tuple[Path, ...]
-    ) -> FrictionCompensation | None:
-        name = files.compensation_in(written)
-        if name is None or self.knots is None:
+    def _read_back(self, done: Written) -> FrictionCompensation | None:
+        listing = done.compensation
+        if listing is None or self.knots is None:
             return None
-        return read_friction(ListFile.read(folder.root / name), job.conventions)
+        return read_friction(listing, done.job.conventions)
 
     def _circle(
         self, job: Job, back: FrictionCompensation | None

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping
-from pathlib import Path
 from typing import final
 
 import jax.numpy as jnp
@@ -13,11 +12,9 @@ from ....data.lists import ListFile, Value
 from ....models import ConstantParameter, TemperatureLine
 from ...exchange import ExchangeError, entries_of_temperature, temperature_line
 from ...job._active import refuse_unstated
-from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned
+from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
-from ...job._lists import AxisFiles
 from ...job._load import Job
-from ...job._output import OutFolder
 from ...job._result import Remark, staged
 from ...job._second import SecondMeasurement
 from ...job._source import Tables
@@ -215,21 +212,14 @@ class TemperatureDraft(AbstractDraft):
             ", ".join(fit.sources), positions, error - np.median(error)
         )
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> TemperatureResult:
+    def prove(self, done: Written) -> TemperatureResult:
+        job = done.job
         found, zero = self.found.fit, self._relative()
-        line = self._line_read_back(job, folder, files, written)
+        line = self._line_read_back(done)
         view = view_of(self.recording, self.found, self.zero, line)
-        names = {files.machine_name, *temperature_names(self.axis)}
+        names = {done.files.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
-            **self.frame(job, gate, files),
+            **self.frame(done),
             error=staged(view.before, view.predicted, view.from_file, view.wild),
             remarks=(
                 *remarks_of(
@@ -241,10 +231,10 @@ class TemperatureDraft(AbstractDraft):
                     "temperature_sign" in job.verified,
                 ),
                 *self._switching(job),
-                *files.remarks,
+                *done.files.remarks,
             ),
             files=tuple(
-                file for file in written if self.written and file.name in names
+                file for file in done.names if self.written and file.name in names
             ),
             held_out=self.found.held_out,
             sensors=self.recording.sensors,
@@ -259,23 +249,13 @@ class TemperatureDraft(AbstractDraft):
             view=view,
         )
 
-    def _line_read_back(
-        self, job: Job, folder: OutFolder, files: AxisFiles, written: tuple[Path, ...]
-    ) -> TemperatureLine | None:
+    def _line_read_back(self, done: Written) -> TemperatureLine | None:
         """Return the line that the files hold as they lie in the folder."""
-        table = temperature_names(self.axis)[0]
-        name = next((file for file in written if file.name == table), None)
-        if not self.written or name is None:
+        table = done.path(temperature_names(self.axis)[0])
+        if not self.written or table is None:
             return None
-        machine = files.machine_in(written)
-        assert machine is not None  # the entries of the line stand in it
-        return read_back(
-            folder.root / name,
-            self.recording.sensors,
-            self._chosen(),
-            job.conventions,
-            ListFile.read(folder.root / machine),
-        )
+        rules, machine = done.job.conventions, done.machine
+        return read_back(table, self.recording.sensors, self._chosen(), rules, machine)
 
     @property
     def _position(self) -> float:
