@@ -1,16 +1,17 @@
 """From a job file to proven lists: plan, readings, fits, drafts, gate, files, result.
 
-Read in this order: `_schema` with `_fit_schema` (every key), `_load` with `_checks` (a job that
-can be run), `_run` (the whole way, in one function), `_rooms` and `_plan` (what each fit
-writes), `_source` and `_readings` with `_remove` and `_trend` (from a file to readings),
-`_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
-(entries into the user's lists), `_gating`, `_whole` with `_acting` and `_switching` (the gate
-of a fit and of a whole axis), `_prove` (the files, read back), `_result` with `_verdict`,
-`_job_result`, `_loadsheet`, and `_measure_again` (the second measurement).
+Read in this order: `_schema` (every key; those of a fit stand in the folders of `kinds`), `_load`
+with `_checks` (a job that can be run), `_run` (the whole way, in one function), `_plans` (every
+fit, planned), `_source` and `_readings` with `_remove` and `_trend` (from a file to readings),
+`_plan`, `_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
+(entries into the user's lists), `_gating`, `_whole` with `_acting` (the gate of a fit and of a
+whole axis), `_prove` (the files, read back), `_result` with `_verdict`, `_job_result`,
+`_loadsheet`, and `_measure_again` (the second measurement).
 
-Rooms: `backlash`, `crosstalk`, `friction`, `temperature` (what is special about each), `joint`
-(fits of one group), `streamed` (logs read in pieces). Their results are imported when they are
-first asked for: a job of one table needs none of them, and starts sooner without.
+What is special about one compensation stands in `axcomp.ident.kinds` (`_parts` says what a job
+asks of it); `joint` identifies the fits of one group, `streamed` reads logs in pieces. The results
+of single compensations are imported when they are first asked for: a job of one table needs none
+of them, and starts sooner without.
 """
 
 from typing import TYPE_CHECKING

@@ -15,7 +15,7 @@ from ._acting import acting_alone, acting_before, adds_nothing
 from ._draft import AbstractDraft, AxisLists, Beside, Leftovers
 from ._load import Job
 from ._outside import positions_of
-from ._rooms import Plans
+from ._plans import Plans
 
 
 def leftovers(job: Job, plans: Plans) -> Leftovers:

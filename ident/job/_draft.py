@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,13 +12,12 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile, Value
 from ...data.measurements import Measurement
-from ...models import TemperatureLine
+from ...models import Conventions, TemperatureLine
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
 from ..proof import GateCheck
-from ._conventions import convention_states
 from ._load import Job
-from ._result import AbstractResult, Remark
+from ._result import AbstractResult, ConventionState, Remark
 from ._second import SecondMeasurement
 
 if TYPE_CHECKING:
@@ -288,3 +288,28 @@ class AbstractDraft(abc.ABC):
             "conventions": convention_states(done.job, self.kind.conventions),
             "findings": tuple(dataclasses.asdict(item) for item in found),
         }
+
+
+def convention_states(
+    job: Job, prefixes: tuple[str, ...]
+) -> tuple[ConventionState, ...]:
+    """Return the conventions whose names begin with one of these words."""
+    return _states(job.conventions, job.verified, prefixes)
+
+
+@functools.lru_cache(maxsize=64)
+def _states(
+    conventions: Conventions, verified: frozenset[str], prefixes: tuple[str, ...]
+) -> tuple[ConventionState, ...]:
+    # All machines of a batch have much the same ones.
+    return tuple(
+        ConventionState(
+            name=rule.name,
+            value=str(rule.value),
+            state="verified" if rule.name in verified else "assumed",
+            meaning=f"{rule.meaning} ({rule.rule})",
+            decides=rule.decides,
+        )
+        for rule in conventions.listing()
+        if rule.name.startswith(prefixes)
+    )

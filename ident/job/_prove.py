@@ -12,6 +12,7 @@ from ..fit import TableFit
 from ..proof import ErrorFigures
 from ._draft import Written
 from ._fitting import AbstractFitted, Fitted
+from ._gating import switching_remarks
 from ._remarks import Counts, fit_remarks, outside
 from ._result import (
     Remark,
@@ -20,7 +21,6 @@ from ._result import (
     TableResult,
     staged,
 )
-from ._switching import switching_remarks
 
 
 def offset_at_readings(one: Fitted, model: Model) -> Float[np.ndarray, " t"]:

@@ -15,20 +15,18 @@ from ._beside import hand_on, leftovers
 from ._clocks import ClockState
 from ._draft import AbstractDraft, Written
 from ._errors import UntoldError
-from ._fragments import startup_fragment
 from ._gating import limits_of
 from ._job_result import JobResult, WholeAxis
 from ._json import result_json
 from ._judge import judge_files
-from ._lists import AxisFiles, axis_files
+from ._lists import AxisFiles, axis_files, startup_fragment
 from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
 from ._result import AbstractResult, Remark
-from ._rooms import Plans, plan_all
+from ._plans import Plans, left_out, plan_all, untold_alone
 from ._source import Tables
-from ._untold import left_out, untold_alone
 from ._whole import judge_whole
 
 if TYPE_CHECKING:

@@ -8,11 +8,12 @@ from typing import final
 import numpy as np
 
 from ...data.lists import ListFile, Value
+from ..exchange import ExchangeError
 from ..kinds._keys import FitSpec, TableSpec
 from ..proof import GateCheck
 from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Written
 from ._fitting import AbstractFitted, Fitted, fit_plan
-from ._gating import cycles_for, pass_gate
+from ._gating import chosen_cycles, cycles_for, jump_of, pass_gate, switching_checks
 from ._load import Job
 from ._plan import plan_fit
 from ._prove import Proof, offset_at_readings, prove, result_of
@@ -21,8 +22,6 @@ from ._remove import without_zero
 from ._result import Remark, TableResult
 from ._second import SecondMeasurement
 from ._source import Tables
-from ._switching import jump_of, switching_checks
-from ._table_entries import refuse_misread, restart_of_table, table_entries
 from ._trend import refuse_unowned_trend
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
@@ -209,3 +208,68 @@ class StreamedDraft(AbstractTableDraft):
 
     def proof(self, done: Written) -> Proof:
         return prove_streamed(self.one, done)
+
+
+_RESIZED = {"cross": 110639, "plane": 110640, "leadscrew": 110638}
+"""Error of the controller when `max_points` changes after start-up."""
+
+
+def table_entries(job: Job, one: AbstractFitted) -> dict[str, Value]:
+    """Return the entries of one table, with the options of its fit.
+
+    Raises:
+        JobError: If it fits no list of the controller's build.
+    """
+    plan = one.plan
+    spec, prefix = plan.fit, plan.table.prefix
+    try:
+        found: dict[str, Value] = dict(
+            plan.table.entries(
+                one.integers,
+                existing=plan.existing,
+                max_points=spec.max_points,
+                build=job.spec.controller.build,
+            )
+        )
+    except ExchangeError as error:
+        raise job.error(("fits", plan.index), str(error)) from None
+    options = {
+        "n_cycles": chosen_cycles(job, one),
+        "manual_activation": spec.manual_activation,
+    }
+    sizes = {key: value for key, value in found.items() if "[" not in key}
+    table = {key: value for key, value in found.items() if "[" in key}
+    chosen = {
+        f"{prefix}.{key}": int(value)
+        for key, value in options.items()
+        if value is not None
+    }
+    return sizes | chosen | table
+
+
+def refuse_misread(job: Job, listing: ListFile, one: AbstractFitted) -> None:
+    """Raise where the bytes to be written, read back, are not the table that was fitted.
+
+    Raises:
+        JobError: Naming the list; nothing has been written then.
+    """
+    table = one.plan.table
+    back = table.read(ListFile.parse(listing.dumps(), listing.source))
+    if not np.array_equal(table.to_integers(table.at_nodes(back)), one.integers):
+        raise job.error(
+            ("fits", one.plan.index),
+            f"found another table in {listing.source} when it was read back, expected"
+            " the one that was fitted",
+        )
+
+
+def restart_of_table(
+    existing: ListFile, listing: ListFile, one: AbstractFitted
+) -> str | None:
+    """Return why a table needs a restart, or None where a reload is enough."""
+    table = one.plan.table
+    name = f"{table.prefix}.max_points"
+    if existing.integer(name) == listing.integer(name):
+        return None
+    number = _RESIZED[table.compensation]
+    return f"{name} changes (a reload would end in error {number})"

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..job import Code, Remark
+from ._body import Plot
 from ._group_plots import share_plot, sum_plot
-from ._plot import Plot
 from ._scale import count, number, percent, scale_of
 from ._section import Section
 

@@ -10,8 +10,7 @@ from ...fit.joint import (
 from .._draft import AxisLists
 from .._load import Job
 from .._source import Tables
-from ._member import AbstractMember, at_once, few
-from ._members import members_of, needs_of
+from ._member import AbstractMember, at_once, few, members_of, needs_of
 from ._recording import GroupRecording, read_group
 
 

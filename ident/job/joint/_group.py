@@ -5,14 +5,13 @@ from collections.abc import Mapping, Sequence
 
 from ...exchange import ExchangeError
 from ...fit import FitError
+from .._checks import groups_of
 from .._draft import AbstractDraft, AxisLists
-from .._group_faults import groups_of
 from .._load import Job
 from .._source import Tables
 from ._identify import IdentifiedGroup, identify_group
 from ._left_out import LeftOutDraft
-from ._member import AbstractMember
-from ._members import members_of, needs_of
+from ._member import AbstractMember, members_of, needs_of
 from ._proof import GroupDraft
 from ._recording import GroupRecording, read_group
 from ._share import Share

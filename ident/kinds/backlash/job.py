@@ -11,10 +11,10 @@ from ....data.lists import Value
 from ....models import Backlash
 from ...exchange import ExchangeError, backlash_from_list, entries_of_backlash
 from ...fit import FitError
-from ...job._active import was_active
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
 from ...job._load import Job
+from ...job._plan import was_active
 from ...job._result import staged
 from ...job._second import SecondMeasurement
 from ...job._source import Tables

@@ -3,8 +3,7 @@
 import numpy as np
 
 from ...report import _style as style
-from ...report._body import Body
-from ...report._plot import Plot
+from ...report._body import Body, Plot
 from ...report._scale import Scale, count, number, place
 from ._result import BacklashResult
 

@@ -15,8 +15,8 @@ from ...exchange import (
     has_crosstalk,
 )
 from ...fit import FitError
-from ...job._active import was_active
 from ...job._load import Job
+from ...job._plan import was_active
 from ._gate import four_offsets
 from .effect import CrosstalkFit
 from .keys import Spec

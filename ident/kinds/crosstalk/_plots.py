@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ...report import _style as style
-from ...report._plot import Plot
+from ...report._body import Plot
 from ...report._scale import Scale, number, percent
 from ._result import CrosstalkResult
 from .effect import BRANCHES

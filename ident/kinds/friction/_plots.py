@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from ...report import _style as style
-from ...report._plot import Plot
+from ...report._body import Plot
 from ...report._scale import Scale, number, percent, place
 from ._result import FrictionResult, LawCurve, choice_sentence
 

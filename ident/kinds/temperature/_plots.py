@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
 from ...report import _style as style
-from ...report._plot import Plot
+from ...report._body import Plot
 from ...report._scale import Scale, number, place
 from ._law import ThermalLaw
 from ._result import TemperatureResult, ThermalView

@@ -11,10 +11,10 @@ from jaxtyping import Float
 from ....data.lists import ListFile, Value
 from ....models import ConstantParameter, TemperatureLine
 from ...exchange import ExchangeError, entries_of_temperature, temperature_line
-from ...job._active import refuse_unstated
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
 from ...job._load import Job
+from ...job._plan import refuse_unstated
 from ...job._result import Remark, staged
 from ...job._second import SecondMeasurement
 from ...job._source import Tables

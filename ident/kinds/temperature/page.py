@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from ...report._body import Body
-from ...report._plot import Plot
+from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, place
 from ...report._words import WildRow
 from ._plots import (

@@ -9,8 +9,9 @@ from ..core import FitError
 from ..exchange import ExchangeError, axis_number
 from ..kinds._keys import FitSpec
 from ..kinds._parts import single_of
+from ._checks import groups_of
 from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
-from ._group_faults import groups_of
+from ._faults import key_words
 from ._load import Job
 from ._source import Tables
 
@@ -158,3 +159,24 @@ def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None
             ("axes", name, key),
             f"found a list of axis {found} (kopf.achs_nr), expected axis {number}",
         )
+
+
+def left_out(job: Job, plans: Plans, k: int, reason: str) -> AbstractDraft:
+    """Return what stands for a fit that its readings do not tell: the rest is written."""
+    from .joint import LeftOutDraft
+
+    spec = job.spec.fits[k]
+    start = f"{spec.name} from {', '.join(spec.sources)}: "
+    why = reason.removeprefix(f"{key_words(('fits', k))}: ").removeprefix(start)
+    return LeftOutDraft(k, spec, plans.lists[spec.axis], spec.name, why)
+
+
+def untold_alone(job: Job, tables: Tables, plans: Plans) -> dict[int, str]:
+    """Return which fits of no group their readings do not tell apart, and why."""
+    fits = job.spec.fits
+    several = len({fits[k].axis for k in plans.single}) < len(plans.single)
+    if not several and not any(fits[k].kind.often_open for k in plans.single):
+        return {}
+    from .joint import untold_apart
+
+    return untold_apart(job, tables, list(plans.single), plans.lists)
