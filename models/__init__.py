@@ -21,6 +21,7 @@ from ._controller import (
     PositionController as PositionController,
 )
 from ._controller_axis import (
+    AbstractOffset as AbstractOffset,
     AxisCompensations as AxisCompensations,
     Coupled as Coupled,
 )
@@ -81,6 +82,7 @@ from ._motion import (
     COMPENSATIONS as COMPENSATIONS,
     Motion as Motion,
     Offsets as Offsets,
+    Rows as Rows,
 )
 from ._nodes import (
     AbstractNodes as AbstractNodes,

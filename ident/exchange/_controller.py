@@ -1,5 +1,6 @@
 """All lists of a machine → its `PositionController`."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -123,7 +124,12 @@ def _axis(
         masters = tuple(columns[master] for master in one.masters)
         model = model_of(one, reading)
         parts |= one.kind.entries.installed(model, masters, one.listing)
+    own = {field.name for field in dataclasses.fields(AxisCompensations)}
+    further = {name: parts.pop(name) for name in parts.keys() - own}
     manual = () if reading.commanded else tuple(o.name for o in used if o.manual)
     return AxisCompensations(
-        **parts, reversal_cycles=reversal_cycles(machine), manual=manual
+        **parts,
+        further=further,
+        reversal_cycles=reversal_cycles(machine),
+        manual=manual,
     )

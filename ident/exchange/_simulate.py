@@ -131,7 +131,7 @@ def _run(
     else:
         offsets, _ = controller.run(controller.start(), whole)
     return {
-        name: np.asarray(getattr(offsets, name))[:rows] for name in controller.installed
+        name: np.asarray(offsets.part(name))[:rows] for name in controller.installed
     }
 
 

@@ -5,7 +5,7 @@ first use (`Kind.part`):
 
 * ``effect``: what is fitted, through `axcomp.models` and the estimator;
 * ``entries``: between its list and its model (`_protocol.AbstractEntries`);
-* ``channel``: what a log shows of it (``channel_of``, as `_protocol.ChannelOf`);
+* ``channel``: what a log shows of it (`proof.verify.AbstractChannel`);
 * ``probe``: its step of a probe (`_protocol.AbstractProbe`).
 
 A compensation is added by a folder and by its name in `NAMES`.

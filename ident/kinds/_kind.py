@@ -7,6 +7,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Literal, final
 
 if TYPE_CHECKING:
+    from ..proof.verify import AbstractChannel
     from ._protocol import AbstractEntries, AbstractProbe
 
 
@@ -87,6 +88,12 @@ class Kind:
     def entries(self) -> "AbstractEntries":
         """Between its list and its model."""
         found: AbstractEntries = self.part("entries").ENTRIES
+        return found
+
+    @property
+    def log_channel(self) -> "type[AbstractChannel]":
+        """What a log shows of it."""
+        found: type[AbstractChannel] = self.part("channel").CHANNEL
         return found
 
     @functools.cached_property

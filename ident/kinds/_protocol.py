@@ -4,18 +4,18 @@ A colleague who adds a compensation writes its model in `axcomp.models` (or, as 
 `AbstractOffset`, beside the parts) and in its folder:
 
 * ``entries.py`` with ``ENTRIES``, an `AbstractEntries`;
-* ``channel.py`` with ``channel_of``, a `ChannelOf`;
+* ``channel.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel`;
 * ``probe.py`` with ``PROBE``, an `AbstractProbe`; what adds current needs none.
 """
 
 import abc
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from ...data.lists import ListFile, Value
 from ...models import AbstractLookup, Conventions, Coupled
 from ..exchange._errors import ExchangeError
-from ..exchange._identity import Increments, flag, not_negative
+from ..exchange._identity import flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
 from ..exchange._motion import Motion
 from ..exchange._probe import Outcome, ProbeAxis, Probed
@@ -23,7 +23,7 @@ from ..exchange._units import ModelUnit
 from ._kind import Kind
 
 if TYPE_CHECKING:
-    from ..proof.verify import AbstractChannel, LogMotion
+    pass
 
 
 class AbstractEntries(abc.ABC):
@@ -195,22 +195,6 @@ class AbstractEntries(abc.ABC):
     def turns(self, model: Any) -> bool:
         """Whether the direction of motion changes what it adds."""
         return False
-
-
-class ChannelOf(Protocol):
-    """What a log shows of a compensation: ``channel_of`` of its ``channel`` part."""
-
-    def __call__(
-        self,
-        one: InUse,
-        motion: "LogMotion",
-        conventions: Conventions,
-        increment: Increments,
-        reversal: int,
-        others: "Mapping[str, AbstractChannel]",
-    ) -> "AbstractChannel":
-        """Return its channel; arguments as `proof.verify.channel_of`."""
-        ...
 
 
 class AbstractProbe(abc.ABC):
