@@ -24,8 +24,8 @@ from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
-from ._result import AbstractResult, Remark
 from ._plans import Plans, left_out, plan_all, untold_alone
+from ._result import AbstractResult, Remark
 from ._source import Tables
 from ._whole import judge_whole
 
