@@ -11,6 +11,7 @@ from ...data.lists import ListFile
 from ...data.measurements import measurement, read_table, with_error, without_motion
 from ...models import Conventions, TemperatureLine
 from ..exchange import read_temperature_table
+from ..kinds import kind
 from ..job import JobResult, TemperatureResult, run_job, write_atomically
 from ..machine.motion import (
     WorkingMachine,
@@ -170,7 +171,7 @@ def run_work(folder: Path, seed: int, say: Callable[[str], None]) -> WorkResult:
     predicted = {
         fit.axis: fit.error["predicted"].sound.rms
         for fit in job.fits
-        if fit.compensation in ("leadscrew", "plane", "cross")
+        if kind(fit.compensation).table
     }
     return WorkResult(
         job,

@@ -61,11 +61,11 @@ class Kind:
     variable: str
     channel: str | None
     conventions: tuple[str, ...]
-    follows: frozenset[str]
     cycles: tuple[str, int] | None = None
     resized: int | None = None
     demanded: bool = True
     adds_current: bool = False
+    follows: frozenset[str] = frozenset()
     table: bool = False
     takes_constant: int | None = None
     fitted_first: bool = False
