@@ -91,11 +91,26 @@ class Registry:
         return "unknown"
 
 
+_files = [pathlib.Path(__file__).with_name("parameters.toml")]
+
+
+def add_parameters(path: pathlib.Path) -> None:
+    """Add ``[[parameters]]`` and ``[[functions]]`` of another file to the registry.
+
+    What a name means already, it goes on to mean.
+    """
+    if path not in _files:
+        _files.append(path)
+        registry.cache_clear()
+
+
 @functools.cache
 def registry() -> Registry:
     """Return the registry, loaded on first use."""
-    path = pathlib.Path(__file__).with_name("parameters.toml")
-    data = tomllib.loads(path.read_text(encoding="utf-8"))
+    data, *more = (tomllib.loads(path.read_text(encoding="utf-8")) for path in _files)
+    for table in more:
+        data["parameters"] += table.get("parameters", [])
+        data["functions"] += table.get("functions", [])
     kinds: dict[str, Kind] = {
         prefix: kind for kind, prefixes in data["kinds"].items() for prefix in prefixes
     }

@@ -8,11 +8,13 @@ first use (`Kind.part`):
 * ``channel``: what a log shows of it (`proof.verify.AbstractChannel`);
 * ``probe``: its step of a probe (`_protocol.AbstractProbe`).
 
-A compensation is added by a folder and by its name in `NAMES`.
+A compensation is added by a folder and by its name in `NAMES`. Entries that the registry of
+`data.lists` does not have stand in ``parameters.toml`` of the folder.
 """
 
 import functools
 import importlib
+import pathlib
 
 from ._kind import Kind as Kind
 
@@ -37,7 +39,13 @@ def kind(name: str) -> Kind:
     """
     if name not in NAMES:
         raise KeyError(name)
-    found: Kind = importlib.import_module(f".{name}", __name__).KIND
+    folder = importlib.import_module(f".{name}", __name__)
+    found: Kind = folder.KIND
+    own = pathlib.Path(folder.__path__[0], "parameters.toml")
+    if own.is_file():
+        from ...data.lists import add_parameters
+
+        add_parameters(own)
     return found
 
 

@@ -8,7 +8,7 @@ from ....data.measurements import ControllerLog, LoggedOffset
 from ....models import COMPENSATIONS, Conventions
 from ...exchange import ExchangeError, Increments, Ranges
 from ...fit import one_blas_thread
-from ...kinds import NAMES
+from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._clock import clock_cost, clock_of, worth
 from ._judge import Verdict, judge_found
@@ -237,7 +237,7 @@ def _summary(
             f"{which}: a log of offsets cannot tell with which sign they reach the"
             " drive; log drive_position as well, or read a dial gauge."
         )
-    order = (*COMPENSATIONS, *NAMES)
+    order = (*COMPENSATIONS, *(each.name for each in kinds()))
     verdicts = sorted(
         verdicts, key=lambda one: (one.axis, order.index(one.compensation))
     )
