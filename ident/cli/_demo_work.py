@@ -11,8 +11,8 @@ from ...data.lists import ListFile
 from ...data.measurements import measurement, read_table, with_error, without_motion
 from ...models import Conventions, TemperatureLine
 from ..exchange import read_temperature_table
-from ..kinds import kind
 from ..job import JobResult, TemperatureResult, run_job, write_atomically
+from ..kinds import kind
 from ..machine.motion import (
     WorkingMachine,
     machine_with_everything,

@@ -26,9 +26,7 @@ from .entries import ENTRIES, Constant
 from .keys import Spec
 
 
-def plan(
-    job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists
-) -> Planned:
+def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
     """Plan a fit."""
 
     def draft(left: Leftovers) -> AbstractDraft:
