@@ -168,7 +168,7 @@ def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
         readings = readings.with_remark(
             Remark.warning(
                 f"There are more nodes than readings: the prior fills in between. Nodes"
-                f" that suit these readings: {grid_words([*readings.positions.T])}.",
+                f" that suit these readings: {grid_words([*readings.positions.T])}."
             )
         )
     rounded = Rounded(job, plan, readings.datum)

@@ -82,7 +82,7 @@ def axis_files(
         remarks.append(
             Remark.info(
                 f"{name} is a new list, since no list of {axis} was given: copied over"
-                " another one, it would lose that one's other compensations.",
+                " another one, it would lose that one's other compensations."
             )
         )
     elif entries and existing is not None:
@@ -161,7 +161,7 @@ def _edited(
         remarks.append(
             Remark.info(
                 f"Removed from {existing.source}: {len(stale)} table entries beyond"
-                " the new table.",
+                " the new table."
             )
         )
     return edited, remarks

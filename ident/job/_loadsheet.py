@@ -1,6 +1,6 @@
 """The load sheet: which file goes where, in which order, how to see it and go back."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ._draft import AbstractDraft
 from ._job_result import LoadStep
@@ -88,17 +88,15 @@ def _measuring(
     ]
 
 
-def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
-    steps: list[LoadStep] = []
+def _files_of(job: Job, one: AxisFiles) -> Iterator[LoadStep]:
     if one.compensation is not None:
-        steps += _compensation_list(job, one)
+        yield from _compensation_list(job, one)
     if one.machine is not None:
-        steps.append(_axis_list(job, one))
+        yield _axis_list(job, one)
     for name in one.extra:
         if name.endswith(".TcPOU"):
             continue  # the same program as the .st, whose step names it
-        steps.append(_for_the_plc(job, one, name))
-    return steps
+        yield _for_the_plc(job, one, name)
 
 
 def _loading(job: Job, files: Sequence[AxisFiles]) -> list[LoadStep]:
@@ -216,7 +214,7 @@ def _switching(
 
 def _watching(
     job: Job, files: Sequence[AxisFiles], drafts: Sequence[AbstractDraft]
-) -> list[LoadStep]:
+) -> Iterator[LoadStep]:
     names = {one.axis for one in files}
     words: dict[str, list[str]] = {}
     shown: list[str] = []
@@ -231,34 +229,26 @@ def _watching(
         own = currents if kind.adds_current else shown
         own.append(f"{kind.variable}.{name}")
     demands = "; ".join(f"{axis}: {' | '.join(own)}" for axis, own in words.items())
-    steps = []
     if demands:
-        steps.append(
-            LoadStep(
-                "Demand them in automatic mode",
-                "lr_param.prog_movement_requires_compensations (P-AXIS-00465) stops a"
-                f" program that moves without them: {demands}.",
-            )
+        yield LoadStep(
+            "Demand them in automatic mode",
+            "lr_param.prog_movement_requires_compensations (P-AXIS-00465) stops a"
+            f" program that moves without them: {demands}.",
         )
     if shown:
-        steps.append(
-            LoadStep(
-                "See that it works",
-                f"Read {', '.join(shown)} at a few positions and compare with axcomp"
-                " simulate. Displays have the compensation removed; the positions on the"
-                " drive bus contain it.",
-            )
+        yield LoadStep(
+            "See that it works",
+            f"Read {', '.join(shown)} at a few positions and compare with axcomp"
+            " simulate. Displays have the compensation removed; the positions on the"
+            " drive bus contain it.",
         )
     if currents:
-        steps.append(
-            LoadStep(
-                "See that it works",
-                f"Read {', '.join(currents)} at a few speeds in both directions and"
-                " compare with axcomp simulate. It is a current: no position contains"
-                " it.",
-            )
+        yield LoadStep(
+            "See that it works",
+            f"Read {', '.join(currents)} at a few speeds in both directions and"
+            " compare with axcomp simulate. It is a current: no position contains"
+            " it.",
         )
-    return steps
 
 
 _SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}

@@ -1,7 +1,7 @@
 """Which table each fit writes: nodes, masters and the list that is there already."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -155,38 +155,29 @@ def _remarks(
     axis_list: ListFile | None,
     old: Model | None,
     active: bool,
-) -> list[Remark]:
-    found: list[Remark] = []
+) -> Iterator[Remark]:
     if active:
-        found.append(
-            Remark.info(
-                "The old table was active while measuring: the new one is old +"
-                " residual.",
-            )
+        yield Remark.info(
+            "The old table was active while measuring: the new one is old + residual."
         )
     elif old is not None:
-        found.append(
-            Remark.info(
-                "The old table was off while measuring: the new one replaces it.",
-            )
+        yield Remark.info(
+            "The old table was off while measuring: the new one replaces it."
         )
-    found += [Remark.warning(words) for words in fit.warnings(job)]
+    yield from (Remark.warning(words) for words in fit.warnings(job))
     if existing is None:
-        return found
+        return
     others = {spec.compensation for spec in job.spec.fits if spec.axis == fit.axis}
     on = set().union(*(job.spec.measurements[name].active for name in fit.sources))
     for kind in _VALUES:
         if axis_list is not None and is_activated(axis_list, kind):
             continue  # the axis is judged with it
         if kind not in on | others and _has_values(existing, kind):
-            found.append(
-                Remark.warning(
-                    f"The list also holds a {kind} table that was off while measuring:"
-                    " what it corrects is part of the new table as well. Leave it off,"
-                    f" or measure with {kind} active.",
-                )
+            yield Remark.warning(
+                f"The list also holds a {kind} table that was off while measuring:"
+                " what it corrects is part of the new table as well. Leave it off,"
+                f" or measure with {kind} active."
             )
-    return found
 
 
 def refuse_unstated(job: Job, fit: FitSpec, holder: str | None, on: str) -> None:

@@ -154,6 +154,6 @@ def _without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark
     return [
         Remark.warning(
             "On readings that the fit did not see, this list leaves no less error than"
-            f" there is without it: {why}",
+            f" there is without it: {why}"
         )
     ]

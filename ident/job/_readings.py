@@ -124,7 +124,7 @@ def read_fit(
             remarks.append(
                 Remark.info(
                     f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
-                    " this one corrects what that list leaves.",
+                    " this one corrects what that list leaves."
                 )
             )
         for one in beside.get(name, ()):
@@ -133,7 +133,7 @@ def read_fit(
             remarks.append(
                 Remark.info(
                     f"Beside this table acts {one.words}, which was off while {name!r} was"
-                    " measured: this table corrects what it leaves.",
+                    " measured: this table corrects what it leaves."
                 )
             )
         errors.append(error)
@@ -157,7 +157,7 @@ def read_fit(
         remarks.append(
             Remark.info(
                 "The runs do not go over the same places, so that none can be judged by"
-                " the others: offsets of single runs are not estimated.",
+                " the others: offsets of single runs are not estimated."
             )
         )
     return Readings(

@@ -368,7 +368,7 @@ def _write(
     moved = [
         Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
-            " the lists of this run.",
+            " the lists of this run."
         )
         for name, earlier in retired
         if earlier is not None

@@ -39,7 +39,7 @@ def settled_by(
     remarks = [
         Remark.warning(
             f"{name}: axes contradict each other, nothing is saved: one of the instruments"
-            " counts the other way round.",
+            " counts the other way round."
         )
         for name, values in votes.items()
         if len(values) > 1
@@ -65,7 +65,7 @@ def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Re
                 f"{name} = {stored.conventions.to_dict()[name]} in {path} was settled"
                 f" before and stays; the second measurement says {settled.pop(name)}."
                 " Either the controller has changed or the instrument counts the other"
-                " way round: take a log of the drive position (axcomp verify --save).",
+                " way round: take a log of the drive position (axcomp verify --save)."
             )
         )
     values = stored.conventions.to_dict()

@@ -115,7 +115,7 @@ class AbstractTableDraft(AbstractDraft):
             Remark.warning(
                 f"{listing.source}: backlash compensation is switched off"
                 " (anwahl_losekomp 0), since the bilateral leadscrew table contains"
-                " the backlash.",
+                " the backlash."
             )
         ]
 
@@ -210,10 +210,6 @@ class StreamedDraft(AbstractTableDraft):
         return prove_streamed(self.one, done)
 
 
-_RESIZED = {"cross": 110639, "plane": 110640, "leadscrew": 110638}
-"""Error of the controller when `max_points` changes after start-up."""
-
-
 def table_entries(job: Job, one: AbstractFitted) -> dict[str, Value]:
     """Return the entries of one table, with the options of its fit.
 
@@ -271,5 +267,5 @@ def restart_of_table(
     name = f"{table.prefix}.max_points"
     if existing.integer(name) == listing.integer(name):
         return None
-    number = _RESIZED[table.compensation]
+    number = one.plan.fit.kind.resized
     return f"{name} changes (a reload would end in error {number})"

@@ -31,12 +31,6 @@ from ._outside import read_error
 from ._result import Remark
 from ._source import Tables
 
-_CYCLES = {
-    "cross": ("kw.crosscomp.n_cycles", 20),
-    "plane": ("kw.crosscomp2.n_cycles", 20),
-    "temperature": ("lr_param.temp_comp_n_cycles", 19),
-}
-"""Entry that spreads the coming and going of a compensation, and its largest value."""
 _Read = tuple[Measured, Mapping[str, np.ndarray]]
 """The error of an axis in one measurement, and the temperatures in it."""
 
@@ -167,9 +161,10 @@ class _Axis:
         limit, found = limits_of(self.job).max_switching, []
         fitted = {draft.compensation for draft in self.drafts}
         for name, jump in jumps.items():
-            if name not in _CYCLES or name in fitted:
+            cycles = kind(name).cycles
+            if cycles is None or name in fitted:
                 continue
-            entry, most = _CYCLES[name]
+            entry, most = cycles
             listing = loaded.used[name].listing
             wanted = switching_cycles(jump, limit, listing.integer(entry), most)
             if wanted is None:

@@ -18,7 +18,7 @@ def table_body(fit: TableResult, scale: Scale) -> Body:
     readings = readings_of(fit, scale)
     return Body(
         plots=_plots(fit, readings, scale),
-        facts=how_it_was_made(fit, readings, scale),
+        facts=[*how_it_was_made(fit, readings, scale)],
         wild=wild_rows(fit, readings, scale),
         wild_count=readings.total_wild,
         wild_runs=fit.samples.run is not None,

@@ -1,7 +1,7 @@
 """The proof of a group: how much each effect is, and what all written files leave."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -175,11 +175,11 @@ class GroupDraft:
             runs=tuple(fit.runs.get(axis, ())),
         )
 
-    def _remarks(self) -> list[Remark]:
+    def _remarks(self) -> Iterator[Remark]:
         fit = self.found.fit
-        remarks = [Remark.info(words) for words in _unique(self.recording.remarks)]
+        yield from [Remark.info(words) for words in _unique(self.recording.remarks)]
         if not fit.converged:
-            remarks.append(Remark.warning(fit.message))
+            yield Remark.warning(fit.message)
         left_out = {
             share.part.name
             for share, draft in zip(self.shares, self.drafts, strict=True)
@@ -192,28 +192,23 @@ class GroupDraft:
             own = {part.name for part in self.found.parts} & set(each.effects)
             if own <= fine:
                 # Only values that hardly any reading reaches: the prior fills them.
-                remarks.append(Remark.info(each.sentence))
+                yield Remark.info(each.sentence)
             elif not left_out & own:
-                remarks.append(Remark.error(each.sentence))
+                yield Remark.error(each.sentence)
         for axis, value in self.found.left_constant.items():
             if value:
-                remarks.append(
-                    Remark.info(
-                        f"A constant error of {axis} stands in no list of this group:"
-                        " figures of the sum are about their middle.",
-                    )
+                yield Remark.info(
+                    f"A constant error of {axis} stands in no list of this group:"
+                    " figures of the sum are about their middle."
                 )
         for part in self.found.helpers:
             if part.effect.compensation == "delay":
                 continue
-            remarks.append(
-                Remark.info(
-                    f"A line over {part.effect.axis} that no temperature moves was"
-                    " fitted beside the group: it belongs to a leadscrew, and no list of"
-                    " this group holds it.",
-                )
+            yield Remark.info(
+                f"A line over {part.effect.axis} that no temperature moves was"
+                " fitted beside the group: it belongs to a leadscrew, and no list of"
+                " this group holds it."
             )
-        return remarks
 
 
 def _unique(remarks: Sequence[Remark]) -> list[str]:

@@ -92,7 +92,7 @@ def read_group(
         remarks.append(
             Remark.info(
                 f"Runs have no offset of their own on {' and '.join(heated)}: it could"
-                " not be told from what the temperature does from run to run.",
+                " not be told from what the temperature does from run to run."
             )
         )
     return GroupRecording(

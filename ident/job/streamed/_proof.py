@@ -1,6 +1,7 @@
 """The proof of a fit to a log: one more pass, with the file as the controller reads it."""
 
 import dataclasses
+from collections.abc import Iterator
 from typing import final
 
 import numpy as np
@@ -68,7 +69,7 @@ def prove_streamed(one: StreamedFitted, done: Written) -> Proof:
     )
 
 
-def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
+def _of_the_stream(one: StreamedFitted, every: int) -> Iterator[Remark]:
     """Return what the route changes, and what it cannot do."""
     names = ", ".join(map(repr, one.plan.fit.sources))
     shown = (
@@ -76,12 +77,10 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
         if every > 1
         else ""
     )
-    found = [
-        Remark.info(
-            f"{names}: {one.estimate.count} readings were read in pieces and not into"
-            f" memory{shown}.",
-        )
-    ]
+    yield Remark.info(
+        f"{names}: {one.estimate.count} readings were read in pieces and not into"
+        f" memory{shown}."
+    )
     if one.by_run:
         words = (
             "The runs go over the same places, but a log that is read in pieces allows"
@@ -89,7 +88,7 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
             " what differs from run to run counts as noise. stream = false reads it into"
             " memory, which does both."
         )
-        found.append(Remark.warning(words))
+        yield Remark.warning(words)
     if one.estimate.crowded:
         words = (
             f"At {one.estimate.crowded} nodes wild readings stand side by side: they may"
@@ -97,8 +96,7 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
             " a second thought; a log that is read in pieces is not. Fit every n-th row"
             " of it to have them judged."
         )
-        found.append(Remark.warning(words))
-    return found
+        yield Remark.warning(words)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -167,7 +167,7 @@ def _trace(
             Remark.info(
                 "The axis was moving: the error is that of the reference against the"
                 f" encoder, over {reach:.3g} mm (or °) on both sides of each reversal."
-                f"{late}",
+                f"{late}"
             ),
         ),
     )

@@ -1,5 +1,7 @@
 """Plots and sentences of a backlash."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ...report import _style as style
@@ -12,7 +14,7 @@ def body(fit: BacklashResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted backlash."""
     return Body(
         plots=[_along_the_axis(fit, scale)],
-        facts=_facts(fit, scale),
+        facts=[*_facts(fit, scale)],
         wild_count=int(np.sum(fit.fit.wild)),
     )
 
@@ -61,48 +63,39 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     return Plot("reversal", "Both directions, before and after", figure, caption)
 
 
-def _facts(fit: BacklashResult, scale: Scale) -> list[tuple[str, str]]:
+def _facts(fit: BacklashResult, scale: Scale) -> Iterator[tuple[str, str]]:
     found = fit.fit
     width = number(found.width * scale.factor, signed=True)
     sd = number(found.standard_deviation * scale.factor)
-    facts = [
-        ("Size", f"{width} ± {sd} {scale.error} (1 sd): {found.kind}."),
-        (
-            "Readings",
-            f"{count(found.support[0], 'reading')} moving +, {found.support[1]} moving −;"
-            f" their scatter is {number(found.noise.white * scale.factor)} {scale.error}.",
-        ),
-        ("Along the axis", _dependence(fit, scale)),
-    ]
+    yield ("Size", f"{width} ± {sd} {scale.error} (1 sd): {found.kind}.")
+    yield (
+        "Readings",
+        f"{count(found.support[0], 'reading')} moving +, {found.support[1]} moving −;"
+        f" their scatter is {number(found.noise.white * scale.factor)} {scale.error}.",
+    )
+    yield ("Along the axis", _dependence(fit, scale))
     if fit.width:
         way = "positive" if fit.reference > 0 else "negative"
-        facts.append(
-            (
-                "As written",
-                f"{number(fit.width * scale.factor, signed=True)} {scale.error}; the axis"
-                f" is taken as right when it moves in {way} direction; a reversal is"
-                f" spread over {fit.cycles} cycles (n_backlash_cyc, P-AXIS-00243).",
-            )
+        yield (
+            "As written",
+            f"{number(fit.width * scale.factor, signed=True)} {scale.error}; the axis"
+            f" is taken as right when it moves in {way} direction; a reversal is"
+            f" spread over {fit.cycles} cycles (n_backlash_cyc, P-AXIS-00243).",
         )
     if found.take_up is not None:
-        facts.append(
-            (
-                "Take-up",
-                f"Nine tenths of it come within {place(found.take_up)} {scale.position}"
-                " after a reversal.",
-            )
+        yield (
+            "Take-up",
+            f"Nine tenths of it come within {place(found.take_up)} {scale.position}"
+            " after a reversal.",
         )
     if found.delay is not None:
         delay, deviation = (1e3 * each for each in found.delay)
-        facts.append(
-            (
-                "Delay",
-                f"The reference is {delay:.2f} ± {deviation:.2f} ms late behind the"
-                " encoder; that was taken off.",
-            )
+        yield (
+            "Delay",
+            f"The reference is {delay:.2f} ± {deviation:.2f} ms late behind the"
+            " encoder; that was taken off.",
         )
-    facts.append(("The fit itself", fit.message))
-    return facts
+    yield ("The fit itself", fit.message)
 
 
 def _dependence(fit: BacklashResult, scale: Scale) -> str:

@@ -1,6 +1,6 @@
 """What a person must know of a crosstalk, and what the events do not tell."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def remarks_of(
     coverage: float,
     cycle_time: float,
     verified: Collection[str],
-) -> list[Remark]:
+) -> Iterator[Remark]:
     """Return everything that the report has to say of a fit.
 
     Args:
@@ -38,37 +38,31 @@ def remarks_of(
         cycle_time: In s.
         verified: Names of conventions that the user has verified.
     """
-    remarks = remarks_of_fit(found.fit)
-    remarks += _of_the_log(fit, found)
+    yield from remarks_of_fit(found.fit)
+    yield from _of_the_log(fit, found)
     if not written:
-        remarks.append(_nothing(fit, found))
+        yield _nothing(fit, found)
     if not found.judged.all():
-        remarks.append(
-            Remark.warning(
-                f"{int((~found.judged).sum())} of {len(found.judged)} events could not"
-                " be held out, since what remains determines no test: nothing is"
-                " predicted for them.",
-            )
+        yield Remark.warning(
+            f"{int((~found.judged).sum())} of {len(found.judged)} events could not"
+            " be held out, since what remains determines no test: nothing is"
+            " predicted for them."
         )
     if model is not None:
-        remarks += _of_the_list(fit, found, model, coverage, cycle_time)
+        yield from _of_the_list(fit, found, model, coverage, cycle_time)
         if not set(_QUADRANTS) <= set(verified):
-            remarks.append(_assumed(fit))
-    return remarks
+            yield _assumed(fit)
 
 
-def _of_the_log(fit: Spec, found: Identified) -> list[Remark]:
+def _of_the_log(fit: Spec, found: Identified) -> Iterator[Remark]:
     """Return what the log says of itself: a delay, and accelerations beyond the list."""
-    remarks = []
     if found.delay:
         way = "late" if found.delay > 0 else "early"
-        remarks.append(
-            Remark.warning(
-                f"The error of {fit.axis} comes {1e3 * abs(found.delay):.3g} ms {way}"
-                f" against the acceleration of {fit.master}; that was taken off, as the"
-                " delay of an instrument is. If it is the machine that follows late, the"
-                " correction will come too early by as much.",
-            )
+        yield Remark.warning(
+            f"The error of {fit.axis} comes {1e3 * abs(found.delay):.3g} ms {way}"
+            f" against the acceleration of {fit.master}; that was taken off, as the"
+            " delay of an instrument is. If it is the machine that follows late, the"
+            " correction will come too early by as much."
         )
     own = found.fit
     peaks = np.array([event.peak for event in own.events])
@@ -76,15 +70,12 @@ def _of_the_log(fit: Spec, found: Identified) -> list[Remark]:
     full = np.where(branch < 2, own.acceleration, -own.deceleration)
     over = float(np.max(np.abs(peaks) / full))
     if over > _ABOVE:
-        remarks.append(
-            Remark.warning(
-                f"{fit.master} accelerates up to {over:.0%} of the specified"
-                f" acceleration ({own.acceleration:g} and {own.deceleration:g} mm/s²)."
-                " Above it the controller is taken to hold the correction (S-36): state"
-                " the largest one as acceleration and deceleration in the job.",
-            )
+        yield Remark.warning(
+            f"{fit.master} accelerates up to {over:.0%} of the specified"
+            f" acceleration ({own.acceleration:g} and {own.deceleration:g} mm/s²)."
+            " Above it the controller is taken to hold the correction (S-36): state"
+            " the largest one as acceleration and deceleration in the job."
         )
-    return remarks
 
 
 def _nothing(fit: Spec, found: Identified) -> Remark:
@@ -92,17 +83,17 @@ def _nothing(fit: Spec, found: Identified) -> Remark:
         return Remark.error(
             "No test has all four of its entries measured, and a missing one would be 0"
             f" in the controller: no list is written. Measure {fit.master} with"
-            " acceleration and deceleration in both directions.",
+            " acceleration and deceleration in both directions."
         )
     if found.significant:
         return Remark.error(
             "The tests whose four entries are all measured stand in a line, or are too"
-            " few to span the adaptation axes: no list is written.",
+            " few to span the adaptation axes: no list is written."
         )
     largest = 1e3 * found.fit.largest_error()
     return Remark.warning(
         f"No crosstalk from {fit.master} shows: no value exceeds what chance over all of"
-        f" them would give (the largest is {largest:.2f} µm). Nothing is written.",
+        f" them would give (the largest is {largest:.2f} µm). Nothing is written."
     )
 
 
@@ -112,43 +103,33 @@ def _of_the_list(
     model: Crosstalk,
     coverage: float,
     cycle_time: float,
-) -> list[Remark]:
-    remarks = []
+) -> Iterator[Remark]:
     tests = len(np.asarray(model.surface.points))
     if found.fit.mode == 2 and tests != _THREE:
-        remarks.append(
-            Remark.info(
-                f"Mode 2 with {tests} tests: the manual speaks of three ([001] p.84,"
-                " S-37), its parameters of any number.",
-            )
+        yield Remark.info(
+            f"Mode 2 with {tests} tests: the manual speaks of three ([001] p.84,"
+            " S-37), its parameters of any number."
         )
     if coverage < _COVERED:
         axes = " and ".join(found.masters)
-        remarks.append(
-            Remark.warning(
-                f"The tests cover {coverage:.0%} of the workspace of {axes}. Beyond them"
-                " incorrect values can occur ([001] p.84); the controller is taken to"
-                " hold the nearest (S-37, S-38).",
-            )
+        yield Remark.warning(
+            f"The tests cover {coverage:.0%} of the workspace of {axes}. Beyond them"
+            " incorrect values can occur ([001] p.84); the controller is taken to"
+            " hold the nearest (S-37, S-38)."
         )
     if model.cycles > 1:
         late = 0.5e3 * model.cycles * cycle_time
-        remarks.append(
-            Remark.info(
-                f"The values pass a filter over {model.cycles} cycles (n_cycles,"
-                f" P-COMP-00064), so that a step of the acceleration of {fit.master} is"
-                f" no jump of {fit.axis}: the correction comes {late:.3g} ms late."
-                " The figures from the file are those without this delay.",
-            )
+        yield Remark.info(
+            f"The values pass a filter over {model.cycles} cycles (n_cycles,"
+            f" P-COMP-00064), so that a step of the acceleration of {fit.master} is"
+            f" no jump of {fit.axis}: the correction comes {late:.3g} ms late."
+            " The figures from the file are those without this delay."
         )
     if not found.fit.velocity_dependent:
-        remarks.append(
-            Remark.info(
-                "Both directions are written with equal entries and velocity_dependent"
-                " 1, which settles what the manuals leave open without it (S-35).",
-            )
+        yield Remark.info(
+            "Both directions are written with equal entries and velocity_dependent"
+            " 1, which settles what the manuals leave open without it (S-35)."
         )
-    return remarks
 
 
 def _assumed(fit: Spec) -> Remark:
@@ -157,37 +138,36 @@ def _assumed(fit: Spec) -> Remark:
         " assumed: under another reading the correction has the wrong sign for one"
         f" direction and doubles the error there. Log {fit.master} with acceleration and"
         " deceleration in both directions together with CROSSTALK::end_offset of"
-        f" {fit.axis}, and give the log to axcomp verify, before relying on this list.",
+        f" {fit.axis}, and give the log to axcomp verify, before relying on this list."
     )
 
 
-def remarks_of_fit(fit: CrosstalkFit) -> list[Remark]:
+def remarks_of_fit(fit: CrosstalkFit) -> Iterator[Remark]:
     """Return what must be known of events and tests."""
     counts = np.bincount(
         [event.branch for event in fit.events], minlength=len(BRANCHES)
     )
-    remarks = []
     if fit.directions == "unknown":
         missing = " or ".join(BRANCHES[k] for k in np.flatnonzero(counts == 0))
         words = (
             f"No event shows {missing}: whether the directions differ cannot be told,"
             " and nothing is known there."
         )
-        remarks.append(Remark.warning(words))
+        yield Remark.warning(words)
     elif fit.directions != "given":
         words = {
             "differ": "The values differ by the direction of motion.",
             "alike": "The values are alike in both directions.",
         }[fit.directions]
-        remarks.append(Remark.info(words))
+        yield Remark.info(words)
     parts = ", ".join(
         f"{count} of {name}" for count, name in zip(counts, BRANCHES, strict=True)
     )
-    remarks.append(Remark.info(f"{len(fit.events)} events: {parts}."))
+    yield Remark.info(f"{len(fit.events)} events: {parts}.")
     wild = sum(event.wild for event in fit.events)
     if wild:
         words = f"{wild} events contradict the others and were left out."
-        remarks.append(Remark.warning(words))
+        yield Remark.warning(words)
     lacking = fit.support == 0
     empty = [BRANCHES[k] for k in np.flatnonzero(lacking.all(axis=1))]
     if empty:
@@ -195,15 +175,15 @@ def remarks_of_fit(fit: CrosstalkFit) -> list[Remark]:
             f"Nothing is known for {' and '.join(empty)}: the entries of a test are"
             " written all four or not at all, so no test can be written."
         )
-        return [*remarks, Remark.error(words)]
+        yield Remark.error(words)
+        return
     for number in np.flatnonzero(lacking.any(axis=0)):
         place = ", ".join(f"{value:g}" for value in fit.points[number])
         names = [BRANCHES[k] for k in np.flatnonzero(lacking[:, number])]
         words = (
             f"The test at ({place}) mm is left out: no event for {' and '.join(names)}."
         )
-        remarks.append(Remark.error(words))
+        yield Remark.error(words)
     if len(fit.points) > SAFE_TESTS:
         words = f"{len(fit.points)} tests: one statement of the manuals allows fewer than 15."
-        remarks.append(Remark.info(words))
-    return remarks
+        yield Remark.info(words)

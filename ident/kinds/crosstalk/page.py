@@ -1,5 +1,7 @@
 """Plots and sentences of a crosstalk and its list."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ...report._body import Body
@@ -16,49 +18,42 @@ def body(fit: CrosstalkResult, scale: Scale) -> Body:
     drawn = [events_plot(fit, scale), tests_plot(fit, scale), course_plot(fit, scale)]
     return Body(
         plots=[plot for plot in drawn if plot is not None],
-        facts=_facts(fit, scale),
+        facts=[*_facts(fit, scale)],
         wild_count=int(np.sum(fit.view.wild)),
     )
 
 
-def _facts(fit: CrosstalkResult, scale: Scale) -> list[tuple[str, str]]:
+def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     own = fit.fit
-    facts = [("Law", _law(fit))]
-    facts += _tests(fit, scale)
-    facts += _left_out(fit, scale)
+    yield ("Law", _law(fit))
+    yield from _tests(fit, scale)
+    yield from _left_out(fit, scale)
     noise = [each for each in own.noise if np.isfinite(each)]
     if noise:
-        facts.append(
-            (
-                "Events",
-                f"{count(len(fit.view.time), 'acceleration')} cut out of the log; one"
-                f" scatters by {number(max(noise) * scale.factor)} {scale.error} (1 sd)"
-                " about the list at most.",
-            )
+        yield (
+            "Events",
+            f"{count(len(fit.view.time), 'acceleration')} cut out of the log; one"
+            f" scatters by {number(max(noise) * scale.factor)} {scale.error} (1 sd)"
+            " about the list at most.",
         )
     if fit.adaptation and len(fit.points):
         spans = ", ".join(
             f"{name} {place(low)} … {place(high)} mm"
             for name, (low, high) in zip(fit.adaptation, fit.workspace, strict=True)
         )
-        facts.append(
-            (
-                "Coverage",
-                f"The tests cover {percent(fit.coverage)} of the workspace ({spans}).",
-            )
+        yield (
+            "Coverage",
+            f"The tests cover {percent(fit.coverage)} of the workspace ({spans}).",
         )
     if own.scores:
-        facts.append(("Choice of tests", _choice(fit, scale)))
+        yield ("Choice of tests", _choice(fit, scale))
     if len(fit.points):
-        facts.append(
-            (
-                "Filter",
-                f"The values pass a sin² filter over {fit.cycles} cycles (n_cycles,"
-                " P-COMP-00064).",
-            )
+        yield (
+            "Filter",
+            f"The values pass a sin² filter over {fit.cycles} cycles (n_cycles,"
+            " P-COMP-00064).",
         )
-    facts.append(("The fit itself", fit.message))
-    return facts
+    yield ("The fit itself", fit.message)
 
 
 def _law(fit: CrosstalkResult) -> str:

@@ -117,7 +117,7 @@ def _reversal(
             Remark.error(
                 f"reversal: the recording has a sample every {1e3 * samples.cycle:g} ms,"
                 f" expected one per cycle of {1e3 * cycle_time:g} ms (cycle_time): its"
-                " cycles cannot be counted.",
+                " cycles cannot be counted."
             )
         ]
     # The file does not say whether a velocity belongs to the step before a position or to

@@ -115,7 +115,7 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         remarks.append(
             Remark.info(
                 "The recorded current opposes the motion, as torque feedback does"
-                f" ([001] p.74): it was turned round. {seen.polarity.statement}",
+                f" ([001] p.74): it was turned round. {seen.polarity.statement}"
             )
         )
     return DriveRecording(

@@ -1,7 +1,8 @@
 """The friction of one axis: law, list within the controller's limits, proof."""
 
 import dataclasses
-from typing import final
+from collections.abc import Iterator
+from typing import Any, final
 
 import numpy as np
 
@@ -163,7 +164,7 @@ class FrictionDraft(AbstractDraft):
         curve = self.curve
         if curve is not None and self.knots is not None:
             curve = dataclasses.replace(curve, listed=self.knots.current(curve.speed))
-        unit = {"unit": self.recording.unit or "raw"}
+        unit: dict[str, Any] = {"unit": self.recording.unit or "raw"}
         return FrictionResult(
             **self.frame(done) | unit,
             error={
@@ -224,71 +225,57 @@ class FrictionDraft(AbstractDraft):
             cycle=job.spec.controller.cycle_time,
         )
 
-    def _remarks(self) -> list[Remark]:
-        remarks = [*self.recording.remarks, *self.found.remarks]
+    def _remarks(self) -> Iterator[Remark]:
+        yield from self.recording.remarks
+        yield from self.found.remarks
         fit = self.found.fit
-        remarks.append(Remark.info(choice_sentence(self.found.choice)))
+        yield Remark.info(choice_sentence(self.found.choice))
         if self.rest.offset is not None:
-            remarks.append(
-                Remark.info(
-                    f"A constant load of {self.rest.offset:.4g} {self.recording.unit}"
-                    " (gravity, counterweight) is no friction: it belongs into the torque"
-                    " offset of the drive, not into the list. With the list written here"
-                    " this offset leaves the least of the current.",
-                )
+            yield Remark.info(
+                f"A constant load of {self.rest.offset:.4g} {self.recording.unit}"
+                " (gravity, counterweight) is no friction: it belongs into the torque"
+                " offset of the drive, not into the list. With the list written here"
+                " this offset leaves the least of the current."
             )
         if self.recording.unsure:
-            remarks.append(Remark.error(f"No list is written. {self.recording.unsure}"))
+            yield Remark.error(f"No list is written. {self.recording.unsure}")
         elif not fit.has_law:
-            remarks.append(
-                Remark.error(
-                    "The law of friction cannot be told from this recording: no list is"
-                    " written.",
-                )
+            yield Remark.error(
+                "The law of friction cannot be told from this recording: no list is"
+                " written."
             )
         elif self.knots is None:
-            remarks.append(
-                Remark.info(
-                    f"The job does not state {self.unit.missing}: the law is reported,"
-                    " and no list is written.",
-                )
+            yield Remark.info(
+                f"The job does not state {self.unit.missing}: the law is reported,"
+                " and no list is written."
             )
         if self.knots is not None and self.curve is not None:
-            remarks += self._unsaid()
-        return remarks
+            yield from self._unsaid()
 
-    def _unsaid(self) -> list[Remark]:
+    def _unsaid(self) -> Iterator[Remark]:
         """Return what the list cannot say of the law."""
-        remarks = []
         assert self.curve is not None
         share = self.curve.difference
         if share > 0.02:
-            remarks.append(
-                Remark.warning(
-                    f"The two directions differ by {share:.0%} of the friction on"
-                    " average. A list knows no direction: it gives the mean of both.",
-                )
+            yield Remark.warning(
+                f"The two directions differ by {share:.0%} of the friction on"
+                " average. A list knows no direction: it gives the mean of both."
             )
         if self.level != 1.0:
             why = ""
             if self.fit.level is None:
                 why = ", as long as no measurement has settled the sign of its current"
-            remarks.append(
-                Remark.info(
-                    f"The list gives {self.level:.0%} of the friction (level), a"
-                    f" cautious beginning{why}; scaling_factor stays at 1000. The rest remains,"
-                    " as the figures say: once slow reversals with the list show less"
-                    " following error, not more, raise level and fit again.",
-                )
+            yield Remark.info(
+                f"The list gives {self.level:.0%} of the friction (level), a"
+                f" cautious beginning{why}; scaling_factor stays at 1000. The rest remains,"
+                " as the figures say: once slow reversals with the list show less"
+                " following error, not more, raise level and fit again."
             )
         found = self.found.reversal
         if found is not None and found.position_delay > 0.001:
             small = "µm" if self.recording.samples.unit == "mm" else "· 0.001°"
-            remarks.append(
-                Remark.warning(
-                    f"After a reversal friction takes {1e3 * found.position_delay:.1f}"
-                    f" {small} to build up; the list goes no further than 1 {small}"
-                    " (position_delay, P-COMP-00043).",
-                )
+            yield Remark.warning(
+                f"After a reversal friction takes {1e3 * found.position_delay:.1f}"
+                f" {small} to build up; the list goes no further than 1 {small}"
+                " (position_delay, P-COMP-00043)."
             )
-        return remarks

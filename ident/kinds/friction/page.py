@@ -1,5 +1,7 @@
 """Plots and sentences of a friction law and its list."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ...report._body import Body
@@ -18,69 +20,58 @@ def body(fit: FrictionResult, scale: Scale) -> Body:
     ]
     return Body(
         plots=[plot for plot in drawn if plot is not None],
-        facts=_facts(fit, scale),
+        facts=[*_facts(fit, scale)],
     )
 
 
-def _facts(fit: FrictionResult, scale: Scale) -> list[tuple[str, str]]:
+def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
     found = fit.law
-    facts = [("Law", _law(fit, scale))]
+    yield ("Law", _law(fit, scale))
     if fit.fit is not fit.law and fit.fit.structure != fit.law.structure:
-        facts.append(
-            (
-                "The list follows",
-                f"A {fit.fit.structure.words}, which predicts better than this law: its"
-                " shape is taken from the recording itself.",
-            )
+        yield (
+            "The list follows",
+            f"A {fit.fit.structure.words}, which predicts better than this law: its"
+            " shape is taken from the recording itself.",
         )
-    facts.append(
-        (
-            "Recording",
-            f"{grouped(int(np.sum(fit.view.moving)))} samples in motion; the force error"
-            f" of the fit is {percent(found.relative_error)} of the load.",
-        )
+    yield (
+        "Recording",
+        f"{grouped(int(np.sum(fit.view.moving)))} samples in motion; the force error"
+        f" of the fit is {percent(found.relative_error)} of the load.",
     )
     if found.undetermined:
         lines = [f"{_plain(n)}: {why}" for n, why in found.undetermined.items()]
-        facts.append(("Not known", " ".join(_sentence(line) for line in lines)))
+        yield ("Not known", " ".join(_sentence(line) for line in lines))
     if found.gauges:
-        facts.append(("Told only together", " ".join(found.gauges)))
+        yield ("Told only together", " ".join(found.gauges))
     if fit.knots is not None:
         rounded = fit.knots.rms / fit.knots.unit
         slowest = "1 µm/s" if fit.length_unit == "mm" else "0.001°/s"
-        facts.append(
-            (
-                "List",
-                f"{count(len(fit.knots.velocity), 'entry', 'entries')} from {slowest} to"
-                f" {fit.knots.velocity[-1] / 1000:g} {fit.length_unit}/s; one unit of out is"
-                f" {fit.knots.unit:.4g} {scale.error}; the list follows the curve to"
-                f" {rounded:.2f} units rms.",
-            )
+        yield (
+            "List",
+            f"{count(len(fit.knots.velocity), 'entry', 'entries')} from {slowest} to"
+            f" {fit.knots.velocity[-1] / 1000:g} {fit.length_unit}/s; one unit of out is"
+            f" {fit.knots.unit:.4g} {scale.error}; the list follows the curve to"
+            f" {rounded:.2f} units rms.",
         )
     if fit.reversal is not None:
         around = fit.reversal
         small = "µm" if fit.length_unit == "mm" else "· 0.001°"
-        facts.append(
-            (
-                "Reversal",
-                f"{count(around.reversals, 'reversal')}: look-ahead {around.lookahead}"
-                f" cycles (probability {around.lookahead_probability:.0%}), build-up over"
-                f" {1e3 * around.position_delay:.2f} ±"
-                f" {1e3 * around.position_delay_sd:.2f} {small}, delay"
-                f" {around.delay_cycles} cycles (probability"
-                f" {around.delay_probability:.0%}).",
-            )
+        yield (
+            "Reversal",
+            f"{count(around.reversals, 'reversal')}: look-ahead {around.lookahead}"
+            f" cycles (probability {around.lookahead_probability:.0%}), build-up over"
+            f" {1e3 * around.position_delay:.2f} ±"
+            f" {1e3 * around.position_delay_sd:.2f} {small}, delay"
+            f" {around.delay_cycles} cycles (probability"
+            f" {around.delay_probability:.0%}).",
         )
     if fit.output is not None:
-        facts.append(
-            (
-                "Free run",
-                "Driven by the recorded current alone, the simulated axis stays within"
-                f" {fit.output.free_run:.3g} {fit.length_unit} rms of the measured one.",
-            )
+        yield (
+            "Free run",
+            "Driven by the recorded current alone, the simulated axis stays within"
+            f" {fit.output.free_run:.3g} {fit.length_unit} rms of the measured one.",
         )
-    facts.append(("The fit itself", _sentence(found.message)))
-    return facts
+    yield ("The fit itself", _sentence(found.message))
 
 
 def _law(fit: FrictionResult, scale: Scale) -> str:

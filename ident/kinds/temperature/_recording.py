@@ -186,7 +186,7 @@ def _one_clock(
         return None, [
             Remark.info(
                 "The rows have no time: they are taken in the order of the file, and a"
-                " lag behind the sensor cannot be seen.",
+                " lag behind the sensor cannot be seen."
             )
         ]
     for before, after in itertools.pairwise(known):
@@ -195,7 +195,7 @@ def _one_clock(
                 Remark.info(
                     "The clocks of the measurements do not follow each other: rows are"
                     " taken in the order of the job, and a lag behind the sensor cannot"
-                    " be seen.",
+                    " be seen."
                 )
             ]
     time = np.concatenate(known)
@@ -227,7 +227,7 @@ def _plateau_words(
     return Remark.info(
         f"Only the {int(keep.sum())} of {len(keep)} readings count that were taken while"
         f" {sensor_name(fit.steady.sensor)} stayed at {level:.4g} °C within"
-        f" ±{fit.steady.within:g} K (steady).",
+        f" ±{fit.steady.within:g} K (steady)."
     )
 
 

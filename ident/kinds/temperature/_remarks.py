@@ -1,6 +1,6 @@
 """What a person must know of a thermal line, and what the readings do not tell."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -53,7 +53,7 @@ _SIGN = Remark.warning(
     "Whether the controller adds the line or takes it off is the least certain sign of"
     " all (S-43: the manual reads its coefficients off a deviation). Warm the machine,"
     " compare V.A.TEMP_COMP_CURR and the drive bus with axcomp simulate, and measure once"
-    " before relying on it.",
+    " before relying on it."
 )
 
 
@@ -64,32 +64,27 @@ def remarks_of(
     written: bool,
     zero: float,
     sign_known: bool,
-) -> list[Remark]:
+) -> Iterator[Remark]:
     """Return everything that the report has to say of a fit."""
-    remarks = list(recording.remarks)
-    remarks += _undetermined(axis, found)
+    yield from list(recording.remarks)
+    yield from _undetermined(axis, found)
     if not written and found.determined:
-        remarks.append(
-            Remark.warning(
-                "No effect of the temperature shows beyond chance: laws that follow it"
-                " predict readings left out no better. Nothing is written.",
-            )
+        yield Remark.warning(
+            "No effect of the temperature shows beyond chance: laws that follow it"
+            " predict readings left out no better. Nothing is written."
         )
-    remarks += _of_fit(recording, found.fit)
-    remarks += _not_told(axis, recording, found)
+    yield from _of_fit(recording, found.fit)
+    yield from _not_told(axis, recording, found)
     hottest = float(np.max(recording.readings.temperature[found.fit.used]))
     if hottest > _HOT:
-        remarks.append(
-            Remark.warning(
-                f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
-                ' unit = "K".',
-            )
+        yield Remark.warning(
+            f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
+            ' unit = "K".',
         )
     if written:
-        remarks += _state(axis, recording, found.fit, zero)
+        yield from _state(axis, recording, found.fit, zero)
         if not sign_known:
-            remarks.append(_SIGN)
-    return remarks
+            yield _SIGN
 
 
 def _undetermined(axis: str, found: Identified) -> list[Remark]:
@@ -113,25 +108,23 @@ def _undetermined(axis: str, found: Identified) -> list[Remark]:
     return remarks
 
 
-def _of_fit(recording: ThermalRecording, fit: TemperatureFit) -> list[Remark]:
+def _of_fit(recording: ThermalRecording, fit: TemperatureFit) -> Iterator[Remark]:
     """Return what the estimate itself has to say."""
-    remarks = []
     if fit.meeting != "given":
         level, words = _MEETINGS[fit.meeting]
         sure = fit.reference_deviation or fit.meeting_deviation or 0.0
         place = f"the reference is {fit.reference:.4g} mm"
         words = words.format(at=fit.reference, sure=sure, place=place)
-        remarks.append(Remark(level, words))
+        yield Remark(level, words)
     if not fit.converged:
         words = "The iterations did not settle; treat the result with care."
-        remarks.append(Remark.warning(words))
-    remarks += [_of_lag(lag, recording.sensors[lag.sensor]) for lag in fit.lags]
+        yield Remark.warning(words)
+    yield from (_of_lag(lag, recording.sensors[lag.sensor]) for lag in fit.lags)
     wild, missed = int(fit.wild.sum()), int((~fit.used).sum())
     if wild:
-        remarks.append(Remark.warning(f"{wild} wild readings were left out."))
+        yield Remark.warning(f"{wild} wild readings were left out.")
     if missed:
-        remarks.append(Remark.info(f"{missed} readings were missed or incomplete."))
-    return remarks
+        yield Remark.info(f"{missed} readings were missed or incomplete.")
 
 
 def _of_lag(lag: Lag, name: str) -> Remark:
@@ -154,28 +147,23 @@ def _of_lag(lag: Lag, name: str) -> Remark:
 
 def _not_told(
     axis: str, recording: ThermalRecording, found: Identified
-) -> list[Remark]:
+) -> Iterator[Remark]:
     """Return what these readings cannot say, however well they fit."""
-    remarks = []
     readings, fit = recording.readings, found.fit
     if fit.coefficient is None:
         why = f"The error was measured at one position of {axis}"
         if recording.carriers is not None:
             why = f"The coefficient of {axis} was not asked for"
-        remarks.append(
-            Remark.warning(
-                f"{why}: how the error grows along the axis is not known, and the same"
-                " correction acts everywhere.",
-            )
+        yield Remark.warning(
+            f"{why}: how the error grows along the axis is not known, and the same"
+            " correction acts everywhere."
         )
-    remarks += _alike(recording)
+    yield from _alike(recording)
     if recording.datum is not None and "offset" in recording.effects:
-        remarks.append(
-            Remark.warning(
-                f"The instrument was set to zero at {recording.datum:g} mm (datum): a"
-                " shift of the whole axis is not seen, and only the growth from there"
-                " is corrected.",
-            )
+        yield Remark.warning(
+            f"The instrument was set to zero at {recording.datum:g} mm (datum): a"
+            " shift of the whole axis is not seen, and only the growth from there"
+            " is corrected."
         )
     from scipy.stats import rankdata  # takes long to load
 
@@ -189,24 +177,19 @@ def _not_told(
             alike = float(np.corrcoef(rankdata(row[used]), rankdata(warmth))[0, 1])
             if abs(alike) > _ONE_WAY:
                 way = "rose" if alike > 0 else "fell"
-                remarks.append(
-                    Remark.warning(
-                        f"{recording.sensors[sensor]!r} only {way} while measuring"
-                        f" (rank correlation with time {alike:.2f}): whatever else changed"
-                        " with time is taken for the temperature. A measurement over"
-                        " warming and cooling tells them apart.",
-                    )
+                yield Remark.warning(
+                    f"{recording.sensors[sensor]!r} only {way} while measuring"
+                    f" (rank correlation with time {alike:.2f}): whatever else changed"
+                    " with time is taken for the temperature. A measurement over"
+                    " warming and cooling tells them apart."
                 )
-    remarks += _drift_instead(axis, recording, found)
+    yield from _drift_instead(axis, recording, found)
     if fit.independent < _FEW and fit.noise.drift > 0:
-        remarks.append(
-            Remark.warning(
-                f"The residuals drift over {fit.noise.time_constant / 60:.3g} minutes:"
-                f" the {int(used.sum())} readings tell no more than"
-                f" {max(fit.independent, 1):.0f} independent ones would.",
-            )
+        yield Remark.warning(
+            f"The residuals drift over {fit.noise.time_constant / 60:.3g} minutes:"
+            f" the {int(used.sum())} readings tell no more than"
+            f" {max(fit.independent, 1):.0f} independent ones would."
         )
-    return remarks
 
 
 def _drift_instead(
@@ -241,16 +224,15 @@ def _alike(recording: ThermalRecording) -> list[Remark]:
         Remark.warning(
             f"{names[0]} and {names[1]} changed alike (correlation {alike:.4f}): that the"
             f" offset follows {names[0]} and the coefficient {names[1]} is the choice of"
-            " the job, these readings cannot tell it. Measure once while they differ.",
+            " the job, these readings cannot tell it. Measure once while they differ."
         )
     ]
 
 
 def _state(
     axis: str, recording: ThermalRecording, fit: TemperatureFit, zero: float
-) -> list[Remark]:
+) -> Iterator[Remark]:
     """Return where the law is zero, what stays for the tables, and how far it reaches."""
-    remarks = []
     wished = recording.reference_temperature
     laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
     far = {
@@ -260,23 +242,20 @@ def _state(
     }
     if len(far) > 1 and any(abs(warm - wished) > 0.05 for warm in far.values()):
         at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in far.items())
-        remarks.append(
-            Remark.info(
-                f"Nothing is corrected with {at}, the measured temperatures next to the"
-                f" reference of {wished:g} °C.",
-            )
+        yield Remark.info(
+            f"Nothing is corrected with {at}, the measured temperatures next to the"
+            f" reference of {wished:g} °C."
         )
     elif abs(zero - wished) > 0.05:
-        remarks.append(
-            Remark.info(
-                f"Nothing is corrected at {zero:.4g} °C, the measured temperature next to"
-                f" the reference of {wished:g} °C, which was not measured itself.",
-            )
+        yield Remark.info(
+            f"Nothing is corrected at {zero:.4g} °C, the measured temperature next to"
+            f" the reference of {wished:g} °C, which was not measured itself."
         )
     if recording.carriers:
         words = f"What {axis} shows at {zero:.4g} °C is held by the"
         words += f" {' and the '.join(recording.carriers)} of the same group."
-        return [*remarks, Remark.info(words)]
+        yield Remark.info(words)
+        return
     words = f"What {axis} shows at {zero:.4g} °C belongs to its tables, not to this law"
     if fit.coefficient is not None and recording.carriers is None:
         slope = 1e6 * float(fit.coefficient.at(np.array([zero]))[0])
@@ -285,5 +264,4 @@ def _state(
             ". A leadscrew table that was measured warmer holds a part of this"
             " law as well: measure tables with this law active, or at that temperature"
         )
-    remarks.append(Remark.info(words + "."))
-    return remarks
+    yield Remark.info(words + ".")

@@ -127,7 +127,7 @@ def ascii_comment(text: str) -> str:
 
 @functools.cache
 def _templates() -> jinja2.Environment:
-    folder = resources.files(__package__)
+    folder = resources.files("axcomp.ident.kinds.temperature")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(
             lambda name: folder.joinpath(name).read_text("utf-8")

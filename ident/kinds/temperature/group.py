@@ -50,7 +50,9 @@ def member(
         measured = measured_for(tables, fit.sources[0], fit, (fit.axis,))
         only = only_sensor(measured, fit.axis)
         effects = {"offset": only, "coefficient": only}
-    sensors = {key: sensor_name(name) for key, name in effects.items()}
+    sensors: dict[Effect, str] = {
+        key: sensor_name(name) for key, name in effects.items()
+    }
     return TemperatureMember(index, fit, lists, sensors)
 
 

@@ -148,7 +148,7 @@ class TemperatureDraft(AbstractDraft):
             Remark.warning(
                 f"{', '.join(held)} of {listing.source} become 0: the PLC writes the law"
                 " from now on, and the list holds the state at the reference"
-                " temperature.",
+                " temperature."
             )
         ]
 

@@ -1,5 +1,7 @@
 """Plots and sentences of a temperature compensation."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ...report._body import Body, Plot
@@ -21,7 +23,7 @@ def body(fit: TemperatureResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted thermal line."""
     return Body(
         plots=_plots(fit, scale),
-        facts=_facts(fit, scale),
+        facts=[*_facts(fit, scale)],
         wild=_wild_rows(fit, scale),
         wild_count=int(np.sum(fit.view.wild)),
     )
@@ -55,29 +57,26 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
     return found
 
 
-def _facts(fit: TemperatureResult, scale: Scale) -> list[tuple[str, str]]:
+def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
     found = fit.fit
-    facts = [("Law of the error", _law_words(fit, scale))]
+    yield ("Law of the error", _law_words(fit, scale))
     if found.coefficient is not None:
-        facts.append(("Reference position", _reference_words(fit)))
-    facts.append(("Lag", _lag_words(fit)))
-    facts.append(("Scatter", _scatter_words(fit, scale)))
+        yield ("Reference position", _reference_words(fit))
+    yield ("Lag", _lag_words(fit))
+    yield ("Scatter", _scatter_words(fit, scale))
     if fit.law is not None:
         rows = count(len(fit.law.temperature), "row")
-        facts.append(
-            (
-                "As written",
-                f"{rows} from {place(float(fit.law.temperature[0]))} to"
-                f" {place(float(fit.law.temperature[-1]))} °C; nothing is corrected at"
-                f" {place(round(fit.zero, 2))} °C. The PLC moves the correction by at"
-                f" most {number(1e3 * fit.rate)} µm per second, holds it where a sensor"
-                " fails and at the ends of the range; the controller spreads switching"
-                f" over {fit.cycles} cycles (temp_comp_n_cycles, P-AXIS-00275).",
-            )
+        yield (
+            "As written",
+            f"{rows} from {place(float(fit.law.temperature[0]))} to"
+            f" {place(float(fit.law.temperature[-1]))} °C; nothing is corrected at"
+            f" {place(round(fit.zero, 2))} °C. The PLC moves the correction by at"
+            f" most {number(1e3 * fit.rate)} µm per second, holds it where a sensor"
+            " fails and at the ends of the range; the controller spreads switching"
+            f" over {fit.cycles} cycles (temp_comp_n_cycles, P-AXIS-00275).",
         )
     else:
-        facts.append(("As written", "Nothing: see the remarks above."))
-    return facts
+        yield ("As written", "Nothing: see the remarks above.")
 
 
 def _law_words(fit: TemperatureResult, scale: Scale) -> str:
