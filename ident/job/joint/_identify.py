@@ -1,7 +1,7 @@
 """The joint fit of a group, and what readings left out say of it."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -103,25 +103,23 @@ def _effects(
 
 def _helpers(
     members: Sequence[AbstractMember], recording: GroupRecording
-) -> list[AbstractEffect]:
+) -> Iterator[AbstractEffect]:
     """Return what must stand beside the members, so that they show what is theirs.
 
     A line over the position that no temperature moves belongs to the leadscrew of its
     axis; where the group has none, it is fitted and left where it is.
     """
     screws = {one.axis for one in members if one.takes_line}
-    found: list[AbstractEffect] = []
     for one in members:
         if one.needs_line and one.axis not in screws:
             place = recording.data.position[one.axis]
             ends = np.array([np.nanmin(place), np.nanmax(place)], dtype=float)
             if ends[1] > ends[0]:
-                found.append(Leadscrew(one.axis, ends))
+                yield Leadscrew(one.axis, ends)
     if recording.timed:
         # What is left of the delay of the instrument, and of the rate of its clock.
         own = dict.fromkeys(one.axis for one in members if one.axis in recording.moving)
-        found += [Delay(axis) for axis in own]
-    return found
+        yield from (Delay(axis) for axis in own)
 
 
 def _fit(

@@ -14,7 +14,7 @@ from ....data.measurements import (
 )
 from ....models import Conventions
 from ...job._result import Remark
-from ...job._source import Tables, measured_for
+from ...job._source import POSITION_ORDER, Tables, measured_for, motion_of
 from .effect import CrosstalkReadings
 from .keys import Spec
 
@@ -24,10 +24,6 @@ _COMMANDED = 1e-3
 """mm/s: the same where the command itself was recorded."""
 _QUIET = 0.02
 """Share of the largest acceleration up to which the master does not accelerate."""
-_ORDER = {
-    "command": ("position", "encoder", "actual"),
-    "actual": ("encoder", "actual", "position"),
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,10 +84,10 @@ def _part(
             " ascend, expected a log in the order of time"
         )
         raise MeasurementError(str(measured.source), reason)
-    order = _ORDER[rules.crosstalk_input]
-    acceleration, words = _motion(measured, fit.master, "acceleration", order)
+    order = POSITION_ORDER[rules.crosstalk_input]
+    acceleration, words = motion_of(measured, fit.master, "acceleration", rules)
     turning = fit.axis if rules.crosstalk_velocity == "slave" else fit.master
-    velocity, more = _motion(measured, turning, "velocity", order)
+    velocity, more = motion_of(measured, turning, "velocity", rules)
     places = [_place(measured, axis, order, why) for axis in names]
     error, said = _error(measured, fit.axis, len(time))
     readings = CrosstalkReadings(
@@ -102,21 +98,6 @@ def _part(
         positions=np.stack(places, axis=1) if places else np.zeros((len(time), 0)),
     )
     return readings, [*words, *more, *said]
-
-
-def _motion(
-    measured: Measurement, axis: str, what: str, order: tuple[str, ...]
-) -> tuple[Float[np.ndarray, " t"], list[str]]:
-    """Return velocity or acceleration as recorded, else derived, and what to say."""
-    given = measured.get(f"{axis}.{what}")
-    if given is not None:
-        return np.asarray(given, dtype=float), []
-    motion = derive_motion(measured, axis, order=order)
-    words = (
-        f"The {what} of {axis} was not recorded: it is derived from the position, up to"
-        f" {motion.bandwidth:.3g} Hz."
-    )
-    return np.asarray(getattr(motion, what), dtype=float), [words]
 
 
 def _place(

@@ -16,12 +16,10 @@ from ....data.measurements import (
 from ...fit import FitError
 from ...job._remove import without_zero
 from ...job._result import Remark
-from ...job._source import Tables, measured_for
+from ...job._source import ABSURD, Tables, measured_for
 from .effect import ThermalReadings, steady
 from .keys import Effect, Spec
 
-_ABSURD = 1e9
-"""mm: a marker for "no reading", whose square no loss could bear."""
 _SENSOR = "temperature."
 
 
@@ -131,7 +129,7 @@ def _part(
         [measured.require(_SENSOR + each, why) for each in names], axis=1
     ).astype(float)
     error = np.array(derive_error(measured, fit.axis), dtype=float)
-    error[np.abs(error) > _ABSURD] = np.nan
+    error[np.abs(error) > ABSURD] = np.nan
     position = None
     if "coefficient" in effects:
         position = measured.get(f"{fit.axis}.position")
