@@ -1,6 +1,7 @@
 """The compensations of one axis, and the axes that they look at."""
 
 import abc
+from collections.abc import Mapping
 from typing import Any, Generic, TypeVar, final
 
 import equinox as eqx
@@ -15,14 +16,14 @@ from ._motion import COMPENSATIONS, Rows
 from ._plane import Plane
 from ._temperature import TemperatureLine
 
-Law = TypeVar("Law", bound=eqx.Module)
+Law_co = TypeVar("Law_co", bound=eqx.Module, covariant=True)
 
 
 @final
-class Coupled(eqx.Module, Generic[Law]):
+class Coupled(eqx.Module, Generic[Law_co]):
     """A compensation together with the axes that it looks at."""
 
-    law: Law
+    law: Law_co
     """What is added, over what the masters do."""
     masters: tuple[int, ...] = eqx.field(static=True)
     """Numbers of the master axes in the machine, from 0.
@@ -70,7 +71,7 @@ class AxisCompensations(eqx.Module):
     """Activated by P-AXIS-00175."""
     friction: FrictionCompensation | None = None
     """Activated by P-AXIS-00522."""
-    further: dict[str, Coupled[AbstractOffset]] = eqx.field(default_factory=dict)
+    further: Mapping[str, Coupled[AbstractOffset]] = eqx.field(default_factory=dict)
     """Compensations of positions that are none of these, by name; summed up first.
 
     They wait for their masters to be homed, and take no COMP command.

@@ -1,7 +1,6 @@
 """What all tables over positions have in common: plane, cross and leadscrew."""
 
 import abc
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import numpy as np
@@ -13,20 +12,9 @@ from ._nodes import AbstractNodes
 class AbstractLookup(eqx.Module):
     """A table over the positions of its masters: sign · a weighted sum of few entries.
 
-    Each has `stencil`, which gives these entries and weights, and `offset`, the sum; both
-    take what `looked_up` returns.
+    Each has its sign, `stencil`, which gives these entries and weights, and `offset`, the
+    sum; both take what `looked_up` returns.
     """
-
-    # As in `AbstractNodes`: a field for equinox, a property for type checkers.
-    if TYPE_CHECKING:
-
-        @property
-        @abc.abstractmethod
-        def sign(self) -> float:
-            """Offset per entry: +1 or −1."""
-
-    else:
-        sign: eqx.AbstractVar[float]
 
     @property
     @abc.abstractmethod

@@ -98,11 +98,8 @@ if TYPE_CHECKING:
     )
     from ..kinds.cross.entries import (
         CrossTable as CrossTable,
-        cross_axes as cross_axes,
         cross_from_list as cross_from_list,
-        cross_master as cross_master,
         entries_of_cross as entries_of_cross,
-        has_cross as has_cross,
     )
     from ..kinds.crosstalk.entries import (
         crosstalk_from_list as crosstalk_from_list,
@@ -120,15 +117,12 @@ if TYPE_CHECKING:
     from ..kinds.leadscrew.entries import (
         LeadscrewTable as LeadscrewTable,
         entries_of_leadscrew as entries_of_leadscrew,
-        has_leadscrew as has_leadscrew,
         leadscrew_from_list as leadscrew_from_list,
     )
     from ..kinds.plane.entries import (
         PlaneTable as PlaneTable,
         entries_of_plane as entries_of_plane,
-        has_plane as has_plane,
         plane_from_list as plane_from_list,
-        plane_masters as plane_masters,
     )
     from ..kinds.temperature._plc_table import (
         read_temperature_table as read_temperature_table,
@@ -140,52 +134,22 @@ if TYPE_CHECKING:
     )
 
 _OF_KINDS = {
-    "backlash.entries": (
-        "backlash_from_list",
-        "entries_of_backlash",
-    ),
-    "cross.entries": (
-        "CrossTable",
-        "cross_axes",
-        "cross_from_list",
-        "cross_master",
-        "entries_of_cross",
-        "has_cross",
-    ),
+    "backlash.entries": ("backlash_from_list", "entries_of_backlash"),
+    "cross.entries": ("CrossTable", "cross_from_list", "entries_of_cross"),
     "crosstalk.entries": (
-        "crosstalk_from_list",
-        "crosstalk_masters",
-        "entries_of_crosstalk",
+        "crosstalk_from_list", "crosstalk_masters", "entries_of_crosstalk",
         "has_crosstalk",
     ),
     "friction.entries": (
-        "FrictionNumbers",
-        "entries_of_friction",
-        "friction_from_list",
-        "has_friction",
-        "read_friction",
+        "FrictionNumbers", "entries_of_friction", "friction_from_list",
+        "has_friction", "read_friction",
     ),
     "leadscrew.entries": (
-        "LeadscrewTable",
-        "entries_of_leadscrew",
-        "has_leadscrew",
-        "leadscrew_from_list",
+        "LeadscrewTable", "entries_of_leadscrew", "leadscrew_from_list",
     ),
-    "plane.entries": (
-        "PlaneTable",
-        "entries_of_plane",
-        "has_plane",
-        "plane_from_list",
-        "plane_masters",
-    ),
-    "temperature._plc_table": (
-        "read_temperature_table",
-        "temperature_line",
-    ),
-    "temperature.entries": (
-        "entries_of_temperature",
-        "temperature_from_list",
-    ),
+    "plane.entries": ("PlaneTable", "entries_of_plane", "plane_from_list"),
+    "temperature._plc_table": ("read_temperature_table", "temperature_line"),
+    "temperature.entries": ("entries_of_temperature", "temperature_from_list"),
 }  # fmt: skip
 
 __getattr__ = importer(

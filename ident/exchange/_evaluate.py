@@ -81,13 +81,14 @@ def offsets_at(
         sense,
         model,
     )
-    answer = _kept if len(places) <= _FEW else _asked
-    nodes, weights = answer(question)
+    table: Any = model
     if len(places) <= _FEW:
-        return np.asarray(model.sign * (entries[:, nodes] * weights).sum(axis=2))
+        nodes, weights = _kept(question)
+        return np.asarray(table.sign * (entries[:, nodes] * weights).sum(axis=2))
+    nodes, weights = _asked(question)
     # One by one, which takes less memory.
     return np.stack(
-        [model.sign * (table[nodes] * weights).sum(axis=1) for table in entries]
+        [table.sign * (row[nodes] * weights).sum(axis=1) for row in entries]
     )
 
 

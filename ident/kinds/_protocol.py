@@ -25,6 +25,9 @@ from ._kind import Kind
 if TYPE_CHECKING:
     pass
 
+Axes = tuple[int, ...]
+"""Logical numbers of axes, or their columns."""
+
 
 class AbstractEntries(abc.ABC):
     """One compensation between its list, in logical axis numbers, and its model.
@@ -37,6 +40,7 @@ class AbstractEntries(abc.ABC):
         stale: Entries of its structure that go before new ones are written, by their
             beginnings.
         comes_last: It may look up the position with what the others add.
+        coupled: The controller takes it as `Coupled`: with other axes, or with cycles.
     """
 
     kind: Kind
@@ -45,12 +49,13 @@ class AbstractEntries(abc.ABC):
     units: tuple[str, ...] = ("mm", "deg")
     stale: tuple[str, ...] = ("table[",)
     comes_last: bool = False
+    coupled: bool = True
 
     # ------------------------------------------------------------------ where it stands
 
-    @abc.abstractmethod
     def is_in(self, listing: ListFile) -> bool:
-        """Whether a list of its holder holds it (compensation list) or has it on."""
+        """Whether a compensation list holds it, or an axis list has it on."""
+        return self.is_activated(listing)
 
     def is_activated(self, machine: ListFile) -> bool:
         """Whether an axis list switches it on.
@@ -68,13 +73,13 @@ class AbstractEntries(abc.ABC):
         """Whether it waits for COMP ON in the NC program."""
         return self.kind.manual is not None and flag(listing, self.kind.manual)
 
-    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
+    def named_masters(self, listing: ListFile) -> Axes:
         """Return the axes that a list names as its masters; none: it looks at its own."""
         return ()
 
     def axes(
         self, listing: ListFile, number: int, conventions: Conventions
-    ) -> tuple[int, tuple[int, ...]]:
+    ) -> tuple[int, Axes]:
         """Return the axis that it acts on, and the axes that it looks at.
 
         Args:
@@ -98,8 +103,8 @@ class AbstractEntries(abc.ABC):
     def to_list(
         self,
         model: Any,
-        masters: tuple[int, ...],
-        conventions: Conventions,
+        masters: Axes,
+        rules: Conventions,
         *,
         existing: ListFile | None = None,
         max_points: int | None = None,
@@ -110,7 +115,7 @@ class AbstractEntries(abc.ABC):
         Args:
             model: One of `models`.
             masters: Logical numbers, in the order of the list.
-            conventions: Rules of the controller.
+            rules: Those of the controller.
             existing: Compensation list that will be edited.
             max_points: Wanted size of the memory, or None to write it only where needed.
             build: Of the controller, or None for the newest.
@@ -123,7 +128,7 @@ class AbstractEntries(abc.ABC):
         """Return what else the axis list needs, beside these other compensations."""
         return {}
 
-    def exactly(self, masters: tuple[int, ...], count: int) -> tuple[int, ...]:
+    def exactly(self, masters: Axes, count: int) -> Axes:
         """Return the masters, so many of them.
 
         Raises:
@@ -150,9 +155,7 @@ class AbstractEntries(abc.ABC):
 
     # ---------------------------------------------------------------- in the controller
 
-    def installed(
-        self, model: Any, masters: tuple[int, ...], listing: ListFile
-    ) -> dict[str, Any]:
+    def installed(self, model: Any, masters: Axes, listing: ListFile) -> dict[str, Any]:
         """Return it as `AxisCompensations` takes it, by the names of fields.
 
         What is none of these fields becomes one of its `further` compensations.
@@ -162,6 +165,8 @@ class AbstractEntries(abc.ABC):
             masters: Columns of the axes that it looks at.
             listing: Where it stands.
         """
+        if not self.coupled:
+            return {self.kind.name: model}
         cycles = self.kind.cycles
         spread = 0 if cycles is None else not_negative(listing, cycles[0])
         return {self.kind.name: Coupled(model, masters, spread)}
@@ -177,7 +182,7 @@ class AbstractEntries(abc.ABC):
         """
         return None
 
-    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+    def looks_at(self, one: InUse, motion: Motion) -> Axes:
         """Return the axes whose positions it takes from a motion."""
         return one.masters
 
@@ -188,7 +193,7 @@ class AbstractEntries(abc.ABC):
         """Whether its model is a table over positions."""
         return issubclass(self.models[0], AbstractLookup)
 
-    def inputs(self, masters: tuple[int, ...]) -> tuple[int, ...]:
+    def inputs(self, masters: Axes) -> Axes:
         """Return the axes over whose positions it acts at standstill."""
         return masters
 

@@ -12,7 +12,7 @@ from ...exchange._machine_lists import REVERSAL_CYCLES, InUse, Reading
 from ...exchange._motion import Motion
 from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN16, round_to_list
-from .._protocol import AbstractEntries
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 WIDTH = KIND.prefix
@@ -69,9 +69,7 @@ class BacklashEntries(AbstractEntries):
     kind = KIND
     models = (Backlash,)
     value = WIDTH
-
-    def is_in(self, listing: ListFile) -> bool:
-        return self.is_activated(listing)
+    coupled = False
 
     def is_activated(self, machine: ListFile) -> bool:
         return optional(machine, KIND.activation) != 0
@@ -87,23 +85,14 @@ class BacklashEntries(AbstractEntries):
         return backlash_from_list(listing, reading.conventions)
 
     def to_list(
-        self,
-        model: Backlash,
-        masters: tuple[int, ...],
-        conventions: Conventions,
-        **options: Any,
+        self, model: Backlash, masters: Axes, rules: Conventions, **options: Any
     ) -> dict[str, int | str]:
-        return entries_of_backlash(model, conventions)
+        return entries_of_backlash(model, rules)
 
-    def installed(
-        self, model: Backlash, masters: tuple[int, ...], listing: ListFile
-    ) -> dict[str, Any]:
-        return {KIND.name: model}
-
-    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+    def looks_at(self, one: InUse, motion: Motion) -> Axes:
         return () if one.axis in motion.directions else one.masters
 
-    def inputs(self, masters: tuple[int, ...]) -> tuple[int, ...]:
+    def inputs(self, masters: Axes) -> Axes:
         return ()
 
     def turns(self, model: Backlash) -> bool:

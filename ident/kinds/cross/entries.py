@@ -22,7 +22,7 @@ from ...exchange._modulo import Ranges, refuse_jump, wrapped
 from ...exchange._nodes import PointNodes, as_array, nodes_of_model, refuse_unordered
 from ...exchange._table import AbstractTable
 from ...exchange._units import from_list_units, round_to_list
-from .._protocol import AbstractEntries
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
@@ -30,23 +30,13 @@ DEFAULT_COUNT = 1000
 """Entries without ``max_points``: one manual has 1001, two have 1000 (S-13)."""
 
 
-def has_cross(listing: ListFile) -> bool:
-    """Whether the list holds a cross table."""
-    return bool(listing.table(PREFIX, "setpoint"))
-
-
-def cross_master(listing: ListFile) -> int:
-    """Return the logical number of the master axis."""
-    return required(listing, f"{PREFIX}.master_ax_nr")
-
-
-def cross_axes(listing: ListFile, conventions: Conventions) -> tuple[int, int]:
+def _axes(listing: ListFile, conventions: Conventions) -> tuple[int, int]:
     """Return the axis that a cross table acts on, and its master.
 
     The list is that of the first one, and names the second; or, by the older manuals,
     the other way round (S-10).
     """
-    own, named = axis_number(listing), cross_master(listing)
+    own, named = axis_number(listing), required(listing, f"{PREFIX}.master_ax_nr")
     return (own, named) if conventions.cross_list == "slave" else (named, own)
 
 
@@ -72,7 +62,7 @@ def cross_from_list(
     refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
     setpoints = column(listing, PREFIX, "setpoint")
     corrections = column(listing, PREFIX, "correction")
-    slave, master = cross_axes(listing, conventions)
+    slave, master = _axes(listing, conventions)
     by_master = unit_size(listing, PREFIX, master, increment)
     by_slave = unit_size(listing, PREFIX, slave, increment)
     # A missing setpoint or correction is 0 in the controller (S-57).
@@ -155,15 +145,15 @@ class CrossEntries(AbstractEntries):
     value = f"{PREFIX}.table[].correction"
 
     def is_in(self, listing: ListFile) -> bool:
-        return has_cross(listing)
+        return bool(listing.table(PREFIX, "setpoint"))
 
-    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
-        return (cross_master(listing),)
+    def named_masters(self, listing: ListFile) -> Axes:
+        return (required(listing, f"{PREFIX}.master_ax_nr"),)
 
     def axes(
         self, listing: ListFile, number: int, conventions: Conventions
-    ) -> tuple[int, tuple[int, ...]]:
-        axis, master = cross_axes(listing, conventions)
+    ) -> tuple[int, Axes]:
+        axis, master = _axes(listing, conventions)
         return axis, (master,)
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Cross:
@@ -172,11 +162,7 @@ class CrossEntries(AbstractEntries):
         )
 
     def to_list(
-        self,
-        model: Cross,
-        masters: tuple[int, ...],
-        conventions: Conventions,
-        **options: Any,
+        self, model: Cross, masters: Axes, rules: Conventions, **options: Any
     ) -> dict[str, int | str]:
         (master,) = self.exactly(masters, 1)
         return entries_of_cross(model, master, **options)

@@ -30,7 +30,7 @@ from ...exchange._units import (
     from_list_units,
     round_to_list,
 )
-from .._protocol import AbstractEntries
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 from ._older import as_mode_1
 
@@ -277,7 +277,7 @@ class CrosstalkEntries(AbstractEntries):
     def is_in(self, listing: ListFile) -> bool:
         return has_crosstalk(listing)
 
-    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
+    def named_masters(self, listing: ListFile) -> Axes:
         return crosstalk_masters(listing)
 
     def model(
@@ -288,8 +288,8 @@ class CrosstalkEntries(AbstractEntries):
     def to_list(
         self,
         model: Crosstalk | LegacyCrosstalk,
-        masters: tuple[int, ...],
-        conventions: Conventions,
+        masters: Axes,
+        rules: Conventions,
         **options: Any,
     ) -> dict[str, int | str]:
         return entries_of_crosstalk(model, masters)
@@ -304,10 +304,10 @@ class CrosstalkEntries(AbstractEntries):
             return motion.lacks(mover, "velocity")
         return None
 
-    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+    def looks_at(self, one: InUse, motion: Motion) -> Axes:
         return one.masters[1:]
 
-    def inputs(self, masters: tuple[int, ...]) -> tuple[int, ...]:
+    def inputs(self, masters: Axes) -> Axes:
         return ()
 
 

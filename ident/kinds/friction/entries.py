@@ -18,7 +18,7 @@ from ...exchange._machine_lists import InUse, Reading
 from ...exchange._motion import Motion
 from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN32, ModelUnit, round_to_list
-from .._protocol import AbstractEntries
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
@@ -298,6 +298,7 @@ class FrictionEntries(AbstractEntries):
     models = (FrictionCompensation,)
     value = f"{PREFIX}.table[].out"
     units = ("list",)
+    coupled = False
 
     def is_in(self, listing: ListFile) -> bool:
         return has_friction(listing)
@@ -310,8 +311,8 @@ class FrictionEntries(AbstractEntries):
     def to_list(
         self,
         model: FrictionCompensation,
-        masters: tuple[int, ...],
-        conventions: Conventions,
+        masters: Axes,
+        rules: Conventions,
         **options: Any,
     ) -> dict[str, int | str]:
         return entries_of_friction(model, **options)
@@ -336,17 +337,12 @@ class FrictionEntries(AbstractEntries):
         )
         raise ExchangeError(self.value, f"values in {unit.name}", expected)
 
-    def installed(
-        self, model: FrictionCompensation, masters: tuple[int, ...], listing: ListFile
-    ) -> dict[str, Any]:
-        return {KIND.name: model}
-
     def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
         if motion.velocity(one.axis, reading.span(one.axis)) is None:
             return motion.lacks(one.axis, "velocity")
         return None
 
-    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+    def looks_at(self, one: InUse, motion: Motion) -> Axes:
         return () if motion.time is None else one.masters
 
 

@@ -34,17 +34,12 @@ from ...exchange._nodes import (
 from ...exchange._table import AbstractTable, Model
 from ...exchange._units import SGN16, from_list_units, round_to_list
 from .. import kind
-from .._protocol import AbstractEntries
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
 DEFAULT_COUNT = 1499
 """Entries without ``max_points``: ``kw_nr_max`` must stay below 1500."""
-
-
-def has_leadscrew(listing: ListFile) -> bool:
-    """Whether the list holds a leadscrew table."""
-    return bool(listing.table(PREFIX, "pos"))
 
 
 def leadscrew_from_list(
@@ -273,7 +268,7 @@ class LeadscrewEntries(AbstractEntries):
     comes_last = True
 
     def is_in(self, listing: ListFile) -> bool:
-        return has_leadscrew(listing)
+        return bool(listing.table(PREFIX, "pos"))
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Leadscrew:
         return leadscrew_from_list(
@@ -284,11 +279,7 @@ class LeadscrewEntries(AbstractEntries):
         )
 
     def to_list(
-        self,
-        model: Leadscrew,
-        masters: tuple[int, ...],
-        conventions: Conventions,
-        **options: Any,
+        self, model: Leadscrew, masters: Axes, rules: Conventions, **options: Any
     ) -> dict[str, int | str]:
         return entries_of_leadscrew(model, **options)
 
@@ -305,7 +296,7 @@ class LeadscrewEntries(AbstractEntries):
         return {play.activation: 0}
 
     def installed(
-        self, model: Leadscrew, masters: tuple[int, ...], listing: ListFile
+        self, model: Leadscrew, masters: Axes, listing: ListFile
     ) -> dict[str, Any]:
         alone = flag(listing, f"{PREFIX}.set_pos_without_comp")
         return {KIND.name: model, "leadscrew_alone": alone}

@@ -24,25 +24,12 @@ from ...exchange._modulo import Ranges, refuse_jump, wrapped
 from ...exchange._nodes import GridNodes, as_array, nodes_of_model
 from ...exchange._table import AbstractTable
 from ...exchange._units import from_list_units, round_to_list
-from .._protocol import AbstractEntries
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
 DEFAULT_LAST_INDEX = 100
 """Largest index per direction where ``max_points`` is not set (101 · 101 entries)."""
-
-
-def has_plane(listing: ListFile) -> bool:
-    """Whether the list holds a plane table."""
-    return bool(listing.table(PREFIX, "correction"))
-
-
-def plane_masters(listing: ListFile) -> tuple[int, int]:
-    """Return the logical numbers of master 1 and master 2."""
-    return (
-        required(listing, f"{PREFIX}.master1_ax_nr"),
-        required(listing, f"{PREFIX}.master2_ax_nr"),
-    )
 
 
 def plane_from_list(
@@ -65,7 +52,7 @@ def plane_from_list(
     Raises:
         ExchangeError: If an entry is missing or makes no table.
     """
-    first, second = plane_masters(listing)
+    first, second = ENTRIES.named_masters(listing)
     axis = axis_number(listing)
     # The grid is QUADRATIC where nothing else is said (P-COMP-00031).
     grid = (listing.text(f"{PREFIX}.grid") or "QUADRATIC").upper()
@@ -201,10 +188,11 @@ class PlaneEntries(AbstractEntries):
     value = f"{PREFIX}.table[][].correction"
 
     def is_in(self, listing: ListFile) -> bool:
-        return has_plane(listing)
+        return bool(listing.table(PREFIX, "correction"))
 
-    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
-        return plane_masters(listing)
+    def named_masters(self, listing: ListFile) -> Axes:
+        names = ("master1_ax_nr", "master2_ax_nr")
+        return tuple(required(listing, f"{PREFIX}.{name}") for name in names)
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Plane:
         return plane_from_list(
@@ -212,14 +200,10 @@ class PlaneEntries(AbstractEntries):
         )
 
     def to_list(
-        self,
-        model: Plane,
-        masters: tuple[int, ...],
-        conventions: Conventions,
-        **options: Any,
+        self, model: Plane, masters: Axes, rules: Conventions, **options: Any
     ) -> dict[str, int | str]:
         first, second = self.exactly(masters, 2)
-        return entries_of_plane(model, (first, second), conventions, **options)
+        return entries_of_plane(model, (first, second), rules, **options)
 
 
 ENTRIES = PlaneEntries()

@@ -11,7 +11,7 @@ from ...exchange._identity import flag, not_negative, optional, real, refuse_man
 from ...exchange._machine_lists import Reading
 from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN32, round_to_list
-from .._protocol import AbstractEntries
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 _PER_METRE = 1e-6
@@ -92,9 +92,7 @@ class TemperatureEntries(AbstractEntries):
     models = (TemperatureLine,)
     value = f"{KIND.prefix}_offset_0"
     units = ("mm",)
-
-    def is_in(self, listing: ListFile) -> bool:
-        return self.is_activated(listing)
+    coupled = False
 
     def model(
         self, listing: ListFile, axis: int, reading: Reading
@@ -109,18 +107,9 @@ class TemperatureEntries(AbstractEntries):
         return line or temperature_from_list(listing, reading.conventions)
 
     def to_list(
-        self,
-        model: TemperatureLine,
-        masters: tuple[int, ...],
-        conventions: Conventions,
-        **options: Any,
+        self, model: TemperatureLine, masters: Axes, rules: Conventions, **options: Any
     ) -> dict[str, int | float | str]:
         return entries_of_temperature(model)
-
-    def installed(
-        self, model: TemperatureLine, masters: tuple[int, ...], listing: ListFile
-    ) -> dict[str, Any]:
-        return {KIND.name: model}
 
 
 ENTRIES = TemperatureEntries()

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.exchange import LIST_UNITS, Reading
-from axcomp.ident.kinds._protocol import AbstractEntries
+from axcomp.ident.kinds._protocol import AbstractEntries, Axes
 from axcomp.models import AbstractOffset, Conventions, Rows
 
 from . import KIND
@@ -41,11 +41,7 @@ class OffsetEntries(AbstractEntries):
         return Constant(jnp.asarray((listing.integer(VALUE) or 0) / LIST_UNITS))
 
     def to_list(
-        self,
-        model: Constant,
-        masters: tuple[int, ...],
-        conventions: Conventions,
-        **options: Any,
+        self, model: Constant, masters: Axes, rules: Conventions, **options: Any
     ) -> dict[str, int | str]:
         return {VALUE: round(float(np.asarray(model.value)) * LIST_UNITS)}
 
