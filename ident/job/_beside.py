@@ -11,7 +11,7 @@ from ..exchange import ExchangeError, Motion
 from ..kinds import kind
 from ..kinds._keys import FitSpec
 from ..proof.axis import Loaded
-from ._acting import acting_alone, acting_before, adds_nothing
+from ._acting import acting_alone, acting_before
 from ._draft import AbstractDraft, AxisLists, Beside, Leftovers
 from ._load import Job
 from ._outside import positions_of
@@ -129,7 +129,9 @@ def _overlapping(job: Job, fit: FitSpec, before: Loaded) -> Iterator[str]:
     except ExchangeError:
         return  # the checks of the lists say it
     for name, one in used.items():
-        if name in fitted or name in fit.switches_off or adds_nothing(one):
+        if name in fitted or name in fit.switches_off:
+            continue
+        if kind(name).entries.adds_nothing(one.listing):
             continue
         if "acceleration" in kind(name).follows:
             continue

@@ -12,9 +12,9 @@ from ..exchange import (
     AbstractTable,
     ExchangeError,
     Model,
-    is_activated,
     refuse_lost_nodes,
 )
+from ..kinds import kinds
 from ..kinds._keys import FitSpec, TableSpec
 from ._draft import AxisLists
 from ._layout import empty_table, table_of
@@ -98,23 +98,9 @@ def plan_fit(
     )
 
 
-_VALUES = {
-    "cross": ("kw.crosscomp", "correction"),
-    "plane": ("kw.crosscomp2", "correction"),
-    "leadscrew": ("kw.ssfk", "pos"),
-}
-"""Where a list has the values of each kind of table."""
-
-
-def _has_values(listing: ListFile, kind: str) -> bool:
-    """Return whether a list has a table of a kind with values other than zero."""
-    prefix, field = _VALUES[kind]
-    return any(listing.table(prefix, field).values())
-
-
 def _holder(fit: TableSpec, existing: ListFile | None) -> str | None:
     """Return the list that holds this table already, or None."""
-    if existing is None or not _has_values(existing, fit.compensation):
+    if existing is None or fit.kind.entries.adds_nothing(existing):
         return None
     return existing.source
 
@@ -169,14 +155,16 @@ def _remarks(
         return
     others = {spec.compensation for spec in job.spec.fits if spec.axis == fit.axis}
     on = set().union(*(job.spec.measurements[name].active for name in fit.sources))
-    for kind in _VALUES:
-        if axis_list is not None and is_activated(axis_list, kind):
+    for kind in kinds():
+        if not kind.table or kind.name in on | others:
+            continue
+        if axis_list is not None and kind.entries.is_activated(axis_list):
             continue  # the axis is judged with it
-        if kind not in on | others and _has_values(existing, kind):
+        if not kind.entries.adds_nothing(existing):
             yield Remark.warning(
-                f"The list also holds a {kind} table that was off while measuring:"
+                f"The list also holds a {kind.name} table that was off while measuring:"
                 " what it corrects is part of the new table as well. Leave it off,"
-                f" or measure with {kind} active."
+                f" or measure with {kind.name} active."
             )
 
 

@@ -21,7 +21,7 @@ from ..proof.axis import (
     switching_cycles,
     warm_states,
 )
-from ._acting import acting_after, acting_before, adds_nothing, ranges_of
+from ._acting import acting_after, acting_before, ranges_of
 from ._draft import AbstractDraft, AxisLists
 from ._gating import limits_of
 from ._job_result import WholeAxis
@@ -126,7 +126,7 @@ class _Axis:
         return tuple(
             name
             for name, one in loaded.used.items()
-            if name in fitted or not adds_nothing(one)
+            if name in fitted or not kind(name).entries.adds_nothing(one.listing)
         )
 
     def alone(self, draft: AbstractDraft, lines: Sequence[GateCheck]) -> WholeAxis:
