@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
+from axcomp.ident import kinds
 
 _TOY = Path(__file__).parent / "toy"
 _RUN = """
@@ -22,6 +23,7 @@ kinds.NAMES = (*kinds.NAMES, "offset")
 from axcomp.ident.cli import main
 
 fit = main(["fit", "job.toml", "--out", "result"])
+open("loaded.txt", "w").write("\\n".join(sys.modules))
 lists = ["result/achskw1.lis", "result/achsmds1.lis"]
 verify = main(["verify", *lists, "--log", "log.csv", "--json"])
 sys.exit(f"fit {fit}, verify {verify}" if fit or verify else 0)
@@ -88,6 +90,18 @@ def test_new_kind_is_fitted_and_written_into_the_list(done: tuple[Path, Any]) ->
     assert listing.integer("kw.ssfk.table[1].pos") == 1000
     machine = ListFile.read(done[0] / "result" / "achsmds1.lis")
     assert machine.integer("lr_param.offset") == 1
+
+
+def test_fit_loads_no_fit_of_another_compensation(done: tuple[Path, Any]) -> None:
+    start = f"{kinds.__name__}."
+    parts = [
+        name.removeprefix(start).split(".")
+        for name in (done[0] / "loaded.txt").read_text().split()
+        if name.startswith(start)
+    ]
+    others = {(one[0], one[-1]) for one in parts if one[0] != "offset"}
+    heavy = {"job", "group", "page", "effect", "_fit"}
+    assert not {part for _, part in others} & heavy
 
 
 def test_new_kind_has_its_result_and_its_steps(done: tuple[Path, Any]) -> None:
