@@ -1,6 +1,7 @@
 """From measurements to readings of one fit: errors, positions, directions, runs."""
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -112,12 +113,9 @@ def read_fit(
     parts = [read_part(tables, name, fit, wanted) for name in fit.sources]
     remarks = [*words]
     remarks += [Remark.info(text) for part in parts for text in part.remarks]
-    slices: dict[str, slice] = {}
+    slices = rows_of(fit.sources, [len(part.error) for part in parts])
     errors: list[np.ndarray] = []
-    start = 0
     for name, part in zip(fit.sources, parts, strict=True):
-        slices[name] = slice(start, start + len(part.error))
-        start += len(part.error)
         error = part.error
         if name in extra:
             error = error + extra[name]
@@ -146,7 +144,7 @@ def read_fit(
     order = joined(times)
     timed = order is not None
     if order is None:
-        order = np.arange(start, dtype=float)
+        order = np.arange(len(positions), dtype=float)
     repeated = run is not None and runs_overlap(
         positions,
         run,
@@ -173,6 +171,12 @@ def read_fit(
         remarks=tuple(remarks),
         timed=timed,
     )
+
+
+def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:
+    """Return the rows of each measurement, one after the other, by its name."""
+    ends = itertools.pairwise([0, *itertools.accumulate(counts)])
+    return {name: slice(*own) for name, own in zip(sources, ends, strict=True)}
 
 
 def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:

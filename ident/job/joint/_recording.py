@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from ..._recording import CHANNELS, JointData, stacked
 from ...kinds._keys import FitSpec
-from .._readings import joined_runs
+from .._readings import joined_runs, rows_of
 from .._result import Remark
 from .._source import Tables
 from ._reader import GroupNeeds, GroupReader, ReadPart
@@ -71,8 +71,6 @@ def read_group(
         parts.append(reader.read())
         remarks += [Remark.info(words) for words in dict.fromkeys(reader.remarks)]
     counts = [part.count for part in parts]
-    ends = np.cumsum([0, *counts]).tolist()
-    slices = {name: slice(ends[k], ends[k + 1]) for k, name in enumerate(lead.sources)}
     time = None
     if all(part.time is not None for part in parts):
         time = np.concatenate([part.time for part in parts if part.time is not None])
@@ -97,7 +95,7 @@ def read_group(
         )
     return GroupRecording(
         data=data,
-        slices=slices,
+        slices=rows_of(lead.sources, counts),
         order=np.asarray(order, dtype=float),
         timed=time is not None,
         fold=fold,

@@ -1,22 +1,27 @@
 """A table of a group, of whatever compensation."""
 
+import abc
 import dataclasses
 
 import numpy as np
+from jaxtyping import Float
 
 from ...core import CellCovariance
 from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit
-from ...fit.joint import Part
+from ...fit.joint import AbstractEffect, Part
 from ...kinds._keys import TableSpec
 from ...proof import HeldOut
+from .._draft import AxisLists
 from .._fitting import Fitted
 from .._load import Job
-from .._plan import Plan
+from .._plan import Plan, plan_fit
 from .._readings import Readings
+from .._source import Tables
 from .._table_draft import TableDraft
 from .._trend import refuse_unowned_trend
 from ._member import AbstractMember
+from ._recording import GroupRecording
 from ._share import Share
 
 
@@ -38,6 +43,29 @@ class AbstractTableMember(AbstractMember):
     @property
     def turning(self) -> tuple[str, ...]:
         return (self.axis,) if self.plan.table.branches == 2 else ()
+
+    @classmethod
+    def planned(
+        cls, job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
+    ) -> "AbstractTableMember":
+        """Plan it.
+
+        Raises:
+            JobError: If nodes, masters or existing lists do not suit.
+        """
+        return cls(index, fit, lists, plan_fit(job, tables, index, fit, lists))
+
+    @abc.abstractmethod
+    def table_effect(self) -> AbstractEffect:
+        """Return the effect of the table that is written."""
+
+    def effect(
+        self,
+        job: Job,
+        recording: GroupRecording,
+        left: Float[np.ndarray, " t"] | None,
+    ) -> AbstractEffect:
+        return self.table_effect()
 
     def draft(self, job: Job, share: Share) -> TableDraft:
         plan, table = self.plan, self.plan.table

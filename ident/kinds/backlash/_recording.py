@@ -1,7 +1,6 @@
 """What was measured for a backlash: readings at standstill, or a trace in motion."""
 
 import dataclasses
-import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -9,7 +8,7 @@ from jaxtyping import Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...job._readings import joined, joined_runs
+from ...job._readings import joined, joined_runs, rows_of
 from ...job._result import Remark
 from ...job._runs import cycles_of
 from ...job._source import Tables, Wanted, measured_for, read_part
@@ -113,13 +112,6 @@ def read_recording(tables: Tables, fit: Spec) -> Recording:
     direction = joined([part.direction for part in parts])
     assert direction is not None  # `read_part` refuses it otherwise
     run = joined_runs([(part.run, len(part.error)) for part in parts])
-    ends = np.cumsum([0, *(len(part.error) for part in parts)]).tolist()
-    slices = {
-        each: slice(first, last)
-        for each, (first, last) in zip(
-            fit.sources, itertools.pairwise(ends), strict=True
-        )
-    }
     return Recording(
         position=np.concatenate([part.positions[:, 0] for part in parts]),
         error=np.concatenate([part.error for part in parts]),
@@ -128,7 +120,7 @@ def read_recording(tables: Tables, fit: Spec) -> Recording:
         time=joined([part.time for part in parts]),
         reach=0.0,
         rotary=tables.job.spec.axes[fit.axis].kind != "linear",
-        slices=slices,
+        slices=rows_of(fit.sources, [len(part.error) for part in parts]),
         remarks=tuple(Remark.info(words) for part in parts for words in part.remarks),
     )
 

@@ -3,29 +3,9 @@
 import dataclasses
 from typing import final
 
-import numpy as np
-from jaxtyping import Float
-
 from ...fit.joint import Leadscrew
-from ...job._draft import AxisLists
-from ...job._load import Job
-from ...job._plan import plan_fit
-from ...job._source import Tables
-from ...job.joint._recording import GroupRecording
 from ...job.joint._table import AbstractTableMember
 from .keys import Spec
-
-
-def member(
-    job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists
-) -> "LeadscrewMember":
-    """Plan a leadscrew table of a group.
-
-    Raises:
-        JobError: If nodes, masters or existing lists do not suit.
-    """
-    planned = plan_fit(job, tables, index, fit, lists)
-    return LeadscrewMember(index, fit, lists, planned)
 
 
 @final
@@ -39,12 +19,7 @@ class LeadscrewMember(AbstractTableMember):
     def takes_line(self) -> bool:
         return True
 
-    def effect(
-        self,
-        job: Job,
-        recording: GroupRecording,
-        left: Float[np.ndarray, " t"] | None,
-    ) -> Leadscrew:
+    def table_effect(self) -> Leadscrew:
         table = self.plan.table
         return Leadscrew(
             self.axis,
@@ -52,3 +27,6 @@ class LeadscrewMember(AbstractTableMember):
             bilateral=self.fit.bilateral,
             modulo=table.periodic,
         )
+
+
+member = LeadscrewMember.planned

@@ -4,31 +4,13 @@ import dataclasses
 from typing import final
 
 import numpy as np
-from jaxtyping import Float
 
 from ...fit.joint import JointData, Plane
-from ...job._draft import AxisLists
-from ...job._load import Job
-from ...job._plan import plan_fit
-from ...job._source import Tables
-from ...job.joint._recording import GroupRecording
 from ...job.joint._table import AbstractTableMember
 from .keys import Spec
 
 _TOGETHER = 0.99
 """Correlation of two masters from which on a plane is told on a line only."""
-
-
-def member(
-    job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists
-) -> "PlaneMember":
-    """Plan a plane table of a group.
-
-    Raises:
-        JobError: If nodes, masters or existing lists do not suit.
-    """
-    planned = plan_fit(job, tables, index, fit, lists)
-    return PlaneMember(index, fit, lists, planned)
 
 
 @final
@@ -55,12 +37,10 @@ class PlaneMember(AbstractTableMember):
             " still."
         )
 
-    def effect(
-        self,
-        job: Job,
-        recording: GroupRecording,
-        left: Float[np.ndarray, " t"] | None,
-    ) -> Plane:
+    def table_effect(self) -> Plane:
         first, second = self.fit.over
         nodes = [each.positions for each in self.plan.table.nodes]
         return Plane(self.axis, (first, second), (nodes[0], nodes[1]))
+
+
+member = PlaneMember.planned
