@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from collections.abc import Collection
 
 COMPENSATIONS = (
     "backlash",
@@ -71,16 +72,20 @@ class LogName:
     increments: bool = False
 
 
-def log_name(text: str) -> LogName | None:
+def log_name(text: str, names: Collection[str] = COMPENSATIONS) -> LogName | None:
     """Return what a column name of a log means, or None where it is no offset.
 
     Known are the roles of ``simulate`` (``A3.cross``, ``A3.offset``), variables such as
     ``V.A.CROSS_COMP_CURR.Z`` (mm) and CNC objects such as ``CROSSC::actual_offset``
     (increments) with the axis before it, behind it, or not at all.
+
+    Args:
+        text: Name of the column.
+        names: Compensations that a role may name.
     """
     text = text.strip()
     match = _ROLE.fullmatch(text)
-    if match and match["what"] in (*COMPENSATIONS, TOTAL):
+    if match and match["what"] in (*names, TOTAL):
         return LogName(plain_axis(match["axis"]), match["what"])
     match = _VARIABLE.fullmatch(text)
     if match and match["name"].upper() in _VARIABLES:

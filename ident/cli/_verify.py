@@ -75,6 +75,7 @@ def verify(
     from ...data.measurements import read_log
     from ..exchange import StoredConventions, read_conventions
     from ..job import use_compilation_cache
+    from ..kinds import kinds
     from ..proof import verify_log
     from ._simulate import axis_range
 
@@ -91,7 +92,7 @@ def verify(
     lists = [ListFile.read(file) for file in dict.fromkeys(files)]
     found = verify_log(
         lists,
-        read_log(log, increment, cycle_time),
+        read_log(log, increment, cycle_time, [one.name for one in kinds()]),
         assumed.conventions,
         increment,
         modulo=ranges,
