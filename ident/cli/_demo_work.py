@@ -12,6 +12,7 @@ from ...data.measurements import measurement, read_table, with_error, without_mo
 from ...models import Conventions, TemperatureLine
 from ..exchange import read_temperature_table
 from ..job import JobResult, TemperatureResult, run_job, write_atomically
+from ..kinds import kind
 from ..machine.motion import (
     WorkingMachine,
     machine_with_everything,
@@ -170,7 +171,7 @@ def run_work(folder: Path, seed: int, say: Callable[[str], None]) -> WorkResult:
     predicted = {
         fit.axis: fit.error["predicted"].sound.rms
         for fit in job.fits
-        if fit.compensation in ("leadscrew", "plane", "cross")
+        if kind(fit.compensation).table
     }
     return WorkResult(
         job,

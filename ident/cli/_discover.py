@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...data.errors import UsageError
+from ..kinds import kind
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -207,7 +208,7 @@ def _print(console: "Console", found: "Discovery") -> None:
             one
             for one in found.found
             if one.axis == axis.axis
-            and (one.compensation == "friction") == (axis.channel == "current")
+            and kind(one.compensation).adds_current == (axis.channel == "current")
         ]
         title = (
             f"{axis.channel} of {axis.axis}: {_amount(axis.rms, axis.unit)} rms in"

@@ -1,16 +1,17 @@
 """From a job file to proven lists: plan, readings, fits, drafts, gate, files, result.
 
-Read in this order: `_schema` with `_fit_schema` (every key), `_load` with `_checks` (a job that
-can be run), `_run` (the whole way, in one function), `_rooms` and `_plan` (what each fit
-writes), `_source` and `_readings` with `_remove` and `_trend` (from a file to readings),
-`_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
-(entries into the user's lists), `_gating`, `_whole` with `_acting` and `_switching` (the gate
-of a fit and of a whole axis), `_prove` (the files, read back), `_result` with `_verdict`,
-`_job_result`, `_loadsheet`, and `_measure_again` (the second measurement).
+Read in this order: `_schema` (every key; those of a fit stand in the folders of `kinds`), `_load`
+with `_checks` (a job that can be run), `_run` (the whole way, in one function), `_plans` (every
+fit, planned), `_source` and `_readings` with `_remove` and `_trend` (from a file to readings),
+`_plan`, `_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
+(entries into the user's lists), `_gating`, `_whole` with `_acting` (the gate of a fit and of a
+whole axis), `_prove` (the files, read back), `_result` with `_verdict`, `_job_result`,
+`_loadsheet`, and `_measure_again` (the second measurement).
 
-Rooms: `backlash`, `crosstalk`, `friction`, `temperature` (what is special about each), `joint`
-(fits of one group), `streamed` (logs read in pieces). Their results are imported when they are
-first asked for: a job of one table needs none of them, and starts sooner without.
+What is special about one compensation stands in `axcomp.ident.kinds` (`_parts` says what a job
+asks of it); `joint` identifies the fits of one group, `streamed` reads logs in pieces. The results
+of single compensations are imported when they are first asked for: a job of one table needs none
+of them, and starts sooner without.
 """
 
 from typing import TYPE_CHECKING
@@ -59,21 +60,26 @@ from ._verdict import (
 )
 
 if TYPE_CHECKING:
-    from ._found_fits import found_keys as found_keys, job_with_fits as job_with_fits
-    from ._observe import Observation as Observation, observe as observe
-    from ._outside import read_outside as read_outside
-    from .backlash import BacklashResult as BacklashResult
-    from .crosstalk import (
+    from ..kinds.backlash._result import BacklashResult as BacklashResult
+    from ..kinds.crosstalk._result import (
         CrosstalkResult as CrosstalkResult,
         CrosstalkView as CrosstalkView,
         EventCourse as EventCourse,
     )
-    from .friction import (
+    from ..kinds.friction._result import (
         FrictionResult as FrictionResult,
         FrictionView as FrictionView,
         LawCurve as LawCurve,
         choice_sentence as choice_sentence,
     )
+    from ..kinds.temperature._law import ThermalLaw as ThermalLaw
+    from ..kinds.temperature._result import (
+        TemperatureResult as TemperatureResult,
+        ThermalView as ThermalView,
+    )
+    from ._found_fits import found_keys as found_keys, job_with_fits as job_with_fits
+    from ._observe import Observation as Observation, observe as observe
+    from ._outside import read_outside as read_outside
     from .joint import (
         AxisSum as AxisSum,
         EffectShare as EffectShare,
@@ -81,11 +87,6 @@ if TYPE_CHECKING:
         GroupResult as GroupResult,
         LeftOutResult as LeftOutResult,
         LostPair as LostPair,
-    )
-    from .temperature import (
-        TemperatureResult as TemperatureResult,
-        ThermalLaw as ThermalLaw,
-        ThermalView as ThermalView,
     )
 
 _HOMES = {
@@ -95,22 +96,22 @@ _HOMES = {
     "read_outside": "_outside",
     "observe": "_observe",
     "AxisSum": "joint",
-    "BacklashResult": "backlash",
-    "CrosstalkResult": "crosstalk",
-    "CrosstalkView": "crosstalk",
+    "BacklashResult": ".kinds.backlash._result",
+    "CrosstalkResult": ".kinds.crosstalk._result",
+    "CrosstalkView": ".kinds.crosstalk._result",
     "EffectShare": "joint",
-    "EventCourse": "crosstalk",
+    "EventCourse": ".kinds.crosstalk._result",
     "Freedom": "joint",
-    "FrictionResult": "friction",
-    "FrictionView": "friction",
+    "FrictionResult": ".kinds.friction._result",
+    "FrictionView": ".kinds.friction._result",
     "GroupResult": "joint",
-    "LawCurve": "friction",
+    "LawCurve": ".kinds.friction._result",
     "LeftOutResult": "joint",
     "LostPair": "joint",
-    "choice_sentence": "friction",
-    "TemperatureResult": "temperature",
-    "ThermalLaw": "temperature",
-    "ThermalView": "temperature",
+    "choice_sentence": ".kinds.friction._result",
+    "TemperatureResult": ".kinds.temperature._result",
+    "ThermalLaw": ".kinds.temperature._law",
+    "ThermalView": ".kinds.temperature._result",
 }
 
 __getattr__ = importer(__name__, _HOMES)

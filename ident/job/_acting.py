@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from ...data.lists import ListFile, new_list
 from ..exchange import (
     Increments,
-    InUse,
     Ranges,
     entries_of_activation,
 )
@@ -15,13 +14,6 @@ from ..proof.axis import Loaded
 from ._draft import AbstractDraft, AxisLists
 from ._lists import AxisFiles
 from ._load import Job
-
-_VALUES = {
-    "cross": ("correction",),
-    "plane": ("correction",),
-    "leadscrew": ("pos", "neg"),
-}
-"""Columns of the tables in a compensation list."""
 
 
 def acting_before(job: Job, axis: str, lists: AxisLists) -> Loaded:
@@ -63,7 +55,7 @@ def acting_after(
     machine = _read_back(files.machine) or lists.machine
     if lists.machine is None and machine is not None:
         machine = _with_all_on(machine, before)
-    lines = [line for one in drafts if (line := one.line(job, machine)) is not None]
+    lines = [line for one in drafts if one.written and (line := one.line(job, machine))]
     return dataclasses.replace(
         before,
         lists=_lists(number, listing, machine),
@@ -100,21 +92,6 @@ def increments_of(job: Job) -> Increments:
         for axis in job.spec.axes.values()
         if axis.increment is not None
     }
-
-
-def adds_nothing(one: InUse) -> bool:
-    """Return whether lists hold nothing but zeros of a compensation.
-
-    A temperature line of zeros is what a PLC finds: what it makes of it stands in no list.
-    """
-    if one.name == "temperature":
-        names = ("offset_0", "coefficient")
-        entries = [one.listing.get(f"lr_param.temp_comp_{name}") for name in names]
-        values = [entry.value.strip("+-0.") for entry in entries if entry is not None]
-        return not any(values)
-    fields = _VALUES.get(one.name, ())
-    tables = [one.listing.table(one.kind.prefix, field) for field in fields]
-    return bool(tables) and not any(any(table.values()) for table in tables)
 
 
 def _lists(

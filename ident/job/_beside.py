@@ -9,17 +9,13 @@ from jaxtyping import Float
 from ...data.measurements import DirectionUnknown, Measurement, explain_direction
 from ..exchange import ExchangeError, Motion
 from ..kinds import kind
+from ..kinds._keys import FitSpec
 from ..proof.axis import Loaded
-from ._acting import acting_alone, acting_before, adds_nothing
+from ._acting import acting_alone, acting_before
 from ._draft import AbstractDraft, AxisLists, Beside, Leftovers
-from ._fit_schema import CrossSpec, FitSpec, LeadscrewSpec, PlaneSpec
 from ._load import Job
 from ._outside import positions_of
-from ._rooms import Plans
-from ._source import masters_of
-
-_COUPLED = ("cross", "plane")
-"""Tables over other axes, which may correct the same error."""
+from ._plans import Plans
 
 
 def leftovers(job: Job, plans: Plans) -> Leftovers:
@@ -34,7 +30,7 @@ def leftovers(job: Job, plans: Plans) -> Leftovers:
     """
     left = Leftovers()
     for index, fit in enumerate(job.spec.fits):
-        if not isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec):
+        if not fit.kind.table:
             continue
         lists = plans.lists[fit.axis]
         before = acting_before(job, fit.axis, lists)
@@ -42,8 +38,9 @@ def leftovers(job: Job, plans: Plans) -> Leftovers:
             for source in fit.sources:
                 if name in job.spec.measurements[source].active:
                     continue
-                if name == "backlash" and not _is_stated(job, source, lists):
-                    continue  # has no shape over the position
+                shaped = "position" in kind(name).follows
+                if not shaped and not _is_stated(job, source, lists):
+                    continue
                 _refuse_unclear(job, source, fit, name, before, lists)
                 if index not in plans.single:
                     raise _unclear(
@@ -61,11 +58,11 @@ def hand_on(job: Job, plans: Plans, draft: AbstractDraft, left: Leftovers) -> No
 
     Only to readings of other measurements: those of its own know of it already.
     """
-    if draft.compensation not in _COUPLED or draft.switch is None:
+    if not _is_coupled(draft.fit) or not draft.written:
         return
     for index in plans.single:
         fit = job.spec.fits[index]
-        if fit.axis != draft.axis or fit.compensation not in _COUPLED:
+        if fit.axis != draft.axis or not _is_coupled(fit):
             continue
         if fit.compensation == draft.compensation:
             continue
@@ -76,6 +73,11 @@ def hand_on(job: Job, plans: Plans, draft: AbstractDraft, left: Leftovers) -> No
                 words = f"the {draft.compensation} that this job fits first"
                 beside = _Acting(job, draft.axis, draft.compensation, alone, words)
                 left.add(index, source, beside)
+
+
+def _is_coupled(fit: FitSpec) -> bool:
+    """Return whether it is a table over other axes: these may correct the same error."""
+    return fit.kind.table and not fit.lengths
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,7 +93,7 @@ class _Acting(Beside):
     def at(self, measured: Measurement) -> Float[np.ndarray, " t"]:
         places = positions_of(self.job, measured)
         directions = {}
-        if self.name in ("backlash", "leadscrew"):
+        if "direction" in kind(self.name).follows:
             try:
                 way = explain_direction(measured, self.axis).values
                 directions = {self.loaded.axis: way}
@@ -120,18 +122,19 @@ class _Acting(Beside):
 def _overlapping(job: Job, fit: FitSpec, before: Loaded) -> Iterator[str]:
     """Yield what the lists of an axis hold that acts over axes of a new table."""
     axes = job.spec.axes
-    assert isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec)
-    over = {axes[name].number for name in masters_of(fit)}
+    over = {axes[name].number for name in fit.over}
     fitted = {other.compensation for other in job.spec.fits if other.axis == fit.axis}
     try:
         used = before.used
     except ExchangeError:
         return  # the checks of the lists say it
     for name, one in used.items():
-        if name in fitted or name == "crosstalk" or adds_nothing(one):
+        if name in fitted or name in fit.switches_off:
             continue
-        if name == "backlash" and isinstance(fit, LeadscrewSpec) and fit.bilateral:
-            continue  # is switched off
+        if kind(name).entries.adds_nothing(one.listing):
+            continue
+        if "acceleration" in kind(name).follows:
+            continue
         if over & set(before.inputs(name) or (before.axis,)):
             yield name
 

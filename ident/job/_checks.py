@@ -1,28 +1,11 @@
 """What a job must fulfil beyond the types of its keys, checked before any work."""
 
-import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from ...data.measurements import find_role
 from ..exchange import ExchangeError, build_number
-from ._crosstalk_faults import crosstalk_faults, named_axes
-from ._fit_schema import (
-    BacklashSpec,
-    CrossSpec,
-    CrosstalkSpec,
-    FitSpec,
-    FrictionSpec,
-    LeadscrewSpec,
-    LineSpec,
-    PlaneSpec,
-    TemperatureSpec,
-)
-from ._group_faults import group_faults
-from ._lines import Path as KeyPath
+from ..kinds._keys import Fault, FitSpec, KeyPath, unknown
 from ._schema import JobFile, MeasurementSpec
-
-Fault = tuple[KeyPath, str]
-"""A key and what is wrong with it."""
 
 
 def find_fault(job: JobFile) -> Fault | None:
@@ -31,14 +14,6 @@ def find_fault(job: JobFile) -> Fault | None:
         for fault in faults:
             return fault
     return None
-
-
-def _unknown(name: str, known: Iterable[str], what: str) -> str:
-    names = list(known)
-    close = [known for known in names if known.casefold() == name.casefold()]
-    close = close or difflib.get_close_matches(name, names, 1, cutoff=0.0)
-    hint = f" (nearest: {close[0]!r})" if close else ""
-    return f"found {name!r}, expected {what}: {', '.join(names) or 'none'}{hint}"
 
 
 def _controller(job: JobFile) -> Iterator[Fault]:
@@ -65,7 +40,7 @@ def _axes(job: JobFile) -> Iterator[Fault]:
                 reason = f"found {span}, expected the smaller value first"
                 yield ("axes", name, key), reason
         if axis.gantry is not None and axis.gantry not in job.axes:
-            yield ("axes", name, "gantry"), _unknown(axis.gantry, job.axes, "an axis")
+            yield ("axes", name, "gantry"), unknown(axis.gantry, job.axes, "an axis")
 
 
 def _measurements(job: JobFile) -> Iterator[Fault]:
@@ -73,11 +48,11 @@ def _measurements(job: JobFile) -> Iterator[Fault]:
         where: KeyPath = ("measurements", name)
         yield from _files(measured, where)
         if measured.axis is not None and measured.axis not in job.axes:
-            yield (*where, "axis"), _unknown(measured.axis, job.axes, "an axis")
+            yield (*where, "axis"), unknown(measured.axis, job.axes, "an axis")
         for text in measured.columns:
             role = find_role(text)
             if role is not None and role.axis not in (None, *job.axes):
-                reason = _unknown(role.axis or "", job.axes, "an axis")
+                reason = unknown(role.axis or "", job.axes, "an axis")
                 yield (*where, "columns", text), reason
         if measured.expansion is None and measured.material_temperature is not None:
             yield (
@@ -123,7 +98,7 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
         if isinstance(column, str) or column.file is None:
             continue
         if column.file not in (files or ()):
-            reason = _unknown(column.file, files or (), "one of files")
+            reason = unknown(column.file, files or (), "one of files")
             yield (*where, "columns", role, "file"), reason
 
 
@@ -139,121 +114,17 @@ def _fits(job: JobFile) -> Iterator[Fault]:
                 f"found a second {fit.compensation} fit of {fit.axis} (the first is"
                 f" fits[{twin}]), expected one: an axis has one of each kind",
             )
-        if isinstance(fit, BacklashSpec):
-            yield from _backlash(job, fit, where)
-            continue
-        if isinstance(fit, FrictionSpec):
-            yield from _friction(fit, where)
-            continue
-        if isinstance(fit, TemperatureSpec):
-            yield from _temperature(job, fit, where)
-            continue
-        if isinstance(fit, CrosstalkSpec):
-            yield from _crosstalk(job, fit, where)
-            continue
-        if not isinstance(fit, PlaneSpec | CrossSpec | LeadscrewSpec):
-            yield (
-                (*where, "compensation"),
-                f"{fit.compensation} is not built in this version, expected plane,"
-                " cross, leadscrew, temperature, friction, backlash or crosstalk",
-            )
-            continue
-        yield from _nodes(fit, where)
-        if isinstance(fit, LeadscrewSpec):
-            yield from _leadscrew(job, fit, where)
-        else:
-            yield from _masters(job, fit, where)
-    yield from group_faults(job)
-
-
-_OF_TABLES = ("smoothness", "max_points", "n_cycles", "manual_activation")
-
-
-def _without(fit: FitSpec, keys: Iterable[str], where: KeyPath) -> Iterator[Fault]:
-    for key in keys:
-        if key in fit.model_fields_set:
-            reason = f"{fit.compensation} has no such entry, expected it for tables"
-            yield (*where, key), reason
-
-
-def _friction(fit: FrictionSpec, where: KeyPath) -> Iterator[Fault]:
-    yield from _without(fit, ("smoothness", "n_cycles", "manual_activation"), where)
-    if fit.rated_current is not None and fit.rated_torque is not None:
-        reason = "found beside rated_current, expected the one that suits the recording"
-        yield (*where, "rated_torque"), reason
-    if fit.method != "output_error":
-        for key in ("solver", "constraints"):
+        for key in fit.lacking:
             if key in fit.model_fields_set:
-                reason = f"found with method {fit.method!r}, expected 'output_error'"
+                reason = f"{fit.compensation} has no such entry, expected it for tables"
                 yield (*where, key), reason
-    if fit.constraints and fit.solver != "ipopt":
-        reason = f"found with solver {fit.solver!r}, expected 'ipopt', which keeps them"
-        yield (*where, "constraints"), reason
-
-
-def _backlash(job: JobFile, fit: BacklashSpec, where: KeyPath) -> Iterator[Fault]:
-    yield from _without(fit, _OF_TABLES, where)
-    for k, other in enumerate(job.fits):
-        if isinstance(other, LeadscrewSpec) and other.bilateral:
-            if other.axis == fit.axis:
-                reason = (
-                    f"found backlash beside the bilateral leadscrew of fits[{k}], both"
-                    " of which compensate the reversal, expected one of them"
-                )
-                yield (*where, "compensation"), reason
-
-
-def _temperature(job: JobFile, fit: TemperatureSpec, where: KeyPath) -> Iterator[Fault]:
-    yield from _without(fit, ("smoothness", "max_points"), where)
-    axis = job.axes.get(fit.axis)
-    if axis is not None and axis.kind != "linear":
-        yield (
-            (*where, "axis"),
-            f"found the {axis.kind} axis {fit.axis}, expected a linear one: the unit of"
-            " the coefficient is not defined for others",
-        )
-    if fit.n_cycles is not None and fit.n_cycles > 19:
-        # P-AXIS-00275 must stay below 20 in one place of the manual (S-44).
-        yield (*where, "n_cycles"), f"found {fit.n_cycles}, expected at most 19"
-    if fit.sensor is not None and fit.sensors is not None:
-        yield (*where, "sensors"), "found beside sensor, expected one of them"
-    if fit.law is not None:
-        expected = ["offset", "coefficient"] if fit.sensors is None else fit.sensors
-        if set(fit.law) != set(expected):
-            found = ", ".join(fit.law) or "nothing"
-            reason = f"found {found}, expected a law for {' and '.join(expected)}"
-            yield (*where, "law"), reason
-    for name in fit.sources:
-        measured = job.measurements.get(name)
-        if measured is None:
-            continue
-        if measured.expansion is not None or measured.already_compensated:
-            key = "expansion" if measured.expansion is not None else None
-            yield (
-                ("measurements", name, key or "already_compensated"),
-                f"found lengths referred to {measured.reference_temperature:g} °C, from"
-                " which the growth of the axis is gone that a temperature fit looks for,"
-                " expected them as measured",
-            )
-        if "temperature" in measured.active:
-            yield (
-                ("measurements", name, "active"),
-                "found temperature active while measuring: what it added is known to"
-                " the PLC alone, expected a measurement with COMP OFF TEMP",
-            )
-
-
-def _crosstalk(job: JobFile, fit: CrosstalkSpec, where: KeyPath) -> Iterator[Fault]:
-    yield from _without(fit, ("smoothness",), where)
-    for key, name in named_axes(fit):
-        if name not in job.axes:
-            yield (*where, key), _unknown(name, job.axes, "an axis")
-    yield from crosstalk_faults(job, fit, where)
+        yield from fit.faults(job, where)
+    yield from group_faults(job)
 
 
 def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:
     if fit.axis not in job.axes:
-        yield (*where, "axis"), _unknown(fit.axis, job.axes, "an axis")
+        yield (*where, "axis"), unknown(fit.axis, job.axes, "an axis")
     if (fit.measurement is None) == (fit.measurements is None):
         found = "nothing" if fit.measurement is None else "both"
         reason = f"found {found}, expected measurement or measurements"
@@ -261,58 +132,103 @@ def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:
     key = "measurement" if fit.measurement is not None else "measurements"
     for name in fit.sources:
         if name not in job.measurements:
-            reason = _unknown(name, job.measurements, "a measurement")
+            reason = unknown(name, job.measurements, "a measurement")
             yield (*where, key), reason
     if len(set(fit.sources)) < len(fit.sources):
         yield (*where, key), f"found {list(fit.sources)}, expected each once"
 
 
-def _nodes(fit: PlaneSpec | LineSpec, where: KeyPath) -> Iterator[Fault]:
-    grid = {"start": fit.start, "interval": fit.interval, "points": fit.points}
-    given = [key for key, value in grid.items() if value is not None]
-    missing = [key for key in grid if key not in given]
-    single = isinstance(fit, LineSpec) and fit.setpoints is not None
-    if single and given:
-        reason = "found beside setpoints, expected one way to give the nodes"
-        yield (*where, given[0]), reason
-    if given and missing:
-        yield (*where, missing[0]), f"found nothing, expected it beside {given[0]}"
+def groups_of(job: JobFile) -> dict[str, tuple[int, ...]]:
+    """Return the fits of each group, by its name.
+
+    A group of one is that fit alone, unless its measurement drifts: that is allowed for
+    in groups.
+    """
+    found: dict[str, tuple[int, ...]] = {}
+    for k, fit in enumerate(job.fits):
+        if fit.group is not None:
+            found[fit.group] = (*found.get(fit.group, ()), k)
+    return {
+        name: own
+        for name, own in found.items()
+        if len(own) > 1 or any(_drifts(job, job.fits[k]) for k in own)
+    }
 
 
-def _leadscrew(job: JobFile, fit: LeadscrewSpec, where: KeyPath) -> Iterator[Fault]:
-    if fit.n_cycles is not None:
-        yield (
-            (*where, "n_cycles"),
-            "a leadscrew list has no such entry, expected it for cross and plane",
-        )
-    axis = job.axes.get(fit.axis)
-    if fit.modulo and axis is not None and axis.kind == "linear" and not axis.modulo:
-        yield (
-            (*where, "modulo"),
-            f"found axis {fit.axis} of type linear without modulo, expected a rotary"
-            " axis or its modulo range",
-        )
+def _drifts(job: JobFile, fit: FitSpec) -> bool:
+    named = [job.measurements.get(name) for name in fit.sources]
+    return any(one is not None and one.drift > 0 for one in named)
 
 
-def _masters(
-    job: JobFile, fit: PlaneSpec | CrossSpec, where: KeyPath
-) -> Iterator[Fault]:
-    key = "masters" if isinstance(fit, PlaneSpec) else "master"
-    masters = fit.masters if isinstance(fit, PlaneSpec) else [fit.master]
-    for name in masters:
-        if name not in job.axes:
-            yield (*where, key), _unknown(name, job.axes, "an axis")
-        elif name == fit.axis:
-            reason = f"found {name!r}, the compensated axis itself, expected another"
-            yield (*where, key), reason
-        elif isinstance(fit, PlaneSpec) and job.axes[name].modulo is not None:
+def group_faults(job: JobFile) -> Iterator[Fault]:
+    """Yield what is wrong, each with its key."""
+    for k, fit in enumerate(job.fits):
+        if fit.group is not None and fit.kind.adds_current:
             yield (
-                (*where, key),
-                f"found the modulo axis {name!r}, expected axes with two ends: over an"
-                " axis that goes round both edges of a plane must be equal (S-20), and"
-                " planes are fitted without that. A cross table over"
-                f" {name} goes round; a plane can, where {name} never passes its"
-                " transition and is stated without modulo",
+                ("fits", k, "group"),
+                f"found {fit.compensation} in group {fit.group!r}: it works on the current of the"
+                " drive and not on the position, expected no group",
             )
-    if len(set(masters)) < len(masters):
-        yield (*where, key), f"found {masters}, expected two different axes"
+    groups = groups_of(job)
+    together = {
+        name for own in groups.values() for k in own for name in job.fits[k].sources
+    }
+    for name, measured in job.measurements.items():
+        if measured.drift and job.fits and name not in together:
+            yield (
+                ("measurements", name, "drift"),
+                "found for a measurement of no group, expected it where fits name a group",
+            )
+    for name, members in groups.items():
+        yield from _unlike(job, name, members)
+        yield from _beside(job, name, members)
+
+
+def _unlike(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
+    first = job.fits[members[0]]
+    for key in ("loss", "smoothness"):
+        own = [k for k in members if key not in job.fits[k].lacking]
+        for k in own[1:]:
+            mine, theirs = getattr(job.fits[k], key), getattr(job.fits[own[0]], key)
+            if mine != theirs:
+                yield (
+                    ("fits", k, key),
+                    f"found {mine!r} in group {name!r}, of which fits[{own[0]}] has"
+                    f" {theirs!r}, expected one for all: they are one fit",
+                )
+    for k in members[1:]:
+        fit, where = job.fits[k], ("fits", k)
+        if set(fit.sources) != set(first.sources):
+            yield (
+                (*where, "measurement"),
+                f"found {', '.join(fit.sources)} in group {name!r}, whose first fit"
+                f" (fits[{members[0]}]) has {', '.join(first.sources)}, expected the"
+                " same measurements for all",
+            )
+    for k in members:
+        yield from job.fits[k].faults_in_group(("fits", k))
+    for source in first.sources:
+        measured = job.measurements.get(source)
+        if measured is not None and measured.datum is not None:
+            yield (
+                ("measurements", source, "datum"),
+                f"found for group {name!r}, of which no single effect is zero there,"
+                ' expected remove = "offset" or nothing',
+            )
+
+
+def _beside(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
+    own: list[FitSpec] = [job.fits[k] for k in members]
+    axes = {fit.axis for fit in own}
+    sources = set(own[0].sources)
+    for k, fit in enumerate(job.fits):
+        if k in members or fit.kind.adds_current or fit.axis not in axes:
+            continue
+        shared = sources & set(fit.sources)
+        if shared:
+            yield (
+                ("fits", k, "measurement"),
+                f"found {', '.join(sorted(shared))}, from which group {name!r} explains"
+                f" the whole error of {fit.axis}, expected this fit in the group as"
+                " well, or a measurement of its own",
+            )

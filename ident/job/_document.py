@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ._fit_schema import FitSpec, JobPart
+from ..kinds._keys import FitSpec, JobPart
 from ._schema import JobFile
 
 _HEAD = """# Job reference
@@ -49,7 +49,8 @@ def document() -> str:
         if title is None:
             named = typing.get_args(part.model_fields["compensation"].annotation)
             title = f'`[[fits]]` with `compensation = "{named[0]}"`'
-        text.append(f"\n## {title}\n\n{inspect.getdoc(part)}\n")
+        about = (inspect.getdoc(part) or "").split("\n\n")[0]
+        text.append(f"\n## {title}\n\n{about}\n")
         rows = list(_rows(part))
         if rows:
             text.append(
@@ -62,14 +63,15 @@ def document() -> str:
 def schema() -> str:
     """Return the JSON schema of a job, with what each key means."""
     tree = JobFile.model_json_schema(by_alias=True)
-    places = {"JobFile": tree} | tree["$defs"]
     for part in parts(JobFile):
-        for name, field in part.model_fields.items():
+        # As pydantic calls it: the classes of all fits have the same name.
+        long = f"{part.__module__}.{part.__qualname__}".replace(".", "__")
+        node = tree["$defs"].get(long) or tree["$defs"].get(part.__name__)
+        if part is JobFile:
+            node = tree
+        for name, field in part.model_fields.items() if node is not None else ():
             meaning, _ = described(part, name)
-            for place, node in places.items():
-                # What all fits share stands in each of them.
-                if issubclass(_class_of(place), part):
-                    node["properties"][field.alias or name]["description"] = meaning
+            node["properties"][field.alias or name]["description"] = meaning
     return json.dumps(tree, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -80,10 +82,6 @@ def described(part: type[JobPart], name: str) -> tuple[str, str]:
             meaning, _, example = words[name].partition(" Example: ")
             return meaning, example.rstrip(".").strip("`")
     return "", ""
-
-
-def _class_of(name: str) -> type[JobPart]:
-    return next((part for part in parts(JobFile) if part.__name__ == name), JobPart)
 
 
 @functools.cache

@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,12 +12,12 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile, Value
 from ...data.measurements import Measurement
-from ...models import TemperatureLine
+from ...models import Conventions, TemperatureLine
+from ..kinds._keys import FitSpec
+from ..kinds._kind import Kind
 from ..proof import GateCheck
-from ._conventions import convention_states
-from ._fit_schema import FitSpec
 from ._load import Job
-from ._result import AbstractResult, Remark
+from ._result import AbstractResult, ConventionState, Remark
 from ._second import SecondMeasurement
 
 if TYPE_CHECKING:
@@ -89,20 +90,42 @@ class AxisLists:
 
 
 @dataclasses.dataclass(frozen=True)
-class Switch:
-    """How the controller switches a compensation on.
+class Written:
+    """What became of a draft: its gate, and the files of its axis as they lie there.
 
     Attributes:
-        keyword: In ``COMP ON …`` and ``V.A.…_COMP_ACTIVE``.
-        needs: What must hold before it works: ``Works once its masters are referenced``.
-        demanded: Whether P-AXIS-00465 can demand it in automatic mode.
-        adds_current: It adds to the current of the motor, and not to a position.
+        job: The job.
+        folder: Where the files lie.
+        files: The lists of the axis.
+        names: Names in the folder of what was written for the axis, the compensation list
+            first where there is one.
+        gate: What the gate said.
+        cycles: P-AXIS-00243 of the axis, where a fit of it asks for one.
     """
 
-    keyword: str
-    needs: str
-    demanded: bool = True
-    adds_current: bool = False
+    job: Job
+    folder: "OutFolder"
+    files: "AxisFiles"
+    names: tuple[Path, ...]
+    gate: tuple[GateCheck, ...]
+    cycles: int | None
+
+    def path(self, name: str) -> Path | None:
+        """Return where a file of the axis lies, or None."""
+        found = next((one for one in self.names if one.name == name), None)
+        return None if found is None else self.folder.root / found
+
+    @property
+    def compensation(self) -> ListFile | None:
+        """The compensation list, read back; None: none was written."""
+        path = self.path(self.files.compensation_name)
+        return None if path is None else ListFile.read(path)
+
+    @property
+    def machine(self) -> ListFile | None:
+        """The axis list, or the entries to add to it, read back; None likewise."""
+        path = self.path(self.files.machine_name)
+        return None if path is None else ListFile.read(path)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,14 +148,24 @@ class AbstractDraft(abc.ABC):
         return self.fit.axis
 
     @property
-    @abc.abstractmethod
+    def kind(self) -> Kind:
+        """The facts of the compensation."""
+        return self.fit.kind
+
+    @property
     def compensation(self) -> str:
         """Name of the compensation, as in the job."""
+        return self.fit.compensation
+
+    @property
+    def written(self) -> bool:
+        """Whether there is anything to write; entries, gate and jump are asked only then."""
+        return True
 
     @property
     @abc.abstractmethod
-    def switch(self) -> Switch | None:
-        """How it is switched on, or None where nothing is written."""
+    def needs(self) -> str:
+        """What must hold before it works: ``Works once its masters are referenced``."""
 
     @property
     def partial(self) -> bool:
@@ -154,7 +187,7 @@ class AbstractDraft(abc.ABC):
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
         """Return the entries of the axis list; ``cycles`` is P-AXIS-00243 of the axis."""
-        return {}
+        return {self.kind.activation: 1}
 
     def machine_remarks(self) -> list[Remark]:
         """Return what the user must know of changes to the axis list."""
@@ -171,7 +204,7 @@ class AbstractDraft(abc.ABC):
     def jump(self, job: Job) -> float:
         """Return by how much it moves the standing axis at most where it comes or goes.
 
-        In mm or °; 0 where nothing is written, or nothing is added at standstill.
+        In mm or °; 0 where nothing is added at standstill.
         """
         return 0.0
 
@@ -184,6 +217,11 @@ class AbstractDraft(abc.ABC):
     def sensors(self) -> tuple[str, ...]:
         """Names of the temperatures that it follows, as its law counts them."""
         return ()
+
+    @property
+    def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
+        """Temperature in °C of what its sensors stand for at its readings, lag included."""
+        return {}
 
     def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
         """Return the temperature line that a PLC makes of it, or None.
@@ -200,7 +238,7 @@ class AbstractDraft(abc.ABC):
         return None
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        """Return every line of the gate; none where nothing is written."""
+        """Return every line of the gate."""
         return ()
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
@@ -234,50 +272,44 @@ class AbstractDraft(abc.ABC):
         """Return what the new table adds to the readings of its measurements."""
         return {}
 
-    def frame(
-        self,
-        job: Job,
-        gate: tuple[GateCheck, ...],
-        files: "AxisFiles",
-        conventions: tuple[str, ...],
-    ) -> dict[str, Any]:
-        """Return what every result says alike, as arguments of its class.
+    @abc.abstractmethod
+    def prove(self, done: Written) -> AbstractResult:
+        """Return the result, with the file as it lies in the folder, read back."""
 
-        Args:
-            job: The job.
-            gate: What the gate said.
-            files: The lists of the axis.
-            conventions: Beginnings of the names of the rules that were used.
-        """
-        axis = job.spec.axes[self.axis]
+    def frame(self, done: Written) -> dict[str, Any]:
+        """Return what every result says alike, as arguments of its class."""
+        axis, found = done.job.spec.axes[self.axis], done.files.findings
         return {
             "compensation": self.compensation,
             "axis": self.axis,
             "axis_number": axis.number,
             "unit": "mm" if axis.kind == "linear" else "deg",
-            "gate": gate,
-            "conventions": convention_states(job, conventions),
-            "findings": tuple(dataclasses.asdict(item) for item in files.findings),
+            "gate": done.gate,
+            "conventions": convention_states(done.job, self.kind.conventions),
+            "findings": tuple(dataclasses.asdict(item) for item in found),
         }
 
-    @abc.abstractmethod
-    def prove(
-        self,
-        job: Job,
-        folder: "OutFolder",
-        gate: tuple[GateCheck, ...],
-        files: "AxisFiles",
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> AbstractResult:
-        """Return the result, with the file as it lies in the folder, read back.
 
-        Args:
-            job: The job.
-            folder: Where the files lie.
-            gate: What the gate said.
-            files: The lists of the axis.
-            written: Names in the folder of what was written for the axis, the
-                compensation list first where there is one.
-            cycles: P-AXIS-00243 of the axis, where a fit of it asks for one.
-        """
+def convention_states(
+    job: Job, prefixes: tuple[str, ...]
+) -> tuple[ConventionState, ...]:
+    """Return the conventions whose names begin with one of these words."""
+    return _states(job.conventions, job.verified, prefixes)
+
+
+@functools.lru_cache(maxsize=64)
+def _states(
+    conventions: Conventions, verified: frozenset[str], prefixes: tuple[str, ...]
+) -> tuple[ConventionState, ...]:
+    # All machines of a batch have much the same ones.
+    return tuple(
+        ConventionState(
+            name=rule.name,
+            value=str(rule.value),
+            state="verified" if rule.name in verified else "assumed",
+            meaning=f"{rule.meaning} ({rule.rule})",
+            decides=rule.decides,
+        )
+        for rule in conventions.listing()
+        if rule.name.startswith(prefixes)
+    )

@@ -3,26 +3,16 @@
 import datetime
 import difflib
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pydantic
 
+from ..kinds import NAMES
+from ..kinds._keys import JobPart, KeyPath
+from ..kinds._parts import keys_of
 from ._errors import JobError
-from ._fit_schema import (
-    BacklashSpec,
-    CrossSpec,
-    CrosstalkSpec,
-    FitSpec,
-    FrictionSpec,
-    JobPart,
-    LeadscrewSpec,
-    PlaneSpec,
-    Plateau,
-    TemperatureSpec,
-)
-from ._lines import Path as KeyPath, line_of
+from ._lines import line_of
 from ._schema import (
     Axis,
     ColumnChoice,
@@ -33,16 +23,6 @@ from ._schema import (
     Machine,
     MeasurementSpec,
 )
-
-_FITS: Mapping[str, type[FitSpec]] = {
-    "plane": PlaneSpec,
-    "cross": CrossSpec,
-    "leadscrew": LeadscrewSpec,
-    "backlash": BacklashSpec,
-    "temperature": TemperatureSpec,
-    "friction": FrictionSpec,
-    "crosstalk": CrosstalkSpec,
-}
 
 
 def key_words(where: KeyPath) -> str:
@@ -73,9 +53,10 @@ def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
         case ("measurements", _, "columns", _):
             return ColumnChoice
         case ("fits", int(k)):
-            return _FITS.get(values["fits"][k].get("compensation"))
-        case ("fits", int(), "steady"):
-            return Plateau
+            name = values["fits"][k].get("compensation")
+            return keys_of(name) if name in NAMES else None
+        case ("fits", int(k), str(key)):
+            return keys_of(values["fits"][k]["compensation"]).parts.get(key)
     return None
 
 
@@ -109,9 +90,9 @@ def first_fault(
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
         where = (*where, "compensation")
         tag = str(context.get("tag", ""))
-        close = difflib.get_close_matches(tag, _FITS, 1, cutoff=0.0)
+        close = difflib.get_close_matches(tag, NAMES, 1, cutoff=0.0)
         reason = f"found {tag!r}" if tag else "found nothing"
-        reason += f", expected one of {', '.join(_FITS)}"
+        reason += f", expected one of {', '.join(NAMES)}"
         reason += f" (nearest: {close[0]!r})" if tag and close else ""
     elif kind == "value_error":
         reason = f"found {given}, {first['msg'].removeprefix('Value error, ')}"
@@ -147,7 +128,7 @@ def _clean(loc: tuple[int | str, ...], values: dict[str, Any]) -> KeyPath:
         if isinstance(at, dict) and not isinstance(part, int):
             if part in at:
                 at = at[part]
-            elif part != loc[-1] or (where and where[0] == "fits" and part in _FITS):
+            elif part != loc[-1] or (where and where[0] == "fits" and part in NAMES):
                 continue
             elif _is_type_name(part):
                 continue

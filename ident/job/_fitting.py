@@ -9,8 +9,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..exchange import ExchangeError
-from ..fit import FitError, Samples, TableFit, TableLayout, fit_table, predict
+from ..fit import Samples, TableFit, TableLayout, fit_table, predict
 from ..proof import HeldOut, held_out
 from ._found_nodes import grid_words
 from ._load import Job
@@ -140,20 +139,9 @@ def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
     """Fit the table of a plan to its readings and round it to the list.
 
     Raises:
-        JobError: If the readings cannot determine it, or the result fits no list.
+        FitError: If the readings cannot determine it.
+        ExchangeError: If the result fits no list.
     """
-    try:
-        return _fitted(job, plan, readings)
-    except (FitError, ExchangeError) as error:
-        spec = plan.fit
-        reason = f"{spec.compensation} of {spec.axis} from {', '.join(spec.sources)}"
-        where = ("fits", plan.index)
-        if isinstance(error, FitError):
-            raise job.untold(where, f"{reason}: {error}") from None
-        raise job.error(where, f"{reason}: {error}") from None
-
-
-def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
     table, spec = plan.table, plan.fit
     branch = None
     if table.branches == 2:
@@ -178,10 +166,9 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
     )
     if finer:
         readings = readings.with_remark(
-            Remark(
-                "warning",
+            Remark.warning(
                 f"There are more nodes than readings: the prior fills in between. Nodes"
-                f" that suit these readings: {grid_words([*readings.positions.T])}.",
+                f" that suit these readings: {grid_words([*readings.positions.T])}."
             )
         )
     rounded = Rounded(job, plan, readings.datum)

@@ -6,6 +6,7 @@ import numpy as np
 
 from .._job_text import edited_job
 from ..discover import Discovery, Found
+from ..kinds import kind
 from ._found_nodes import grid_over, grids_for
 from ._load import Job
 from ._observe import Observation
@@ -72,7 +73,7 @@ def found_keys(
 def _sources(observation: Observation, found: Discovery, one: Found) -> tuple[str, ...]:
     """Return the measurements that hold all that a fit, or its group, needs."""
     data = observation.data
-    if one.compensation == "friction":
+    if kind(one.compensation).adds_current:
         known = np.isfinite(data.current[one.axis])
         counts = np.bincount(data.source[known], minlength=len(observation.names))
         return (observation.names[int(np.argmax(counts))],)
@@ -119,13 +120,9 @@ def _nodes(
     job: Job, observation: Observation, one: Found, sources: tuple[str, ...]
 ) -> dict[str, Any]:
     """Return the keys that give the nodes of a table; none for other compensations."""
-    over = {
-        "leadscrew": (one.axis,),
-        "cross": one.masters,
-        "plane": one.masters,
-    }.get(one.compensation)
-    if over is None:
+    if not kind(one.compensation).table:
         return {}
+    over = one.masters or (one.axis,)
     data = observation.data
     rows = np.isin(data.source, [observation.names.index(name) for name in sources])
     rows &= np.isfinite(data.error[one.axis])
@@ -143,10 +140,10 @@ def _nodes(
     else:
         # What a cross table does beyond its ends is not documented (S-12).
         reach = None
-        if one.compensation == "cross" and spec.limits is not None:
+        if one.masters and spec.limits is not None:
             reach = (spec.limits[0], spec.limits[1])
         grid = grid_over(places[0], reach)
     keys: dict[str, Any] = dict(zip(("start", "interval", "points"), grid, strict=True))
-    if one.compensation == "leadscrew" and spec.modulo is not None:
+    if not one.masters and spec.modulo is not None:
         keys["modulo"] = True
     return keys

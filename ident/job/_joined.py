@@ -1,7 +1,7 @@
 """The files of one measurement on one clock: which column is where, and the offsets."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -196,9 +196,9 @@ def _offset(name: str, first: _File, other: _File) -> ClockState:
     raise FitError(failed[0])
 
 
-def _pairs(first: _File, other: _File) -> list[tuple[str, str, str, str | None]]:
+def _pairs(first: _File, other: _File) -> Iterator[tuple[str, str, str, str | None]]:
     """Return what both files saw, best first: words, role here, role there, place."""
-    found: list[tuple[str, str, str, str | None]] = [
+    yield from [
         (role, role, role, None)
         for role in first.roles
         if role in other.roles and role != "run" and not role.endswith(".direction")
@@ -206,21 +206,18 @@ def _pairs(first: _File, other: _File) -> list[tuple[str, str, str, str | None]]
     mine, theirs = _by_axis(first), _by_axis(other)
     for axis in (axis for axis in mine if axis in theirs):
         a, b = mine[axis], theirs[axis]
-        found.append((f"{a} and {b}", a, b, None))
+        yield (f"{a} and {b}", a, b, None)
     errors = [role for role in first.roles if role.endswith(".error")]
     warm = [role for role in other.roles if role.startswith("temperature.")]
     for error in errors:
         place = error.removesuffix("error") + "position"
         for sensor in warm:
-            found.append(
-                (
-                    f"{error}, which follows {sensor}",
-                    error,
-                    sensor,
-                    place if place in first.roles else None,
-                )
+            yield (
+                f"{error}, which follows {sensor}",
+                error,
+                sensor,
+                place if place in first.roles else None,
             )
-    return found
 
 
 def _by_axis(file: _File) -> dict[str, str]:

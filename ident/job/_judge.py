@@ -68,6 +68,6 @@ def _remarks(
         if item.level == "info":
             continue
         if _identity(item) in known:
-            yield Remark("warning", f"Was in your list before and stays: {item}")
+            yield Remark.warning(f"Was in your list before and stays: {item}")
         else:
             yield Remark("error" if item.level == "error" else "warning", str(item))

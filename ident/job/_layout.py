@@ -9,41 +9,20 @@ from ...data.measurements import MESH_FORMATS, MeasurementError
 from ..exchange import (
     LIST_UNITS,
     AbstractTable,
-    CrossTable,
     ExchangeError,
     GridNodes,
-    LeadscrewTable,
     ListNodes,
     Model,
-    PlaneTable,
     grid_nodes,
     nodes_in,
     point_nodes,
 )
+from ..kinds._keys import TableSpec
+from ..kinds._parts import table_of as part_of_table
 from ._errors import JobError
-from ._fit_schema import CrossSpec, LeadscrewSpec, LineSpec, PlaneSpec, TableSpec
 from ._found_nodes import grid_words
 from ._load import Job
-from ._source import Tables, masters_of, measured_for
-
-
-def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
-    """Return the kind of table that a fit writes, its nodes not yet known."""
-    axes = job.spec.axes
-    number = axes[fit.axis].number
-    masters = tuple(axes[name].number for name in masters_of(fit))
-    if isinstance(fit, PlaneSpec):
-        return PlaneTable(number, masters, (), job.conventions)
-    if isinstance(fit, CrossSpec):
-        return CrossTable(number, masters, (), job.conventions)
-    return LeadscrewTable(number, masters, (), job.conventions, bilateral=fit.bilateral)
-
-
-def has_nodes(fit: TableSpec) -> bool:
-    """Return whether a fit says where its nodes lie; else those of the list stay."""
-    return fit.start is not None or (
-        isinstance(fit, LineSpec) and fit.setpoints is not None
-    )
+from ._source import Tables, measured_for
 
 
 def table_of(
@@ -59,56 +38,46 @@ def table_of(
         ExchangeError: If a list cannot hold them.
     """
     nodes = _nodes(job, tables, index, fit, old)
-    periodic = False
-    if not isinstance(fit, PlaneSpec):
-        periodic = _full_turn(job, index, fit, nodes[0])
+    periodic = _full_turn(job, index, fit, nodes[0])
     return dataclasses.replace(empty_table(job, fit), nodes=nodes, periodic=periodic)
+
+
+def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
+    """Return the kind of table that a fit writes, its nodes not yet known."""
+    return part_of_table(fit.compensation).empty_table(job, fit)
 
 
 def _nodes(
     job: Job, tables: Tables, index: int, fit: TableSpec, old: Model | None
 ) -> tuple[ListNodes, ...]:
     name = f"fits[{index}]"
-    if isinstance(fit, PlaneSpec):
-        if (
-            fit.start is not None
-            and fit.interval is not None
-            and fit.points is not None
-        ):
-            return tuple(
-                grid_nodes(start, interval, count, name)
-                for start, interval, count in zip(
-                    fit.start, fit.interval, fit.points, strict=True
-                )
-            )
-    elif fit.setpoints is not None:
-        return (point_nodes(np.array(fit.setpoints, dtype=float), name),)
-    elif fit.start is not None and fit.interval is not None and fit.points is not None:
-        return (grid_nodes(fit.start, fit.interval, fit.points, name),)
-    if old is None and isinstance(fit, PlaneSpec):
-        spec = job.spec.measurements[fit.sources[0]]
-        if tables.large(fit.sources[0]) is not None:
-            raise _no_nodes(job, tables, index, fit)  # no mesh is that large
+    if fit.nodes:
+        return tuple(
+            point_nodes(np.array(each, dtype=float), name)
+            if isinstance(each, list)
+            else grid_nodes(*each, name)
+            for each in fit.nodes
+        )
+    if old is not None:
+        return nodes_in(old, name)
+    # No mesh is that large.
+    if len(fit.over) == 2 and tables.large(fit.sources[0]) is None:
         read = tables.table(fit.sources[0])
-        if read.format in MESH_FORMATS and not spec.columns:
+        columns = job.spec.measurements[fit.sources[0]].columns
+        if read.format in MESH_FORMATS and not columns:
             return tuple(_mesh_nodes(read.column(axis).values, name) for axis in "xy")
-    if old is None:
-        raise _no_nodes(job, tables, index, fit)
-    return nodes_in(old, name)
+    raise _no_nodes(job, tables, index, fit)
 
 
 def _no_nodes(job: Job, tables: Tables, index: int, fit: TableSpec) -> JobError:
-    wanted = "start, interval and points"
-    if isinstance(fit, LineSpec):
-        wanted = f"setpoints, or {wanted}"
     suited = _suited_nodes(tables, fit)
     hint = f"; these suit the readings: {suited}" if suited else ""
-    return job.error(("fits", index), f"no nodes, expected {wanted}{hint}")
+    return job.error(("fits", index), f"no nodes, expected {fit.nodes_wanted}{hint}")
 
 
 def _suited_nodes(tables: Tables, fit: TableSpec) -> str:
     """Return nodes that suit the readings of a fit as keys; empty where that is unknown."""
-    masters = masters_of(fit)
+    masters = fit.over
     turning = any(tables.job.spec.axes[name].modulo is not None for name in masters)
     if turning or any(tables.large(name) is not None for name in fit.sources):
         return ""
@@ -141,40 +110,16 @@ def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:
     return grid_nodes(start, round(interval * LIST_UNITS) / LIST_UNITS, count, name)
 
 
-def _full_turn(
-    job: Job, index: int, fit: CrossSpec | LeadscrewSpec, nodes: ListNodes
-) -> bool:
+def _full_turn(job: Job, index: int, fit: TableSpec, nodes: ListNodes) -> bool:
     """Return whether the table goes round, refusing one that goes round in part."""
-    master = masters_of(fit)[0]
-    span = job.spec.axes[master].modulo
-    asked = isinstance(fit, LeadscrewSpec) and fit.modulo
-    wraps = asked or (isinstance(fit, CrossSpec) and span is not None)
-    if not wraps or span is None:
-        return wraps
+    span = job.spec.axes[fit.over[0]].modulo
+    if not fit.turns(job.spec.axes) or span is None:
+        return fit.turns(job.spec.axes)
     ends = nodes.positions[[0, -1]]
     if np.max(np.abs(ends - np.array(span))) > 1e-9:
         raise job.error(
             ("fits", index),
             f"found nodes from {ends[0]:g} to {ends[1]:g}, expected the modulo range of"
-            f" {master} from {span[0]:g} to {span[1]:g}, both ends included",
+            f" {fit.over[0]} from {span[0]:g} to {span[1]:g}, both ends included",
         )
     return True
-
-
-def refuse_short_cross(
-    job: Job, index: int, fit: TableSpec, table: AbstractTable
-) -> None:
-    """Raise where a cross table ends inside its master's software limits (S-12)."""
-    if not isinstance(fit, CrossSpec):
-        return
-    limits = job.spec.axes[fit.master].limits
-    if limits is None or table.periodic:
-        return
-    ends = table.nodes[0].positions[[0, -1]]
-    if ends[0] > limits[0] + 1e-9 or ends[1] < limits[1] - 1e-9:
-        raise job.error(
-            ("fits", index),
-            f"found nodes from {ends[0]:g} to {ends[1]:g}, expected them to reach the"
-            f" software limits of {fit.master}, {limits[0]:g} to {limits[1]:g}: what"
-            " the controller does outside a cross table is not documented",
-        )

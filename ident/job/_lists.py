@@ -6,7 +6,6 @@ from pathlib import Path
 
 from ...data.lists import Finding, ListFile, Value, compare, new_list
 from ._draft import AbstractDraft
-from ._fragments import machine_list
 from ._load import Job
 from ._result import Remark
 
@@ -71,7 +70,9 @@ def axis_files(
             is not found again in it.
     """
     name = f"achskw{job.spec.axes[axis].number}.lis"
-    existing = drafts[0].lists.compensation
+    lists = drafts[0].lists
+    existing = lists.compensation
+    drafts = [one for one in drafts if one.written]
     entries: dict[str, Value] = {}
     for one in drafts:
         entries |= one.entries(job)
@@ -79,10 +80,9 @@ def axis_files(
     if entries and existing is None:
         listing = _new(job, axis, entries)
         remarks.append(
-            Remark(
-                "info",
+            Remark.info(
                 f"{name} is a new list, since no list of {axis} was given: copied over"
-                " another one, it would lose that one's other compensations.",
+                " another one, it would lose that one's other compensations."
             )
         )
     elif entries and existing is not None:
@@ -93,8 +93,8 @@ def axis_files(
         listing = dataclasses.replace(listing, source=name)
         for one in drafts:
             one.refuse_misread(job, listing)
-    machine, machine_name, more = machine_list(job, axis, drafts, cycles)
-    pairs = (existing, listing), (drafts[0].lists.machine, machine)
+    machine, machine_name, more = machine_list(job, axis, lists.machine, drafts, cycles)
+    pairs = (existing, listing), (lists.machine, machine)
     same = {
         new.source
         for old, new in pairs
@@ -156,15 +156,12 @@ def _edited(
     rows = len(added) - len(plain)
     if added:
         words = plain + ([f"{rows} table entries"] if rows else [])
-        remarks.append(
-            Remark("info", f"Added to {existing.source}: {', '.join(words)}.")
-        )
+        remarks.append(Remark.info(f"Added to {existing.source}: {', '.join(words)}."))
     if stale:
         remarks.append(
-            Remark(
-                "info",
+            Remark.info(
                 f"Removed from {existing.source}: {len(stale)} table entries beyond"
-                " the new table.",
+                " the new table."
             )
         )
     return edited, remarks
@@ -203,3 +200,74 @@ def _restart(
         if old is not None and new is not None:
             reasons += compare(old, new).reasons
     return next((reason for reason in reasons if reason is not None), None)
+
+
+def machine_list(
+    job: Job,
+    axis: str,
+    existing: ListFile | None,
+    drafts: Sequence[AbstractDraft],
+    cycles: int | None,
+) -> tuple[ListFile | None, str, list[Remark]]:
+    """Return the axis list, edited, or just the entries to add to it.
+
+    Args:
+        job: The job.
+        axis: Its name in the job.
+        existing: The axis list that is there, or None.
+        drafts: The fits of this axis that are written.
+        cycles: Value of P-AXIS-00243, where a fit asks for one.
+
+    Returns:
+        The list or None where nothing is to be set, its file name, and what the user
+        must know.
+    """
+    number = job.spec.axes[axis].number
+    values: dict[str, Value] = {}
+    remarks: list[Remark] = []
+    for one in drafts:
+        values |= one.machine_entries(job, cycles)
+        remarks += one.machine_remarks()
+    if existing is not None:
+        name = f"achsmds{number}.lis"
+        if not values:
+            return None, name, remarks
+        edited = existing.merge(values)
+        if added := [entry for entry in values if existing.get(entry) is None]:
+            words = f"Added to {existing.source}: {', '.join(added)}."
+            remarks.append(Remark.info(words))
+        return dataclasses.replace(edited, source=name), name, remarks
+    name = f"achsmds{number}.add.lis"
+    if not values:
+        return None, name, remarks
+    fragment = new_list(
+        values,
+        comment=(
+            f"Entries to set in achsmds{number}.lis of axis {axis}: no whole axis list",
+        ),
+    )
+    return dataclasses.replace(fragment, source=name), name, remarks
+
+
+def startup_fragment(job: Job, fresh: Sequence[tuple[str, str]]) -> ListFile | None:
+    """Return the start-up entries of new lists, or None where there are none.
+
+    Args:
+        job: The job.
+        fresh: Axis and file name of each new list.
+    """
+    if not fresh:
+        return None
+    values: dict[str, Value] = {"zahl_kw": len(fresh)}
+    for k, (axis, name) in enumerate(fresh):
+        values[f"achs_kw_log_ax_nr[{k}]"] = job.spec.axes[axis].number
+        values[f"achs_kw[{k}]"] = name
+    fragment = new_list(
+        values,
+        comment=(
+            "Entries to add to hochlauf.lis: no whole start-up list.",
+            "Count on from the indices that are there, and raise zahl_kw by"
+            f" {len(fresh)}.",
+        ),
+    )
+    return dataclasses.replace(fragment, source="hochlauf.add.lis")

@@ -1,14 +1,14 @@
 """The load sheet: which file goes where, in which order, how to see it and go back."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ..diagnosis import OBJECTS, SCOPE
 from ._draft import AbstractDraft
 from ._job_result import LoadStep
 from ._lists import AxisFiles
 from ._load import Job
-from ._result import AbstractResult
-from ._sign_steps import sign_steps
+from ._result import AbstractResult, Expectation
+from ._verdict import Code
 
 
 def load_sheet(
@@ -62,13 +62,13 @@ def _measuring(
 ) -> list[LoadStep]:
     """Return the second measurement, where none has shown yet what the lists do."""
     unproven = [
-        draft.switch
+        draft.kind
         for draft, one in zip(drafts, results, strict=True)
-        if draft.switch is not None and not one.confirmed
+        if draft.written and not one.confirmed
     ]
     if not unproven:
         return []
-    if all(switch.adds_current for switch in unproven):
+    if all(kind.adds_current for kind in unproven):
         return [
             LoadStep(
                 "Measure once more with the list active",
@@ -89,17 +89,15 @@ def _measuring(
     ]
 
 
-def _files_of(job: Job, one: AxisFiles) -> list[LoadStep]:
-    steps: list[LoadStep] = []
+def _files_of(job: Job, one: AxisFiles) -> Iterator[LoadStep]:
     if one.compensation is not None:
-        steps += _compensation_list(job, one)
+        yield from _compensation_list(job, one)
     if one.machine is not None:
-        steps.append(_axis_list(job, one))
+        yield _axis_list(job, one)
     for name in one.extra:
         if name.endswith(".TcPOU"):
             continue  # the same program as the .st, whose step names it
-        steps.append(_for_the_plc(job, one, name))
-    return steps
+        yield _for_the_plc(job, one, name)
 
 
 def _loading(job: Job, files: Sequence[AxisFiles]) -> list[LoadStep]:
@@ -198,11 +196,10 @@ def _switching(
     name = job.spec.axes[one.axis].name or one.axis
     steps = []
     for draft in drafts:
-        switch = draft.switch
-        if draft.axis != one.axis or switch is None:
+        if draft.axis != one.axis or not draft.written:
             continue
-        word = switch.keyword
-        detail = f"{switch.needs}. {name}[COMP ON {word}] switches it on"
+        word = draft.kind.keyword
+        detail = f"{draft.needs}. {name}[COMP ON {word}] switches it on"
         if draft.fit.manual_activation:
             detail += " and is needed in every NC program (manual_activation 1)"
         else:
@@ -218,48 +215,120 @@ def _switching(
 
 def _watching(
     job: Job, files: Sequence[AxisFiles], drafts: Sequence[AbstractDraft]
-) -> list[LoadStep]:
+) -> Iterator[LoadStep]:
     names = {one.axis for one in files}
     words: dict[str, list[str]] = {}
     shown: list[str] = []
     currents: list[str] = []
     for draft in drafts:
-        switch = draft.switch
-        if draft.axis not in names or switch is None:
+        if draft.axis not in names or not draft.written:
             continue
-        if switch.demanded:
-            words.setdefault(draft.axis, []).append(switch.keyword)
+        kind = draft.kind
+        if kind.demanded:
+            words.setdefault(draft.axis, []).append(kind.keyword)
         name = job.spec.axes[draft.axis].name or draft.axis
-        own = currents if switch.adds_current else shown
-        own.append(f"V.A.{switch.keyword}_COMP_CURR.{name}")
+        own = currents if kind.adds_current else shown
+        own.append(f"{kind.variable}.{name}")
     demands = "; ".join(f"{axis}: {' | '.join(own)}" for axis, own in words.items())
-    steps = []
     if demands:
-        steps.append(
-            LoadStep(
-                "Demand them in automatic mode",
-                "lr_param.prog_movement_requires_compensations (P-AXIS-00465) stops a"
-                f" program that moves without them: {demands}.",
-            )
+        yield LoadStep(
+            "Demand them in automatic mode",
+            "lr_param.prog_movement_requires_compensations (P-AXIS-00465) stops a"
+            f" program that moves without them: {demands}.",
         )
     if shown:
-        steps.append(
-            LoadStep(
-                "See that it works",
-                f"Read {', '.join(shown)} at a few positions and compare with axcomp"
-                " simulate. Displays have the compensation removed; the positions on the"
-                f" drive bus contain it. {SCOPE} records what {OBJECTS} lists: complete the"
-                " positions in TwinCAT Scope, move, export as text; axcomp verify --log"
-                " judges the export as it is.",
-            )
+        yield LoadStep(
+            "See that it works",
+            f"Read {', '.join(shown)} at a few positions and compare with axcomp"
+            " simulate. Displays have the compensation removed; the positions on the"
+            f" drive bus contain it. {SCOPE} records what {OBJECTS} lists: complete the"
+            " positions in TwinCAT Scope, move, export as text; axcomp verify --log"
+            " judges the export as it is.",
         )
     if currents:
+        yield LoadStep(
+            "See that it works",
+            f"Read {', '.join(currents)} at a few speeds in both directions and"
+            " compare with axcomp simulate. It is a current: no position contains"
+            " it.",
+        )
+
+
+_SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}
+
+
+def sign_steps(
+    job: Job, drafts: Sequence[AbstractDraft], results: Sequence[AbstractResult]
+) -> list[LoadStep]:
+    """Return what settles the signs that are assumed: the probe, or a slow move each.
+
+    Args:
+        job: The job.
+        drafts: All fits.
+        results: What came of them, in the same order.
+    """
+    steps: list[LoadStep] = []
+    for draft, result in zip(drafts, results, strict=True):
+        judged, kind = result.judgement, draft.kind
+        if not draft.written or not judged.has(Code.ASSUMED):
+            continue
+        open_ = next(r for r in judged.reasons if r.code is Code.ASSUMED)
+        words = (
+            f"Computed; sign unproven: {', '.join(open_.fields['conventions'])} assumed,"
+            " no measurement has settled that."
+        )
+        if not kind.adds_current:
+            words += (
+                f" Load the lists of axcomp probe {job.path.name} instead: one log or"
+                " one dial settles every table."
+            )
+        axis = job.spec.axes[draft.axis]
+        unit = f"{axis.unit}/s"
+        expected = result.expectation
+        if expected is not None:
+            start = "" if kind.adds_current else " Or, with the new lists in place: "
+            words += start + _move(
+                axis.name or draft.axis, kind.keyword, expected, unit
+            )
         steps.append(
             LoadStep(
-                "See that it works",
-                f"Read {', '.join(currents)} at a few speeds in both directions and"
-                " compare with axcomp simulate. It is a current: no position contains"
-                " it.",
+                f"Settle the sign first: {draft.compensation} of {draft.axis}", words
             )
         )
     return steps
+
+
+def _move(axis: str, keyword: str, expected: Expectation, per_second: str) -> str:
+    """Return the slow move that shows a sign, and what to see; speeds in that unit."""
+    unit, factor = _SHOWN.get(expected.unit, (expected.unit, 1.0))
+    off, on = (f"{axis}[COMP {word} {keyword}]" for word in ("OFF", "ON"))
+    if expected.speed is not None:
+        return (
+            f" Move {axis} positive at {expected.speed:g} {per_second}, {off}, then {on}: the list"
+            f" adds {expected.value:+.3g} {unit}, so the current that the controller asks"
+            f" for beside it must fall by as much. Where it rises instead, the sign is"
+            " wrong: take the list out."
+        )
+    value = factor * expected.value
+    if expected.reversal:
+        (place,) = expected.places.values()
+        return (
+            f"come to {axis} = {place:.4g} slowly from one side, {off}, set a dial on"
+            f" {axis} to zero, overshoot by some mm and come back from the other side: the"
+            f" dial is off by {value:.1f} {unit}; with {on} by 0, and by {2 * value:.1f}"
+            f" {unit} where the sign is wrong."
+        )
+    where = " and ".join(f"{name} = {at:.6g}" for name, at in expected.places.items())
+    come = f"move slowly to {where}" if where else f"stop {axis} anywhere"
+    if expected.direction is not None:
+        come += f" in {'positive' if expected.direction > 0 else 'negative'} direction"
+    if expected.temperatures:
+        warm = ", ".join(
+            f"{name} at {at:.1f} °C" for name, at in expected.temperatures.items()
+        )
+        come += f" with {warm}"
+    return (
+        f"{come}, {off}, set a dial on {axis} to zero, {on}: it must show {axis} moved by"
+        f" {value:+.1f} {unit}. Where it shows {-value:+.1f} {unit}, the sign is wrong:"
+        " take the list out."
+    )

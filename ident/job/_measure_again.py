@@ -94,7 +94,7 @@ def plan_second(
             words = (
                 f"The second measurement of [verify] ({name}) does not count: {other}"
             )
-            return None, (Remark("warning", words),)
+            return None, (Remark.warning(words),)
         same = earlier is not None and earlier.get("inputs") == _hashes(after)
         date = earlier["date"] if same and earlier else _today()
         return Second(after, name, date, lists), ()
@@ -110,7 +110,7 @@ def plan_second(
         f"The second measurement of {earlier['date']} ({name}) no longer counts: {why}."
         " Measure again with the lists of this run, and give it with --after."
     )
-    return None, (Remark("warning", words),)
+    return None, (Remark.warning(words),)
 
 
 def measure_again(
@@ -150,7 +150,7 @@ def measure_again(
             try:
                 readings = draft.left_over(tables, draft.fit.model_copy(update=update))
             except AxcompError as error:
-                remarks.append(Remark("warning", f"Not measured again: {error}"))
+                remarks.append(Remark.warning(f"Not measured again: {error}"))
         if readings is None and diagnosis is None:
             found.append(result)
             continue
@@ -186,9 +186,7 @@ def _diagnoses(
     """Return what each list does, by axis number and compensation."""
     lists = [ListFile.read(root / name) for name in second.lists]
     names = {axis.number: name for name, axis in job.spec.axes.items()}
-    remarks = [
-        Remark("info", line) for line in not_judged(lists, job.conventions, names)
-    ]
+    remarks = [Remark.info(line) for line in not_judged(lists, job.conventions, names)]
     axes = second.job.spec.axes
     try:
         found = diagnose(
@@ -206,7 +204,7 @@ def _diagnoses(
         )
     except ExchangeError as error:
         words = f"What the lists do cannot be diagnosed from {second.name}: {error}"
-        return {}, [*remarks, Remark("warning", words)]
+        return {}, [*remarks, Remark.warning(words)]
     return {(one.axis, one.compensation): one for one in found}, remarks
 
 

@@ -20,10 +20,8 @@ from ..discover import Observed, stack
 from ._load import Job
 from ._outside import has_error, length_at_reference
 from ._remove import without_zero
-from ._source import Tables
+from ._source import ABSURD, Tables
 
-_ABSURD = 1e9
-"""mm or °: a marker for "no reading"."""
 _SENSOR = "temperature."
 _LEFT = 1e-3
 """Share of its travel that an axis has gone when it has surely moved."""
@@ -166,7 +164,7 @@ class _Reader:
                 break
         else:
             return None
-        place[~(np.abs(place) <= _ABSURD)] = np.nan
+        place[~(np.abs(place) <= ABSURD)] = np.nan
         span = self.axes[axis].modulo
         if span is not None:
             place = span[0] + np.mod(place - span[0], span[1] - span[0])
@@ -176,7 +174,7 @@ class _Reader:
         self, axis: str, position: dict[str, np.ndarray]
     ) -> Float[np.ndarray, " t"]:
         error = np.array(derive_error(self.measured, axis), dtype=float)
-        error[~(np.abs(error) <= _ABSURD)] = np.nan
+        error[~(np.abs(error) <= ABSURD)] = np.nan
         if self.spec.expansion is not None and axis in position:
             error = length_at_reference(self.measured, self.spec, position[axis], error)
         known = np.isfinite(error)

@@ -1,7 +1,8 @@
 """Which table each fit writes: nodes, masters and the list that is there already."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -11,13 +12,12 @@ from ..exchange import (
     AbstractTable,
     ExchangeError,
     Model,
-    is_activated,
     refuse_lost_nodes,
 )
-from ._active import was_active
+from ..kinds import kinds
+from ..kinds._keys import FitSpec, TableSpec
 from ._draft import AxisLists
-from ._fit_schema import CrossSpec, LeadscrewSpec, TableSpec
-from ._layout import empty_table, has_nodes, refuse_short_cross, table_of
+from ._layout import empty_table, table_of
 from ._load import Job
 from ._result import Remark
 from ._source import Tables
@@ -64,7 +64,6 @@ def plan_fit(
     """
     existing, axis_list = lists.compensation, lists.machine
     where = ("fits", index)
-    used = {name: set(job.spec.measurements[name].active) for name in fit.sources}
     active = was_active(job, index, fit, _holder(fit, existing))
     try:
         old, unread = _old_table(job, fit, existing, active)
@@ -86,22 +85,7 @@ def plan_fit(
             refuse_lost_nodes(table, old, existing.source)
     except ExchangeError as error:
         raise job.error(where, str(error)) from None
-    refuse_short_cross(job, index, fit, table)
-    if isinstance(fit, CrossSpec) and job.conventions.cross_list == "master":
-        raise job.error(
-            where,
-            "found the convention cross_list = 'master', expected 'slave': cross tables"
-            " are written into the list of the compensated axis",
-        )
-    if isinstance(fit, LeadscrewSpec) and fit.bilateral:
-        for name, names in used.items():
-            if "backlash" in names:
-                raise job.error(
-                    ("measurements", name, "active"),
-                    "found backlash for a bilateral leadscrew fit, which switches it"
-                    " off (both would compensate the reversal), expected a measurement"
-                    " without it",
-                )
+    fit.refuse(job, index, table)
     return Plan(
         index=index,
         fit=fit,
@@ -114,23 +98,9 @@ def plan_fit(
     )
 
 
-_VALUES = {
-    "cross": ("kw.crosscomp", "correction"),
-    "plane": ("kw.crosscomp2", "correction"),
-    "leadscrew": ("kw.ssfk", "pos"),
-}
-"""Where a list has the values of each kind of table."""
-
-
-def _has_values(listing: ListFile, kind: str) -> bool:
-    """Return whether a list has a table of a kind with values other than zero."""
-    prefix, field = _VALUES[kind]
-    return any(listing.table(prefix, field).values())
-
-
 def _holder(fit: TableSpec, existing: ListFile | None) -> str | None:
     """Return the list that holds this table already, or None."""
-    if existing is None or not _has_values(existing, fit.compensation):
+    if existing is None or fit.kind.entries.adds_nothing(existing):
         return None
     return existing.source
 
@@ -158,10 +128,10 @@ def _old_table(
     try:
         return probe.read(existing, _increments(job)), []
     except ExchangeError as error:
-        if active or not has_nodes(fit) or job.spec.gate.max_change is not None:
+        if active or not fit.nodes or job.spec.gate.max_change is not None:
             raise
         words = f"The new table replaces one that cannot be compared with it: {error}"
-        return None, [Remark("warning", words)]
+        return None, [Remark.warning(words)]
 
 
 def _remarks(
@@ -171,46 +141,79 @@ def _remarks(
     axis_list: ListFile | None,
     old: Model | None,
     active: bool,
-) -> list[Remark]:
-    found: list[Remark] = []
+) -> Iterator[Remark]:
     if active:
-        found.append(
-            Remark(
-                "info",
-                "The old table was active while measuring: the new one is old +"
-                " residual.",
-            )
+        yield Remark.info(
+            "The old table was active while measuring: the new one is old + residual."
         )
     elif old is not None:
-        found.append(
-            Remark(
-                "info",
-                "The old table was off while measuring: the new one replaces it.",
-            )
+        yield Remark.info(
+            "The old table was off while measuring: the new one replaces it."
         )
-    if isinstance(fit, CrossSpec) and job.spec.axes[fit.master].limits is None:
-        found.append(
-            Remark(
-                "warning",
-                f"No software limits of {fit.master} are given: make sure that the"
-                " nodes reach them, since what the controller does outside a cross"
-                " table is not documented.",
-            )
-        )
+    yield from (Remark.warning(words) for words in fit.warnings(job))
     if existing is None:
-        return found
+        return
     others = {spec.compensation for spec in job.spec.fits if spec.axis == fit.axis}
     on = set().union(*(job.spec.measurements[name].active for name in fit.sources))
-    for kind in _VALUES:
-        if axis_list is not None and is_activated(axis_list, kind):
+    for kind in kinds():
+        if not kind.table or kind.name in on | others:
+            continue
+        if axis_list is not None and kind.entries.is_activated(axis_list):
             continue  # the axis is judged with it
-        if kind not in on | others and _has_values(existing, kind):
-            found.append(
-                Remark(
-                    "warning",
-                    f"The list also holds a {kind} table that was off while measuring:"
-                    " what it corrects is part of the new table as well. Leave it off,"
-                    f" or measure with {kind} active.",
-                )
+        if not kind.entries.adds_nothing(existing):
+            yield Remark.warning(
+                f"The list also holds a {kind.name} table that was off while measuring:"
+                " what it corrects is part of the new table as well. Leave it off,"
+                f" or measure with {kind.name} active."
             )
-    return found
+
+
+def refuse_unstated(job: Job, fit: FitSpec, holder: str | None, on: str) -> None:
+    """Raise where a list has the compensation already and a measurement does not say more.
+
+    What was measured is then either the whole error or what that list leaves of it.
+
+    Args:
+        job: The job.
+        fit: The fit.
+        holder: The list of the axis that holds its compensation, or None.
+        on: What follows where it acted while measuring.
+
+    Raises:
+        JobError: Naming the measurement and the answers.
+    """
+    for name in fit.sources:
+        if holder is None or "active" in job.spec.measurements[name].model_fields_set:
+            continue
+        kind = fit.compensation
+        raise job.error(
+            ("measurements", name),
+            f"found no active, and {Path(holder).name} holds {kind} of {fit.axis} already, expected"
+            f' active = ["{kind}"] if it was on while measuring ({on}), or active = [] if'
+            " it was off (the new values replace the old)",
+        )
+
+
+def was_active(job: Job, index: int, fit: FitSpec, holder: str | None) -> bool:
+    """Return whether the compensation of a fit was on in all its measurements.
+
+    Args:
+        job: The job.
+        index: Of the fit.
+        fit: Its specification.
+        holder: The list of the axis that holds this compensation already, or None.
+
+    Raises:
+        JobError: If it was on in some of them only, or there is a list with it and a
+            measurement does not say.
+    """
+    refuse_unstated(job, fit, holder, "the new values are old + measured")
+    kind = fit.compensation
+    states = {kind in job.spec.measurements[name].active for name in fit.sources}
+    if len(states) > 1:
+        raise job.error(
+            ("fits", index),
+            f"found measurements with {kind} on and off (active), expected one state"
+            " for all that are joined",
+        )
+    return states == {True}

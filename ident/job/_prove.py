@@ -2,29 +2,25 @@
 
 import dataclasses
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from ...data.lists import ListFile
 from ..exchange import LIST_UNITS, Model, by_branch
 from ..fit import TableFit
-from ..proof import ErrorFigures, error_figures
+from ..proof import ErrorFigures
+from ._draft import Written
 from ._fitting import AbstractFitted, Fitted
-from ._lists import AxisFiles
-from ._load import Job
-from ._output import OutFolder
+from ._gating import switching_remarks
 from ._remarks import Counts, fit_remarks, outside
 from ._result import (
     Remark,
     SampleView,
     Streamed,
     TableResult,
+    staged,
 )
-from ._source import masters_of
-from ._switching import switching_remarks
 
 
 def offset_at_readings(one: Fitted, model: Model) -> Float[np.ndarray, " t"]:
@@ -59,16 +55,11 @@ class Proof:
     streamed: Streamed | None = None
 
 
-def prove(folder: OutFolder, one: Fitted, written: tuple[Path, ...]) -> Proof:
-    """Return the proof of a fit: the file as it lies in the folder, read back.
-
-    Args:
-        folder: Where the files lie.
-        one: The fit.
-        written: Their names in the folder, the compensation list first.
-    """
+def prove(one: Fitted, done: Written) -> Proof:
+    """Return the proof of a fit: the file as it lies in the folder, read back."""
     readings, table = one.readings, one.plan.table
-    back = ListFile.read(folder.root / written[0])
+    back = done.compensation
+    assert back is not None  # a table stands in it
     from_file = one.before + offset_at_readings(one, table.read(back)) - one.active
     runs = readings.run_table(table.masters == (table.axis,))
     wild, left = one.fit.wild, one.held_out
@@ -86,11 +77,7 @@ def prove(folder: OutFolder, one: Fitted, written: tuple[Path, ...]) -> Proof:
             share=one.fit.share,
             timed=readings.timed,
         ),
-        error={
-            "before": error_figures(one.before, runs, wild),
-            "predicted": error_figures(left.residual, runs, wild),
-            "from_file": error_figures(from_file, runs, wild),
-        },
+        error=staged(one.before, left.residual, from_file, wild, runs),
         counts=Counts(
             len(one.before),
             int(wild.sum()),
@@ -108,31 +95,22 @@ def written_deviation(fit: TableFit) -> Float[np.ndarray, "..."]:
 
 
 def result_of(
-    job: Job,
-    one: AbstractFitted,
-    proof: Proof,
-    frame: dict[str, Any],
-    files: AxisFiles,
-    written: tuple[Path, ...],
-    cycles: int | None,
+    one: AbstractFitted, proof: Proof, frame: dict[str, Any], done: Written
 ) -> TableResult:
     """Return the result of a fit, wherever its readings are.
 
     Args:
-        job: The job.
         one: The fit.
         proof: Its proof.
         frame: What every result says alike (`AbstractDraft.frame`).
-        files: The lists of the axis.
-        written: Their names in the folder, the compensation list first.
-        cycles: Value of P-AXIS-00243, where a table of the axis has two directions.
+        done: What was written.
     """
-    plan = one.plan
+    plan, job, files = one.plan, done.job, done.files
     table, spec, old = plan.table, plan.fit, plan.old_offset
     linear = job.spec.axes[spec.axis].kind == "linear"
     return TableResult(
         **frame,
-        masters=masters_of(spec),
+        masters=spec.over,
         nodes=tuple(nodes.positions for nodes in table.nodes),
         table=by_branch(table, table.sign * one.offset),
         old_table=None if old is None else by_branch(table, table.sign * old),
@@ -150,8 +128,8 @@ def result_of(
             *switching_remarks(job, one),
             *files.remarks,
         ),
-        files=files.of_lists(written),
-        cycles=cycles if table.branches == 2 else None,
+        files=files.of_lists(done.names),
+        cycles=done.cycles if table.branches == 2 else None,
         held_out="run" if proof.by_run else "block",
         streamed=proof.streamed,
     )
@@ -174,9 +152,8 @@ def _without_use(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark
             " error that changes from node to node: repeated runs would tell which."
         )
     return [
-        Remark(
-            "warning",
+        Remark.warning(
             "On readings that the fit did not see, this list leaves no less error than"
-            f" there is without it: {why}",
+            f" there is without it: {why}"
         )
     ]

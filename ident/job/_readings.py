@@ -1,19 +1,20 @@
 """From measurements to readings of one fit: errors, positions, directions, runs."""
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..exchange import AbstractTable
+from ..kinds._keys import TableSpec
 from ..proof import RunTable
 from ._draft import Beside
-from ._fit_schema import TableSpec
 from ._load import Job
 from ._result import Remark
 from ._runs import cycles_of, place_in_run, ranked, runs_overlap
-from ._source import Part, Tables, masters_of, read_part, wanted_by
+from ._source import Tables, read_part, wanted_by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,44 +112,39 @@ def read_fit(
     wanted = wanted_by(fit, table)
     parts = [read_part(tables, name, fit, wanted) for name in fit.sources]
     remarks = [*words]
-    remarks += [Remark("info", text) for part in parts for text in part.remarks]
-    slices: dict[str, slice] = {}
+    remarks += [Remark.info(text) for part in parts for text in part.remarks]
+    slices = rows_of(fit.sources, [len(part.error) for part in parts])
     errors: list[np.ndarray] = []
-    start = 0
     for name, part in zip(fit.sources, parts, strict=True):
-        slices[name] = slice(start, start + len(part.error))
-        start += len(part.error)
         error = part.error
         if name in extra:
             error = error + extra[name]
             remarks.append(
-                Remark(
-                    "info",
+                Remark.info(
                     f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
-                    " this one corrects what that list leaves.",
+                    " this one corrects what that list leaves."
                 )
             )
         for one in beside.get(name, ()):
             assert part.measured is not None  # of `read_part`
             error = error + one.at(part.measured)
             remarks.append(
-                Remark(
-                    "info",
+                Remark.info(
                     f"Beside this table acts {one.words}, which was off while {name!r} was"
-                    " measured: this table corrects what it leaves.",
+                    " measured: this table corrects what it leaves."
                 )
             )
         errors.append(error)
     positions = np.concatenate([part.positions for part in parts])
     direction = joined([part.direction for part in parts])
-    run = joined_runs(parts)
+    run = joined_runs([(part.run, len(part.error)) for part in parts])
     if run is not None and direction is not None:
         run = cycles_of(run, direction)
     times = [part.time for part in parts]
     order = joined(times)
     timed = order is not None
     if order is None:
-        order = np.arange(start, dtype=float)
+        order = np.arange(len(positions), dtype=float)
     repeated = run is not None and runs_overlap(
         positions,
         run,
@@ -157,10 +153,9 @@ def read_fit(
     )
     if run is not None and not repeated and len(np.unique(run)) > 1:
         remarks.append(
-            Remark(
-                "info",
+            Remark.info(
                 "The runs do not go over the same places, so that none can be judged by"
-                " the others: offsets of single runs are not estimated.",
+                " the others: offsets of single runs are not estimated."
             )
         )
     return Readings(
@@ -178,26 +173,34 @@ def read_fit(
     )
 
 
+def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:
+    """Return the rows of each measurement, one after the other, by its name."""
+    ends = itertools.pairwise([0, *itertools.accumulate(counts)])
+    return {name: slice(*own) for name, own in zip(sources, ends, strict=True)}
+
+
 def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
     """Return the columns of all measurements one after the other, if all have it."""
     known = [part for part in parts if part is not None]
     return np.concatenate(known) if len(known) == len(parts) else None
 
 
-def joined_runs(parts: list[Part]) -> Int[np.ndarray, " t"] | None:
+def joined_runs(
+    parts: Sequence[tuple[Int[np.ndarray, " _t"] | None, int]],
+) -> Int[np.ndarray, " t"] | None:
     """Number the runs of all measurements one after the other.
 
     A measurement without runs is a run of its own beside others.
+
+    Args:
+        parts: Runs of each measurement, or None, and how many readings it has.
     """
-    if len(parts) == 1 and parts[0].run is None:
+    if len(parts) == 1 and parts[0][0] is None:
         return None
     numbered: list[np.ndarray] = []
     first = 1
-    for part in parts:
-        if part.run is None:
-            own = np.zeros(len(part.error), dtype=np.int64)
-        else:
-            own = ranked(part.run)[1]
+    for run, count in parts:
+        own = np.zeros(count, dtype=np.int64) if run is None else ranked(run)[1]
         numbered.append(own.astype(np.int64) + first)
         first += int(own.max(initial=0)) + 1
     return np.concatenate(numbered)
@@ -228,7 +231,7 @@ def datum_of(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:
             "found measurements with different datums, expected the same one for all"
             " that are joined",
         )
-    count = len(masters_of(fit))
+    count = len(fit.over)
     if len(place) != count:
         raise job.error(
             ("measurements", name, "datum", "at"),

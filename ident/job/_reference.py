@@ -1,11 +1,36 @@
-"""Errors of length at the reference temperature."""
+"""What a fit takes from its measurements, and lengths at the reference temperature."""
+
+import dataclasses
+from typing import Literal
 
 import numpy as np
 
 from ...data.measurements import Measurement, reduce_length
-from ._fit_schema import FitSpec
+from ..exchange import AbstractTable
+from ..kinds._keys import FitSpec, TableSpec
 from ._load import Job
-from ._wanted import Wanted
+
+
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """What a fit takes from its measurements.
+
+    Attributes:
+        masters: Axes whose positions it needs, master 1 first.
+        direction: ``needed``, ``welcome`` or ``no``.
+        lengths: The error is one of length along the axis itself, so that it grows with
+            the temperature of the scale.
+    """
+
+    masters: tuple[str, ...]
+    direction: Literal["needed", "welcome", "no"]
+    lengths: bool
+
+
+def wanted_by(fit: TableSpec, table: AbstractTable) -> Wanted:
+    """Return what a table fit takes from its measurements."""
+    way: Literal["needed", "welcome", "no"] = "welcome" if fit.lengths else "no"
+    return Wanted(fit.over, "needed" if table.branches == 2 else way, fit.lengths)
 
 
 def reduced_to_reference(

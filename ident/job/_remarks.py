@@ -1,6 +1,7 @@
 """What a fit has to say for itself, in sentences."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -8,7 +9,6 @@ from jaxtyping import Bool, Float
 from ..exchange import AbstractTable
 from ._fitting import AbstractFitted
 from ._result import Remark
-from ._source import masters_of
 
 _MANY = 0.05
 """Share of wild readings from which on the instrument deserves a look."""
@@ -35,7 +35,7 @@ class Counts:
     outside: int
 
 
-def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remark]:
+def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> Iterator[Remark]:
     """Return gaps, suspicious nodes and runs, and what each run was allowed.
 
     Args:
@@ -43,61 +43,44 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remar
         counts: Of its readings.
         linear: Whether lengths are in mm, else in °.
     """
-    found: list[Remark] = []
     fit = one.fit
     empty = int(np.sum(fit.support == 0))
     if empty:
         why = "were not measured"
         if counts.wild:
             why = "rest on no reading (not measured, or only wild ones)"
-        found.append(
-            Remark(
-                "warning",
-                f"{empty} of {fit.support.size} node values {why}; they are"
-                " filled by the prior and marked with support 0.",
-            )
+        yield Remark.warning(
+            f"{empty} of {fit.support.size} node values {why}; they are"
+            " filled by the prior and marked with support 0."
         )
     if counts.outside:
-        found.append(
-            Remark(
-                "info",
-                f"{counts.outside} readings lie outside the table, where its edge is held.",
-            )
+        yield Remark.info(
+            f"{counts.outside} readings lie outside the table, where its edge is held."
         )
     if wild := counts.wild:
-        found.append(
-            Remark(
-                "warning" if wild > _MANY * counts.readings else "info",
-                f"{wild} of {counts.readings} readings are wild: the fit leaves them out."
-                " rms and max are given with and without them.",
-            )
+        yield Remark(
+            "warning" if wild > _MANY * counts.readings else "info",
+            f"{wild} of {counts.readings} readings are wild: the fit leaves them out."
+            " rms and max are given with and without them.",
         )
     if fit.suspect_nodes:
         names = [_node(one, k) for k in fit.suspect_nodes[:_MOST]]
         more = len(fit.suspect_nodes) - len(names)
         words = "; ".join(names) + (f" and {more} more" if more else "")
-        found.append(
-            Remark("warning", f"Readings contradict their surroundings at {words}.")
-        )
+        yield Remark.warning(f"Readings contradict their surroundings at {words}.")
     if fit.suspect_runs:
         runs = ", ".join(str(run) for run in fit.suspect_runs)
-        found.append(
-            Remark(
-                "warning",
-                f"Contradicts the other runs, and does not count in their mean: run {runs}.",
-            )
+        yield Remark.warning(
+            f"Contradicts the other runs, and does not count in their mean: run {runs}."
         )
     if fit.runs:
         largest = 1e3 * max(abs(run.offset) for run in fit.runs)
         unit = "µm" if linear else "0.001°"
         own = "offset and drift" if one.run_effects == "drift" else "offset"
-        found.append(
-            Remark(
-                "info",
-                f"Each of the {len(fit.runs)} runs was allowed an {own} of its own"
-                f" (offsets up to {largest:.1f} {unit}); the table keeps their"
-                " mean.",
-            )
+        yield Remark.info(
+            f"Each of the {len(fit.runs)} runs was allowed an {own} of its own"
+            f" (offsets up to {largest:.1f} {unit}); the table keeps their"
+            " mean."
         )
     elif not one.run_effects or one.run_effects == "none":
         if counts.readings <= _SPARSE * fit.support.size:
@@ -108,17 +91,13 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remar
                     "stands in the standard deviations only as an assumed offset of every"
                     f" line of readings, {1e3 * fit.line_offset:.1f} {unit} (1 sd)"
                 )
-            found.append(
-                Remark(
-                    "info",
-                    "Nothing was measured twice: what changes from one measurement to the"
-                    f" next {known}. A second measurement, given together with the first,"
-                    " brings it in.",
-                )
+            yield Remark.info(
+                "Nothing was measured twice: what changes from one measurement to the"
+                f" next {known}. A second measurement, given together with the first,"
+                " brings it in."
             )
     if not fit.converged or fit.loss != one.plan.fit.loss:
-        found.append(Remark("warning", fit.message))
-    return found
+        yield Remark.warning(fit.message)
 
 
 def outside(
@@ -145,7 +124,7 @@ def _node(one: AbstractFitted, index: int) -> str:
     words = ", ".join(
         f"{name} = {nodes.positions[k]:g}"
         for name, nodes, k in zip(
-            masters_of(one.plan.fit), table.nodes, reversed(own), strict=True
+            one.plan.fit.over, table.nodes, reversed(own), strict=True
         )
     )
     if table.branches == 2:

@@ -5,18 +5,15 @@ import dataclasses
 import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..fit import TableFit
-from ..proof import ErrorFigures, GateCheck
+from ..proof import ErrorFigures, GateCheck, RunTable, error_figures
 from ._second import MeasuredAgain, SecondMeasurement
 from ._verdict import Judgement, Verdict, judgement_of
-
-if TYPE_CHECKING:
-    pass
 
 Array = np.ndarray
 
@@ -27,6 +24,33 @@ class Remark:
 
     level: str
     message: str
+
+    @classmethod
+    def error(cls, message: str) -> "Remark":
+        """Return what must be seen to before anything is loaded."""
+        return cls("error", message)
+
+    @classmethod
+    def warning(cls, message: str) -> "Remark":
+        """Return what must be known before anything is loaded."""
+        return cls("warning", message)
+
+    @classmethod
+    def info(cls, message: str) -> "Remark":
+        """Return how the result came about."""
+        return cls("info", message)
+
+
+def staged(
+    before: Float[Array, " t"],
+    predicted: Float[Array, " t"],
+    from_file: Float[Array, " t"],
+    wild: Bool[Array, " t"],
+    runs: RunTable | None = None,
+) -> dict[str, ErrorFigures]:
+    """Return the figures of an error by stage; arguments as `error_figures`."""
+    stages = {"before": before, "predicted": predicted, "from_file": from_file}
+    return {name: error_figures(each, runs, wild) for name, each in stages.items()}
 
 
 @dataclasses.dataclass(frozen=True)

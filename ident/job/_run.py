@@ -14,24 +14,20 @@ from ..proof import GateCheck
 from ._beside import hand_on, leftovers
 from ._clocks import ClockState
 from ._diagnosis import DIAGNOSIS, write_diagnosis
-from ._draft import AbstractDraft
+from ._draft import AbstractDraft, Written
 from ._errors import UntoldError
-from ._fit_schema import FitSpec, TemperatureSpec
-from ._fragments import startup_fragment
 from ._gating import limits_of
 from ._job_result import JobResult, WholeAxis
 from ._json import result_json
 from ._judge import judge_files
-from ._lists import AxisFiles, axis_files
+from ._lists import AxisFiles, axis_files, startup_fragment
 from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
-from ._plc_names import temperature_names
+from ._plans import Plans, left_out, plan_all, untold_alone
 from ._result import AbstractResult, Remark
-from ._rooms import Plans, plan_all
 from ._source import Tables
-from ._untold import left_out, untold_alone
 from ._whole import judge_whole
 
 if TYPE_CHECKING:
@@ -95,9 +91,11 @@ def begin_job(
         raise
     cycles: dict[str, int] = {}
     for one in drafts:
-        if (spread := one.cycles(job)) is not None:
+        if one.written and (spread := one.cycles(job)) is not None:
             cycles[one.axis] = max(spread, cycles.get(one.axis, 0))
-    gates = [one.gate(job, cycles.get(one.axis)) for one in drafts]
+    gates = [
+        one.gate(job, cycles.get(one.axis)) if one.written else () for one in drafts
+    ]
     say("writing lists")
     files = tuple(
         axis_files(
@@ -115,7 +113,9 @@ def begin_job(
     for one, gate in zip(drafts, gates, strict=True):
         own = next(each for each in files if each.axis == one.axis)
         results.append(
-            one.prove(job, folder, gate, own, written[one.axis], cycles.get(one.axis))
+            one.prove(
+                Written(job, folder, own, written[one.axis], gate, cycles.get(one.axis))
+            )
         )
     by_axis = {one.axis: one for one in files}
     sums = [group.prove(job, by_axis) for group in groups]
@@ -234,15 +234,9 @@ def _names(job: Job) -> list[str]:
             f"achskw{number}.lis",
             f"achsmds{number}.lis",
             f"achsmds{number}.add.lis",
-            *_for_the_plc(fit),
+            *fit.plc_files,
         ]
     return names
-
-
-def _for_the_plc(fit: FitSpec) -> tuple[str, ...]:
-    """Return the names of what a fit may write for the PLC."""
-    named = isinstance(fit, TemperatureSpec)
-    return temperature_names(fit.axis) if named else ()
 
 
 def _fit_all(
@@ -267,9 +261,9 @@ def _fit_all(
             hand_on(job, plans, one, left)
     untold: list[UntoldError] = []
     alone = untold_alone(job, tables, plans)
-    order = sorted(plans.single, key=lambda k: fits[k].compensation != "backlash")
+    order = sorted(plans.single, key=lambda k: not fits[k].kind.fitted_first)
     for place, k in enumerate(order):
-        if k in alone and not isinstance(fits[k], TemperatureSpec):
+        if k in alone and not fits[k].kind.partial:
             drafts[k] = left_out(job, plans, k, alone[k])
             continue
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
@@ -280,10 +274,11 @@ def _fit_all(
                 untold.append(error)
             drafts[k] = left_out(job, plans, k, alone.get(k, error.reason))
             continue
-        if k in alone and one.switch is not None and not one.partial:
+        if k in alone and one.written and not one.partial:
             drafts[k] = left_out(job, plans, k, alone[k])
             continue
-        if one.axis not in [fits[later].axis for later in order[place + 1 :]]:
+        later = [fits[k].axis for k in order[place + 1 :]]
+        if not one.written or one.axis not in later:
             continue
         left.take(one.left_by())
         hand_on(job, plans, one, left)
@@ -311,7 +306,7 @@ def _with_whole(
             for one in files
         ),
         [
-            (*gate, *lines.get(one.axis, ())) if one.switch is not None else gate
+            (*gate, *lines.get(one.axis, ())) if one.written else gate
             for one, gate in zip(drafts, gates, strict=True)
         ],
     )
@@ -356,7 +351,7 @@ def _write(
         kinds = {f"achsmds{number}.lis", f"achsmds{number}.add.lis"}
         for fit in job.spec.fits:
             if fit.axis == one.axis:
-                kinds |= set(_for_the_plc(fit))
+                kinds |= set(fit.plc_files)
         stale = {one.compensation_name, *kinds} - set(contents) - set(one.extra)
         for name in sorted(stale):
             retired.append((name, folder.retire(name)))
@@ -373,15 +368,14 @@ def _write(
         retired.append((name, folder.retire(name)))
     write_diagnosis(job, folder, files, failed)
     moved = [
-        Remark(
-            "warning",
+        Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
-            " the lists of this run.",
+            " the lists of this run."
         )
         for name, earlier in retired
         if earlier is not None
     ]
-    moved += [Remark("warning", words) for words in folder.remarks]
+    moved += [Remark.warning(words) for words in folder.remarks]
     return written, moved
 
 

@@ -1,15 +1,25 @@
 """The job file as data: every key, its type and its default (interface.md)."""
 
 import datetime
-from typing import Annotated, Any, Literal
+import functools
+import operator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from ._fit_schema import AnyFit, JobPart
+from ..kinds import NAMES
+from ..kinds._keys import FitSpec, JobPart
+from ..kinds._parts import keys_of
 
-Compensation = Literal[
-    "backlash", "temperature", "cross", "plane", "leadscrew", "friction", "crosstalk"
-]
+if TYPE_CHECKING:  # both follow from the table of kinds
+    Compensation = str
+    AnyFit = FitSpec
+else:
+    Compensation = Literal[NAMES]
+    AnyFit = Annotated[
+        functools.reduce(operator.or_, map(keys_of, NAMES)),
+        Field(discriminator="compensation"),
+    ]
 Number = Annotated[int, Field(ge=1, le=65535)]
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -70,6 +80,11 @@ class Axis(JobPart, frozen=True):
     """Range in ° of an axis that turns. Example: `[0.0, 360.0]`."""
     gantry: str | None = None
     """The other axis of a gantry: both need the same lists. Example: `"Y2"`."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of its positions: mm or °."""
+        return "mm" if self.kind == "linear" else "°"
 
 
 class ColumnChoice(JobPart, frozen=True):

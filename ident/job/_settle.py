@@ -37,10 +37,9 @@ def settled_by(
             elif rule.decides == "owner" and again.acts and sign > 0:
                 votes.setdefault(rule.name, set()).add(rule.value)
     remarks = [
-        Remark(
-            "warning",
+        Remark.warning(
             f"{name}: axes contradict each other, nothing is saved: one of the instruments"
-            " counts the other way round.",
+            " counts the other way round."
         )
         for name, values in votes.items()
         if len(values) > 1
@@ -62,12 +61,11 @@ def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Re
     remarks = []
     for name in stored.contradicted(settled):
         remarks.append(
-            Remark(
-                "warning",
+            Remark.warning(
                 f"{name} = {stored.conventions.to_dict()[name]} in {path} was settled"
                 f" before and stays; the second measurement says {settled.pop(name)}."
                 " Either the controller has changed or the instrument counts the other"
-                " way round: take a log of the drive position (axcomp verify --save).",
+                " way round: take a log of the drive position (axcomp verify --save)."
             )
         )
     values = stored.conventions.to_dict()
@@ -82,7 +80,7 @@ def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Re
     if words:
         own = os.path.relpath(path, job.path.parent)
         hint = "" if named else f' Name it in the job: [machine] conventions = "{own}".'
-        remarks.append(Remark("info", f"Settled and saved in {path}: {words}.{hint}"))
+        remarks.append(Remark.info(f"Settled and saved in {path}: {words}.{hint}"))
     return remarks
 
 

@@ -15,6 +15,7 @@ from ...data.measurements import (
     PlainRows,
     Table,
     derive_error,
+    derive_motion,
     explain_direction,
     measurement,
     open_large,
@@ -22,26 +23,29 @@ from ...data.measurements import (
     with_error,
     without_motion,
 )
+from ...models import Conventions
+from ..kinds._keys import FitSpec
 from ._clocks import ClockState
-from ._fit_schema import FitSpec, FrictionSpec
 from ._joined import JoinedFiles, join_files
 from ._load import Job
 from ._reference import (
+    Wanted as Wanted,
     at_reference as at_reference,
     reduced_to_reference,
+    wanted_by as wanted_by,
     words_of_reference,
 )
 from ._remove import without_zero
-from ._wanted import (
-    Wanted as Wanted,
-    masters_of as masters_of,
-    wanted_by as wanted_by,
-)
 
+POSITION_ORDER = {
+    "command": ("position", "encoder", "actual"),
+    "actual": ("encoder", "actual", "position"),
+}
+"""Roles that tell where an axis is, the first that is there, by `crosstalk_input`."""
 PROFILE_FORMATS = ("Klipper bed mesh",)
 """Formats of which one file may hold several surfaces, by name."""
 
-_ABSURD = 1e9
+ABSURD = 1e9
 """mm or °: a thousand kilometres, or some million turns."""
 
 
@@ -74,7 +78,7 @@ class Tables:
     @functools.cached_property
     def _plain_rows(self) -> PlainRows | None:
         """What reads plain rows fast: machine code, where a fit of the job needs it anyway."""
-        if not any(isinstance(fit, FrictionSpec) for fit in self.job.spec.fits):
+        if not any(fit.kind.compiles for fit in self.job.spec.fits):
             return None
         from ._plain_rows import plain_rows  # takes long to load
 
@@ -246,6 +250,21 @@ def read_rows(
     )
 
 
+def motion_of(
+    measured: Measurement, axis: str, what: str, rules: Conventions
+) -> tuple[np.ndarray, list[str]]:
+    """Return velocity or acceleration as recorded, else derived, and what to say of it."""
+    given = measured.get(f"{axis}.{what}")
+    if given is not None:
+        return np.asarray(given, dtype=float), []
+    motion = derive_motion(measured, axis, order=POSITION_ORDER[rules.crosstalk_input])
+    words = (
+        f"The {what} of {axis} was not recorded: it is derived from the position, up to"
+        f" {motion.bandwidth:.3g} Hz."
+    )
+    return np.asarray(getattr(motion, what), dtype=float), [words]
+
+
 def refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None:
     """Raise at a length or angle that no machine has: a marker for "no reading".
 
@@ -254,12 +273,12 @@ def refuse_absurd(measured: Measurement, role: str, values: np.ndarray) -> None:
     Raises:
         MeasurementError: Naming its line.
     """
-    wrong = np.flatnonzero(np.abs(values) > _ABSURD)
+    wrong = np.flatnonzero(np.abs(values) > ABSURD)
     if wrong.size:
         at = int(wrong[0])
         reason = (
             f"line {measured.lines[at]}: found {values[at]:g} mm or ° for {role},"
-            f" expected less than {_ABSURD:g}"
+            f" expected less than {ABSURD:g}"
         )
         raise MeasurementError(str(measured.source), reason)
 

@@ -3,20 +3,18 @@
 import abc
 import dataclasses
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import final
 
 import numpy as np
 
 from ...data.lists import ListFile, Value
+from ..exchange import ExchangeError
+from ..kinds._keys import FitSpec, TableSpec
 from ..proof import GateCheck
-from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Switch
-from ._fit_schema import FitSpec, TableSpec
+from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Written
 from ._fitting import AbstractFitted, Fitted, fit_plan
-from ._gating import cycles_for, pass_gate
-from ._lists import AxisFiles
+from ._gating import chosen_cycles, cycles_for, jump_of, pass_gate, switching_checks
 from ._load import Job
-from ._output import OutFolder
 from ._plan import plan_fit
 from ._prove import Proof, offset_at_readings, prove, result_of
 from ._readings import read_fit
@@ -24,16 +22,8 @@ from ._remove import without_zero
 from ._result import Remark, TableResult
 from ._second import SecondMeasurement
 from ._source import Tables
-from ._switching import jump_of, switching_checks
-from ._table_entries import refuse_misread, restart_of_table, table_entries
 from ._trend import refuse_unowned_trend
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
-
-_CONVENTIONS = {
-    "plane": ("plane_",),
-    "cross": ("cross_",),
-    "leadscrew": ("leadscrew_", "direction_source", "start_direction"),
-}
 
 
 def plan_table(
@@ -96,14 +86,9 @@ class AbstractTableDraft(AbstractDraft):
     one: AbstractFitted
 
     @property
-    def compensation(self) -> str:
-        return self.one.plan.table.compensation
-
-    @property
-    def switch(self) -> Switch:
-        keyword = self.one.plan.table.keyword
-        whose = "it is" if keyword == "LEAD" else "its masters are"
-        return Switch(keyword, f"Works once {whose} referenced")
+    def needs(self) -> str:
+        whose = "it is" if self.fit.lengths else "its masters are"
+        return f"Works once {whose} referenced"
 
     @property
     def replaces(self) -> tuple[str, ...]:
@@ -113,7 +98,7 @@ class AbstractTableDraft(AbstractDraft):
         return table_entries(job, self.one)
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
-        values: dict[str, Value] = {self.one.plan.table.activation: 1}
+        values: dict[str, Value] = super().machine_entries(job, cycles)
         if self._bilateral and cycles is not None:
             # A bilateral table contains the backlash; the parameter beside it would
             # compensate it twice.
@@ -127,11 +112,10 @@ class AbstractTableDraft(AbstractDraft):
         if not listing.integer("lr_param.anwahl_losekomp"):
             return []
         return [
-            Remark(
-                "warning",
+            Remark.warning(
                 f"{listing.source}: backlash compensation is switched off"
                 " (anwahl_losekomp 0), since the bilateral leadscrew table contains"
-                " the backlash.",
+                " the backlash."
             )
         ]
 
@@ -176,27 +160,12 @@ class AbstractTableDraft(AbstractDraft):
             float(np.std(added)),
         )
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> TableResult:
-        frame = self.frame(job, gate, files, _CONVENTIONS[self.compensation])
-        proof = self.proof(folder, written)
-        return result_of(job, self.one, proof, frame, files, written, cycles)
+    def prove(self, done: Written) -> TableResult:
+        return result_of(self.one, self.proof(done), self.frame(done), done)
 
     @abc.abstractmethod
-    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
-        """Return the proof of the fit: its file, read back.
-
-        Args:
-            folder: Where the files lie.
-            written: Their names in the folder, the compensation list first.
-        """
+    def proof(self, done: Written) -> Proof:
+        """Return the proof of the fit: its file, read back."""
 
     @property
     def _bilateral(self) -> bool:
@@ -222,8 +191,8 @@ class TableDraft(AbstractTableDraft):
             (self.axis, name): added[rows] for name, rows in one.readings.slices.items()
         }
 
-    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
-        return prove(folder, self.one, written)
+    def proof(self, done: Written) -> Proof:
+        return prove(self.one, done)
 
 
 @final
@@ -237,5 +206,66 @@ class StreamedDraft(AbstractTableDraft):
     def in_memory(self) -> bool:
         return False
 
-    def proof(self, folder: OutFolder, written: tuple[Path, ...]) -> Proof:
-        return prove_streamed(folder, self.one, written)
+    def proof(self, done: Written) -> Proof:
+        return prove_streamed(self.one, done)
+
+
+def table_entries(job: Job, one: AbstractFitted) -> dict[str, Value]:
+    """Return the entries of one table, with the options of its fit.
+
+    Raises:
+        JobError: If it fits no list of the controller's build.
+    """
+    plan = one.plan
+    spec, prefix = plan.fit, plan.table.prefix
+    try:
+        found: dict[str, Value] = dict(
+            plan.table.entries(
+                one.integers,
+                existing=plan.existing,
+                max_points=spec.max_points,
+                build=job.spec.controller.build,
+            )
+        )
+    except ExchangeError as error:
+        raise job.error(("fits", plan.index), str(error)) from None
+    options = {
+        "n_cycles": chosen_cycles(job, one),
+        "manual_activation": spec.manual_activation,
+    }
+    sizes = {key: value for key, value in found.items() if "[" not in key}
+    table = {key: value for key, value in found.items() if "[" in key}
+    chosen = {
+        f"{prefix}.{key}": int(value)
+        for key, value in options.items()
+        if value is not None
+    }
+    return sizes | chosen | table
+
+
+def refuse_misread(job: Job, listing: ListFile, one: AbstractFitted) -> None:
+    """Raise where the bytes to be written, read back, are not the table that was fitted.
+
+    Raises:
+        JobError: Naming the list; nothing has been written then.
+    """
+    table = one.plan.table
+    back = table.read(ListFile.parse(listing.dumps(), listing.source))
+    if not np.array_equal(table.to_integers(table.at_nodes(back)), one.integers):
+        raise job.error(
+            ("fits", one.plan.index),
+            f"found another table in {listing.source} when it was read back, expected"
+            " the one that was fitted",
+        )
+
+
+def restart_of_table(
+    existing: ListFile, listing: ListFile, one: AbstractFitted
+) -> str | None:
+    """Return why a table needs a restart, or None where a reload is enough."""
+    table = one.plan.table
+    name = f"{table.prefix}.max_points"
+    if existing.integer(name) == listing.integer(name):
+        return None
+    number = one.plan.fit.kind.resized
+    return f"{name} changes (a reload would end in error {number})"

@@ -16,7 +16,6 @@ from ..fit import TableFit
 from ._gating import limits_of
 from ._load import Job
 from ._plan import Plan
-from ._source import masters_of
 
 _SURE = 3.0
 """Standard deviations from which a constant or a slope is none by chance."""
@@ -133,7 +132,7 @@ def refuse_unowned_trend(job: Job, plan: Plan, fit: TableFit) -> None:
 
 def trend_words(job: Job, plan: Plan, trend: Trend) -> str:
     """Return constant and slopes with unit and standard deviation."""
-    axes, masters = job.spec.axes, masters_of(plan.fit)
+    axes, masters = job.spec.axes, plan.fit.over
     linear = axes[plan.fit.axis].kind == "linear"
     unit = "µm" if linear else "0.001°"
     words = [

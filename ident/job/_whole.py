@@ -9,6 +9,7 @@ import numpy as np
 from ...data.measurements import MeasurementError
 from ...models import TemperatureCurve
 from ..exchange import ExchangeError, Motion
+from ..kinds import kind
 from ..proof import GateCheck, Measured, gate_check
 from ..proof.axis import (
     Loaded,
@@ -20,7 +21,7 @@ from ..proof.axis import (
     switching_cycles,
     warm_states,
 )
-from ._acting import acting_after, acting_before, adds_nothing, ranges_of
+from ._acting import acting_after, acting_before, ranges_of
 from ._draft import AbstractDraft, AxisLists
 from ._gating import limits_of
 from ._job_result import WholeAxis
@@ -30,12 +31,6 @@ from ._outside import read_error
 from ._result import Remark
 from ._source import Tables
 
-_CYCLES = {
-    "cross": ("kw.crosscomp.n_cycles", 20),
-    "plane": ("kw.crosscomp2.n_cycles", 20),
-    "temperature": ("lr_param.temp_comp_n_cycles", 19),
-}
-"""Entry that spreads the coming and going of a compensation, and its largest value."""
 _Read = tuple[Measured, Mapping[str, np.ndarray]]
 """The error of an axis in one measurement, and the temperatures in it."""
 
@@ -60,7 +55,9 @@ def judge_whole(
     every = {one.axis: one for one in files}
     for own in files:
         mine = [k for k, draft in enumerate(drafts) if draft.axis == own.axis]
-        acting = {k: drafts[k] for k in mine if drafts[k].jump(job) > 0}
+        acting = {
+            k: drafts[k] for k in mine if drafts[k].written and drafts[k].jump(job) > 0
+        }
         if not acting:
             continue
         axis = _Axis(tables, own.axis, tuple(acting.values()), lists[own.axis])
@@ -106,7 +103,7 @@ class _Axis:
 
     @property
     def unit(self) -> str:
-        return "mm" if self.job.spec.axes[self.name].kind == "linear" else "°"
+        return self.job.spec.axes[self.name].unit
 
     def has_others(self) -> bool:
         """Return whether its existing lists hold more than what the fits write.
@@ -129,7 +126,7 @@ class _Axis:
         return tuple(
             name
             for name, one in loaded.used.items()
-            if name in fitted or not adds_nothing(one)
+            if name in fitted or not kind(name).entries.adds_nothing(one.listing)
         )
 
     def alone(self, draft: AbstractDraft, lines: Sequence[GateCheck]) -> WholeAxis:
@@ -164,9 +161,10 @@ class _Axis:
         limit, found = limits_of(self.job).max_switching, []
         fitted = {draft.compensation for draft in self.drafts}
         for name, jump in jumps.items():
-            if name not in _CYCLES or name in fitted:
+            cycles = kind(name).cycles
+            if cycles is None or name in fitted:
                 continue
-            entry, most = _CYCLES[name]
+            entry, most = cycles
             listing = loaded.used[name].listing
             wanted = switching_cycles(jump, limit, listing.integer(entry), most)
             if wanted is None:
@@ -177,14 +175,14 @@ class _Axis:
                 f" {listing.integer(entry) or 0} cycles: set {entry} {wanted}, so that"
                 f" a cycle brings no more than {limit:g} {self.unit} (max_switching)."
             )
-            found.append(Remark("warning", words))
+            found.append(Remark.warning(words))
         return found
 
     def unread(self, error: ExchangeError) -> WholeAxis:
         """Return an axis of which a list cannot be read."""
         words = f"What acts on {self.name} was not judged as a whole: {error}"
         names = tuple(draft.compensation for draft in self.drafts)
-        return self._whole(names, (), {}, (), [Remark("warning", words)])
+        return self._whole(names, (), {}, (), [Remark.warning(words)])
 
     def _whole(
         self,
@@ -204,7 +202,7 @@ class _Axis:
                 f" where {name} is homed (datum), take the bulk of it out mechanically,"
                 " or raise max_jump in [gate] if the builder of the machine allows it."
             )
-            remarks = [*remarks, Remark("error", words)]
+            remarks = [*remarks, Remark.error(words)]
         return WholeAxis(
             axis=name,
             compensations=names,
@@ -280,13 +278,15 @@ class _Axis:
                 reason = f"it lacks what {', '.join(lacking)} follows"
                 remarks.append(self._unknown(source, reason))
                 continue
-            known, kind = (
-                spec.remove == "none" and spec.datum is None,
-                draft.compensation,
-            )
+            known = spec.remove == "none" and spec.datum is None
             found.append(
                 judge_together(
-                    source, kind, measured.error, added, draft.predicted, known
+                    source,
+                    draft.compensation,
+                    measured.error,
+                    added,
+                    draft.predicted,
+                    known,
                 )
             )
         return found
@@ -295,7 +295,7 @@ class _Axis:
         words = (
             f"What all that acts on {self.name} leaves of measurement {source!r} is not"
         )
-        return Remark("info", f"{words} known: {why}.")
+        return Remark.info(f"{words} known: {why}.")
 
     @functools.cached_property
     def _measured(self) -> list[tuple[AbstractDraft, str, _Read | str]]:
@@ -330,14 +330,13 @@ class _Axis:
         others = [name for name in names if name != one.compensation]
         warm = (
             ""
-            if "temperature" not in names
+            if not any("temperature" in kind(name).follows for name in names)
             else (
                 " Lengths that were not measured at the reference temperature are brought"
                 " there by expansion and material_temperature."
             )
         )
-        return Remark(
-            "error",
+        return Remark.error(
             f"With all that will act on {self.name}, {one.together:.4g} {self.unit} rms"
             f" are left of measurement {one.measurement!r}, where the"
             f" {one.compensation} alone leaves {one.alone:.4g} {self.unit}: it and"
@@ -379,6 +378,6 @@ def _with_partner(
                 f' ([[fits]] with axis = "{partner}"), or give its list ([axes.{partner}]'
                 " list = …) if it has one."
             )
-            remarks = (*remarks, Remark("error", words))
+            remarks = (*remarks, Remark.error(words))
         whole = dataclasses.replace(whole, gate=(*whole.gate, check), remarks=remarks)
     return whole

@@ -31,6 +31,16 @@ class Kind:
             start-up; None: it has no such number.
         demanded: Whether P-AXIS-00465 can demand it in automatic mode.
         adds_current: It adds to the current of the motor, and not to a position.
+        follows: What it acts over: ``position``, ``direction``, ``velocity`` or
+            ``acceleration`` of axes, ``temperature`` of sensors.
+        table: Its values lie at nodes over positions: its readings may be read in pieces,
+            and what acts beside it taken off them.
+        takes_constant: Rank by which it takes the constant error of an axis over from
+            others of its group; None: its list cannot hold one.
+        fitted_first: It is fitted before the tables of its axis, which take what it leaves.
+        partial: It may be written without what its readings do not tell.
+        often_open: Readings may not tell it even where it is the only fit of its axis.
+        compiles: Its fit loads JAX in any case, and so may what reads the measurements.
         conventions: Beginnings of the names of the rules that its sign and owner rest on.
         noun: How a sentence calls it: ``the cross table``.
         manual: Entry that makes it wait for COMP ON; None: it has none.
@@ -55,6 +65,13 @@ class Kind:
     resized: int | None = None
     demanded: bool = True
     adds_current: bool = False
+    follows: frozenset[str] = frozenset()
+    table: bool = False
+    takes_constant: int | None = None
+    fitted_first: bool = False
+    partial: bool = False
+    often_open: bool = False
+    compiles: bool = False
     noun: str = ""
     manual: str | None = None
     owner: str | None = None

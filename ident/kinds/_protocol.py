@@ -40,6 +40,7 @@ class AbstractEntries(abc.ABC):
         stale: Entries of its structure that go before new ones are written, by their
             beginnings.
         comes_last: It may look up the position with what the others add.
+        columns: Columns of its table in a list; none: it is no table.
         coupled: The controller takes it as `Coupled`: with other axes, or with cycles.
     """
 
@@ -49,6 +50,7 @@ class AbstractEntries(abc.ABC):
     units: tuple[str, ...] = ("mm", "deg")
     stale: tuple[str, ...] = ("table[",)
     comes_last: bool = False
+    columns: tuple[str, ...] = ()
     coupled: bool = True
 
     # ------------------------------------------------------------------ where it stands
@@ -64,6 +66,11 @@ class AbstractEntries(abc.ABC):
             ExchangeError: If its entry is unreadable.
         """
         return flag(machine, self.kind.activation)
+
+    def adds_nothing(self, listing: ListFile) -> bool:
+        """Whether a list holds nothing but zeros of it."""
+        tables = [listing.table(self.kind.prefix, name) for name in self.columns]
+        return bool(tables) and not any(any(table.values()) for table in tables)
 
     def activation(self) -> dict[str, int | str]:
         """Return the entry of an axis list that switches it on."""

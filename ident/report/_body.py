@@ -3,8 +3,26 @@
 import dataclasses
 from collections.abc import Sequence
 
-from ._plot import Plot
+from matplotlib.figure import Figure
+
 from ._words import WildRow
+
+
+@dataclasses.dataclass(frozen=True)
+class Plot:
+    """One plot of the report.
+
+    Attributes:
+        name: Part of the file name in ``plots/``, in lower case with hyphens.
+        title: Heading over the plot.
+        figure: The drawing.
+        caption: What the reader should see in *this* data, computed from it.
+    """
+
+    name: str
+    title: str
+    figure: Figure
+    caption: str
 
 
 @dataclasses.dataclass(frozen=True)

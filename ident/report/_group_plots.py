@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from . import _style as style
-from ._plot import Plot
+from ._body import Plot
 from ._scale import Scale, grouped, number, scale_of
 
 if TYPE_CHECKING:

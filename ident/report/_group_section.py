@@ -1,12 +1,12 @@
 """A group of fits that were identified together, as a section of the page."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ..job import Code, Remark
+from ._body import Plot
 from ._group_plots import share_plot, sum_plot
-from ._plot import Plot
 from ._scale import count, number, percent, scale_of
 from ._section import Section
 
@@ -153,15 +153,13 @@ def _effect_rows(group: "GroupResult", sections: Sequence[Section]) -> list[Effe
     return rows
 
 
-def _facts(group: "GroupResult") -> list[tuple[str, str]]:
+def _facts(group: "GroupResult") -> Iterator[tuple[str, str]]:
     what = "run" if group.held_out == "run" else "stretch of the recording"
-    facts = [
-        (
-            "Held out",
-            f"A whole {what} at a time; all effects are fitted anew without it, and the"
-            " whole sum is compared with what was read there.",
-        )
-    ]
+    yield (
+        "Held out",
+        f"A whole {what} at a time; all effects are fitted anew without it, and the"
+        " whole sum is compared with what was read there.",
+    )
     for one in group.axes:
         scale = scale_of(one.unit)
         words = f"{count(int(one.rows.size), 'reading')}"
@@ -173,6 +171,5 @@ def _facts(group: "GroupResult") -> list[tuple[str, str]]:
                 f"; offsets of {count(len(one.runs), 'run')} up to"
                 f" {number(largest * scale.factor)} {scale.error}"
             )
-        facts.append((f"Readings of {one.axis}", f"{words}."))
-    facts.append(("The fit itself", group.message))
-    return facts
+        yield (f"Readings of {one.axis}", f"{words}.")
+    yield ("The fit itself", group.message)

@@ -6,8 +6,8 @@ from jaxtyping import Bool, Float
 
 from ...data.measurements import Iso230, describe_iso230, iso230
 from ..job import SampleView, TableResult
+from ._body import Plot
 from ._iso_chart import draw_iso_chart
-from ._plot import Plot
 
 
 def iso_plot(fit: TableResult) -> Plot | None:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from ..job import TableResult
 from . import _style as style
-from ._plot import Plot
+from ._body import Plot
 from ._readings import Readings
 from ._scale import Scale, count, grouped, number, place
 

@@ -8,6 +8,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..job import TableResult
 from . import _style as style
+from ._body import Plot
 from ._plane import (
     PlaneTable,
     bar,
@@ -21,7 +22,6 @@ from ._plane import (
     spread_limits,
     symmetric,
 )
-from ._plot import Plot
 from ._readings import Readings
 from ._scale import Scale, count, grouped, number, percent
 

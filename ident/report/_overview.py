@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from ..job import AbstractResult, JobResult, TableResult
 from . import _style as style
+from ._body import Plot
 from ._maps import mean_by_cell
 from ._plane import PlaneTable, bar, heat, label, plane_table
-from ._plot import Plot
 from ._readings import Readings, readings_of
 from ._scale import Scale, number, scale_of
 

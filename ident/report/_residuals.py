@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from ..job import TableResult
 from . import _style as style
-from ._plot import Plot
+from ._body import Plot
 from ._readings import Bins, Readings, bin_means, robust_limit
 from ._scale import Scale, grouped, number, percent, place
 

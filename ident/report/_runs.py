@@ -4,7 +4,7 @@ import numpy as np
 
 from ..job import TableResult
 from . import _style as style
-from ._plot import Plot
+from ._body import Plot
 from ._scale import Scale, number
 
 

@@ -3,8 +3,8 @@
 import dataclasses
 
 from ..job import AbstractResult, ErrorFigures, Remark
-from ._bodies import body_of
-from ._plot import Plot
+from ..kinds._parts import page_of
+from ._body import Body, Plot
 from ._scale import Scale, percent, scale_of
 from ._verdict import Headline, headline_of
 from ._words import WildRow
@@ -172,3 +172,15 @@ def summary_row(section: Section) -> tuple[str, ...]:
 def _plain(name: str) -> str:
     """Return a name that is safe in a file name and an anchor."""
     return "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in name)
+
+
+def body_of(fit: AbstractResult, scale: Scale) -> Body:
+    """Return plots, facts and wild readings of a fit."""
+    if not fit.left_out:
+        return page_of(fit.compensation).body(fit, scale)
+    # Whatever kind it was to be: its readings do not tell it.
+    from ..job import LeftOutResult
+    from ._left_out_body import left_out_body
+
+    assert isinstance(fit, LeftOutResult)
+    return left_out_body(fit, scale)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from . import _style as style
-from ._plot import Plot
+from ._body import Plot
 from ._readings import Readings
 from ._scale import Scale, number, percent
 

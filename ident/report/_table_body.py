@@ -1,11 +1,10 @@
 """Plots and sentences of a plane, cross or leadscrew table."""
 
 from ..job import TableResult
-from ._body import Body
+from ._body import Body, Plot
 from ._iso import iso_plot
 from ._lines import change_plot, curve_plot
 from ._maps import change_maps, coverage_maps, error_map, remainder_map
-from ._plot import Plot
 from ._readings import Readings, readings_of
 from ._residuals import residual_plot
 from ._runs import runs_plot
@@ -19,7 +18,7 @@ def table_body(fit: TableResult, scale: Scale) -> Body:
     readings = readings_of(fit, scale)
     return Body(
         plots=_plots(fit, readings, scale),
-        facts=how_it_was_made(fit, readings, scale),
+        facts=[*how_it_was_made(fit, readings, scale)],
         wild=wild_rows(fit, readings, scale),
         wild_count=readings.total_wild,
         wild_runs=fit.samples.run is not None,

@@ -1,6 +1,7 @@
 """What a fit found, in sentences: the verdict, and how the table was made."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ._scale import Scale, count, grouped, number, percent, place
 
 def how_it_was_made(
     fit: TableResult, readings: Readings, scale: Scale
-) -> list[tuple[str, str]]:
+) -> Iterator[tuple[str, str]]:
     """Return pairs of a heading and a plain sentence on how the table was found."""
     own = fit.fit
     unit = scale.error
@@ -29,16 +30,14 @@ def how_it_was_made(
             f"{number(own.line_offset * scale.factor)} {unit} (1 sd), is assumed on top: one "
             "probing cannot show it. Probe twice to know."
         )
-    facts = [
-        ("Noise", noise),
-        ("Wild readings", _loss(own.loss, readings)),
-        ("Smoothness", smoothness_sentence(fit, scale)),
-        (
-            "Rounding",
-            f"Rounding to whole list units moves the table by at most "
-            f"{number(fit.rounding * scale.factor)} {unit}.",
-        ),
-    ]
+    yield ("Noise", noise)
+    yield ("Wild readings", _loss(own.loss, readings))
+    yield ("Smoothness", smoothness_sentence(fit, scale))
+    yield (
+        "Rounding",
+        f"Rounding to whole list units moves the table by at most "
+        f"{number(fit.rounding * scale.factor)} {unit}.",
+    )
     if fit.streamed is not None and fit.streamed.every > 1:
         shown = (
             f"{grouped(fit.readings)} readings were read in pieces, and the table and the "
@@ -46,14 +45,12 @@ def how_it_was_made(
             f"slices and cells, is one reading in {grouped(fit.streamed.every)} "
             f"({grouped(readings.size)})."
         )
-        facts.append(("Shown", shown))
+        yield ("Shown", shown)
     if fit.cycles is not None:
-        facts.append(
-            (
-                "Reversal",
-                f"The jump between the two directions is spread over {fit.cycles} "
-                "cycles (n_backlash_cyc, P-AXIS-00243).",
-            )
+        yield (
+            "Reversal",
+            f"The jump between the two directions is spread over {fit.cycles} "
+            "cycles (n_backlash_cyc, P-AXIS-00243).",
         )
     suspects = []
     if own.suspect_nodes:
@@ -66,9 +63,8 @@ def how_it_was_made(
         runs = ", ".join(str(run) for run in own.suspect_runs)
         suspects.append(f"Contradicts the other runs: run {runs}.")
     if suspects:
-        facts.append(("Suspect", " ".join(suspects)))
-    facts.append(("The fit itself", _fit_message(own.message, own.converged)))
-    return facts
+        yield ("Suspect", " ".join(suspects))
+    yield ("The fit itself", _fit_message(own.message, own.converged))
 
 
 def _fit_message(message: str, converged: bool) -> str:

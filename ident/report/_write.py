@@ -10,9 +10,9 @@ import markupsafe
 from .._job_text import job_text
 from ..job import JobResult, write_atomically
 from . import _style as style
+from ._body import Plot
 from ._group_section import GroupSection, group_section
 from ._overview import overview_plot
-from ._plot import Plot
 from ._section import Section, section_of, summary_row
 from ._verdict import front_of
 

@@ -12,11 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
 from axcomp.ident.job import TableResult
+from axcomp.ident.report._body import Plot
 from axcomp.ident.report._damping import damped_wavelengths
 from axcomp.ident.report._lines import change_plot, curve_plot
 from axcomp.ident.report._maps import cell_means, coverage_maps, error_map
 from axcomp.ident.report._plane import _rectangles, plane_table
-from axcomp.ident.report._plot import Plot
 from axcomp.ident.report._readings import bin_means, readings_of
 from axcomp.ident.report._residuals import residual_plot
 from axcomp.ident.report._runs import runs_plot

@@ -5,16 +5,13 @@ from collections.abc import Mapping, Sequence
 
 from ...exchange import ExchangeError
 from ...fit import FitError
+from .._checks import groups_of
 from .._draft import AbstractDraft, AxisLists
-from .._group_faults import groups_of
 from .._load import Job
 from .._source import Tables
-from ._apart import bent_by_heat, together
 from ._identify import IdentifiedGroup, identify_group
 from ._left_out import LeftOutDraft
-from ._member import AbstractMember
-from ._members import members_of
-from ._needs import needs_of
+from ._member import AbstractMember, members_of, needs_of
 from ._proof import GroupDraft
 from ._recording import GroupRecording, read_group
 from ._share import Share
@@ -46,15 +43,17 @@ class GroupPlan:
             JobError: If the readings cannot carry the fit, or a result fits no list.
         """
         every = self.members
-        recording = read_group(tables, [one.spec for one in every], needs_of(every))
+        recording = read_group(tables, [one.fit for one in every], needs_of(every))
         where = ("fits", every[0].index)
         unfit = {}
         for k, one in enumerate(every):
-            why = one.unfit(recording) or bent_by_heat(job, one, every, recording)
-            if why or (len(every) == 1 and (why := together(one, recording.data))):
+            why = one.unfit(recording) or one.confused(job, every, recording)
+            if len(every) == 1:
+                why = why or one.undetermined(recording.data)
+            if why:
                 unfit[k] = why
         members = tuple(one for k, one in enumerate(every) if k not in unfit)
-        sources = ", ".join(every[0].spec.sources)
+        sources = ", ".join(every[0].fit.sources)
         start = f"group {self.name!r} from {sources}"
         if not members:
             reason = "; ".join(f"{every[k].name}: {why}" for k, why in unfit.items())
@@ -70,7 +69,7 @@ class GroupPlan:
         for one, share in zip(members, shares, strict=True):
             drafts.append(_draft(job, one, share))
         left_out = tuple(
-            LeftOutDraft(one.index, one.spec, one.lists, one.name, unfit[k])
+            LeftOutDraft(one.index, one.fit, one.lists, one.name, unfit[k])
             for k, one in enumerate(every)
             if k in unfit
         )
@@ -111,7 +110,7 @@ def _share(
         tables=tuple(
             found.parts[j].name
             for j in beside
-            if members[j].holds_constant and found.written[j]
+            if members[j].takes_constant and found.written[j]
         ),
         recording=recording,
         fit=found.fit,
@@ -125,11 +124,11 @@ def _share(
 def _draft(job: Job, one: AbstractMember, share: Share) -> AbstractDraft:
     if not share.written:
         name = share.part.name
-        return LeftOutDraft(one.index, one.spec, one.lists, name, "", share)
+        return LeftOutDraft(one.index, one.fit, one.lists, name, "", share)
     try:
         return one.draft(job, share)
     except FitError as error:
         name = share.part.name
-        return LeftOutDraft(one.index, one.spec, one.lists, name, str(error), share)
+        return LeftOutDraft(one.index, one.fit, one.lists, name, str(error), share)
     except ExchangeError as error:
         raise job.error(("fits", one.index), f"{one.name}: {error}") from None

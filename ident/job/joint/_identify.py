@@ -1,7 +1,7 @@
 """The joint fit of a group, and what readings left out say of it."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -19,7 +19,6 @@ from ...fit.joint import (
 from .._load import Job
 from ._member import AbstractMember
 from ._recording import GroupRecording
-from ._share import TABLES, lost
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +57,9 @@ def identify_group(
     fit = _fit(members, recording, [*effects, *helpers])
     count = len(effects)
     parts = fit.parts[:count]
-    written = tuple(_may_be_written(part, fit) for part in parts)
+    written = tuple(
+        one.may_be_written(part, fit) for one, part in zip(members, parts, strict=True)
+    )
     constant, left = _datum(members, fit, written)
     return IdentifiedGroup(
         fit=fit,
@@ -69,13 +70,6 @@ def identify_group(
         left_constant=left,
         held_out=_held_out(recording, fit),
     )
-
-
-def _may_be_written(part: Part, fit: JointFit) -> bool:
-    if part.effect.compensation == "crosstalk":
-        # Written test by test: those that are told.
-        return bool(part.effect.table(part.determined.astype(float)).all(axis=0).any())
-    return bool(part.determined.any()) and not lost(part, fit)
 
 
 def _effects(
@@ -109,27 +103,23 @@ def _effects(
 
 def _helpers(
     members: Sequence[AbstractMember], recording: GroupRecording
-) -> list[AbstractEffect]:
+) -> Iterator[AbstractEffect]:
     """Return what must stand beside the members, so that they show what is theirs.
 
     A line over the position that no temperature moves belongs to the leadscrew of its
     axis; where the group has none, it is fitted and left where it is.
     """
-    screws = {one.axis for one in members if one.spec.compensation == "leadscrew"}
-    found: list[AbstractEffect] = []
+    screws = {one.axis for one in members if one.takes_line}
     for one in members:
-        if one.spec.compensation != "temperature" or not one.positions:
-            continue
-        if one.axis not in screws:
+        if one.needs_line and one.axis not in screws:
             place = recording.data.position[one.axis]
             ends = np.array([np.nanmin(place), np.nanmax(place)], dtype=float)
             if ends[1] > ends[0]:
-                found.append(Leadscrew(one.axis, ends))
+                yield Leadscrew(one.axis, ends)
     if recording.timed:
         # What is left of the delay of the instrument, and of the rate of its clock.
         own = dict.fromkeys(one.axis for one in members if one.axis in recording.moving)
-        found += [Delay(axis) for axis in own]
-    return found
+        yield from (Delay(axis) for axis in own)
 
 
 def _fit(
@@ -137,11 +127,11 @@ def _fit(
     recording: GroupRecording,
     effects: Sequence[AbstractEffect],
 ) -> JointFit:
-    tables = [one.spec for one in members if one.holds_constant]
+    tables = [one.fit for one in members if one.takes_constant]
     return fit_joint(
         recording.data,
         effects,
-        loss=members[0].spec.loss,
+        loss=members[0].fit.loss,
         smoothness=tables[0].smoothness if tables else "auto",
         drift=recording.drift,
     )
@@ -153,11 +143,10 @@ def _datum(
     """Return the constant of each axis where a table takes it, and what is left."""
     left = {axis: float(value) for axis, (value, _) in fit.datum.items()}
     constant = [0.0] * len(members)
-    for kind in TABLES:
-        for k, one in enumerate(members):
-            if one.spec.compensation == kind and written[k] and left.get(one.axis):
-                constant[k] = left[one.axis]
-                left[one.axis] = 0.0
+    takers = [k for k, one in enumerate(members) if one.takes_constant and written[k]]
+    for k in sorted(takers, key=lambda k: members[k].fit.kind.takes_constant or 0):
+        axis = members[k].axis
+        constant[k], left[axis] = left.get(axis, 0.0), 0.0
     return tuple(constant), left
 
 

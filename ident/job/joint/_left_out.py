@@ -1,18 +1,13 @@
 """A fit of a group that its readings do not tell: named, and not written."""
 
 import dataclasses
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...proof import ErrorFigures, GateCheck, error_figures
-from .._draft import AbstractDraft, Switch
-from .._lists import AxisFiles
-from .._load import Job
-from .._output import OutFolder
+from ...proof import ErrorFigures, error_figures
+from .._draft import AbstractDraft, Written
 from .._result import AbstractResult, Remark
 from ._share import Share, in_words, lost
 
@@ -86,67 +81,53 @@ class LeftOutDraft(AbstractDraft):
     share: Share | None = None
 
     @property
-    def compensation(self) -> str:
-        return self.fit.compensation
+    def written(self) -> bool:
+        return False
 
     @property
-    def switch(self) -> Switch | None:
-        return None
+    def needs(self) -> str:
+        return ""
 
-    def prove(
-        self,
-        job: Job,
-        folder: OutFolder,
-        gate: tuple[GateCheck, ...],
-        files: AxisFiles,
-        written: tuple[Path, ...],
-        cycles: int | None,
-    ) -> LeftOutResult:
+    def prove(self, done: Written) -> LeftOutResult:
         share = self.share
         if share is None:
-            return self._unfitted(job, gate, files)
-        part = share.part
-        before = error_figures(share.error, wild=share.wild)
-        figures: Mapping[str, Any] = dict.fromkeys(
-            ("before", "predicted", "from_file"), before
-        )
+            # There is nothing to say of it but why.
+            nothing = np.zeros(0)
+            own: dict[str, Any] = {
+                "masters": (),
+                "sensors": (),
+                "labels": (),
+                "values": nothing,
+                "standard_deviation": nothing,
+                "support": nothing.astype(np.int64),
+                "determined": nothing.astype(bool),
+                "share": 0.0,
+                "noise": np.nan,
+            }
+            figures, remarks = ErrorFigures(np.nan, np.nan), list[Remark]()
+        else:
+            part = share.part
+            own = {
+                "held_out": share.recording.held_out,
+                "masters": part.effect.masters,
+                "sensors": part.effect.sensor_names,
+                "labels": part.labels,
+                "values": part.values,
+                "standard_deviation": part.standard_deviation,
+                "support": part.support,
+                "determined": part.determined,
+                "share": part.share,
+                "noise": share.noise,
+            }
+            figures = error_figures(share.error, wild=share.wild)
+            remarks = share.remarks()
+        frame = self.frame(done) | {"conventions": ()}
         return LeftOutResult(
-            **self.frame(job, gate, files, ()),
-            error=figures,
-            remarks=(Remark("error", self._words()), *share.remarks(), *files.remarks),
+            **frame,
+            **own,
+            error=dict.fromkeys(("before", "predicted", "from_file"), figures),
+            remarks=(Remark.error(self._words()), *remarks, *done.files.remarks),
             files=(),
-            held_out=share.recording.held_out,
-            masters=part.effect.masters,
-            sensors=part.effect.sensor_names,
-            labels=part.labels,
-            values=part.values,
-            standard_deviation=part.standard_deviation,
-            support=part.support,
-            determined=part.determined,
-            share=part.share,
-            noise=share.noise,
-        )
-
-    def _unfitted(
-        self, job: Job, gate: tuple[GateCheck, ...], files: AxisFiles
-    ) -> LeftOutResult:
-        """Return the result of a fit that there is nothing to say of but why."""
-        unknown = ErrorFigures(np.nan, np.nan)
-        nothing = np.zeros(0)
-        return LeftOutResult(
-            **self.frame(job, gate, files, ()),
-            error=dict.fromkeys(("before", "predicted", "from_file"), unknown),
-            remarks=(Remark("error", self._words()), *files.remarks),
-            files=(),
-            masters=(),
-            sensors=(),
-            labels=(),
-            values=nothing,
-            standard_deviation=nothing,
-            support=np.zeros(0, dtype=np.int64),
-            determined=np.zeros(0, dtype=bool),
-            share=0.0,
-            noise=np.nan,
         )
 
     def _words(self) -> str:

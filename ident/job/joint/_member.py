@@ -2,16 +2,23 @@
 
 import abc
 import dataclasses
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from ...fit.joint import AbstractEffect
+from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
+from ...kinds._keys import FitSpec
+from ...kinds._parts import group_of
 from .._draft import AbstractDraft, AxisLists
-from .._fit_schema import FitSpec
 from .._load import Job
+from .._source import Tables
+from ._reader import GroupNeeds
 from ._recording import GroupRecording
-from ._share import Share
+from ._share import Share, lost
+
+_MOST = 10_000
+"""Readings that are enough to see what goes together."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,26 +27,23 @@ class AbstractMember(abc.ABC):
 
     Attributes:
         index: Of the fit in the job.
+        fit: Its specification.
         lists: What the axis has already.
     """
 
     index: int
+    fit: FitSpec
     lists: AxisLists
-
-    @property
-    @abc.abstractmethod
-    def spec(self) -> FitSpec:
-        """Its specification."""
 
     @property
     def axis(self) -> str:
         """The compensated axis."""
-        return self.spec.axis
+        return self.fit.axis
 
     @property
     def name(self) -> str:
         """Compensation and axis, for messages."""
-        return f"{self.spec.compensation} of {self.axis}"
+        return self.fit.name
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -62,13 +66,46 @@ class AbstractMember(abc.ABC):
         return ()
 
     @property
-    def holds_constant(self) -> bool:
+    def takes_constant(self) -> bool:
         """Whether its list can hold a constant error of the axis."""
+        return self.fit.kind.takes_constant is not None
+
+    @property
+    def takes_line(self) -> bool:
+        """Whether its list can hold a line over the position of the axis."""
+        return False
+
+    @property
+    def needs_line(self) -> bool:
+        """Whether it shows what is its own only beside such a line."""
         return False
 
     def unfit(self, recording: GroupRecording) -> str:
         """Return why these readings tell nothing of it, whatever they are; else nothing."""
         return ""
+
+    def undetermined(self, data: JointData) -> str:
+        """Return why the motion of its masters does not tell it; else nothing."""
+        return ""
+
+    def confused(
+        self,
+        job: Job,
+        members: Sequence["AbstractMember"],
+        recording: GroupRecording,
+    ) -> str:
+        """Return with what that no fit stands for the readings confuse it; else nothing.
+
+        Args:
+            job: The job.
+            members: All that are fitted to these readings.
+            recording: What was measured.
+        """
+        return ""
+
+    def may_be_written(self, part: Part, fit: JointFit) -> bool:
+        """Return whether the readings tell its part of the joint fit."""
+        return bool(part.determined.any()) and not lost(part, fit)
 
     @abc.abstractmethod
     def effect(
@@ -96,3 +133,51 @@ class AbstractMember(abc.ABC):
             FitError: If the readings cannot carry it.
             ExchangeError: If it fits no list.
         """
+
+
+def at_once(effect: AbstractEffect) -> AbstractEffect:
+    """Return an effect without the lag of what it follows: linear in its values."""
+    if isinstance(effect, Temperature):
+        return dataclasses.replace(effect, lag=0.0)
+    return effect
+
+
+def few(data: JointData) -> JointData:
+    """Return as many readings as are enough to see what goes together."""
+    step = -(-len(data) // _MOST)
+    return data.take(np.arange(0, len(data), step)) if step > 1 else data
+
+
+def members_of(
+    job: Job,
+    tables: Tables,
+    indices: Sequence[int],
+    lists: Mapping[str, AxisLists],
+) -> tuple[AbstractMember, ...]:
+    """Return the fits of a group: existing lists read, keys understood.
+
+    Raises:
+        JobError: If keys, nodes, masters or existing lists do not suit.
+        MeasurementError: If the only sensor is to be taken and there is none.
+    """
+    pairs = [(index, job.spec.fits[index]) for index in indices]
+    return tuple(
+        group_of(fit.compensation).member(job, tables, index, fit, lists[fit.axis])
+        for index, fit in pairs
+    )
+
+
+def needs_of(members: Sequence[AbstractMember]) -> GroupNeeds:
+    """Return the axes and sensors whose columns the fits use."""
+
+    def unique(names: Sequence[str]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(names))
+
+    return GroupNeeds(
+        error=unique([one.axis for one in members]),
+        position=unique([name for one in members for name in one.positions]),
+        direction=unique([name for one in members for name in one.turning]),
+        motion=unique([name for one in members for name in one.accelerating]),
+        temperature=unique([name for one in members for name in one.sensors]),
+        heated=unique([one.axis for one in members if one.sensors]),
+    )

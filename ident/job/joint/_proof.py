@@ -1,17 +1,19 @@
 """The proof of a group: how much each effect is, and what all written files leave."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float, Int
 
+from ...exchange import Motion
 from ...fit.joint import Gauge, Part
-from ...proof import error_figures
+from ...proof.axis import added_beyond
+from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
 from .._lists import AxisFiles
 from .._load import Job
-from .._result import Remark
-from ._added import added_by_files
+from .._result import Remark, staged
 from ._identify import IdentifiedGroup
 from ._left_out import LeftOutDraft
 from ._member import AbstractMember
@@ -95,7 +97,7 @@ class GroupDraft:
                     rms=_size(part),
                     information=part.share,
                     determined=not missing,
-                    written=draft.switch is not None,
+                    written=draft.written,
                     why=in_words(missing),
                 )
             )
@@ -145,7 +147,7 @@ class GroupDraft:
             if part.effect.compensation == "delay":
                 error = error - part.contribution[rows]
         predicted = found.held_out[axis][rows].copy()
-        unwritten = [found.parts[k] for k in mine if self.drafts[k].switch is None] + [
+        unwritten = [found.parts[k] for k in mine if not self.drafts[k].written] + [
             part for part in helpers if part.effect.compensation != "delay"
         ]
         for part in unwritten:
@@ -164,11 +166,7 @@ class GroupDraft:
             unit="mm" if linear else "deg",
             noise=float(fit.noise[axis]),
             datum=found.left_constant[axis],
-            error={
-                "before": error_figures(error, wild=wild),
-                "predicted": error_figures(predicted, wild=wild),
-                "from_file": error_figures(from_file, wild=wild),
-            },
+            error=staged(error, predicted, from_file, wild),
             rows=rows,
             before=error,
             predicted=predicted,
@@ -177,11 +175,11 @@ class GroupDraft:
             runs=tuple(fit.runs.get(axis, ())),
         )
 
-    def _remarks(self) -> list[Remark]:
+    def _remarks(self) -> Iterator[Remark]:
         fit = self.found.fit
-        remarks = [Remark("info", words) for words in _unique(self.recording.remarks)]
+        yield from [Remark.info(words) for words in _unique(self.recording.remarks)]
         if not fit.converged:
-            remarks.append(Remark("warning", fit.message))
+            yield Remark.warning(fit.message)
         left_out = {
             share.part.name
             for share, draft in zip(self.shares, self.drafts, strict=True)
@@ -194,30 +192,23 @@ class GroupDraft:
             own = {part.name for part in self.found.parts} & set(each.effects)
             if own <= fine:
                 # Only values that hardly any reading reaches: the prior fills them.
-                remarks.append(Remark("info", each.sentence))
+                yield Remark.info(each.sentence)
             elif not left_out & own:
-                remarks.append(Remark("error", each.sentence))
+                yield Remark.error(each.sentence)
         for axis, value in self.found.left_constant.items():
             if value:
-                remarks.append(
-                    Remark(
-                        "info",
-                        f"A constant error of {axis} stands in no list of this group:"
-                        " figures of the sum are about their middle.",
-                    )
+                yield Remark.info(
+                    f"A constant error of {axis} stands in no list of this group:"
+                    " figures of the sum are about their middle."
                 )
         for part in self.found.helpers:
             if part.effect.compensation == "delay":
                 continue
-            remarks.append(
-                Remark(
-                    "info",
-                    f"A line over {part.effect.axis} that no temperature moves was"
-                    " fitted beside the group: it belongs to a leadscrew, and no list of"
-                    " this group holds it.",
-                )
+            yield Remark.info(
+                f"A line over {part.effect.axis} that no temperature moves was"
+                " fitted beside the group: it belongs to a leadscrew, and no list of"
+                " this group holds it."
             )
-        return remarks
 
 
 def _unique(remarks: Sequence[Remark]) -> list[str]:
@@ -227,3 +218,59 @@ def _unique(remarks: Sequence[Remark]) -> list[str]:
 def _size(part: Part) -> float:
     known = part.contribution[np.isfinite(part.contribution)]
     return float(np.std(known)) if known.size else 0.0
+
+
+def added_by_files(
+    job: Job,
+    files: AxisFiles,
+    drafts: Sequence[AbstractDraft],
+    recording: GroupRecording,
+    rows: Int[np.ndarray, " n"],
+) -> Float[np.ndarray, " n"]:
+    """Return what the controller adds beyond what acted while measuring, in mm or °.
+
+    The files of the axis are read back and run as one: what looks up a position that
+    others move, or switches another off, does so here too.
+
+    Args:
+        job: The job.
+        files: The lists of the axis.
+        drafts: The fits of the group on this axis.
+        recording: What was measured.
+        rows: Readings of it that count.
+    """
+    lists, source = drafts[0].lists, drafts[0].fit.sources[0]
+    before = acting_before(job, files.axis, lists)
+    after = acting_after(job, files.axis, lists, files, drafts)
+    active = job.spec.measurements[source].active
+    motion = _motion(job, drafts, recording, rows)
+    own = {draft.compensation for draft in drafts} | set(active)
+    added = added_beyond(after, before, active, motion)
+    known = [value for name, value in added.items() if name in own]
+    return np.asarray(np.sum(known, axis=0)) if known else np.zeros(len(rows))
+
+
+def _motion(
+    job: Job,
+    drafts: Sequence[AbstractDraft],
+    recording: GroupRecording,
+    rows: Int[np.ndarray, " n"],
+) -> Motion:
+    """Return the readings as independent positions: neither filters nor delays."""
+    data, axes = recording.data, job.spec.axes
+
+    def columns(table: Mapping[str, np.ndarray]) -> dict[int, np.ndarray]:
+        taken = {axes[name].number: values[rows] for name, values in table.items()}
+        return {axis: each for axis, each in taken.items() if np.isfinite(each).all()}
+
+    return Motion(
+        positions=columns(data.position),
+        directions={
+            axis: np.where(way < 0, -1, 1)
+            for axis, way in columns(data.direction).items()
+        },
+        time=None,
+        velocities=columns(data.velocity),
+        accelerations=columns(data.acceleration),
+        temperatures={k: v for one in drafts for k, v in one.warmth.items()},
+    )

@@ -8,32 +8,37 @@ from jaxtyping import Float, Int
 
 from ....data.measurements import (
     DirectionUnknown,
-    MeasurementError,
     derive_error,
-    derive_motion,
     explain_direction,
     without_motion,
 )
-from .._fit_schema import FitSpec, LeadscrewSpec, PlaneSpec
+from ...kinds._keys import FitSpec
 from .._remove import without_zero
 from .._runs import cycles_of
-from .._source import Tables, Wanted, at_reference, measured_for
+from .._source import (
+    ABSURD,
+    Tables,
+    Wanted,
+    at_reference,
+    measured_for,
+    motion_of,
+    refuse_absurd,
+)
 
-_ABSURD = 1e9
-"""mm or °: a marker for "no reading", whose square no loss could bear."""
 _SLOW = 1e-3
 """Share of the largest velocity up to which an axis stands."""
 
 
 @dataclasses.dataclass(frozen=True)
 class GroupNeeds:
-    """Which columns the effects of a group use, by axis or sensor."""
+    """Which columns the effects of a group use, by axis or sensor; ``heated``: by axis too."""
 
     error: tuple[str, ...]
     position: tuple[str, ...]
     direction: tuple[str, ...]
     motion: tuple[str, ...]
     temperature: tuple[str, ...]
+    heated: tuple[str, ...]
 
 
 _Columns = dict[str, np.ndarray]
@@ -67,8 +72,7 @@ class GroupReader:
         needs: GroupNeeds,
     ) -> None:
         self.tables, self.name, self.fits, self.needs = tables, name, fits, needs
-        masters = tuple(lead.masters) if isinstance(lead, PlaneSpec) else ()
-        masters = masters or tuple(needs.position) or (lead.axis,)
+        masters = lead.over if len(lead.over) > 1 else needs.position or (lead.axis,)
         plain = measured_for(tables, name, lead, masters)
         self.measured = without_motion(plain, needs.error).with_gaps()
         self.moving = frozenset(
@@ -128,7 +132,7 @@ class GroupReader:
         if f"{axis}.error" not in there and f"{axis}.actual" not in there:
             return None
         error = np.array(derive_error(self.measured, axis), dtype=float)
-        error[~(np.abs(error) <= _ABSURD)] = np.nan
+        error[~(np.abs(error) <= ABSURD)] = np.nan
         return error
 
     def _position(self, axis: str) -> np.ndarray:
@@ -137,14 +141,7 @@ class GroupReader:
         if role not in self.measured.values and self.moving:
             role = f"{axis}.encoder"
         place = np.array(self.measured.require(role, self.why), dtype=float)
-        far = np.flatnonzero(np.abs(place) > _ABSURD)
-        if far.size:
-            at = int(far[0])
-            reason = (
-                f"line {self.measured.lines[at]}: found {place[at]:g} mm or ° for {role},"
-                f" expected less than {_ABSURD:g}"
-            )
-            raise MeasurementError(str(self.measured.source), reason)
+        refuse_absurd(self.measured, role, place)
         span = self.tables.job.spec.axes[axis].modulo
         if span is not None:
             place = span[0] + np.mod(place - span[0], span[1] - span[0])
@@ -155,7 +152,7 @@ class GroupReader:
         spec = self.tables.job.spec.measurements[self.name]
         own = [fit for fit in self.fits if fit.axis == axis]
         if spec.expansion is not None and axis in position:
-            lengths = any(isinstance(fit, LeadscrewSpec) for fit in own)
+            lengths = any(fit.lengths for fit in own)
             error, note = at_reference(
                 self.tables.job, self.name, self.measured, own[0],
                 Wanted((axis,), "no", lengths), position[axis][:, None], error,
@@ -190,16 +187,7 @@ class GroupReader:
 
     def _motion(self, axis: str, what: str) -> np.ndarray:
         """Return velocity or acceleration, as recorded or else derived."""
-        given = self.measured.get(f"{axis}.{what}")
-        if given is not None:
-            return np.asarray(given, dtype=float)
         rules = self.tables.job.conventions
-        order = ("position", "encoder", "actual")
-        if rules.crosstalk_input == "actual":
-            order = ("encoder", "actual", "position")
-        motion = derive_motion(self.measured, axis, order=order)
-        self.remarks.append(
-            f"The {what} of {axis} was not recorded: it is derived from the position, up"
-            f" to {motion.bandwidth:.3g} Hz."
-        )
-        return np.asarray(getattr(motion, what), dtype=float)
+        found, words = motion_of(self.measured, axis, what, rules)
+        self.remarks += words
+        return found

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..._recording import CHANNELS, JointData, stacked
-from .._fit_schema import FitSpec, PlaneSpec, TemperatureSpec
+from ...kinds._keys import FitSpec
+from .._readings import joined_runs, rows_of
 from .._result import Remark
 from .._source import Tables
 from ._reader import GroupNeeds, GroupReader, ReadPart
@@ -64,20 +65,18 @@ def read_group(
         JobError: If a measurement does not suit.
     """
     parts, remarks = [], list[Remark]()
-    lead = next((fit for fit in fits if isinstance(fit, PlaneSpec)), fits[0])
+    lead = max(fits, key=lambda fit: len(fit.over))
     for name in lead.sources:
         reader = GroupReader(tables, name, lead, fits, needs)
         parts.append(reader.read())
-        remarks += [Remark("info", words) for words in dict.fromkeys(reader.remarks)]
+        remarks += [Remark.info(words) for words in dict.fromkeys(reader.remarks)]
     counts = [part.count for part in parts]
-    ends = np.cumsum([0, *counts]).tolist()
-    slices = {name: slice(ends[k], ends[k + 1]) for k, name in enumerate(lead.sources)}
     time = None
     if all(part.time is not None for part in parts):
         time = np.concatenate([part.time for part in parts if part.time is not None])
-    label = _labels(parts)
+    label = joined_runs([(part.run, part.count) for part in parts])
     several = label is not None and len(np.unique(label)) > 1
-    heated = _heated(fits)
+    heated = needs.heated  # runs without an offset: it is what tells the temperature
     beside = _set_ups(parts, tables, lead.sources)
     data = JointData(
         **{table: stacked(parts, table, counts) for table in CHANNELS},
@@ -89,15 +88,14 @@ def read_group(
     fold, by_run = _folds(label, order)
     if several and heated and beside is None:
         remarks.append(
-            Remark(
-                "info",
+            Remark.info(
                 f"Runs have no offset of their own on {' and '.join(heated)}: it could"
-                " not be told from what the temperature does from run to run.",
+                " not be told from what the temperature does from run to run."
             )
         )
     return GroupRecording(
         data=data,
-        slices=slices,
+        slices=rows_of(lead.sources, counts),
         order=np.asarray(order, dtype=float),
         timed=time is not None,
         fold=fold,
@@ -106,26 +104,6 @@ def read_group(
         drift=max(tables.job.spec.measurements[name].drift for name in lead.sources),
         remarks=tuple(remarks),
     )
-
-
-def _labels(parts: Sequence[ReadPart]) -> Int[np.ndarray, " t"] | None:
-    """Number the runs of all measurements; one without runs is a run beside others."""
-    if len(parts) == 1 and parts[0].run is None:
-        return None
-    numbered, first = [], 1
-    for part in parts:
-        own = np.zeros(part.count, dtype=np.int64)
-        if part.run is not None:
-            own = np.unique(part.run, return_inverse=True)[1].reshape(-1)
-        numbered.append(own + first)
-        first += int(own.max(initial=0)) + 1
-    return np.concatenate(numbered).astype(np.int64)
-
-
-def _heated(fits: Sequence[FitSpec]) -> tuple[str, ...]:
-    """Return the axes on which runs have no offset: it is what tells the temperature."""
-    own = [fit.axis for fit in fits if isinstance(fit, TemperatureSpec)]
-    return tuple(dict.fromkeys(own))
 
 
 def _set_ups(

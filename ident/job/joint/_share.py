@@ -12,8 +12,6 @@ from ._recording import GroupRecording
 
 TOGETHER = "Identified "
 """How the remark begins that says with what a fit was identified."""
-TABLES = ("leadscrew", "plane", "cross")
-"""Kinds whose gaps are filled, in the order in which they take a constant."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +113,7 @@ class Share:
             if beside
             else f"{TOGETHER}in group {self.group!r}, alone on {self.axis}."
         )
-        return [Remark("info", words), *self.recording.remarks]
+        return [Remark.info(words), *self.recording.remarks]
 
 
 def lost(part: Part, fit: JointFit) -> tuple[str, ...]:
@@ -125,7 +123,7 @@ def lost(part: Part, fit: JointFit) -> tuple[str, ...]:
     a gap, which the prior fills.
     """
     named = any(part.name in each.effects for each in fit.confusions)
-    if part.effect.compensation in TABLES and not named:
+    if part.effect.table_effect is not None and not named:
         return ()
     missing = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
     return tuple(part.labels[int(k)] for k in missing)

@@ -1,7 +1,7 @@
-"""A plane, cross or leadscrew table of a group."""
+"""A table of a group, of whatever compensation."""
 
+import abc
 import dataclasses
-from typing import final
 
 import numpy as np
 from jaxtyping import Float
@@ -9,20 +9,15 @@ from jaxtyping import Float
 from ...core import CellCovariance
 from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit
-from ...fit.joint import (
-    AbstractEffect,
-    Cross,
-    Leadscrew,
-    Part,
-    Plane,
-)
+from ...fit.joint import AbstractEffect, Part
+from ...kinds._keys import TableSpec
 from ...proof import HeldOut
-from .._fit_schema import CrossSpec, PlaneSpec, TableSpec
+from .._draft import AxisLists
 from .._fitting import Fitted
 from .._load import Job
-from .._plan import Plan
+from .._plan import Plan, plan_fit
 from .._readings import Readings
-from .._source import masters_of
+from .._source import Tables
 from .._table_draft import TableDraft
 from .._trend import refuse_unowned_trend
 from ._member import AbstractMember
@@ -30,32 +25,39 @@ from ._recording import GroupRecording
 from ._share import Share
 
 
-@final
 @dataclasses.dataclass(frozen=True)
-class TableMember(AbstractMember):
+class AbstractTableMember(AbstractMember):
     """A table.
 
     Attributes:
         plan: What is written.
     """
 
+    fit: TableSpec
     plan: Plan
 
     @property
-    def spec(self) -> TableSpec:
-        return self.plan.fit
-
-    @property
     def positions(self) -> tuple[str, ...]:
-        return masters_of(self.spec)
+        return self.fit.over
 
     @property
     def turning(self) -> tuple[str, ...]:
         return (self.axis,) if self.plan.table.branches == 2 else ()
 
-    @property
-    def holds_constant(self) -> bool:
-        return True
+    @classmethod
+    def planned(
+        cls, job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
+    ) -> "AbstractTableMember":
+        """Plan it.
+
+        Raises:
+            JobError: If nodes, masters or existing lists do not suit.
+        """
+        return cls(index, fit, lists, plan_fit(job, tables, index, fit, lists))
+
+    @abc.abstractmethod
+    def table_effect(self) -> AbstractEffect:
+        """Return the effect of the table that is written."""
 
     def effect(
         self,
@@ -63,27 +65,13 @@ class TableMember(AbstractMember):
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
     ) -> AbstractEffect:
-        table, spec = self.plan.table, self.spec
-        nodes = tuple(each.positions for each in table.nodes)
-        if isinstance(spec, PlaneSpec):
-            first, second = masters_of(spec)
-            return Plane(self.axis, (first, second), (nodes[0], nodes[1]))
-        if isinstance(spec, CrossSpec):
-            return Cross(
-                self.axis,
-                master=spec.master,
-                setpoints=nodes[0],
-                modulo=table.periodic,
-            )
-        return Leadscrew(
-            self.axis, nodes[0], bilateral=spec.bilateral, modulo=table.periodic
-        )
+        return self.table_effect()
 
     def draft(self, job: Job, share: Share) -> TableDraft:
         plan, table = self.plan, self.plan.table
         part, rows = share.part, share.rows
         positions = np.stack(
-            [share.column("position", name) for name in masters_of(self.spec)], axis=1
+            [share.column("position", name) for name in self.fit.over], axis=1
         )
         direction, branch = None, None
         if table.branches == 2:
@@ -118,7 +106,7 @@ class TableMember(AbstractMember):
         spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
         return TableDraft(
             self.index,
-            self.spec,
+            self.fit,
             self.lists,
             Fitted(
                 plan=plan,
@@ -154,7 +142,7 @@ class TableMember(AbstractMember):
             support=support,
             noise=share.noise,
             smoothness=dict(part.smoothness),
-            loss=self.spec.loss,
+            loss=self.fit.loss,
             residual=np.asarray(share.fit.residual[self.axis][share.rows]),
             share=np.asarray(share.fit.share[self.axis][share.rows], dtype=float),
             wild=share.wild,

@@ -7,9 +7,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Int
 
-from ...exchange import ExchangeError
 from ...fit import (
-    FitError,
     Grouping,
     Stream,
     StreamedFit,
@@ -51,40 +49,32 @@ def fit_log_plan(job: Job, plan: Plan, readings: LogReadings) -> StreamedFitted:
     """Fit the table of a plan to a log and round it to the list.
 
     Raises:
-        JobError: If the readings cannot determine it, or the result fits no list.
+        FitError: If the readings cannot determine it.
+        ExchangeError: If the result fits no list.
         MeasurementError: If a cell of the log cannot be used.
     """
     table, spec = plan.table, plan.fit
-    try:
-        stream = Stream(readings.parts)
-        grouping = grouping_of(readings, stream)
-        found = fit_streamed(
-            table.layout,
-            readings.parts,
-            grouping,
-            smoothness=spec.smoothness,
-            loss=spec.loss,
-        )
-        rounded = Rounded(job, plan, readings.datum)
-        zero = rounded.zero(found.fit)
-        entries = rounded.integers(found.fit)
-        return StreamedFitted(
-            plan=plan,
-            fit=dataclasses.replace(found.fit, values=found.fit.values - zero),
-            integers=entries,
-            rounding=rounded.rounding(found.fit, entries),
-            run_effects="none",
-            readings=readings,
-            estimate=found,
-            grouping=grouping,
-            folds={
-                group: rounded.integers(fold) for group, fold in found.folds.items()
-            },
-            zero=zero,
-        )
-    except (FitError, ExchangeError) as error:
-        reason = f"{spec.compensation} of {spec.axis} from {', '.join(spec.sources)}"
-        where = ("fits", plan.index)
-        if isinstance(error, FitError):
-            raise job.untold(where, f"{reason}: {error}") from None
-        raise job.error(where, f"{reason}: {error}") from None
+    stream = Stream(readings.parts)
+    grouping = grouping_of(readings, stream)
+    found = fit_streamed(
+        table.layout,
+        readings.parts,
+        grouping,
+        smoothness=spec.smoothness,
+        loss=spec.loss,
+    )
+    rounded = Rounded(job, plan, readings.datum)
+    zero = rounded.zero(found.fit)
+    entries = rounded.integers(found.fit)
+    return StreamedFitted(
+        plan=plan,
+        fit=dataclasses.replace(found.fit, values=found.fit.values - zero),
+        integers=entries,
+        rounding=rounded.rounding(found.fit, entries),
+        run_effects="none",
+        readings=readings,
+        estimate=found,
+        grouping=grouping,
+        folds={group: rounded.integers(fold) for group, fold in found.folds.items()},
+        zero=zero,
+    )

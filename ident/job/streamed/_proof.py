@@ -1,13 +1,12 @@
 """The proof of a fit to a log: one more pass, with the file as the controller reads it."""
 
 import dataclasses
-from pathlib import Path
+from collections.abc import Iterator
 from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.lists import ListFile
 from ...exchange import Model
 from ...fit import (
     AbstractPass,
@@ -18,7 +17,7 @@ from ...fit import (
     predict,
 )
 from ...proof import ErrorFigures, held_out_deviation
-from .._output import OutFolder
+from .._draft import Written
 from .._prove import Proof
 from .._remarks import Counts, outside
 from .._result import Remark, SampleView, Streamed
@@ -33,12 +32,12 @@ _STAGES = ("before", "predicted", "from_file")
 Columns = dict[str, np.ndarray]
 
 
-def prove_streamed(
-    folder: OutFolder, one: StreamedFitted, written: tuple[Path, ...]
-) -> Proof:
+def prove_streamed(one: StreamedFitted, done: Written) -> Proof:
     """Return the proof of a fit, as `prove` does; the readings that it shows are a few."""
     table = one.plan.table
-    back = table.read(ListFile.read(folder.root / written[0]))
+    listing = done.compensation
+    assert listing is not None  # a table stands in it
+    back = table.read(listing)
     every = max(1, one.estimate.count // _SHOWN)
     stream = Stream(one.readings.parts)
     tally: _Tally = stream.ask(_Take(one, back, every))
@@ -70,7 +69,7 @@ def prove_streamed(
     )
 
 
-def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
+def _of_the_stream(one: StreamedFitted, every: int) -> Iterator[Remark]:
     """Return what the route changes, and what it cannot do."""
     names = ", ".join(map(repr, one.plan.fit.sources))
     shown = (
@@ -78,13 +77,10 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
         if every > 1
         else ""
     )
-    found = [
-        Remark(
-            "info",
-            f"{names}: {one.estimate.count} readings were read in pieces and not into"
-            f" memory{shown}.",
-        )
-    ]
+    yield Remark.info(
+        f"{names}: {one.estimate.count} readings were read in pieces and not into"
+        f" memory{shown}."
+    )
     if one.by_run:
         words = (
             "The runs go over the same places, but a log that is read in pieces allows"
@@ -92,7 +88,7 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
             " what differs from run to run counts as noise. stream = false reads it into"
             " memory, which does both."
         )
-        found.append(Remark("warning", words))
+        yield Remark.warning(words)
     if one.estimate.crowded:
         words = (
             f"At {one.estimate.crowded} nodes wild readings stand side by side: they may"
@@ -100,8 +96,7 @@ def _of_the_stream(one: StreamedFitted, every: int) -> list[Remark]:
             " a second thought; a log that is read in pieces is not. Fit every n-th row"
             " of it to have them judged."
         )
-        found.append(Remark("warning", words))
-    return found
+        yield Remark.warning(words)
 
 
 @dataclasses.dataclass(frozen=True)

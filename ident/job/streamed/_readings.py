@@ -11,14 +11,13 @@ from jaxtyping import Float
 from ....data.measurements import ColumnSpec, LargeFile, Table, TablePart, own_roles
 from ...exchange import AbstractTable
 from ...fit import Ahead, Samples
-from .._fit_schema import TableSpec
+from ...kinds._keys import TableSpec
 from .._load import Job
 from .._readings import datum_of
 from .._reference import temperature_role, words_of_reference
 from .._remove import Zero, step_of, zero_of
 from .._result import Remark
-from .._source import Part, Tables, measured_from, read_rows
-from .._wanted import Wanted
+from .._source import Part, Tables, Wanted, measured_from, read_rows
 
 _PARTS = 32
 """Parts of a log: enough to read one ahead, few enough to keep their sums."""
@@ -160,7 +159,7 @@ class LogReadings:
             found.append(
                 words_of_reference(self.job, source.name, self.fit, self.wanted, change)
             )
-        return tuple(Remark("info", words) for words in found)
+        return tuple(Remark.info(words) for words in found)
 
     def _parts_of(self, source: LogSource) -> list[TablePart]:
         return source.file.parts(source.headers, _PARTS, _ROWS)

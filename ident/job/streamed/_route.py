@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 
 from ...exchange import AbstractTable
-from .._fit_schema import TableSpec
+from ...kinds._keys import TableSpec
 from .._load import Job
 from .._result import Remark
 from .._source import Tables, wanted_by
@@ -70,7 +70,7 @@ def in_pieces(
         words = (
             f"{', '.join(map(repr, fit.sources))} is so short that it was read at once."
         )
-        return None, (Remark("info", words),)
+        return None, (Remark.info(words),)
     readings = LogReadings(job, index, fit, table, wanted, sources)
     for obstacle in _obstacles(job, fit, readings):
         if obstacle.lost and (asked or cells > _HUGE):
@@ -84,7 +84,7 @@ def in_pieces(
             f"{', '.join(map(repr, fit.sources))} ({cells:.3g} cells) was read into"
             f" memory and not in pieces: {obstacle.reason}."
         )
-        return None, (Remark("info", words),)
+        return None, (Remark.info(words),)
     return readings, ()
 
 

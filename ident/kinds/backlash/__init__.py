@@ -12,7 +12,7 @@ KIND = Kind(
     variable="V.A.BACKLASH_COMP_CURR",
     channel="BC::actual backlash",
     conventions=("backlash_", "direction_source"),
-    cycles=None,
-    resized=None,
+    follows=frozenset({"direction"}),
+    fitted_first=True,
     noun="the backlash",
 )

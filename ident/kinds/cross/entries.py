@@ -143,6 +143,7 @@ class CrossEntries(AbstractEntries):
     kind = KIND
     models = (Cross,)
     value = f"{PREFIX}.table[].correction"
+    columns = ("correction",)
 
     def is_in(self, listing: ListFile) -> bool:
         return bool(listing.table(PREFIX, "setpoint"))

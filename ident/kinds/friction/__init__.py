@@ -12,10 +12,10 @@ KIND = Kind(
     variable="V.A.FRICT_COMP_CURR",
     channel=None,
     conventions=("friction_",),
-    cycles=None,
-    resized=None,
+    follows=frozenset({"velocity"}),
     demanded=False,
     adds_current=True,
+    compiles=True,
     noun="the friction",
     adds="The controller adds sign(v) times the value over the velocity to the motor current,"
     " scaled by scaling_factor (0.1 %).",

@@ -265,6 +265,7 @@ class LeadscrewEntries(AbstractEntries):
     kind = KIND
     models = (Leadscrew,)
     value = f"{PREFIX}.table[].pos"
+    columns = ("pos", "neg")
     comes_last = True
 
     def is_in(self, listing: ListFile) -> bool:

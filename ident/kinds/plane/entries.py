@@ -186,6 +186,7 @@ class PlaneEntries(AbstractEntries):
     kind = KIND
     models = (Plane,)
     value = f"{PREFIX}.table[][].correction"
+    columns = ("correction",)
 
     def is_in(self, listing: ListFile) -> bool:
         return bool(listing.table(PREFIX, "correction"))

@@ -94,6 +94,13 @@ class TemperatureEntries(AbstractEntries):
     units = ("mm",)
     coupled = False
 
+    def adds_nothing(self, listing: ListFile) -> bool:
+        # A line of zeros is what a PLC finds: what it makes of it stands in no list.
+        names = ("offset_0", "coefficient")
+        entries = [listing.get(f"{KIND.prefix}_{name}") for name in names]
+        values = [entry.value.strip("+-0.") for entry in entries if entry is not None]
+        return not any(values)
+
     def model(
         self, listing: ListFile, axis: int, reading: Reading
     ) -> TemperatureLine | None:

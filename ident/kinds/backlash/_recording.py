@@ -1,0 +1,165 @@
+"""What was measured for a backlash: readings at standstill, or a trace in motion."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....data.measurements import MeasurementError, wrap_degrees
+from ....data.signals import aligned_error, encoder_spline, estimate_instrument
+from ...job._readings import joined, joined_runs, rows_of
+from ...job._result import Remark
+from ...job._runs import cycles_of
+from ...job._source import Tables, Wanted, measured_for, read_part
+from .effect import BacklashFit, fit_backlash, fit_backlash_trace
+from .keys import Spec
+
+_GROUPS = 5
+_ROWS = 50
+"""Fewer tell nothing of a delay."""
+_REACH = 0.1
+"""Share of the travel, to each side of a reversal, that a trace is judged by."""
+_FARTHEST = 2.0
+"""mm or °: more on each side tells no more of a backlash."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Recording:
+    """Readings of an axis from both directions, or a trace over its reversals.
+
+    Attributes:
+        position: In mm or °.
+        error: Actual − commanded (trace: reference − encoder) in mm or °.
+        direction: ±1 per reading; None for a trace.
+        run: Cycle of each reading, or None.
+        time: In s, or None.
+        reach: Travel on both sides of a reversal that a trace is judged by.
+        rotary: Lengths are angles.
+        slices: Rows of each measurement; none for a trace.
+        remarks: What was taken for granted.
+    """
+
+    position: Float[np.ndarray, " t"]
+    error: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"] | None
+    run: Int[np.ndarray, " t"] | None
+    time: Float[np.ndarray, " t"] | None
+    reach: float
+    rotary: bool
+    slices: Mapping[str, slice]
+    remarks: tuple[Remark, ...]
+
+    @property
+    def moving(self) -> bool:
+        """Whether this is a trace in motion."""
+        return self.direction is None
+
+    def fit(self, loss: str, keep: np.ndarray | None = None) -> BacklashFit:
+        """Return the backlash of all readings, or of those for which ``keep`` is true.
+
+        Raises:
+            FitError: If they do not determine it.
+        """
+        rows = np.ones(len(self.error), dtype=bool) if keep is None else keep
+        if self.direction is None:
+            assert self.time is not None  # a trace has it
+            return fit_backlash_trace(
+                self.time[rows], self.position[rows], self.error[rows],
+                reach=self.reach, loss=loss,
+            )  # fmt: skip
+        return fit_backlash(
+            self.position[rows],
+            self.error[rows],
+            self.direction[rows],
+            run=None if self.run is None else self.run[rows],
+            time=None if self.time is None else self.time[rows],
+            loss=loss,
+        )
+
+    def in_unit(self, words: str) -> str:
+        """Return words in thousandths of a degree where the axis turns."""
+        return words.replace(" µm", " × 0.001°") if self.rotary else words
+
+    def groups(self) -> tuple[Int[np.ndarray, " t"], bool]:
+        """Return what is held out together, and whether these are runs."""
+        if self.run is not None and len(np.unique(self.run)) > 1:
+            return self.run, True
+        # Whole targets: those that stay must still be approached from both sides.
+        _, place = np.unique(np.round(self.position, 6), return_inverse=True)
+        return np.asarray(place.reshape(-1) % _GROUPS), False
+
+
+def read_recording(tables: Tables, fit: Spec) -> Recording:
+    """Return the readings of a backlash fit, all its measurements joined.
+
+    Raises:
+        MeasurementError: If a role is missing, the directions cannot be told, or a value
+            cannot be used.
+    """
+    name = fit.sources[0]
+    measured = measured_for(tables, name, fit, (fit.axis,))
+    encoder = measured.get(f"{fit.axis}.encoder")
+    actual = measured.get(f"{fit.axis}.actual")
+    time = measured.get("time")
+    if encoder is not None and actual is not None and time is not None:
+        if len(fit.sources) > 1:
+            reason = "found a trace in motion among several measurements, expected one"
+            raise MeasurementError(str(measured.source), reason)
+        return _trace(encoder, actual, time, tables.job.spec.axes[fit.axis].kind)
+    wanted = Wanted((fit.axis,), "needed", lengths=True)
+    parts = [read_part(tables, each, fit, wanted) for each in fit.sources]
+    direction = joined([part.direction for part in parts])
+    assert direction is not None  # `read_part` refuses it otherwise
+    run = joined_runs([(part.run, len(part.error)) for part in parts])
+    return Recording(
+        position=np.concatenate([part.positions[:, 0] for part in parts]),
+        error=np.concatenate([part.error for part in parts]),
+        direction=direction.astype(np.int64),
+        run=None if run is None else cycles_of(run, direction),
+        time=joined([part.time for part in parts]),
+        reach=0.0,
+        rotary=tables.job.spec.axes[fit.axis].kind != "linear",
+        slices=rows_of(fit.sources, [len(part.error) for part in parts]),
+        remarks=tuple(Remark.info(words) for part in parts for words in part.remarks),
+    )
+
+
+def _trace(
+    encoder: np.ndarray, actual: np.ndarray, time: np.ndarray, kind: str
+) -> Recording:
+    position = np.asarray(encoder, dtype=float)
+    error, time = np.asarray(actual - position, dtype=float), np.asarray(time, float)
+    late = ""
+    clock = estimate_instrument(time, position, actual) if time.size >= _ROWS else None
+    if clock is not None and clock.determined:
+        # Reversals alone, at one speed, would take the delay for a part of the backlash.
+        aligned = aligned_error(time, position, actual, clock)
+        spline = encoder_spline(time, position)
+        if spline is not None:
+            position = np.asarray(spline(aligned.instants))
+        time, error = aligned.instants, aligned.error
+        late = (
+            f" {clock.statement[:1].upper()}{clock.statement[1:]}; that is taken off."
+        )
+    if kind != "linear":
+        error = wrap_degrees(error)
+    travel = float(np.ptp(position))
+    reach = min(_REACH * travel, _FARTHEST)
+    return Recording(
+        position=position,
+        error=error,
+        direction=None,
+        run=None,
+        time=time,
+        reach=reach,
+        rotary=kind != "linear",
+        slices={},
+        remarks=(
+            Remark.info(
+                "The axis was moving: the error is that of the reference against the"
+                f" encoder, over {reach:.3g} mm (or °) on both sides of each reversal."
+                f"{late}"
+            ),
+        ),
+    )

@@ -1,0 +1,115 @@
+"""The backlash of a group."""
+
+import dataclasses
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fit import DriftNoise, FitError
+from ...fit.joint import Backlash
+from ...job._draft import AxisLists
+from ...job._load import Job
+from ...job._source import Tables
+from ...job.joint._member import AbstractMember
+from ...job.joint._recording import GroupRecording
+from ...job.joint._share import Share
+from ._recording import Recording
+from .effect import BacklashFit
+from .job import BacklashDraft, KnownBacklash, known_backlash
+from .keys import Spec
+
+_MOST = 5_000
+"""Readings that are enough to see whether a backlash changes along the axis."""
+
+
+def member(
+    job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists
+) -> "BacklashMember":
+    """Plan a backlash of a group.
+
+    Raises:
+        JobError: If existing lists do not suit.
+    """
+    known = known_backlash(job, index, fit, lists)
+    return BacklashMember(index, fit, lists, known)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class BacklashMember(AbstractMember):
+    """A backlash.
+
+    Attributes:
+        known: What the axis list holds.
+    """
+
+    fit: Spec
+    known: KnownBacklash
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        return (self.axis,)
+
+    @property
+    def turning(self) -> tuple[str, ...]:
+        return (self.axis,)
+
+    def effect(
+        self,
+        job: Job,
+        recording: GroupRecording,
+        left: Float[np.ndarray, " t"] | None,
+    ) -> Backlash:
+        return Backlash(self.axis, reference=self.known.reference)
+
+    def draft(self, job: Job, share: Share) -> BacklashDraft:
+        part = share.part
+        way = share.column("direction", self.axis)
+        width, deviation = float(part.values[0]), float(part.standard_deviation[0])
+        # Both directions about their mean: what lies between them is not the backlash's.
+        middle = 0.5 * self.known.reference * width
+        run = share.recording.data.run
+        data = Recording(
+            position=share.column("position", self.axis),
+            error=share.error - middle,
+            direction=way.astype(np.int64),
+            run=None if run is None else run[share.rows],
+            time=share.time,
+            reach=0.0,
+            rotary=job.spec.axes[self.axis].kind != "linear",
+            slices=share.slices(),
+            remarks=tuple(share.remarks()),
+        )
+        alone = _alone(data, self.fit.loss)
+        found = BacklashFit(
+            width=width,
+            standard_deviation=deviation,
+            noise=DriftNoise(share.noise),
+            independent=float(np.sum(~share.wild)),
+            support=(int(np.sum(way > 0)), int(np.sum(way < 0))),
+            dependence=None if alone is None else alone.dependence,
+            residual=share.left,
+            wild=share.wild,
+        )
+        return BacklashDraft(
+            index=self.index,
+            fit=self.fit,
+            lists=self.lists,
+            recording=data,
+            found=found,
+            known=self.known,
+            left=share.predicted[share.rows],
+            left_by_run=share.recording.by_run,
+        )
+
+
+def _alone(recording: Recording, loss: str) -> BacklashFit | None:
+    """Return the backlash of what the other effects leave, fitted alone, or None."""
+    count = len(recording.error)
+    keep = np.zeros(count, dtype=bool)
+    keep[:: max(count // _MOST, 1)] = True
+    try:
+        return recording.fit(loss, keep)
+    except FitError:
+        return None

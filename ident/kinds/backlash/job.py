@@ -1,0 +1,304 @@
+"""The backlash of one axis: fitted, judged, written into the axis list, read back."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.lists import Value
+from ....models import Backlash
+from ...exchange import ExchangeError, backlash_from_list, entries_of_backlash
+from ...fit import FitError
+from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
+from ...job._gating import limits_of, spread_over
+from ...job._load import Job
+from ...job._plan import was_active
+from ...job._result import staged
+from ...job._second import SecondMeasurement
+from ...job._source import Tables
+from ...proof import (
+    GateCheck,
+    gate_check,
+    reversal_dynamics,
+)
+from ...proof.axis import check_switching
+from .._keys import FitSpec
+from ._recording import Recording, read_recording
+from ._result import BacklashResult, ReversalView, remarks_of
+from .effect import BacklashFit
+from .keys import Spec
+
+_SPREAD = "lr_param.n_backlash_cyc"
+"""Entry that spreads a reversal over cycles (P-AXIS-00243)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class KnownBacklash:
+    """What an axis list says of the backlash.
+
+    Attributes:
+        old: Its entries, or None.
+        active: Whether they acted while measuring.
+    """
+
+    old: Backlash | None
+    active: bool
+
+    @property
+    def reference(self) -> int:
+        """Direction in which the axis is right without it."""
+        return 1 if self.old is None else self.old.reference
+
+    @property
+    def acting(self) -> float:
+        """Width that acted while measuring, in mm or °."""
+        return float(self.old.width) if self.active and self.old is not None else 0.0
+
+
+def known_backlash(job: Job, index: int, fit: Spec, lists: AxisLists) -> KnownBacklash:
+    """Return what the axis list holds.
+
+    Raises:
+        JobError: If it cannot be read, or does not hold what was active.
+    """
+    where = ("fits", index)
+    old: Backlash | None = None
+    if lists.machine is not None:
+        try:
+            old = backlash_from_list(lists.machine, job.conventions)
+        except ExchangeError as error:
+            raise job.error(where, str(error)) from None
+    holder = None
+    if lists.machine is not None and old is not None and float(old.width) != 0.0:
+        holder = lists.machine.source
+    active = was_active(job, index, fit, holder)
+    if active and old is None:
+        raise job.error(
+            ("axes", fit.axis, "machine_data"),
+            "backlash was active while measuring, but no axis list that switches it on"
+            " is given, expected machine_data = the file that was loaded",
+        )
+    return KnownBacklash(old, active)
+
+
+def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
+    """Plan a backlash fit; what it returns fits it.
+
+    Raises:
+        JobError: If existing lists do not suit.
+        FitError: Of what it returns: if the readings do not determine it.
+    """
+    known = known_backlash(job, index, fit, lists)
+
+    def draft(left: Leftovers) -> AbstractDraft:
+        recording = read_recording(tables, fit)
+        found = recording.fit(fit.loss)
+        return BacklashDraft(index, fit, lists, recording, found, known)
+
+    return draft
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class BacklashDraft(AbstractDraft):
+    """A fitted backlash.
+
+    Attributes:
+        recording: What was measured.
+        found: The estimate.
+        known: What the axis list holds.
+        left: Error per reading under lists that were fitted without it, where a joint
+            fit knows that; else the width is fitted anew without each run or block.
+        left_by_run: Whether these left out whole runs.
+    """
+
+    fit: Spec
+    recording: Recording
+    found: BacklashFit
+    known: KnownBacklash
+    left: Float[np.ndarray, " t"] | None = None
+    left_by_run: bool = False
+
+    @property
+    def width(self) -> float:
+        """What is written, in mm or °."""
+        return self.found.width + self.known.acting
+
+    @property
+    def reference(self) -> int:
+        """Direction in which the axis is right without it."""
+        return self.known.reference
+
+    @property
+    def written(self) -> bool:
+        return self.found.significant
+
+    @property
+    def needs(self) -> str:
+        return "Works from start-up on, referenced or not"
+
+    def cycles(self, job: Job) -> int | None:
+        machine = self.lists.machine
+        return spread_over(job, abs(self.width), machine, _SPREAD, switched=True)
+
+    def jump(self, job: Job) -> float:
+        return abs(self.width)
+
+    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
+        model = dataclasses.replace(self.found, width=self.width).compensation(
+            self.reference, cycles or 0
+        )
+        try:
+            return dict(entries_of_backlash(model, job.conventions))
+        except ExchangeError as error:
+            raise job.error(("fits", self.index), str(error)) from None
+
+    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+        limits, unit = limits_of(job), job.spec.axes[self.axis].unit
+        jump, spread = abs(self.width), cycles or 0
+        where = f"spread over {spread} cycles"
+        fast, hard = reversal_dynamics(jump, spread, job.spec.controller.cycle_time)
+        lines = [
+            gate_check(
+                "max_reversal", jump, limits.max_reversal, unit, "at every reversal"
+            ),
+            gate_check(
+                "max_velocity at reversal", fast, limits.max_velocity, f"{unit}/s", where
+            ),
+            gate_check(
+                "max_acceleration at reversal",
+                hard, limits.max_acceleration, f"{unit}/s²", where,
+            ),
+            check_switching(
+                jump, spread, limits, unit, _SPREAD, "start-up or COMP ON/OFF"
+            ),
+        ]  # fmt: skip
+        old = self.known.old
+        if limits.max_change is not None and old is not None:
+            change = abs(self.width - float(old.width))
+            words = "against the axis list"
+            lines.append(
+                gate_check("max_change", change, limits.max_change, unit, words)
+            )
+        return tuple(lines)
+
+    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+        assert isinstance(fit, Spec)
+        recording = read_recording(tables, fit)
+        found = recording.fit(fit.loss)
+        again = dataclasses.replace(self, recording=recording, found=found)
+        way, where, before, _, _ = again._readings()
+        return SecondMeasurement(
+            ", ".join(fit.sources),
+            where[:, None],
+            before,
+            way.astype(np.int64),
+            wild=again._wild,
+            added=0.5 * abs(self.width - self.known.acting),
+        )
+
+    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
+        way = self.recording.direction
+        if way is None:
+            return {}
+        own = self.known.acting
+        change = dataclasses.replace(self.found, width=self.width - own)
+        offset = change.compensation(self.reference).offset(way.astype(float))
+        added = np.asarray(offset, dtype=float)
+        return {
+            (self.axis, name): added[rows]
+            for name, rows in self.recording.slices.items()
+        }
+
+    def prove(self, done: Written) -> BacklashResult:
+        way, where, before, group, by_run = self._readings()
+        own = self.known.acting
+        predicted = self.left
+        if predicted is None:
+            predicted = before + 0.5 * way * self._held_out(group, by_run)
+        else:
+            by_run = self.left_by_run
+        back = self._read_back(done)
+        # About the mean of both directions, which the tables of the axis look after.
+        from_file = before + 0.5 * way * (back - own)
+        return BacklashResult(
+            **self.frame(done),
+            error=staged(before, predicted, from_file, self._wild),
+            remarks=(
+                *remarks_of(
+                    self.recording,
+                    self.found,
+                    self.known.old is not None,
+                    self.known.active,
+                ),
+                *done.files.remarks,
+            ),
+            files=tuple(n for n in done.names if n.name == done.files.machine_name),
+            held_out="run" if by_run else "block",
+            width=self.width if self.written else 0.0,
+            reference=self.reference,
+            cycles=done.cycles or 0,
+            fit=self.found,
+            view=ReversalView(
+                position=where,
+                direction=way.astype(np.int64),
+                before=before,
+                predicted=predicted,
+                from_file=from_file,
+            ),
+            moving=self.recording.moving,
+        )
+
+    @property
+    def _wild(self) -> np.ndarray:
+        wild = self.found.wild
+        return np.repeat(wild, 2) if self.recording.moving else wild
+
+    def _readings(
+        self,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]:
+        """Return direction, place and reversal error of each reading, and its group."""
+        one = self.recording
+        if one.direction is not None:
+            way = one.direction.astype(float)
+            residual = np.nan_to_num(self.found.residual)
+            before = residual - 0.5 * way * self.found.width
+            groups, by_run = one.groups()
+            return way, one.position, before, groups, by_run
+        # Each reversal gives one width: half of it to either side.
+        turns = self.found.reversals
+        width = np.repeat([turn.width for turn in turns], 2)
+        way = np.tile([1.0, -1.0], len(turns))
+        place = np.repeat([turn.position for turn in turns], 2)
+        group = np.repeat(np.arange(len(turns)), 2)
+        return way, place, -0.5 * way * width, group, False
+
+    def _held_out(self, group: np.ndarray, by_run: bool) -> np.ndarray:
+        """Return the width that the other groups give, per reading."""
+        found = np.full(len(group), self.found.width)
+        if self.recording.moving:
+            widths = np.array([turn.width for turn in self.found.reversals])
+            sound = ~self.found.wild
+            for k in range(len(widths)):
+                others = sound & (np.arange(len(widths)) != k)
+                found[group == k] = widths[others].mean()
+            return found
+        for each in np.unique(group):
+            try:
+                found[group == each] = self.recording.fit(
+                    self.fit.loss, group != each
+                ).width
+            except FitError:
+                # What is left tells nothing: neither does the prediction.
+                found[group == each] = 0.0
+        return found
+
+    def _read_back(self, done: Written) -> float:
+        """Return the width that the written file holds."""
+        listing = done.machine
+        if listing is None:
+            return 0.0 if self.known.old is None else float(self.known.old.width)
+        back = backlash_from_list(listing, done.job.conventions)
+        return 0.0 if back is None else float(back.width)

@@ -1,0 +1,190 @@
+"""The crosstalk that an axis has already, and the list that a fit stands for."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ....data.lists import ListFile
+from ....models import Conventions, Crosstalk, LegacyCrosstalk, surface_through
+from ...exchange import (
+    ExchangeError,
+    crosstalk_from_list,
+    crosstalk_masters,
+    has_crosstalk,
+)
+from ...fit import FitError
+from ...job._load import Job
+from ...job._plan import was_active
+from ._gate import four_offsets
+from .effect import CrosstalkFit
+from .keys import Spec
+
+_SAME = 1e-6
+"""mm within which two tests stand at the same place."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Existing:
+    """Crosstalk of the list that is there.
+
+    Attributes:
+        model: As the controller runs it.
+        masters: Logical numbers: the axis that accelerates, then adaptation axes.
+        by_speed: Rule by which it tells acceleration from deceleration.
+    """
+
+    model: Crosstalk | LegacyCrosstalk
+    masters: tuple[int, ...]
+    by_speed: bool
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """Specified acceleration and deceleration in mm/s²."""
+        assert isinstance(self.model, Crosstalk)  # `active_in` has seen to it
+        return float(self.model.acceleration), float(self.model.deceleration)
+
+    @property
+    def points(self) -> Float[np.ndarray, "p k"]:
+        """Where its tests stand, in mm."""
+        assert isinstance(self.model, Crosstalk)
+        return np.asarray(self.model.surface.points, dtype=float)
+
+    def holds(self, points: Float[np.ndarray, "q k"]) -> np.ndarray:
+        """Return which of these places are tests of the list."""
+        apart = np.abs(points[:, None, :] - self.points[None, :, :])
+        return np.asarray((apart <= _SAME).all(axis=-1).any(axis=-1))
+
+    def points_with(
+        self, wished: Float[np.ndarray, "q k"] | None
+    ) -> Float[np.ndarray, "q k"]:
+        """Return the tests of the new list: those of this one, or more.
+
+        Raises:
+            FitError: If the wished ones lack one of these.
+        """
+        if wished is None:
+            return self.points
+        if wished.shape[1] == self.points.shape[1]:
+            apart = np.abs(self.points[:, None, :] - wished[None, :, :])
+            if (apart <= _SAME).all(axis=-1).any(axis=-1).all():
+                return wished
+        msg = (
+            "positions: found others than the tests of the list that was active while"
+            " measuring, expected those and, if you like, more."
+        )
+        raise FitError(msg)
+
+    def at(
+        self, acceleration: float, deceleration: float, points: Float[np.ndarray, "p k"]
+    ) -> Float[np.ndarray, "4 p"]:
+        """Return what it adds in mm at full acceleration, by row of the entries."""
+        return four_offsets(
+            self.model, acceleration, deceleration, self.by_speed, points
+        )
+
+
+def read_existing(
+    listing: ListFile | None, rules: Conventions
+) -> tuple[Existing | None, str]:
+    """Return the crosstalk of a list, or None and why it cannot be read."""
+    if listing is None or not has_crosstalk(listing):
+        return None, ""
+    try:
+        model = crosstalk_from_list(listing, rules)
+        masters = crosstalk_masters(listing)
+    except ExchangeError as error:
+        return None, str(error)
+    return Existing(model, masters, rules.crosstalk_accelerate == "speed"), ""
+
+
+def active_in(
+    job: Job, index: int, fit: Spec, existing: Existing | None, why: str
+) -> Existing | None:
+    """Return the crosstalk that acted while measuring, or None where it was off.
+
+    Raises:
+        JobError: If it cannot be added to.
+    """
+    where = ("fits", index)
+    holder = None
+    if existing is not None or why:
+        holder = job.spec.axes[fit.axis].listing
+    if not was_active(job, index, fit, holder):
+        return None
+    if existing is None:
+        raise job.error(
+            ("axes", fit.axis, "list"),
+            "crosstalk was active while measuring, but no list with its tests is given"
+            f"{f' ({why})' if why else ''}, expected list = the file that was loaded",
+        )
+    if not isinstance(existing.model, Crosstalk):
+        raise job.error(
+            where,
+            "crosstalk was active by a list of the older form, to which no tests can be"
+            " added, expected a measurement with COMP OFF CROSSTALK",
+        )
+    axes = job.spec.axes
+    named = tuple(axes[name].number for name in (fit.master, *fit.adapts_to))
+    if named != existing.masters:
+        raise job.error(
+            where,
+            f"found master and adaptation axes {list(named)}, expected"
+            f" {list(existing.masters)} as in the list that was active",
+        )
+    for key, own in zip(("acceleration", "deceleration"), existing.rates, strict=True):
+        given = getattr(fit, key)
+        if given is not None and given != own:
+            reason = f"found {given:g}, expected {own:g} as in the list that was active"
+            raise job.error((*where, key), reason)
+    return existing
+
+
+def kept_tests(fit: CrosstalkFit, active: Existing | None) -> Bool[np.ndarray, " p"]:
+    """Return which tests are written: all four values measured, or known from before.
+
+    Args:
+        fit: The estimate.
+        active: The list that was active while measuring: its tests keep what they hold
+            where nothing was measured.
+    """
+    if active is None:
+        return fit.complete
+    return np.asarray(fit.complete | active.holds(fit.points))
+
+
+def list_model(
+    fit: CrosstalkFit, active: Existing | None, rules: Conventions
+) -> Crosstalk:
+    """Return the list of the kept tests as the controller runs it, without a filter."""
+    kept = kept_tests(fit, active)
+    points = fit.points[kept]
+    offset = np.where(fit.complete, -fit.values, 0.0)[:, kept]
+    if active is not None:
+        offset = offset + active.at(fit.acceleration, fit.deceleration, points)
+    return Crosstalk(
+        surface_through(points),
+        jnp.asarray(rules.crosstalk_sign * offset),
+        jnp.asarray(fit.acceleration),
+        jnp.asarray(fit.deceleration),
+        velocity_dependent=True,
+        **rules.of_crosstalk,
+    )
+
+
+def coverage_of(
+    model: Crosstalk, workspace: Float[np.ndarray, "k 2"], resolution: int = 41
+) -> float:
+    """Return the share of a workspace that lies among the tests, 0 to 1.
+
+    Args:
+        model: The list.
+        workspace: From where to where each adaptation axis goes, in mm.
+        resolution: Places looked at along each axis.
+    """
+    if not len(workspace):
+        return 1.0
+    lines = [np.linspace(low, high, resolution) for low, high in workspace]
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
+    return float(np.mean(np.asarray(model.covers(grid.reshape(-1, len(lines))))))

@@ -1,0 +1,220 @@
+"""The crosstalk of a group."""
+
+import dataclasses
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fit import FitError
+from ...fit.joint import Crosstalk, JointFit, Part
+from ...job._draft import AxisLists
+from ...job._load import Job
+from ...job._source import Tables
+from ...job.joint._member import AbstractMember
+from ...job.joint._recording import GroupRecording
+from ...job.joint._share import Share
+from ._existing import Existing, active_in, read_existing
+from ._gate import events_under
+from ._identify import Choice, Identified, choice_of
+from ._recording import CrosstalkRecording, joined_logs
+from .effect import (
+    BRANCHES,
+    CrosstalkFit,
+    CrosstalkReadings,
+    Event,
+    cut_events,
+)
+from .job import CrosstalkDraft
+from .keys import Spec
+
+
+def member(
+    job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists
+) -> "CrosstalkMember":
+    """Plan a crosstalk of a group.
+
+    Raises:
+        JobError: If existing lists do not suit.
+    """
+    old, why = read_existing(lists.compensation, job.conventions)
+    active = active_in(job, index, fit, old, why) is not None
+    return CrosstalkMember(index, fit, lists, old, active, why)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class CrosstalkMember(AbstractMember):
+    """A crosstalk.
+
+    Attributes:
+        old: Crosstalk of the list that is there, or None.
+        active: Whether that was active while measuring.
+        unread: Why the list that is there holds none that can be read, or nothing.
+    """
+
+    fit: Spec
+    old: Existing | None
+    active: bool
+    unread: str
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        return self.fit.adapts_to
+
+    @property
+    def accelerating(self) -> tuple[str, ...]:
+        return (self.fit.master,)
+
+    def unfit(self, recording: GroupRecording) -> str:
+        rate = recording.data.acceleration[self.fit.master]
+        known = np.isfinite(recording.data.error[self.axis]) & np.isfinite(rate)
+        missing = [
+            words
+            for words, there in (
+                ("speeds up", (rate[known] > 0).any()),
+                ("slows down", (rate[known] < 0).any()),
+            )
+            if not there
+        ]
+        if not missing:
+            return ""
+        return (
+            f"{self.fit.master} never {' and never '.join(missing)} in these readings,"
+            " expected accelerations of both signs."
+        )
+
+    def may_be_written(self, part: Part, fit: JointFit) -> bool:
+        # Written test by test: those that are told.
+        return bool(part.effect.table(part.determined.astype(float)).all(axis=0).any())
+
+    def effect(
+        self,
+        job: Job,
+        recording: GroupRecording,
+        left: Float[np.ndarray, " t"] | None,
+    ) -> Crosstalk | None:
+        choice = self._choice(job)
+        rates = choice.options["acceleration"], choice.options["deceleration"]
+        way = choice.options["velocity_dependent"]
+        plain = choice.mode == 1 or choice.points is not None
+        if plain and None not in rates and way != "auto":
+            assert isinstance(choice.mode, int)  # 1, or as many as the tests tell
+            return Crosstalk(
+                self.axis, self.fit.master, rates[0], rates[1],
+                adaptation=self.fit.adapts_to[: choice.mode - 1],
+                positions=choice.points,
+                velocity_dependent=bool(way), conventions=job.conventions,
+            )  # fmt: skip
+        if left is None:
+            return None
+        # The form is that of a fit to what the other effects leave.
+        found = choice.fit(self._log(recording, left))
+        return Crosstalk(
+            self.axis, self.fit.master, found.acceleration, found.deceleration,
+            adaptation=tuple(self.fit.adapts_to[k] for k in found.axes),
+            positions=found.points if found.axes else None,
+            velocity_dependent=found.velocity_dependent, conventions=job.conventions,
+        )  # fmt: skip
+
+    def _choice(self, job: Job) -> Choice:
+        active = self.old if self.active else None
+        return choice_of(self.fit, active, job.conventions)
+
+    def _log(
+        self,
+        recording: GroupRecording,
+        error: Float[np.ndarray, " t"],
+        names: tuple[str, ...] | None = None,
+    ) -> CrosstalkReadings:
+        """Return the recording as logs of one axis, one measurement after the other."""
+        data = recording.data
+        if data.time is None:
+            msg = "expected the time of every reading, found none."
+            raise FitError(msg)
+        names = self.fit.adapts_to if names is None else names
+        master = self.fit.master
+        parts = []
+        for rows in recording.slices.values():
+            columns = [data.position[name][rows] for name in names]
+            parts.append(
+                CrosstalkReadings(
+                    time=data.time[rows],
+                    acceleration=data.acceleration[master][rows],
+                    velocity=data.velocity[master][rows],
+                    error=np.asarray(error[rows], dtype=float),
+                    positions=np.stack(columns, axis=1)
+                    if columns
+                    else np.zeros((len(data.time[rows]), 0)),
+                )
+            )
+        return joined_logs(parts)
+
+    def draft(self, job: Job, share: Share) -> CrosstalkDraft:
+        effect = share.part.effect
+        assert isinstance(effect, Crosstalk)  # of `effect`
+        used = np.full(len(share.rows), np.nan)
+        used[share.rows] = share.error
+        rates = effect.acceleration, effect.deceleration
+        log = self._log(share.recording, used, effect.adaptation).directed(*rates)
+        events = cut_events(log, *rates, conventions=job.conventions)
+        left = self._log(share.recording, share.predicted, effect.adaptation)
+        kept = np.isfinite(log.error)
+        added = np.where(kept, np.nan_to_num(left.error - log.error), 0.0)
+        held_out = events_under(log, added, *rates, job.conventions)
+        fold = np.zeros(len(events), dtype=np.int64)
+        fit = self._tests(job, share, effect, events)
+        found = Identified(
+            fit=fit,
+            readings=log,
+            masters=effect.adaptation,
+            fold=fold,
+            held_out=held_out,
+            judged=np.ones(len(events), dtype=bool),
+            delay=0.0,
+        )
+        number = np.arange(len(share.rows), dtype=float)
+        place = self._log(share.recording, number, effect.adaptation).error
+        recording = CrosstalkRecording(
+            log,
+            effect.adaptation,
+            tuple(share.remarks()),
+            np.where(np.isfinite(place), place, -1.0).astype(np.int64),
+        )
+        return CrosstalkDraft(
+            self.index, self.fit, self.lists, recording, found, self.old,
+            self.active, self.unread,
+        )  # fmt: skip
+
+    def _tests(
+        self,
+        job: Job,
+        share: Share,
+        effect: Crosstalk,
+        events: tuple[Event, ...],
+    ) -> CrosstalkFit:
+        part = share.part
+        told = effect.table(part.determined.astype(float)) > 0.5
+        support = effect.table(part.support.astype(float)).astype(np.int64)
+        names = effect.adaptation
+        spread = [
+            [event.standard_deviation for event in events if event.branch == row]
+            for row in range(len(BRANCHES))
+        ]
+        return CrosstalkFit(
+            mode=effect.mode,
+            axes=tuple(range(len(names))),
+            points=effect.points,
+            values=np.where(told, part.table, np.nan),
+            standard_deviation=np.where(told, part.deviation_table, np.inf),
+            support=support,
+            complete=np.asarray(told.all(axis=0)),
+            acceleration=float(effect.acceleration),
+            deceleration=float(effect.deceleration),
+            velocity_dependent=effect.velocity_dependent,
+            directions="given",
+            noise=tuple(float(np.median(own)) if own else np.nan for own in spread),
+            events=events,
+            scores=(),
+            conventions=job.conventions,
+        )

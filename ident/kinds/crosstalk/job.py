@@ -1,0 +1,255 @@
+"""The crosstalk of one axis: fitted, judged, written into its list, read back."""
+
+import dataclasses
+from typing import final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ....data.lists import ListFile, Value
+from ....models import Crosstalk, surface_through
+from ...exchange import ExchangeError, entries_of_crosstalk
+from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
+from ...job._gating import limits_of, spread_over
+from ...job._load import Job
+from ...job._result import Remark, staged
+from ...job._source import Tables
+from ...proof import GateCheck, error_figures
+from ._existing import (
+    Existing,
+    active_in,
+    coverage_of,
+    kept_tests,
+    list_model,
+    read_existing,
+)
+from ._gate import events_under, full_offsets, judge_crosstalk, largest_jump
+from ._identify import Identified, identify
+from ._recording import CrosstalkRecording, read_crosstalk
+from ._remarks import remarks_of
+from ._result import CrosstalkResult, view_of
+from .keys import Spec
+
+_OLD = ("table[", "last_index", "master_ax_nr")
+"""Entries of the older form, which must not stand beside the present one."""
+_SIZED = ("position[", "max_points", "master_pos")
+"""Entries of which a smaller list has fewer."""
+
+
+def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
+    """Plan a crosstalk fit; what it returns fits it.
+
+    Raises:
+        JobError: If existing lists do not suit.
+        FitError: Of what it returns: if the readings do not determine it.
+    """
+    old, why = read_existing(lists.compensation, job.conventions)
+    active = active_in(job, index, fit, old, why)
+
+    def draft(left: Leftovers) -> AbstractDraft:
+        recording = read_crosstalk(tables, fit)
+        found = identify(recording, fit, active, job.conventions)
+        return CrosstalkDraft(
+            index, fit, lists, recording, found, old, active is not None, why
+        )
+
+    return draft
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class CrosstalkDraft(AbstractDraft):
+    """A fitted crosstalk.
+
+    Attributes:
+        recording: What was measured.
+        found: The estimate and its proof.
+        old: Crosstalk of the list that is there, or None.
+        active: Whether that was active while measuring.
+        unread: Why the list that is there holds none that can be read, or nothing.
+    """
+
+    fit: Spec
+    recording: CrosstalkRecording
+    found: Identified
+    old: Existing | None
+    active: bool
+    unread: str
+
+    @property
+    def kept(self) -> Bool[np.ndarray, " p"]:
+        """Tests that are written: all four values measured, or known from before."""
+        return kept_tests(self.found.fit, self.old if self.active else None)
+
+    @property
+    def written(self) -> bool:
+        """Whether there is anything to write."""
+        fit = self.found.fit
+        if not (self.found.significant and fit.complete.any()):
+            return False
+        try:
+            surface_through(fit.points[self.kept])
+        except ValueError:
+            return False
+        return True
+
+    def model(self, job: Job) -> Crosstalk:
+        """Return the list as the controller runs it."""
+        active = self.old if self.active else None
+        model = list_model(self.found.fit, active, job.conventions)
+        if self.fit.n_cycles is not None:
+            return dataclasses.replace(model, cycles=self.fit.n_cycles)
+        jump = largest_jump(full_offsets(model), model.by_speed)
+        listing, entry = self.lists.compensation, f"{self.kind.prefix}.n_cycles"
+        cycles = spread_over(job, jump, listing, entry)
+        return dataclasses.replace(model, cycles=cycles)
+
+    @property
+    def needs(self) -> str:
+        if not self.found.masters:
+            return "Works from start-up on"
+        return f"Works once {' and '.join(self.found.masters)} are referenced"
+
+    @property
+    def replaces(self) -> tuple[str, ...]:
+        return tuple(f"{self.kind.prefix}.{name}" for name in (*_OLD, *_SIZED))
+
+    def entries(self, job: Job) -> dict[str, Value]:
+        axes = job.spec.axes
+        masters = (self.fit.master, *self.found.masters)
+        try:
+            entries: dict[str, Value] = dict(
+                entries_of_crosstalk(
+                    self.model(job), [axes[name].number for name in masters]
+                )
+            )
+        except ExchangeError as error:
+            raise job.error(("fits", self.index), str(error)) from None
+        if self.fit.manual_activation is not None:
+            entries[f"{self.kind.prefix}.manual_activation"] = int(
+                self.fit.manual_activation
+            )
+        return entries
+
+    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+        return judge_crosstalk(
+            self.model(job),
+            self.found.masters,
+            job.spec.controller.cycle_time,
+            limits_of(job),
+            self._change(job),
+        )
+
+    def _change(self, job: Job) -> Float[np.ndarray, "4 p"] | None:
+        """Return what the new list adds beyond the old one, where both can be compared."""
+        axes, old, fit = job.spec.axes, self.old, self.found.fit
+        names = (self.fit.master, *self.found.masters)
+        if old is None or old.masters != tuple(axes[name].number for name in names):
+            return None
+        model = self.model(job)
+        points = np.asarray(model.surface.points)
+        before = old.at(fit.acceleration, fit.deceleration, points)
+        return np.asarray(full_offsets(model) - before)
+
+    def refuse_misread(self, job: Job, listing: ListFile) -> None:
+        parsed = ListFile.parse(listing.dumps(), listing.source)
+        for name, value in self.entries(job).items():
+            if parsed.integer(name) != value:
+                raise job.error(
+                    ("fits", self.index),
+                    f"found {parsed.integer(name)} for {name} in {listing.source} when"
+                    f" it was read back, expected {value}",
+                )
+
+    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
+        name = f"{self.kind.prefix}.max_points"
+        if existing.integer(name) == listing.integer(name):
+            return None
+        return f"{name} changes, which a reload may not take over"
+
+    def prove(self, done: Written) -> CrosstalkResult:
+        job = done.job
+        found, fit = self.found, self.found.fit
+        added = self.added_to_log(done)
+        left = events_under(
+            found.readings, added, fit.acceleration, fit.deceleration, fit.conventions
+        )
+        view = view_of(found, left, added)
+        wild, judged = view.wild, found.judged
+        workspace = self._workspace(job)
+        shown = self.kept if self.written else np.zeros(len(fit.points), dtype=bool)
+        coverage = 0.0
+        entries = np.zeros((4, 0))
+        model = self.model(job) if self.written else None
+        if model is not None:
+            entries = np.asarray(model.values)
+            coverage = coverage_of(model, workspace)
+        predicted = {}
+        if judged.any():
+            held_out = error_figures(view.predicted[judged], wild=wild[judged])
+            predicted = {"predicted": held_out}
+        return CrosstalkResult(
+            **self.frame(done),
+            error=staged(view.before, view.before, view.from_file, wild) | predicted,
+            remarks=(
+                *self.recording.remarks,
+                *remarks_of(
+                    self.fit,
+                    found,
+                    self.written,
+                    model,
+                    coverage,
+                    job.spec.controller.cycle_time,
+                    job.verified,
+                ),
+                *self._about_the_old(),
+                *done.files.remarks,
+            ),
+            files=done.names if self.written else (),
+            held_out="event",
+            master=self.fit.master,
+            adaptation=found.masters,
+            points=fit.points[shown],
+            entries=entries,
+            standard_deviation=fit.standard_deviation[:, shown],
+            support=fit.support[:, shown],
+            cycles=0 if model is None else model.cycles,
+            coverage=coverage,
+            workspace=workspace,
+            fit=fit,
+            view=view,
+        )
+
+    def added_to_log(self, done: Written) -> Float[np.ndarray, " t"]:
+        """Return what the written file adds in each row beyond what acted already."""
+        readings, job, listing = self.found.readings, done.job, done.compensation
+        motion = readings.acceleration, readings.velocity, readings.positions
+        if not self.written or listing is None:
+            return np.zeros(len(readings.time))
+        back, why = read_existing(listing, job.conventions)
+        if back is None:
+            raise job.error(("fits", self.index), f"the written list: {why}")
+        added = np.asarray(back.model.offset(*motion))
+        if self.active and self.old is not None:
+            added = added - np.asarray(self.old.model.offset(*motion))
+        return added
+
+    def _workspace(self, job: Job) -> Float[np.ndarray, "k 2"]:
+        """Return where the adaptation axes go: software limits, else as measured."""
+        places = self.found.readings.positions
+        spans = [
+            job.spec.axes[name].limits or [float(column.min()), float(column.max())]
+            for name, column in zip(self.found.masters, places.T, strict=True)
+        ]
+        return np.array(spans, dtype=float).reshape(-1, 2)
+
+    def _about_the_old(self) -> list[Remark]:
+        if self.unread:
+            words = f"The new crosstalk replaces one that cannot be read: {self.unread}"
+            return [Remark.warning(words)]
+        if self.old is None:
+            return []
+        words = "off while measuring: the new one replaces it."
+        if self.active:
+            words = "active while measuring: the new one is old + residual."
+        return [Remark.info(f"The old crosstalk was {words}")]

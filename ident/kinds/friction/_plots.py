@@ -1,0 +1,262 @@
+"""Plots of a friction law and its list."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from ...report import _style as style
+from ...report._body import Plot
+from ...report._scale import Scale, number, percent, place
+from ._result import FrictionResult, LawCurve, choice_sentence
+
+_BINS = 28
+_FEW = 5
+_SLOW = 0.12
+"""Share of the speeds that the enlarged part shows."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Bins:
+    """Means of the samples in motion, by speed, of one direction.
+
+    Attributes:
+        speed: In mm/s.
+        mean: Current against the friction, in units of current.
+        spread: Standard deviation within the bin.
+    """
+
+    speed: Float[np.ndarray, " b"]
+    mean: Float[np.ndarray, " b"]
+    spread: Float[np.ndarray, " b"]
+
+
+def bins_of(fit: FrictionResult, way: int) -> Bins:
+    """Return the friction current in bins of speed; wild samples hardly move a median."""
+    view = fit.view
+    rows = view.moving & (np.sign(view.velocity) == way)
+    speed, current = np.abs(view.velocity[rows]), way * view.before[rows]
+    if speed.size < _FEW:
+        empty = np.zeros(0)
+        return Bins(empty, empty, empty)
+    edges = np.unique(np.quantile(speed, np.linspace(0, 1, _BINS + 1)))
+    where = np.clip(np.searchsorted(edges, speed, "right") - 1, 0, len(edges) - 2)
+    found = []
+    for k in range(len(edges) - 1):
+        own = where == k
+        if own.sum() >= _FEW:
+            middle = float(np.median(current[own]))
+            spread = 1.4826 * float(np.median(np.abs(current[own] - middle)))
+            found.append((float(np.median(speed[own])), middle, spread))
+    columns = np.array(found).reshape(-1, 3)
+    return Bins(columns[:, 0], columns[:, 1], columns[:, 2])
+
+
+def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
+    """Draw friction over speed, all speeds and the slow ones enlarged."""
+    curve = fit.curve
+    if curve is None:
+        return None
+    figure, panels = style.new_figure(3.4, columns=2)
+    every = {way: bins_of(fit, way) for way in (1, -1)}
+    fast = float(curve.speed[-1])
+    limits = (fast, max(_SLOW * fast, 4.0 * float(curve.speed[0])))
+    for panel, limit in zip(panels, limits, strict=True):
+        _draw(panel, fit, curve, every, limit)
+        panel.set_xlim(-0.02 * limit, 1.02 * limit)
+        panel.set_xlabel(f"speed in {fit.length_unit}/s")
+    panels[0].set_ylabel(f"friction in {scale.error}")
+    panels[0].set_title("all speeds")
+    panels[1].set_title("slow speeds, enlarged")
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper right", ncols=3)
+    return Plot("curve", "Friction over speed", figure, _caption(fit, curve))
+
+
+def _draw(
+    panel: Axes,
+    fit: FrictionResult,
+    curve: LawCurve,
+    every: dict[int, Bins],
+    limit: float,
+) -> None:
+    laws = {
+        1: (curve.positive, curve.positive_sd),
+        -1: (curve.negative, curve.negative_sd),
+    }
+    near = curve.speed <= 1.05 * limit
+    heights = []
+    for way, (law, sd) in laws.items():
+        colour = style.DIRECTION_COLOR[way]
+        bins = every[way]
+        seen = bins.speed <= limit
+        panel.errorbar(
+            bins.speed[seen], bins.mean[seen], bins.spread[seen],
+            linestyle="none", marker=style.DIRECTION_MARKER[way], markersize=3.5,
+            linewidth=0.7, color=colour, alpha=0.8,
+            label=f"measured, {style.DIRECTION_NAME[way]}",
+        )  # fmt: skip
+        panel.plot(
+            curve.speed, law, color=colour, linewidth=1.2, label=f"law, {'+−'[way < 0]}"
+        )
+        low, high = law - 2 * sd, law + 2 * sd
+        panel.fill_between(
+            curve.speed, low, high, color=colour, alpha=0.15, linewidth=0
+        )
+        heights += [law[near], bins.mean[seen]]
+    if curve.listed is not None and fit.knots is not None:
+        panel.plot(
+            curve.speed, curve.listed, color=style.INK, linewidth=0.9, label="list"
+        )
+        places = fit.knots.velocity / 1000.0
+        panel.plot(
+            places, fit.knots.out * fit.knots.unit, linestyle="none", marker="s",
+            markersize=3.2, color=style.INK, markerfacecolor="white", label="its entries",
+        )  # fmt: skip
+        heights.append(curve.listed[near])
+    joined = np.concatenate([each for each in heights if each.size])
+    low, high = float(joined.min()), float(joined.max())
+    room = 0.25 * (high - low) or 0.1 * abs(high) or 1.0
+    panel.set_ylim(
+        min(low - room, 0.0) if low < 0.4 * high else low - room, high + room
+    )
+
+
+def _caption(fit: FrictionResult, curve: LawCurve) -> str:
+    slow, fast = place(float(curve.speed[0])), place(float(curve.speed[-1]))
+    text = (
+        f"Median friction in bins of speed with their scatter, and the law with ± 2"
+        f" standard deviations, from {slow} to {fast} {fit.length_unit}/s: only these speeds"
+        " were driven."
+    )
+    if curve.listed is None:
+        return f"{text} No list is written."
+    share = curve.difference
+    text += " The list is the same for both directions"
+    if share > 0.02:
+        return (
+            f"{text}; they differ by {percent(share)} on average, which it cannot say."
+        )
+    return f"{text}, which differ by no more than {percent(share)} on average."
+
+
+_PER_MM = 1000.0
+_ROOM = 8.0
+"""Medians that the plot of the remainder shows; beyond lie wild samples."""
+
+
+def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
+    """Draw what the law leaves on windows held out, over velocity and position."""
+    view = fit.view
+    rows = np.flatnonzero(view.moving)
+    if not rows.size:
+        return None
+    chosen = rows[style.thin(rows.size)]
+    left = view.predicted[chosen]
+    limit = _ROOM * float(np.median(np.abs(left))) or 1.0
+    outside = int(np.sum(np.abs(left) > limit))
+    figure, panels = style.new_figure(2.8, columns=2, sharey=True)
+    unit = fit.length_unit
+    views = {
+        f"velocity in {unit}/s": view.velocity,
+        f"position in {unit}": view.position,
+    }
+    medians = []
+    for panel, (name, where) in zip(panels, views.items(), strict=True):
+        panel.plot(
+            where[chosen], left, linestyle="none", marker=".", markersize=1.6,
+            color=style.BLUE, alpha=0.35, markeredgewidth=0, rasterized=True,
+        )  # fmt: skip
+        places, middle = _running(where[chosen], left)
+        panel.plot(places, middle, color=style.ORANGE, linewidth=1.3)
+        panel.axhline(0, color=style.INK, linewidth=0.7)
+        panel.set_ylim(-limit, limit)
+        panel.set_xlabel(name)
+        medians.append(float(np.max(np.abs(middle), initial=0.0)))
+    panels[0].set_ylabel(f"remaining in {scale.error}")
+    level = float(np.median(np.abs(view.before[rows])))
+    over = percent(medians[1] / level) if level else "–"
+    caption = (
+        "Current that lists made of the other windows leave, sample by sample; the line"
+        f" is the running median. Over the position it moves by up to {over} of the"
+        " friction: what depends on the place, a friction list cannot say."
+    )
+    if outside:
+        caption += f" {outside} samples lie beyond the plot."
+    return Plot("residual", "What remains (held out)", figure, caption)
+
+
+def _running(
+    where: np.ndarray, left: np.ndarray, bins: int = 40
+) -> tuple[np.ndarray, np.ndarray]:
+    edges = np.unique(np.quantile(where, np.linspace(0, 1, bins + 1)))
+    if len(edges) < 2:
+        return np.zeros(0), np.zeros(0)
+    index = np.clip(np.searchsorted(edges, where, "right") - 1, 0, len(edges) - 2)
+    pairs = [
+        (float(np.median(where[index == k])), float(np.median(left[index == k])))
+        for k in range(len(edges) - 1)
+        if np.any(index == k)
+    ]
+    columns = np.array(pairs).reshape(-1, 2)
+    return columns[:, 0], columns[:, 1]
+
+
+def choice_plot(fit: FrictionResult) -> Plot:
+    """Draw how well each law predicts windows held out."""
+    choice = fit.choice
+    figure, (panel,) = style.new_figure(2.4, columns=1)
+    names = [each.structure.words for each in choice.candidates]
+    errors = 100 * np.array([each.error for each in choice.candidates])
+    spreads = 100 * np.array([each.standard_error for each in choice.candidates])
+    rows = np.arange(len(names))[::-1]
+    colours = [
+        style.ORANGE if k == choice.chosen else style.BLUE for k in range(len(names))
+    ]
+    for row, error, spread, colour in zip(rows, errors, spreads, colours, strict=True):
+        panel.errorbar(
+            error, row, xerr=spread, marker="o", markersize=4, color=colour, linewidth=1
+        )
+    panel.set_yticks(rows, names, fontsize=6.5)
+    panel.set_xlabel("force error held out in %")
+    return Plot("choice", "Which law predicts best", figure, choice_sentence(choice))
+
+
+def circle_plot(fit: FrictionResult) -> Plot | None:
+    """Draw the simulated circle without and with the list, deviations magnified."""
+    circle = fit.circle
+    if circle is None:
+        return None
+    without, with_list = (_PER_MM * each for each in circle.spikes)
+    figure, panels = style.new_figure(
+        3.4, columns=2, subplot_kw={"projection": "polar"}
+    )
+    span = max(without, with_list) or 1.0
+    angle = np.deg2rad(circle.angle)
+    stages = {"without the list": circle.without, "with the list": circle.with_list}
+    for panel, (name, deviation) in zip(panels, stages.items(), strict=True):
+        panel.plot(
+            angle, np.full(angle.shape, 2 * span), color=style.GREY, linewidth=0.6
+        )
+        panel.plot(
+            angle, 2 * span + _PER_MM * deviation, color=style.BLUE, linewidth=1.1
+        )
+        panel.set_ylim(0, 3.2 * span)
+        panel.set_yticks(
+            [span, 2 * span, 3 * span], [f"−{span:.2g}", "0", f"+{span:.2g} µm"]
+        )
+        panel.tick_params(labelsize=6.5)
+        panel.set_title(name)
+    magnified = circle.radius * _PER_MM / (2 * span)
+    caption = (
+        f"Simulated: circle of {circle.radius:g} mm radius at"
+        f" {60 * circle.feed:g} mm/min, deviations magnified {magnified:.0f} times, the"
+        f" other axis perfect, loop {circle.loop}. The spikes fall from"
+        f" {number(without)} µm to {number(with_list)} µm."
+    )
+    if with_list >= without:
+        caption = caption.replace("fall from", "do not fall:").replace(
+            "µm to", "µm and"
+        )
+    return Plot("circle", "Quadrant spikes in a circular test", figure, caption)

@@ -1,0 +1,160 @@
+"""What a drive recorded, looked over and ready to fit."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ....data.measurements import (
+    Measurement,
+    MeasurementError,
+    MissingRole,
+    derive_motion,
+)
+from ....data.signals import Examination, Motion, SignalError, examine, filtered_motion
+from ...friction import DriveSamples
+from ...job._result import Remark
+from ...job._source import Tables, measured_for
+from .keys import Spec
+
+_NO_LIST = (
+    "no motion",
+    "one direction",
+    "sign of the current unknown",
+    "held at a limit",
+)
+"""Shortcomings with which a list would be a guess."""
+_SURE = 0.999
+"""Probability from which on a current that opposes the motion is turned round."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DriveRecording:
+    """One recording of a drive.
+
+    Attributes:
+        samples: For the estimators; the current drives the motion, whatever its sign was.
+        commanded: Position in mm or °: commanded where that was recorded.
+        commanded_velocity: Likewise in mm/s or °/s.
+        unit: Of the current as the file states it; empty for raw drive units.
+        examination: What the recording can tell and what not.
+        turned: The recorded current opposed the motion, and was turned round.
+        remarks: What the user must know.
+    """
+
+    samples: DriveSamples
+    commanded: Float[np.ndarray, " t"]
+    commanded_velocity: Float[np.ndarray, " t"]
+    unit: str
+    examination: Examination
+    turned: bool
+    remarks: tuple[Remark, ...]
+
+    @property
+    def unsure(self) -> str:
+        """Why no list may be made of it, or nothing."""
+        wrong = [f.sentence for f in self.examination.findings if f.kind in _NO_LIST]
+        return " ".join(wrong)
+
+    @property
+    def moving(self) -> Bool[np.ndarray, " t"]:
+        """Samples that tell of kinetic friction."""
+        return self.examination.usable
+
+
+def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
+    """Return the recording of a friction fit.
+
+    Raises:
+        MeasurementError: If a role is missing, there are several measurements, or the
+            motion cannot be derived.
+    """
+    name, axis = fit.sources[0], fit.axis
+    measured = measured_for(tables, name, fit, (axis,))
+    source = str(measured.source)
+    if len(fit.sources) > 1:
+        reason = "found several recordings for a friction fit, expected one"
+        raise MeasurementError(source, reason)
+    role = f"{axis}.current"
+    why = f"for the friction fit of {axis}"
+    current = np.asarray(measured.require(role, why), dtype=float)
+    motion = _motion(measured, axis)
+    spec = tables.job.spec.axes[axis]
+    unit = "mm" if spec.kind == "linear" else "°"
+    seen = examine(motion, current, unit=unit)
+    if not seen.usable.any():
+        words = seen.findings[0].sentence if seen.findings else "nothing moves"
+        raise MeasurementError(source, words)
+    turned = seen.polarity.sign == -1 and seen.polarity.confidence >= _SURE
+    commanded, fast = _commanded(measured, axis, motion)
+    noisy = f"{axis}.encoder" in measured.values or f"{axis}.actual" in measured.values
+    both = noisy and f"{axis}.position" in measured.values
+    instruments = (
+        _differentiated(motion.time, commanded, motion.bandwidth) if both else None
+    )
+    samples = DriveSamples(
+        time=motion.time,
+        velocity=motion.velocity,
+        current=-current if turned else current,
+        acceleration=motion.acceleration,
+        position=motion.position,
+        instrument_velocity=None if instruments is None else instruments.velocity,
+        instrument_acceleration=(
+            None if instruments is None else instruments.acceleration
+        ),
+        moving=seen.usable,
+        unit=unit,
+    )
+    remarks = [Remark.info(words) for words in measured.remarks]
+    remarks += [
+        Remark.warning(finding.sentence)
+        for finding in seen.findings
+        if finding.kind not in _NO_LIST
+    ]
+    if turned:
+        remarks.append(
+            Remark.info(
+                "The recorded current opposes the motion, as torque feedback does"
+                f" ([001] p.74): it was turned round. {seen.polarity.statement}"
+            )
+        )
+    return DriveRecording(
+        samples=samples,
+        commanded=commanded,
+        commanded_velocity=fast,
+        unit=measured.units.get(role, ""),
+        examination=seen,
+        turned=turned,
+        remarks=tuple(remarks),
+    )
+
+
+def _motion(measured: Measurement, axis: str) -> Motion:
+    """Return the motion as recorded, where velocity and acceleration were, or derived."""
+    motion = derive_motion(measured, axis)
+    fast, hard = (
+        measured.get(f"{axis}.{what}") for what in ("velocity", "acceleration")
+    )
+    if fast is None or hard is None:
+        return motion
+    return dataclasses.replace(
+        motion, velocity=np.asarray(fast, float), acceleration=np.asarray(hard, float)
+    )
+
+
+def _commanded(
+    measured: Measurement, axis: str, motion: Motion
+) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+    """Return commanded position and its step per cycle, the best that was recorded."""
+    given = measured.get(f"{axis}.position")
+    place = motion.position if given is None else np.asarray(given, dtype=float)
+    return place, np.diff(place, prepend=place[:1]) / motion.step
+
+
+def _differentiated(
+    time: Float[np.ndarray, " t"], place: Float[np.ndarray, " t"], band: float
+) -> Motion | None:
+    try:
+        return filtered_motion(time, place, cutoff=band)
+    except (SignalError, MissingRole):
+        return None

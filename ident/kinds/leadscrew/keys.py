@@ -1,0 +1,55 @@
+"""The keys of a leadscrew table in a job."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Literal
+
+from .._keys import Fault, KeyPath, LineSpec
+
+if TYPE_CHECKING:
+    from ...exchange import AbstractTable
+    from ...job._load import Job
+    from ...job._schema import Axis, JobFile
+
+
+class Spec(LineSpec, frozen=True):
+    """A leadscrew table: error of the axis over its own position."""
+
+    compensation: Literal["leadscrew"]
+    bilateral: bool = False
+    """One table per direction; it contains the backlash. Example: `true`."""
+    modulo: bool = False
+    """Whether the points include the repeated end: first = last. Example: `true`."""
+
+    @property
+    def switches_off(self) -> tuple[str, ...]:
+        return ("backlash",) if self.bilateral else ()
+
+    def turns(self, axes: "Mapping[str, Axis]") -> bool:
+        return self.modulo
+
+    def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
+        yield from super().faults(job, where)
+        if self.n_cycles is not None:
+            reason = (
+                "a leadscrew list has no such entry, expected it for cross and plane"
+            )
+            yield (*where, "n_cycles"), reason
+        axis = job.axes.get(self.axis)
+        linear = axis is not None and axis.kind == "linear" and not axis.modulo
+        if self.modulo and linear:
+            yield (
+                (*where, "modulo"),
+                f"found axis {self.axis} of type linear without modulo, expected a rotary"
+                " axis or its modulo range",
+            )
+
+    def refuse(self, job: "Job", index: int, table: "AbstractTable") -> None:
+        for name in self.sources:
+            both = set(self.switches_off) & set(job.spec.measurements[name].active)
+            if both:
+                raise job.error(
+                    ("measurements", name, "active"),
+                    f"found {both.pop()} for a bilateral leadscrew fit, which switches"
+                    " it off (both would compensate the reversal), expected a"
+                    " measurement without it",
+                )

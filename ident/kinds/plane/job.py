@@ -1,0 +1,15 @@
+"""A plane as a job handles it: one of the tables."""
+
+from ...exchange import PlaneTable
+from ...job._load import Job
+from ...job._table_draft import plan_table as plan
+from .keys import Spec
+
+__all__ = ["empty_table", "plan"]
+
+
+def empty_table(job: Job, fit: Spec) -> PlaneTable:
+    """Return the table that a fit writes, its nodes not yet known."""
+    axes = job.spec.axes
+    masters = tuple(axes[name].number for name in fit.over)
+    return PlaneTable(axes[fit.axis].number, masters, (), job.conventions)

@@ -1,0 +1,267 @@
+"""What a person must know of a thermal line, and what the readings do not tell."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ...discover import heat_or_drift
+from ...job._result import Remark
+from ._identify import Identified
+from ._recording import ThermalRecording
+from .effect import Effect, Lag, Meeting, TemperatureFit
+
+_ONE_WAY = 0.95
+"""Correlation of temperature and time from which nothing but the clock may be seen."""
+_SAME_COURSE = 0.999
+"""Correlation of two sensors from which on either does for the other."""
+_FEW = 8.0
+_HOT = 200.0
+"""°C that no structure of a machine tool reaches."""
+_EFFECTS: Mapping[Effect, str] = {
+    "level": "level of the error",
+    "offset": "temperature at the offset",
+    "slope": "slope over the position",
+    "slope change": "change of that slope",
+}
+_MEETINGS: Mapping[Meeting, tuple[str, str]] = {
+    "met": ("info", "The lines meet at {at:.5g} mm ± {sure:.2g} mm."),
+    "parallel": (
+        "info",
+        "The lines do not change their slope, so they meet nowhere: {place}.",
+    ),
+    "unsure slope": (
+        "info",
+        "The lines hardly change their slope, so they meet nowhere: {place}.",
+    ),
+    "two sensors": (
+        "info",
+        "Two sensors move offset and slope, so the lines do not meet: {place}.",
+    ),
+    "too far": ("info", "The lines are nearly parallel: {place}."),
+    "too few": ("info", "Too few readings to find where the lines meet: {place}."),
+    "not one point": (
+        "warning",
+        "The lines of the temperatures do not meet in one point: {place}.",
+    ),
+    "uncertain": (
+        "warning",
+        "Where the lines meet is uncertain by {sure:.2g} mm: {place}.",
+    ),
+}
+"""Level and words of a meeting that was looked for."""
+_SIGN = Remark.warning(
+    "Whether the controller adds the line or takes it off is the least certain sign of"
+    " all (S-43: the manual reads its coefficients off a deviation). Warm the machine,"
+    " compare V.A.TEMP_COMP_CURR and the drive bus with axcomp simulate, and measure once"
+    " before relying on it."
+)
+
+
+def remarks_of(
+    axis: str,
+    recording: ThermalRecording,
+    found: Identified,
+    written: bool,
+    zero: float,
+    sign_known: bool,
+) -> Iterator[Remark]:
+    """Return everything that the report has to say of a fit."""
+    yield from list(recording.remarks)
+    yield from _undetermined(axis, found)
+    if not written and found.determined:
+        yield Remark.warning(
+            "No effect of the temperature shows beyond chance: laws that follow it"
+            " predict readings left out no better. Nothing is written."
+        )
+    yield from _of_fit(recording, found.fit)
+    yield from _not_told(axis, recording, found)
+    hottest = float(np.max(recording.readings.temperature[found.fit.used]))
+    if hottest > _HOT:
+        yield Remark.warning(
+            f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
+            ' unit = "K".',
+        )
+    if written:
+        yield from _state(axis, recording, found.fit, zero)
+        if not sign_known:
+            yield _SIGN
+
+
+def _undetermined(axis: str, found: Identified) -> list[Remark]:
+    remarks = []
+    for pair in found.open:
+        first, second = _EFFECTS[pair.first], _EFFECTS[pair.second]
+        words = (
+            f"These readings cannot tell the {first} from the {second}:"
+            f" their correlation is {pair.correlation:.4f}."
+        )
+        if found.dropped:
+            words += (
+                " The coefficient is left out; the offset over the temperature is"
+                " determined and written."
+            )
+        else:
+            words += " Neither is written."
+        remarks.append(
+            Remark.error(f"{words} Measure {axis} at all positions per temperature.")
+        )
+    return remarks
+
+
+def _of_fit(recording: ThermalRecording, fit: TemperatureFit) -> Iterator[Remark]:
+    """Return what the estimate itself has to say."""
+    if fit.meeting != "given":
+        level, words = _MEETINGS[fit.meeting]
+        sure = fit.reference_deviation or fit.meeting_deviation or 0.0
+        place = f"the reference is {fit.reference:.4g} mm"
+        words = words.format(at=fit.reference, sure=sure, place=place)
+        yield Remark(level, words)
+    if not fit.converged:
+        words = "The iterations did not settle; treat the result with care."
+        yield Remark.warning(words)
+    yield from (_of_lag(lag, recording.sensors[lag.sensor]) for lag in fit.lags)
+    wild, missed = int(fit.wild.sum()), int((~fit.used).sum())
+    if wild:
+        yield Remark.warning(f"{wild} wild readings were left out.")
+    if missed:
+        yield Remark.info(f"{missed} readings were missed or incomplete.")
+
+
+def _of_lag(lag: Lag, name: str) -> Remark:
+    """Return what a lag means for the machine."""
+    if lag.sensor_late:
+        words = (
+            f"The structure is ahead of sensor {name!r}: the sensor sits where it warms"
+            " late. No filter undoes that; a sensor closer to the source would."
+        )
+        return Remark.warning(words)
+    if not lag.applied:
+        return Remark.info(f"No lag between sensor {name!r} and the structure shows.")
+    low, high = lag.interval
+    words = (
+        f"The structure follows sensor {name!r} with a time constant of"
+        f" {lag.time_constant:.3g} s (95 %: {low:.3g} to {high:.3g} s)."
+    )
+    return Remark.info(words)
+
+
+def _not_told(
+    axis: str, recording: ThermalRecording, found: Identified
+) -> Iterator[Remark]:
+    """Return what these readings cannot say, however well they fit."""
+    readings, fit = recording.readings, found.fit
+    if fit.coefficient is None:
+        why = f"The error was measured at one position of {axis}"
+        if recording.carriers is not None:
+            why = f"The coefficient of {axis} was not asked for"
+        yield Remark.warning(
+            f"{why}: how the error grows along the axis is not known, and the same"
+            " correction acts everywhere."
+        )
+    yield from _alike(recording)
+    if recording.datum is not None and "offset" in recording.effects:
+        yield Remark.warning(
+            f"The instrument was set to zero at {recording.datum:g} mm (datum): a"
+            " shift of the whole axis is not seen, and only the growth from there"
+            " is corrected."
+        )
+    from scipy.stats import rankdata  # takes long to load
+
+    used = fit.used
+    clock = readings.time
+    row = np.arange(len(used), dtype=float) if clock is None else clock
+    for sensor in dict.fromkeys(recording.effects.values()):
+        warmth = readings.temperature[used, sensor]
+        if warmth.std() > 0 and row[used].std() > 0:
+            # Ranks: a warm-up is a curve over the time, and still one way.
+            alike = float(np.corrcoef(rankdata(row[used]), rankdata(warmth))[0, 1])
+            if abs(alike) > _ONE_WAY:
+                way = "rose" if alike > 0 else "fell"
+                yield Remark.warning(
+                    f"{recording.sensors[sensor]!r} only {way} while measuring"
+                    f" (rank correlation with time {alike:.2f}): whatever else changed"
+                    " with time is taken for the temperature. A measurement over"
+                    " warming and cooling tells them apart."
+                )
+    yield from _drift_instead(axis, recording, found)
+    if fit.independent < _FEW and fit.noise.drift > 0:
+        yield Remark.warning(
+            f"The residuals drift over {fit.noise.time_constant / 60:.3g} minutes:"
+            f" the {int(used.sum())} readings tell no more than"
+            f" {max(fit.independent, 1):.0f} independent ones would."
+        )
+
+
+def _drift_instead(
+    axis: str, recording: ThermalRecording, found: Identified
+) -> list[Remark]:
+    """Return that it may be a drift, where `discover` says so of the same readings."""
+    if found.instead is None:
+        return []
+    effect, sensor = next(iter(recording.effects.items()))
+    heat = f"temperature {effect} of {axis} by {recording.sensors[sensor]}"
+    what, remedy = heat_or_drift(heat, axis)
+    size = f"{1e3 * found.instead.rms:.2g} µm rms"
+    words = f"The data cannot tell: {what} ({size}). {remedy}"
+    words += " What is written takes all of it for the temperature."
+    return [Remark.warning(words)]
+
+
+def _alike(recording: ThermalRecording) -> list[Remark]:
+    """Return a warning where two sensors changed in the same way."""
+    first, second = (recording.effects.get(key) for key in ("offset", "coefficient"))
+    if first is None or second is None or first == second:
+        return []
+    one, two = (recording.readings.temperature[:, k] for k in (first, second))
+    known = np.isfinite(one) & np.isfinite(two)
+    if known.sum() < 3 or not np.ptp(one[known]) > 0 or not np.ptp(two[known]) > 0:
+        return []
+    alike = float(np.corrcoef(one[known], two[known])[0, 1])
+    if abs(alike) < _SAME_COURSE:
+        return []
+    names = recording.sensors[first], recording.sensors[second]
+    return [
+        Remark.warning(
+            f"{names[0]} and {names[1]} changed alike (correlation {alike:.4f}): that the"
+            f" offset follows {names[0]} and the coefficient {names[1]} is the choice of"
+            " the job, these readings cannot tell it. Measure once while they differ."
+        )
+    ]
+
+
+def _state(
+    axis: str, recording: ThermalRecording, fit: TemperatureFit, zero: float
+) -> Iterator[Remark]:
+    """Return where the law is zero, what stays for the tables, and how far it reaches."""
+    wished = recording.reference_temperature
+    laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
+    far = {
+        recording.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
+        for law in laws
+        if len(law.value) > 1
+    }
+    if len(far) > 1 and any(abs(warm - wished) > 0.05 for warm in far.values()):
+        at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in far.items())
+        yield Remark.info(
+            f"Nothing is corrected with {at}, the measured temperatures next to the"
+            f" reference of {wished:g} °C."
+        )
+    elif abs(zero - wished) > 0.05:
+        yield Remark.info(
+            f"Nothing is corrected at {zero:.4g} °C, the measured temperature next to"
+            f" the reference of {wished:g} °C, which was not measured itself."
+        )
+    if recording.carriers:
+        words = f"What {axis} shows at {zero:.4g} °C is held by the"
+        words += f" {' and the '.join(recording.carriers)} of the same group."
+        yield Remark.info(words)
+        return
+    words = f"What {axis} shows at {zero:.4g} °C belongs to its tables, not to this law"
+    if fit.coefficient is not None and recording.carriers is None:
+        slope = 1e6 * float(fit.coefficient.at(np.array([zero]))[0])
+        words += f" (a slope of {slope:+.4g} µm/m among it)".replace("-", "−")
+        words += (
+            ". A leadscrew table that was measured warmer holds a part of this"
+            " law as well: measure tables with this law active, or at that temperature"
+        )
+    yield Remark.info(words + ".")

@@ -1,0 +1,205 @@
+"""What a job found of the thermal line of an axis."""
+
+import dataclasses
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ....models import TemperatureLine
+from ...job._result import AbstractResult, Expectation
+from ._identify import Identified
+from ._law import ThermalLaw
+from ._recording import ThermalRecording
+from .effect import Law, TemperatureFit
+
+
+@dataclasses.dataclass(frozen=True)
+class ThermalView:
+    """The complete readings with what became of them; one row per reading.
+
+    Errors are against the state at the temperature where nothing is corrected: what the
+    axis shows there belongs to its tables.
+
+    Attributes:
+        time: In s, or the row number.
+        timed: Whether it is a time.
+        row: Of all measurements, one after the other, from 0.
+        position: In mm, or None.
+        sensor: Temperature of each sensor in °C, shape ``(t, s)``.
+        structure: The same behind its lag.
+        before: Error in mm.
+        predicted: Error left under the line fitted to the other blocks of time.
+        from_file: Error left under the files as written, by the controller's rules.
+        wild: Readings that the loss rejected.
+    """
+
+    time: Float[np.ndarray, " t"]
+    timed: bool
+    row: Int[np.ndarray, " t"]
+    position: Float[np.ndarray, " t"] | None
+    sensor: Float[np.ndarray, "t s"]
+    structure: Float[np.ndarray, "t s"]
+    before: Float[np.ndarray, " t"]
+    predicted: Float[np.ndarray, " t"]
+    from_file: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+
+
+@final
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TemperatureResult(AbstractResult):
+    """The thermal line of an axis.
+
+    Attributes:
+        sensors: Names, as columns of the temperatures.
+        reference: Position where the line turns, in mm (P-AXIS-00272).
+        zero: Temperature in °C at which nothing is corrected.
+        law: As written; None where nothing is.
+        relative: The estimate, zero at that temperature; sign of the error.
+        fit: The estimate as it stands.
+        rate: How fast the PLC lets the correction move, in mm/s at the far end.
+        span: Positions in mm that the gate looked at, or None.
+        cycles: Of the sin² filter (P-AXIS-00275).
+        view: The readings before and after.
+    """
+
+    sensors: tuple[str, ...]
+    reference: float
+    zero: float
+    law: ThermalLaw | None
+    relative: TemperatureFit
+    fit: TemperatureFit
+    rate: float
+    span: tuple[float, float] | None
+    cycles: int
+    view: ThermalView
+
+    @property
+    def expectation(self) -> Expectation | None:
+        """The largest correction of the written line at a place that was measured."""
+        view = self.view
+        added = view.from_file - view.before
+        row = int(np.argmax(np.abs(added)))
+        place = 0.0 if view.position is None else float(view.position[row])
+        return Expectation(
+            {} if view.position is None else {self.axis: place},
+            None,
+            float(added[row]),
+            self.unit,
+            temperatures=dict(
+                zip(self.sensors, view.structure[row].tolist(), strict=True)
+            ),
+        )
+
+    def details(self) -> dict[str, Any]:
+        """Return parameters, deviations and support for result.json."""
+        found, law = self.fit, self.law
+        table = None if law is None else _columns(law)
+        spread = None
+        if law is not None:
+            spread = {
+                "offset_0": law.offset_deviation,
+                "coefficient": law.coefficient_deviation,
+            }
+        slope, slope_deviation = found.slope
+        return {
+            "parameters": {
+                "position_0": self.reference,
+                "temperature_0": self.zero,
+                "table": table,
+                "intersects": found.intersects,
+                "meeting": found.meeting,
+                "n_cycles": self.cycles,
+                "rate": self.rate,
+                "offset": _law(found.offset, self.sensors, 1.0),
+                "coefficient": _law(found.coefficient, self.sensors, 1e6),
+                "offset_per_kelvin": slope,
+                "lags": [
+                    {
+                        "sensor": self.sensors[lag.sensor],
+                        "time_constant": lag.time_constant,
+                        "interval": list(lag.interval),
+                        "applied": lag.applied,
+                        "sensor_late": lag.sensor_late,
+                    }
+                    for lag in found.lags
+                ],
+            },
+            "standard_deviations": {
+                "table": spread,
+                "position_0": found.reference_deviation,
+                "offset_per_kelvin": slope_deviation,
+            },
+            "support": dict(zip(found.names, found.support, strict=False)),
+            "noise": found.noise.white,
+            "drift": found.noise.drift,
+            "drift_time": found.noise.time_constant,
+            "independent": found.independent,
+            "laws": [vars(score) for score in found.scores],
+            "confounded": [vars(pair) for pair in found.confounded],
+            "converged": found.converged,
+            "wild": int(found.wild.sum()),
+            "missed": int((~found.used).sum()),
+        }
+
+
+def _columns(law: ThermalLaw) -> dict[str, np.ndarray]:
+    return {
+        "temperature": law.temperature,
+        "offset_0": law.offset,
+        "coefficient": law.coefficient,
+    }
+
+
+def _law(law: Law | None, sensors: tuple[str, ...], factor: float) -> Any:
+    """Return a law of the error: its sensor, nodes in °C, values in mm or µm/m."""
+    if law is None:
+        return None
+    return {
+        "sensor": sensors[law.sensor],
+        "kind": law.kind,
+        "temperature": law.temperature,
+        "error": factor * law.value,
+        "standard_deviation": factor * law.standard_deviation,
+    }
+
+
+def view_of(
+    recording: ThermalRecording,
+    found: Identified,
+    zero: float,
+    line: TemperatureLine | None,
+) -> ThermalView:
+    """Return the complete readings with what became of them.
+
+    Args:
+        recording: What was measured.
+        found: The estimate and its proof.
+        zero: Temperature in °C at which nothing is corrected.
+        line: What was written, read back; None: nothing, and errors stand about their
+            median.
+    """
+    fit, readings = found.fit, recording.readings
+    used = fit.used
+    place = None if readings.position is None else readings.position[used]
+    structure = fit.temperature[used]
+    before = from_file = readings.error[used] - np.median(readings.error[used])
+    if line is not None:
+        still = np.full(structure.shape, zero)
+        before = readings.error[used] - fit.predict(still, place)
+        away = np.zeros(len(before)) if place is None else place
+        from_file = before + np.asarray(line.offset(away, structure))
+    row = np.arange(len(used), dtype=float)
+    return ThermalView(
+        time=(row if readings.time is None else readings.time)[used],
+        timed=readings.time is not None,
+        row=recording.rows[used],
+        position=place,
+        sensor=readings.temperature[used],
+        structure=structure,
+        before=before,
+        predicted=before if line is None else found.predicted,
+        from_file=from_file,
+        wild=fit.wild[used],
+    )

@@ -1,0 +1,341 @@
+"""The thermal line of one axis: fitted, judged, written for list and PLC, read back."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ....data.lists import ListFile, Value
+from ....models import ConstantParameter, TemperatureLine
+from ...exchange import ExchangeError, entries_of_temperature, temperature_line
+from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
+from ...job._gating import limits_of, spread_over
+from ...job._load import Job
+from ...job._plan import refuse_unstated
+from ...job._result import Remark, staged
+from ...job._second import SecondMeasurement
+from ...job._source import Tables
+from ...proof import GateCheck, reversal_dynamics
+from ...proof.axis import check_switching
+from .._keys import FitSpec
+from . import KIND
+from ._identify import Identified, identify
+from ._law import (
+    RATE,
+    ThermalLaw,
+    csv_text,
+    judge_law,
+    largest_correction,
+    rates,
+    read_back,
+    thermal_law,
+)
+from ._recording import ThermalRecording, read_thermal
+from ._remarks import remarks_of
+from ._result import TemperatureResult, view_of
+from ._structured_text import PlcProgram, plc_objects, plc_sensors, structured_text
+from .effect import TemperatureFit
+from .keys import Spec, temperature_names
+
+_LINE = KIND.prefix
+
+
+def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
+    """Plan a temperature fit; what it returns fits it.
+
+    Raises:
+        JobError: If a temperature compensation is switched on already and a measurement
+            does not say whether it acted.
+        FitError: Of what it returns: if the readings do not determine it.
+    """
+    refuse_unstated_law(job, fit, lists)
+
+    def draft(left: Leftovers) -> AbstractDraft:
+        recording = read_thermal(tables, fit)
+        found = identify(recording, fit)
+        zero = zero_of(recording, found.fit)
+        return TemperatureDraft(index, fit, lists, recording, found, zero)
+
+    return draft
+
+
+def refuse_unstated_law(job: Job, fit: Spec, lists: AxisLists) -> None:
+    """Raise where the axis list has the law switched on and a measurement says no more.
+
+    Raises:
+        JobError: Naming the measurement and the answers.
+    """
+    machine = lists.machine
+    if machine is not None and machine.integer(_LINE):
+        refuse_unstated(job, fit, machine.source, "measure again with COMP OFF TEMP")
+
+
+def zero_of(recording: ThermalRecording, fit: TemperatureFit) -> float:
+    """Return the temperature at which nothing is corrected: measured, near the reference.
+
+    Where two sensors move the line it is the reference itself: each law is held at its own
+    end, the measured temperature next to it.
+    """
+    laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
+    following = [law for law in laws if len(law.value) > 1] or laws
+    if len({law.sensor for law in following}) > 1:
+        return recording.reference_temperature
+    low = max(float(law.temperature[0]) for law in following)
+    high = min(float(law.temperature[-1]) for law in following)
+    return float(np.clip(recording.reference_temperature, low, max(low, high)))
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class TemperatureDraft(AbstractDraft):
+    """A fitted thermal line.
+
+    Attributes:
+        recording: What was measured.
+        found: The estimate and its proof.
+        zero: Temperature in °C at which nothing is corrected.
+    """
+
+    fit: Spec
+    recording: ThermalRecording
+    found: Identified
+    zero: float
+
+    @property
+    def written(self) -> bool:
+        laws = (self.found.fit.offset, self.found.fit.coefficient)
+        moves = any(law is not None and len(law.value) > 1 for law in laws)
+        return moves and self.found.determined
+
+    @property
+    def partial(self) -> bool:
+        return bool(self.found.open)
+
+    @property
+    def needs(self) -> str:
+        return "Works once the axis is homed and the PLC program runs"
+
+    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
+        still = TemperatureLine(
+            position_0=ConstantParameter(jnp.asarray(self._position)),
+            offset_0=ConstantParameter(jnp.zeros(())),
+            coefficient=ConstantParameter(jnp.zeros(())),
+            cycles=self._filter(job),
+        )
+        try:
+            entries: dict[str, Value] = dict(entries_of_temperature(still))
+        except ExchangeError as error:
+            raise job.error(("fits", self.index), str(error)) from None
+        if self.fit.manual_activation is not None:
+            entries[f"{_LINE}_manual_activation"] = int(self.fit.manual_activation)
+        return entries
+
+    def machine_remarks(self) -> list[Remark]:
+        listing = self.lists.machine
+        if listing is None:
+            return []
+        held = [
+            name
+            for name in (f"{_LINE}_offset_0", f"{_LINE}_coefficient")
+            if (entry := listing.get(name)) is not None and _is_not_zero(entry.value)
+        ]
+        if not held:
+            return []
+        return [
+            Remark.warning(
+                f"{', '.join(held)} of {listing.source} become 0: the PLC writes the law"
+                " from now on, and the list holds the state at the reference"
+                " temperature."
+            )
+        ]
+
+    def extra_files(self, job: Job) -> Mapping[str, bytes]:
+        table, program, *_ = temperature_names(self.axis)
+        law = self._law(job)
+        own = self._program(job, law)
+        objects = {f"{name}.TcPOU": text for name, text in plc_objects(own).items()}
+        texts = {table: csv_text(law), program: structured_text(own)} | objects
+        return {name: text.encode() for name, text in texts.items()}
+
+    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+        limits = limits_of(job)
+        lines = judge_law(
+            self._law(job), self._position, self._span(job), self.axis, limits
+        )
+        switching = check_switching(
+            self.jump(job),
+            self._filter(job),
+            limits,
+            "mm",
+            f"{_LINE}_n_cycles",
+            "COMP ON/OFF, homing, reload or loss of power, while warm",
+        )
+        return (*lines, switching)
+
+    def jump(self, job: Job) -> float:
+        return largest_correction(self._law(job), self._position, self._span(job))
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        return self.recording.sensors
+
+    @property
+    def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
+        heat = self.found.fit.temperature
+        return {name: heat[:, k] for k, name in enumerate(self.sensors)}
+
+    def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
+        law, rules = self._law(job), job.conventions
+        first, second = (
+            temperature_line(
+                law.temperature,
+                law.offset,
+                law.coefficient,
+                sensor or 0,
+                rules,
+                machine,
+            )
+            for sensor in self._chosen()
+        )
+        return dataclasses.replace(first, coefficient=second.coefficient)
+
+    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+        assert isinstance(fit, Spec)
+        readings = read_thermal(tables, fit).readings
+        known = np.isfinite(readings.error)
+        error, place = readings.error[known], readings.position
+        positions = np.zeros((len(error), 1)) if place is None else place[known, None]
+        return SecondMeasurement.of(
+            ", ".join(fit.sources), positions, error - np.median(error)
+        )
+
+    def prove(self, done: Written) -> TemperatureResult:
+        job = done.job
+        found, zero = self.found.fit, self._relative()
+        line = self._line_read_back(done)
+        view = view_of(self.recording, self.found, self.zero, line)
+        names = {done.files.machine_name, *temperature_names(self.axis)}
+        return TemperatureResult(
+            **self.frame(done),
+            error=staged(view.before, view.predicted, view.from_file, view.wild),
+            remarks=(
+                *remarks_of(
+                    self.axis,
+                    self.recording,
+                    self.found,
+                    self.written,
+                    self.zero,
+                    "temperature_sign" in job.verified,
+                ),
+                *self._switching(job),
+                *done.files.remarks,
+            ),
+            files=tuple(
+                file for file in done.names if self.written and file.name in names
+            ),
+            held_out=self.found.held_out,
+            sensors=self.recording.sensors,
+            reference=self._position,
+            zero=self.zero,
+            law=self._law(job) if self.written else None,
+            relative=zero,
+            fit=found,
+            rate=RATE,
+            span=self._span(job),
+            cycles=self._filter(job) if self.written else 0,
+            view=view,
+        )
+
+    def _line_read_back(self, done: Written) -> TemperatureLine | None:
+        """Return the line that the files hold as they lie in the folder."""
+        table = done.path(temperature_names(self.axis)[0])
+        if not self.written or table is None:
+            return None
+        rules, machine = done.job.conventions, done.machine
+        return read_back(table, self.recording.sensors, self._chosen(), rules, machine)
+
+    @property
+    def _position(self) -> float:
+        """Reference position in mm, in whole units of the list."""
+        return round(self.found.fit.reference * 1e4) / 1e4
+
+    def _relative(self) -> TemperatureFit:
+        return self.found.fit.relative_to(self.zero)
+
+    def _law(self, job: Job) -> ThermalLaw:
+        sign = int(job.conventions.temperature_sign)
+        return thermal_law(self._relative(), self.zero, sign)
+
+    def _span(self, job: Job) -> tuple[float, float] | None:
+        """Return the positions that the axis reaches, as far as they are known."""
+        place = self.recording.readings.position
+        if place is None:
+            return None
+        place = place[self.found.fit.used]
+        limits = job.spec.axes[self.axis].limits or (place[0], place[0])
+        return (
+            float(min(place.min(), limits[0])),
+            float(max(place.max(), limits[1])),
+        )
+
+    def _filter(self, job: Job) -> int:
+        """Return P-AXIS-00275: as given, or what switching off while warm wants."""
+        if self.fit.n_cycles is not None:
+            return self.fit.n_cycles
+        machine, entry = self.lists.machine, f"{_LINE}_n_cycles"
+        return spread_over(job, self.jump(job), machine, entry, switched=True)
+
+    def _switching(self, job: Job) -> list[Remark]:
+        if not self.written:
+            return []
+        jump, cycles, limits = self.jump(job), self._filter(job), limits_of(job)
+        fast, _ = reversal_dynamics(jump, cycles, job.spec.controller.cycle_time)
+        words = (
+            f"Switching it on or off on the warm machine (COMP, homing) moves {self.axis}"
+            f" by up to {1e3 * jump:.1f} µm within {cycles} cycles, with up to"
+            f" {fast:.3g} mm/s: at standstill only, without a tool in cut."
+        )
+        if fast > limits.max_velocity:
+            words += f" That is more than max_velocity ({limits.max_velocity:g} mm/s)."
+        level = "warning" if fast > limits.max_velocity else "info"
+        return [Remark(level, words)]
+
+    def _program(self, job: Job, law: ThermalLaw) -> PlcProgram:
+        lags = {
+            lag.sensor: lag.time_constant for lag in self.found.fit.lags if lag.applied
+        }
+        sensors = plc_sensors(
+            self.recording.sensors,
+            [lags.get(k, 0.0) for k in range(len(self.recording.sensors))],
+        )
+        offset, coefficient = self._chosen()
+        first = coefficient if offset is None else offset
+        second = first if coefficient is None else coefficient
+        return PlcProgram(
+            axis=self.axis,
+            number=job.spec.axes[self.axis].number,
+            title=job.spec.title or job.path.name,
+            law=law,
+            position=self._position,
+            zero=self.zero,
+            sensors=sensors,
+            offset=first or 0,
+            coefficient=second or 0,
+            rates=rates(self._position, self._span(job)),
+            sign=int(job.conventions.temperature_sign),
+        )
+
+    def _chosen(self) -> tuple[int | None, int | None]:
+        """Return the sensors of offset and coefficient."""
+        effects = self.recording.effects
+        return effects.get("offset"), effects.get("coefficient")
+
+
+def _is_not_zero(text: str) -> bool:
+    try:
+        return float(text) != 0.0
+    except ValueError:
+        return True
