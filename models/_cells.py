@@ -1,5 +1,6 @@
 """In which cell between ascending points each position lies."""
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
@@ -32,6 +33,7 @@ def among_few(
     return cell, left, width
 
 
+@jax.jit  # a call by this name in a traced model: an export puts its own search there
 def cell_of(
     points: Float[Array, " p"], position: Float[Array, " t"]
 ) -> Int[Array, " t"]:

@@ -17,9 +17,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._cross import Cross
 from ._leadscrew import Leadscrew
+from ._nodes import AbstractNodes
 from ._plane import Plane
 
-Offsets = Callable[[Float[Array, "t a"]], Float[Array, "t a"]]
+OffsetLaw = Callable[[Float[Array, "t a"]], Float[Array, "t a"]]
 """From positions of all axes in mm or ° to their offsets; row by row, without memory."""
 
 FAILED = 70582
@@ -53,7 +54,7 @@ class ExternalCompensation(eqx.Module):
     they are those of the cell on the right-hand side of the position that was found.
     """
 
-    law: Offsets
+    law: OffsetLaw
     """The offsets: an `OffsetStack`, another module, or any function of positions."""
 
     def offsets(
@@ -194,6 +195,13 @@ class OffsetPart(eqx.Module):
                 "for each direction of motion."
             )
             raise ValueError(msg)
+
+    @property
+    def nodes(self) -> tuple[AbstractNodes, ...]:
+        """Nodes along each of its masters."""
+        if isinstance(self.model, Plane):
+            return self.model.nodes1, self.model.nodes2
+        return (self.model.nodes,)
 
     def offset(self, positions: Float[Array, "t a"]) -> Float[Array, " t"]:
         """Return what it adds to its axis in mm or °."""

@@ -1,0 +1,16 @@
+"""A model as an external compensation of the controller: C and C++, list entries, NC lines.
+
+`export_external` (`_export`) is the whole. `_trace` with `_arithmetic` carries a model over from
+JAX to CasADi, `_code` makes C of it with the files of ``templates``, `_extremes` searches the
+largest figures in the workspace, `_entries` makes list entries of them; `_sources` takes the
+tables of a job or of lists.
+"""
+
+from ._export import (
+    ExternalFiles as ExternalFiles,
+    Placed as Placed,
+    export_external as export_external,
+)
+from ._extremes import Extremes as Extremes, extremes as extremes
+from ._sources import ListSource as ListSource, list_source as list_source
+from ._trace import UntraceableError as UntraceableError
