@@ -18,8 +18,8 @@ _WARNING = 1.1
 _ERROR = 1.5
 """Room over the largest figure in the workspace."""
 _FADING = 13.5
-"""An offset o fades as o·s(d/z), s(u) = u²(3 − 2u), at the distance d < z of the limit. An axis that
-stops there with a moves at v² = 2·a·d, so that |s''| ≤ 6 and |s'| ≤ 1.5 give 13.5·o·a/z."""
+"""An offset o fades as o·s(d/z), s(u) = u²(3 − 2u), at the distance d < z of the limit. An axis
+that stops there with a moves at v² = 2·a·d: |s''| ≤ 6 and |s'| ≤ 1.5 give 13.5·o·a/z."""
 _ROUNDING = 1e-4
 """mm or ° by which rounding to increments may move an offset."""
 

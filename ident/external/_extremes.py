@@ -7,6 +7,7 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float
 from scipy.stats import qmc
 
@@ -56,24 +57,25 @@ def extremes(
     step = feed * cycle_time
     axes = workspace.shape[0]
     turning = workspace[:, 1] > workspace[:, 0]
-    ways = [row for row in np.eye(axes)[turning]]
-    signs = itertools.product((1.0, -1.0), repeat=min(axes, 3) - 1)
-    ways += [turning * np.resize([1.0, *other], axes) for other in signs]
+    together = itertools.product((1.0, -1.0), repeat=min(axes, 3) - 1)
+    ways = np.array(
+        [*np.eye(axes), *(np.resize([1.0, *signs], axes) for signs in together)]
+    )
 
     def curvature(place: Float[Array, "t a"]) -> Float[Array, "t a"]:
-        now = 2.0 * law(place)
-        parts = [
-            jnp.abs(law(place + way) - now + law(place - way))
-            for way in step * jnp.array(ways)[:, None, :]
-        ]
-        return jnp.stack(parts).max(axis=0) / cycle_time**2
+        def along(way: Float[Array, " a"]) -> Float[Array, "t a"]:
+            rows = [place - way, place, place + way]
+            before, now, after = jnp.split(law(jnp.concatenate(rows)), 3)
+            return jnp.abs(before - 2.0 * now + after)
+
+        return lax.map(along, step * jnp.asarray(ways * turning)).max(axis=0) / cycle_time**2
 
     def slope(place: Float[Array, "t a"]) -> Float[Array, "t a"]:
-        parts = [
-            jax.jvp(law, (place,), (jnp.broadcast_to(unit, place.shape),))[1]
-            for unit in jnp.eye(axes)
-        ]
-        return jnp.sum(jnp.abs(jnp.stack(parts)), axis=0)
+        def along(unit: Float[Array, " a"]) -> Float[Array, "t a"]:
+            every = jnp.broadcast_to(unit, place.shape)
+            return jnp.abs(jax.jvp(law, (place,), (every,))[1])
+
+        return lax.map(along, jnp.eye(axes)).sum(axis=0)
 
     steepest = _largest(slope, workspace)
     return Extremes(

@@ -179,7 +179,8 @@ class _Graph:
         entries = _constant(table, equation)
         numbers, dimensions = self.ids(index), equation.params["dimension_numbers"]
         if numbers.shape[-1] != 1:
-            raise UntraceableError("gather along several axes at once")
+            what = "gather along several axes at once"
+            raise UntraceableError(what)
         axis = dimensions.start_index_map[0]
         count = entries.shape[axis] - equation.params["slice_sizes"][axis] + 1
 
@@ -265,7 +266,8 @@ def _known(found: Any) -> list[np.ndarray]:
 
 def _constant(value: _Value, equation: JaxprEqn) -> np.ndarray:
     if isinstance(value, _Ids):
-        raise UntraceableError(f"{equation.primitive.name} of a table that moves")
+        what = f"{equation.primitive.name} of a table that moves"
+        raise UntraceableError(what)
     return value
 
 
