@@ -13,7 +13,8 @@ from scipy.stats import qmc
 
 from ...models import OffsetLaw
 
-_SAMPLES = 1 << 15
+_MANY, _FEW = 1 << 15, 1 << 12
+"""Positions per round: of the offsets, and of what takes many times as long."""
 _ROUNDS = 12
 """Each looks closer around the best: in the end within 1e-4 of the workspace."""
 _BEST = 16
@@ -64,7 +65,7 @@ def extremes(
 
     def curvature(place: Float[Array, "t a"]) -> Float[Array, "t a"]:
         def along(way: Float[Array, " a"]) -> Float[Array, "t a"]:
-            rows = [place - way, place, place + way]
+            rows = [place - way[None], place, place + way[None]]
             before, now, after = jnp.split(law(jnp.concatenate(rows)), 3)
             return jnp.abs(before - 2.0 * now + after)
 
@@ -72,28 +73,28 @@ def extremes(
 
     def slope(place: Float[Array, "t a"]) -> Float[Array, "t a"]:
         def along(unit: Float[Array, " a"]) -> Float[Array, "t a"]:
-            every = jnp.broadcast_to(unit, place.shape)
+            every = jnp.broadcast_to(unit[None], place.shape)
             return jnp.abs(jax.jvp(law, (place,), (every,))[1])
 
         return lax.map(along, jnp.eye(axes)).sum(axis=0)
 
-    steepest = _largest(slope, workspace)
+    steepest = _largest(slope, workspace, _FEW)
     return Extremes(
-        offset=_largest(lambda place: jnp.abs(law(place)), workspace),
+        offset=_largest(lambda place: jnp.abs(law(place)), workspace, _MANY),
         slope=steepest,
-        acceleration=_largest(curvature, workspace) + acceleration * steepest,
+        acceleration=_largest(curvature, workspace, _FEW) + acceleration * steepest,
     )
 
 
 def _largest(
-    figures: _Figures, workspace: Float[np.ndarray, "a 2"]
+    figures: _Figures, workspace: Float[np.ndarray, "a 2"], samples: int
 ) -> Float[np.ndarray, " a"]:
     """Return the largest value of each figure: sampled evenly, then close to the best."""
     low, width = workspace[:, 0], np.ptp(workspace, axis=1)
     axes = workspace.shape[0]
     compiled = jax.jit(figures)
     rng = np.random.default_rng(_SEED)
-    share = qmc.Sobol(axes, rng=_SEED).random(_SAMPLES)
+    share = qmc.Sobol(axes, rng=_SEED).random(samples)
     corners = np.array(list(itertools.product((0.0, 1.0), repeat=min(axes, 10))))
     share[: len(corners), : corners.shape[1]] = corners
     best = np.zeros((axes, _BEST, axes))
@@ -107,7 +108,7 @@ def _largest(
         order = np.argsort(-both, axis=1, kind="stable")[:, :_BEST]
         found = np.take_along_axis(both, order, axis=1)
         best = np.take_along_axis(pool, order[:, :, None], axis=1)
-        rows = best.reshape(-1, axes)[np.arange(_SAMPLES) % (axes * _BEST)]
+        rows = best.reshape(-1, axes)[np.arange(samples) % (axes * _BEST)]
         noise = rng.normal(scale=0.05 * 0.5**number, size=rows.shape)
         share = np.clip(rows + noise, 0.0, 1.0)
     return found[:, 0]

@@ -114,7 +114,8 @@ class _Graph:
         if name in ELEMENTWISE:
             return [self._elementwise(ELEMENTWISE[name](params), inputs)]
         if name in REDUCTIONS:
-            return [self._reduced(REDUCTIONS[name], inputs[0], params["axes"])]
+            axes = [int(axis) for axis in params["axes"]]
+            return [self._reduced(REDUCTIONS[name], inputs[0], axes)]
         if name in MOVES and self._only_moves(name, inputs):
             held = MOVES[name] or range(len(inputs))
             numbers = [
@@ -295,7 +296,7 @@ def _interpolant(values: np.ndarray, axes: Sequence[np.ndarray], search: str) ->
 
 
 def _in_order(
-    numbers: np.ndarray, batch: Sequence[int], summed: Sequence[int]
+    numbers: np.ndarray, batch: Sequence[Any], summed: Sequence[Any]
 ) -> tuple[np.ndarray, tuple[int, ...]]:
     """Return an array as batch × free × summed, and the shape of what is free."""
     free = [k for k in range(numbers.ndim) if k not in (*batch, *summed)]

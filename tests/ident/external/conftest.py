@@ -12,18 +12,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from axcomp.ident.external import ExternalFiles, export_external
+from axcomp.ident.external import ExternalFiles, Placed, export_external
 from axcomp.models import (
     Cross,
     EquidistantNodes,
     ExternalCompensation,
+    GeometricErrors,
     Leadscrew,
     OffsetLaw,
     OffsetPart,
     OffsetStack,
     Plane,
     Setpoints,
+    VolumetricGrid,
 )
+from axcomp.models._geometric import FUNCTIONS
 
 UNITS = 10**8
 SHIM = Path(__file__).with_name("shim.cpp")
@@ -136,11 +139,46 @@ def _plane() -> tuple[OffsetLaw, np.ndarray, tuple[np.ndarray, ...]]:
     return law, box, (*nodes, np.array([50.0]))
 
 
+def _geometric() -> tuple[OffsetLaw, np.ndarray, tuple[np.ndarray, ...]]:
+    """Return the 21 errors of X, Y, Z in a machine of 6 axes."""
+    rng = np.random.default_rng(3)
+    nodes = (
+        EquidistantNodes(-100.0, 25.0, 33),
+        Setpoints(np.cumsum(rng.uniform(5.0, 40.0, 25))),
+        EquidistantNodes(-300.0, 20.0, 21),
+    )
+    errors = {
+        name: (1e-5 if name[1] in "ABC" else 0.005) * rng.normal(size=own.count)
+        for names, own in zip(FUNCTIONS, nodes, strict=True)
+        for name in names
+    }
+    angles = {"EA0Z": 3e-5, "EB0Z": -2e-5, "EC0Y": 5e-5}
+    model = GeometricErrors.of(nodes, errors | angles, "YXZ", (10.0, 20.0, -30.0))
+    x, y, z = (np.asarray(own.positions) for own in nodes)
+    box = np.array([[own[0], own[-1]] for own in (x, y, z)] + 3 * [[-180.0, 180.0]])
+    turn = np.array([0.0])
+    return Placed(model.offset, (0, 1, 2)), box, (x, y, z, turn, turn, turn)
+
+
+def _grid() -> tuple[OffsetLaw, np.ndarray, tuple[np.ndarray, ...]]:
+    """Return a grid that adds to X and Z, with axes in another order and one more."""
+    rng = np.random.default_rng(4)
+    values = 0.02 * rng.normal(size=(2, 6, 7, 9))
+    grid = VolumetricGrid.regular(
+        (-50.0, 0.0, 10.0), (40.0, 30.0, 25.0), values, axes=(0, 2)
+    )
+    x, y, z = (np.asarray(nodes.positions) for nodes in grid.nodes)
+    box = np.array([[z[0], z[-1]], [0.0, 0.0], [x[0], x[-1]], [y[0], y[-1]]])
+    return Placed(grid.offset, (2, 3, 0)), box, (z, np.array([5.0]), x, y)
+
+
 MODELS: dict[
     str, Callable[[], tuple[OffsetLaw, np.ndarray, tuple[np.ndarray, ...]]]
 ] = {
     "tables": _tables,
     "plane": _plane,
+    "geometric": _geometric,
+    "grid": _grid,
 }
 
 
