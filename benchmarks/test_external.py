@@ -74,7 +74,9 @@ def _geometric() -> tuple[OffsetLaw, int]:
 
 @pytest.mark.parametrize("start", [False, True], ids=["offsets", "start_offsets"])
 @pytest.mark.parametrize("make", [_plane, _geometric], ids=["plane", "21 errors"])
-def test_external(benchmark: BenchmarkFixture, tmp_path: Path, make, start: bool) -> None:
+def test_external(
+    benchmark: BenchmarkFixture, tmp_path: Path, make, start: bool
+) -> None:
     law, axes = make()
     workspace = dict.fromkeys(range(1, axes + 1), (0.0, 1000.0))
     export_external(law, tmp_path, axes=list(workspace), workspace=workspace)

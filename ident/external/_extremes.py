@@ -28,7 +28,7 @@ class Extremes:
     """The largest figures per axis that a search in the workspace has met.
 
     Attributes:
-        offset: In mm or °.
+        offset: In mm or °; infinite where it is no number, and all else with it.
         slope: Change of the offset per change of all positions by 1, without unit.
         acceleration: That the offsets add, in mm/s² or °/s².
     """
@@ -69,7 +69,10 @@ def extremes(
             before, now, after = jnp.split(law(jnp.concatenate(rows)), 3)
             return jnp.abs(before - 2.0 * now + after)
 
-        return lax.map(along, step * jnp.asarray(ways * turning)).max(axis=0) / cycle_time**2
+        return (
+            lax.map(along, step * jnp.asarray(ways * turning)).max(axis=0)
+            / cycle_time**2
+        )
 
     def slope(place: Float[Array, "t a"]) -> Float[Array, "t a"]:
         def along(unit: Float[Array, " a"]) -> Float[Array, "t a"]:
@@ -78,12 +81,12 @@ def extremes(
 
         return lax.map(along, jnp.eye(axes)).sum(axis=0)
 
+    offset = _largest(lambda place: jnp.abs(law(place)), workspace, _MANY)
+    if not np.isfinite(offset).all():
+        return Extremes(offset, offset, offset)
     steepest = _largest(slope, workspace, _FEW)
-    return Extremes(
-        offset=_largest(lambda place: jnp.abs(law(place)), workspace, _MANY),
-        slope=steepest,
-        acceleration=_largest(curvature, workspace, _FEW) + acceleration * steepest,
-    )
+    bent = _largest(curvature, workspace, _FEW)
+    return Extremes(offset, steepest, bent + acceleration * steepest)
 
 
 def _largest(

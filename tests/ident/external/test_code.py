@@ -30,9 +30,7 @@ def test_nothing_moves_when_it_is_switched_on(built: Built) -> None:
     start = built.offsets(given, "many_starts")
     place = given - start
     # Both offsets are rounded to a unit, and the place between them by half of one.
-    np.testing.assert_allclose(
-        place + built.offsets(place), given, rtol=0, atol=2
-    )
+    np.testing.assert_allclose(place + built.offsets(place), given, rtol=0, atol=2)
 
 
 @pytest.mark.heavy
@@ -83,7 +81,9 @@ def test_positions_far_outside_saturate(built: Built) -> None:
 def test_code_is_clean_under_the_sanitizers(built: Built) -> None:
     flags = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     program = compiled(built.folder, "checked", *flags, "-DAXCOMP_MAIN")
-    options = {"ASAN_OPTIONS": "detect_leaks=0"}  # it asks for rights that few sandboxes give
+    options = {
+        "ASAN_OPTIONS": "detect_leaks=0"
+    }  # it asks for rights that few sandboxes give
     run = subprocess.run(
         [str(program)],
         capture_output=True,
