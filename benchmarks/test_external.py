@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from axcomp.ident.external import Placed, export_external
+from axcomp.ident.external import OffsetLaw, Placed, export_external
 from axcomp.models import (
     EquidistantNodes,
     GeometricErrors,
-    OffsetLaw,
     OffsetPart,
     OffsetStack,
     Plane,

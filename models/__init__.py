@@ -49,7 +49,6 @@ from ._direction import (
 )
 from ._external import (
     ExternalCompensation as ExternalCompensation,
-    OffsetLaw as OffsetLaw,
     OffsetPart as OffsetPart,
     OffsetStack as OffsetStack,
     StartPoint as StartPoint,

@@ -17,10 +17,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._cross import Cross
 from ._leadscrew import Leadscrew
-from ._nodes import AbstractNodes
 from ._plane import Plane
 
-OffsetLaw = Callable[[Float[Array, "t a"]], Float[Array, "t a"]]
+Offsets = Callable[[Float[Array, "t a"]], Float[Array, "t a"]]
 """From positions of all axes in mm or ° to their offsets; row by row, without memory."""
 
 FAILED = 70582
@@ -54,7 +53,7 @@ class ExternalCompensation(eqx.Module):
     they are those of the cell on the right-hand side of the position that was found.
     """
 
-    law: OffsetLaw
+    law: Offsets
     """The offsets: an `OffsetStack`, another module, or any function of positions."""
 
     def offsets(
@@ -195,13 +194,6 @@ class OffsetPart(eqx.Module):
                 "for each direction of motion."
             )
             raise ValueError(msg)
-
-    @property
-    def nodes(self) -> tuple[AbstractNodes, ...]:
-        """Nodes along each of its masters."""
-        if isinstance(self.model, Plane):
-            return self.model.nodes1, self.model.nodes2
-        return (self.model.nodes,)
 
     def offset(self, positions: Float[Array, "t a"]) -> Float[Array, " t"]:
         """Return what it adds to its axis in mm or °."""

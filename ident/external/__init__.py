@@ -13,4 +13,4 @@ from ._export import (
 )
 from ._extremes import Extremes as Extremes, extremes as extremes
 from ._sources import ListSource as ListSource, list_source as list_source
-from ._trace import UntraceableError as UntraceableError
+from ._trace import OffsetLaw as OffsetLaw, UntraceableError as UntraceableError

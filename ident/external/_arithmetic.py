@@ -1,5 +1,6 @@
 """Operations of JAX on numbers as operations of CasADi."""
 
+import functools
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -83,11 +84,19 @@ _PLAIN: Mapping[str, Operation] = {
 }
 
 
+def _plain(operation: Operation, _: Mapping[str, Any]) -> Operation:
+    return operation
+
+
 def _converted(params: Mapping[str, Any]) -> Operation:
     """Return the conversion to another type; all numbers are floats in the graph."""
     if np.issubdtype(params["new_dtype"], np.integer):
         return lambda x: ca.if_else(x < 0.0, ca.ceil(x), ca.floor(x))
     return lambda x: x
+
+
+def _integer_power(params: Mapping[str, Any]) -> Operation:
+    return lambda x: x ** params["y"]
 
 
 def _select(which: Any, *cases: Any) -> Any:
@@ -98,9 +107,9 @@ def _select(which: Any, *cases: Any) -> Any:
 
 
 ELEMENTWISE: Mapping[str, Callable[[Mapping[str, Any]], Operation]] = {
-    **{name: lambda _, one=one: one for name, one in _PLAIN.items()},
+    **{name: functools.partial(_plain, one) for name, one in _PLAIN.items()},
     "convert_element_type": _converted,
     "select_n": lambda _: _select,
-    "integer_pow": lambda params: lambda x: x ** params["y"],
+    "integer_pow": _integer_power,
 }
 """By name of the operation: from its parameters to the same on expressions."""

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 from ...data.lists import ListFile, Value, new_list
 from ..exchange import (
-    ACTIVATION,
     EXTERNAL,
     LIST_UNITS,
     ExternalAxis,
     entries_of_external_axis,
 )
+from ..kinds import kind
 from ._extremes import Extremes
 
 _WARNING = 1.1
@@ -76,7 +76,7 @@ def list_fragments(
     found: dict[str, ListFile] = {}
     for axis, limit in zip(axes, limits, strict=True):
         values: dict[str, Value] = dict(entries_of_external_axis(limit))
-        off = {ACTIVATION[name]: 0 for name in replaced.get(axis, ())}
+        off = {kind(name).activation: 0 for name in replaced.get(axis, ())}
         comment = [
             f"Entries to set in achsmds{axis}.lis: no whole axis list",
             "P-AXIS-00743, 744, 745 of the external compensation. Where max_a is above"

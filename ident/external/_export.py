@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...data.files import write_atomically
-from ...models import ExternalCompensation, OffsetLaw
+from ...models import ExternalCompensation
 from ..exchange import ExchangeError, ExternalAxis
 from ._code import LAW, code_files, rendered
 from ._entries import limits_of, list_fragments
 from ._extremes import Extremes, extremes
-from ._trace import casadi_function
+from ._trace import OffsetLaw, casadi_function
 
 _STEEPEST = 0.5
 """From here on the start position may take more steps than a call is allowed."""

@@ -11,7 +11,7 @@ from jax import lax
 from jaxtyping import Array, Float
 from scipy.stats import qmc
 
-from ...models import OffsetLaw
+from ._trace import OffsetLaw
 
 _MANY, _FEW = 1 << 15, 1 << 12
 """Positions per round: of the offsets, and of what takes many times as long."""
@@ -69,17 +69,16 @@ def extremes(
             before, now, after = jnp.split(law(jnp.concatenate(rows)), 3)
             return jnp.abs(before - 2.0 * now + after)
 
-        return (
-            lax.map(along, step * jnp.asarray(ways * turning)).max(axis=0)
-            / cycle_time**2
-        )
+        each: Array = lax.map(along, step * jnp.asarray(ways * turning))
+        return each.max(axis=0) / cycle_time**2
 
     def slope(place: Float[Array, "t a"]) -> Float[Array, "t a"]:
         def along(unit: Float[Array, " a"]) -> Float[Array, "t a"]:
             every = jnp.broadcast_to(unit[None], place.shape)
             return jnp.abs(jax.jvp(law, (place,), (every,))[1])
 
-        return lax.map(along, jnp.eye(axes)).sum(axis=0)
+        each: Array = lax.map(along, jnp.eye(axes))
+        return each.sum(axis=0)
 
     offset = _largest(lambda place: jnp.abs(law(place)), workspace, _MANY)
     if not np.isfinite(offset).all():

@@ -6,10 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
 from ...data.lists import ListFile
-from ...models import Conventions, ExternalCompensation, OffsetStack
+from ...models import (
+    AbstractNodes,
+    Conventions,
+    ExternalCompensation,
+    OffsetStack,
+)
 from ..exchange import (
     ExchangeError,
     Ranges,
@@ -17,15 +23,10 @@ from ..exchange import (
     external_from_lists,
     machine_lists,
 )
+from ..kinds import kind
 
-_HELD = ("cross", "plane", "leadscrew")
+_TABLES = ("cross", "plane", "leadscrew")
 """What needs the positions alone."""
-_WHY = {
-    "temperature": "the interface hands over no temperature",
-    "backlash": "the interface hands over no direction",
-    "crosstalk": "the interface hands over no acceleration",
-    "friction": "it adds to the current, and the interface to positions",
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,7 +79,7 @@ def list_source(
     rules = conventions or job.conventions
     machine = machine_lists(lists)
     used = machine.in_use(rules)
-    held = [one for one in used if one.name in _HELD]
+    held = [one for one in used if one.name in _TABLES]
     if not held:
         raise ExchangeError(
             where=", ".join(str(path) for path in paths),
@@ -89,11 +90,11 @@ def list_source(
     ranges = {**job.modulo, **(modulo or {})}
     steps = increment if increment is not None else job.increments or None
     law = external_from_lists(lists, rules, steps, axes=numbers, modulo=ranges)
-    left = {(f"A{one.axis}", one.name) for one in used if one.name in _WHY}
-    left |= {fit for fit in job.left_out if fit[1] in _WHY}
+    left = {(f"A{one.axis}", one.name) for one in used} | set(job.fits)
     remarks = [
-        f"{axis}: the {name} compensation is left out: {_WHY[name]}. Leave it active."
+        f"{axis}: the {name} compensation is left out, as {_reason(name)}. Leave it active."
         for axis, name in sorted(left)
+        if name not in _TABLES
     ]
     replaced: dict[int, list[str]] = {}
     for one in held:
@@ -102,17 +103,29 @@ def list_source(
     return ListSource(law, numbers, workspace, replaced, (*job.remarks, *remarks))
 
 
+def _reason(name: str) -> str:
+    if kind(name).adds_current:
+        return "it adds to the current"
+    return "it needs more than the positions that the interface hands over"
+
+
 def _reach(law: Any, numbers: Sequence[int]) -> dict[int, tuple[float, float]]:
     """Return from where to where the tables over each axis go."""
     assert isinstance(law, OffsetStack)
     found: dict[int, tuple[float, float]] = {}
     for part in law.parts:
-        for column, nodes in zip(part.masters, part.nodes, strict=True):
+        tree = jax.tree.leaves(part.model, is_leaf=_is_nodes)
+        along = [one for one in tree if _is_nodes(one)]  # per master, in its order
+        for column, nodes in zip(part.masters, along, strict=True):
             ends = np.asarray(nodes.positions)[[0, -1]]
             low, high = found.get(numbers[column], (np.inf, -np.inf))
             both = min(low, float(ends[0])), max(high, float(ends[1]))
             found[numbers[column]] = both
     return found
+
+
+def _is_nodes(value: Any) -> bool:
+    return isinstance(value, AbstractNodes)
 
 
 def _is_result(path: Path) -> bool:
@@ -129,7 +142,7 @@ class _Job:
     limits: Ranges = dataclasses.field(default_factory=dict)
     modulo: Ranges = dataclasses.field(default_factory=dict)
     increments: Mapping[int, float] = dataclasses.field(default_factory=dict)
-    left_out: tuple[tuple[str, str], ...] = ()
+    fits: tuple[tuple[str, str], ...] = ()
     remarks: tuple[str, ...] = ()
 
     @classmethod
@@ -143,7 +156,7 @@ class _Job:
             bad = [fit for fit in fits if fit["verdict"] == "rejected"]
             rules = [rule for fit in fits for rule in fit["conventions"]]
             values = {rule["name"]: rule["value"] for rule in rules}
-            left = tuple((fit["axis"], fit["compensation"]) for fit in fits)
+            known = tuple((fit["axis"], fit["compensation"]) for fit in fits)
         except (ValueError, KeyError, TypeError, AttributeError):
             raise ExchangeError(
                 where=str(file),
@@ -174,7 +187,7 @@ class _Job:
                 for number, one in numbers.items()
                 if one.get("increment") is not None
             },
-            left_out=left,
+            fits=known,
             remarks=(remark,) if unproven else (),
         )
 

@@ -16,10 +16,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal
+from jaxtyping import Array, Float
 
 from ...data.errors import AxcompError
-from ...models import OffsetLaw
 from ._arithmetic import ELEMENTWISE, MOVES, REDUCTIONS
+
+OffsetLaw = Callable[[Float[Array, "t a"]], Float[Array, "t a"]]
+"""From positions of all axes in mm or ° to their offsets; row by row, without memory."""
 
 
 class UntraceableError(AxcompError, ValueError):
@@ -110,7 +113,7 @@ class _Graph:
             closed = inner if isinstance(inner, ClosedJaxpr) else ClosedJaxpr(inner, ())
             return self.run(closed, inputs)
         if not moving:
-            return _known(equation.primitive.bind(*inputs, **params))
+            return _bound(equation, *inputs)
         if name in ELEMENTWISE:
             return [self._elementwise(ELEMENTWISE[name](params), inputs)]
         if name in REDUCTIONS:
@@ -121,7 +124,7 @@ class _Graph:
             numbers = [
                 self.ids(one) if k in held else one for k, one in enumerate(inputs)
             ]
-            found = _known(equation.primitive.bind(*numbers, **params))
+            found = _bound(equation, *numbers)
             return [_Ids(one) for one in found]
         if name in _OPERATIONS:
             return [_OPERATIONS[name](self, equation, *inputs)]
@@ -185,9 +188,11 @@ class _Graph:
         axis = dimensions.start_index_map[0]
         count = entries.shape[axis] - equation.params["slice_sizes"][axis] + 1
 
+        primitive: Any = equation.primitive
+
         def entry(number: Any) -> Any:
             at = jnp.full(numbers.shape, number)
-            return equation.primitive.bind(entries, at, **equation.params)
+            return primitive.bind(entries, at, **equation.params)
 
         columns = np.asarray(jax.vmap(entry)(jnp.arange(count, dtype=jnp.int32)))
         shape = columns.shape[1:]
@@ -236,12 +241,9 @@ class _Graph:
         for place in np.ndindex(more.shape):
             one = np.zeros(more.shape)
             one[place] = 1.0
-            params = equation.params
-            (there,) = _known(
-                equation.primitive.bind(np.zeros(into.shape), where, one, **params)
-            )
+            there = _bound(equation, np.zeros(into.shape), where, one)[0]
             for at in zip(*np.nonzero(there), strict=True):
-                old, new = self.expressions([into[at], more[place]])
+                old, new = self.expressions((int(into[at]), int(more[place])))
                 into[at] = self._add(old + new)
         return _Ids(into)
 
@@ -260,7 +262,9 @@ _OPERATIONS: dict[str, Callable[..., _Value]] = {
 }
 
 
-def _known(found: Any) -> list[np.ndarray]:
+def _bound(equation: JaxprEqn, *inputs: Any) -> list[Any]:
+    primitive: Any = equation.primitive
+    found = primitive.bind(*inputs, **equation.params)
     parts = found if isinstance(found, (list, tuple)) else [found]
     return [np.asarray(one) for one in parts]
 

@@ -12,14 +12,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from axcomp.ident.external import ExternalFiles, Placed, export_external
+from axcomp.ident.external import (
+    ExternalFiles,
+    OffsetLaw,
+    Placed,
+    export_external,
+)
 from axcomp.models import (
     Cross,
     EquidistantNodes,
     ExternalCompensation,
     GeometricErrors,
     Leadscrew,
-    OffsetLaw,
     OffsetPart,
     OffsetStack,
     Plane,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from axcomp.models import OffsetLaw
+from axcomp.ident.external import OffsetLaw
 
 from .conftest import UNITS, Built, compiled
 

@@ -201,10 +201,10 @@ def test_what_needs_more_than_positions_is_left_out_and_named(folder: Path) -> N
     found = list_source(lists)
     assert found.replaced == {1: ["leadscrew"]}
     assert found.remarks == (
-        "A1: the backlash compensation is left out: the interface hands over no"
-        " direction. Leave it active.",
-        "A1: the temperature compensation is left out: the interface hands over no"
-        " temperature. Leave it active.",
+        "A1: the backlash compensation is left out, as it needs more than the positions"
+        " that the interface hands over. Leave it active.",
+        "A1: the temperature compensation is left out, as it needs more than the"
+        " positions that the interface hands over. Leave it active.",
     )
 
 
