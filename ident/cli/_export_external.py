@@ -104,6 +104,7 @@ def export_external(
         cycle_time=cycle_time,
         ramp=ramp,
     )
+    source.name_in_result(out / "axcomp_external.c")
     for remark in written.remarks:
         typer.echo(f"axcomp: {remark}", err=True)
     for path in written.files:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ...data.files import write_atomically
 from ...data.lists import ListFile
 from ...models import (
     AbstractNodes,
@@ -23,6 +25,7 @@ from ..exchange import (
     external_from_lists,
     machine_lists,
 )
+from ..job import tree_json
 from ..kinds import kind
 
 _TABLES = ("cross", "plane", "leadscrew")
@@ -39,6 +42,7 @@ class ListSource:
         workspace: By axis, in mm or °.
         replaced: Tables that the law holds, by axis.
         remarks: What is left out, and why.
+        result: The ``result.json`` that they come from; None: single lists.
     """
 
     law: ExternalCompensation
@@ -46,6 +50,25 @@ class ListSource:
     workspace: Mapping[int, tuple[float, float]]
     replaced: Mapping[int, Sequence[str]]
     remarks: tuple[str, ...]
+    result: Path | None = None
+
+    def name_in_result(self, code: Path) -> None:
+        """Name the code in the fits that it holds, under ``external``, if there is a job.
+
+        Args:
+            code: The C file of the export; it is named as seen from the result.
+
+        Raises:
+            OSError: If the result cannot be written.
+        """
+        if self.result is None:
+            return
+        tree = json.loads(self.result.read_bytes())
+        place = Path(os.path.relpath(code, self.result.parent)).as_posix()
+        for fit in tree["fits"]:
+            if fit["compensation"] in self.replaced.get(fit["axis_number"], ()):
+                fit["external"] = place
+        write_atomically(self.result, tree_json(tree).encode("utf-8"))
 
 
 def list_source(
@@ -100,7 +123,8 @@ def list_source(
     for one in held:
         replaced.setdefault(one.axis, []).append(one.name)
     workspace = {**_reach(law.law, numbers), **ranges, **job.limits}
-    return ListSource(law, numbers, workspace, replaced, (*job.remarks, *remarks))
+    said = (*job.remarks, *remarks)
+    return ListSource(law, numbers, workspace, replaced, said, job.result)
 
 
 def _reason(name: str) -> str:
@@ -144,6 +168,7 @@ class _Job:
     increments: Mapping[int, float] = dataclasses.field(default_factory=dict)
     fits: tuple[tuple[str, str], ...] = ()
     remarks: tuple[str, ...] = ()
+    result: Path | None = None
 
     @classmethod
     def read(cls, path: Path) -> "_Job":
@@ -189,6 +214,7 @@ class _Job:
             },
             fits=known,
             remarks=(remark,) if unproven else (),
+            result=file,
         )
 
 

@@ -240,6 +240,13 @@ def test_a_job_is_exported_by_its_own_rules_and_limits(
     assert found.remarks == ("Signs of X are assumed: no measurement has shown them.",)
     assert main(["export-external", "fit/result.json", "--out", "fit"]) == 1
     assert "found the files of a job, expected a folder" in capsys.readouterr().err
+    before = (job / "result.json").read_text()
+    assert main(["export-external", "fit", "--out", "fit/external"]) == 0
+    after = (job / "result.json").read_text().splitlines()
+    # The rest stays as it was written.
+    assert [line.rstrip(",") for line in after if line.rstrip(",") not in before] == [
+        '"external": "external/axcomp_external.c"'
+    ]
     tree = json.loads((job / "result.json").read_text())
     tree["fits"][0]["verdict"] = "rejected"
     (job / "result.json").write_text(json.dumps(tree))
