@@ -1,13 +1,14 @@
 """A log of a controller: its motion, and what it reported that it added."""
 
 import dataclasses
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from ._errors import CellError, MeasurementError
-from ._log_names import LogName, log_name, plain_axis
+from ._log_names import COMPENSATIONS, LogName, log_name, plain_axis
 from ._measurement import Measurement, measurement
 from ._read import read_table
 from ._roles import KINDS, ColumnSpec, find_role
@@ -60,7 +61,10 @@ class ControllerLog:
 
 
 def read_log(
-    path: Path, increment: float | None = None, cycle: float | None = None
+    path: Path,
+    increment: float | None = None,
+    cycle: float | None = None,
+    names: Collection[str] = COMPENSATIONS,
 ) -> ControllerLog:
     """Return what a log holds; columns are recognised by their names.
 
@@ -68,6 +72,7 @@ def read_log(
         path: CSV or Parquet.
         increment: mm or ° per encoder increment, for columns in increments.
         cycle: Cycle time in s that the log must have; None takes what it has.
+        names: Compensations that columns such as ``A3.cross`` may name.
 
     Raises:
         OSError: If the file cannot be read.
@@ -81,7 +86,7 @@ def read_log(
     ignored: list[str] = []
     seen: dict[tuple[str | None, str, bool], str] = {}
     for column in table.columns:
-        name = log_name(column.name)
+        name = log_name(column.name, names)
         if name is not None:
             key = (name.axis, name.compensation, name.filtered)
             if key in seen:

@@ -2,6 +2,9 @@
 
 import dataclasses
 import re
+from collections.abc import Collection
+
+from ._cnc_objects import CNC_OBJECTS
 
 COMPENSATIONS = (
     "backlash",
@@ -17,18 +20,18 @@ COMPENSATIONS = (
 TOTAL = "offset"
 """Name of the sum of all position offsets of an axis."""
 
+
+def _plain(text: str) -> str:
+    """Return letters and digits only: exports spell the names of objects differently."""
+    return re.sub(r"[^a-z0-9]", "", text.lower())
+
+
 _OBJECTS = {
-    "bcactualbacklash": ("backlash", True),
-    "bcsumbacklash": ("backlash", False),
-    "tempcactualoffset": ("temperature", True),
-    "crosscactualoffset": ("cross", True),
-    "cc2correction": ("plane", True),
-    "lsecsumepsilon": ("leadscrew", True),
-    "crosstalkactualoffset": ("crosstalk", True),
-    "crosstalkendoffset": ("crosstalk", False),
+    _plain(one.name): (one.compensation, one.reports == "filtered")
+    for one in CNC_OBJECTS
+    if one.reports is not None
 }
 """CNC object, letters and digits only: compensation, and whether filters have acted."""
-
 _VARIABLES = {
     "BACKLASH": "backlash",
     "TEMP": "temperature",
@@ -80,16 +83,20 @@ class LogName:
     increments: bool = False
 
 
-def log_name(text: str) -> LogName | None:
+def log_name(text: str, names: Collection[str] = COMPENSATIONS) -> LogName | None:
     """Return what a column name of a log means, or None where it is no offset.
 
     Known are the roles of ``simulate`` (``A3.cross``, ``A3.offset``), variables such as
     ``V.A.CROSS_COMP_CURR.Z`` (mm) and CNC objects such as ``CROSSC::actual_offset``
     (increments) with the axis before it, behind it, or not at all.
+
+    Args:
+        text: Name of the column.
+        names: Compensations that a role may name.
     """
     text = text.strip()
     match = _ROLE.fullmatch(text)
-    if match and match["what"] in (*COMPENSATIONS, TOTAL):
+    if match and match["what"] in (*names, TOTAL):
         return LogName(plain_axis(match["axis"]), match["what"])
     match = _VARIABLE.fullmatch(text)
     if match and match["name"].upper() in _VARIABLES:
@@ -103,7 +110,7 @@ def log_name(text: str) -> LogName | None:
     match = _OBJECT.fullmatch(text)
     if match is None:
         return None
-    known = _OBJECTS.get(re.sub(r"[^a-z0-9]", "", match["object"].lower()))
+    known = _OBJECTS.get(_plain(match["object"]))
     if known is None:
         return None
     axis = match["before"] or match["after"]

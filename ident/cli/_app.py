@@ -24,6 +24,7 @@ from . import (
     _export_external,
     _fit,
     _iso230,
+    _objects,
     _probe,
     _read,
     _results,
@@ -48,6 +49,7 @@ app.command("results")(_results.results)
 app.command("check")(_check.check)
 app.command("show")(_show.show)
 app.command("diff")(_diff.diff)
+app.command("objects")(_objects.objects)
 app.command("probe")(_probe.probe)
 app.command("simulate")(_simulate.simulate)
 app.command("verify")(_verify.verify)

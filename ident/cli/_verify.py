@@ -77,6 +77,7 @@ def verify(
     from ..exchange import StoredConventions, read_conventions
     from ..external import read_snapshot, verify_external, verify_snapshot
     from ..job import use_compilation_cache
+    from ..kinds import kinds
     from ..proof import Verification, verify_log
     from ._simulate import axis_range
 
@@ -97,7 +98,8 @@ def verify(
         outside = verify_snapshot(lists, snapshot, rules, increment, modulo=ranges)
         found = Verification(outside, (), rules, frozenset())
     else:
-        logged = read_log(log, increment, cycle_time)
+        names = [one.name for one in kinds()]
+        logged = read_log(log, increment, cycle_time, names)
         outside, logged = verify_external(
             lists, logged, rules, increment, modulo=ranges
         )

@@ -50,6 +50,13 @@ def test_what_is_no_offset_is_not_taken_for_one(text: str) -> None:
     assert log_name(text) is None
 
 
+def test_role_of_a_compensation_that_is_named_besides_is_known() -> None:
+    assert log_name("A3.twist") is None
+    found = log_name("A3.twist", ("twist",))
+    assert found is not None
+    assert (found.axis, found.compensation) == ("A3", "twist")
+
+
 def test_a_log_has_motion_offsets_and_its_cycle_time(tmp_path: Path) -> None:
     log = read_log(written(tmp_path, HEAD + ROWS))
     # Stamps of 1 ms, exact to their rounding in binary.

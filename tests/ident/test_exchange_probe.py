@@ -10,21 +10,15 @@ from axcomp.data.lists import ListFile, check
 from axcomp.ident.cli import main
 from axcomp.ident.exchange import (
     ExchangeError,
-    Model,
     Motion,
     Probe,
     ProbeAxis,
     Probed,
-    cross_from_list,
-    cross_master,
-    has_cross,
-    has_leadscrew,
-    has_plane,
-    leadscrew_from_list,
+    Reading,
+    machine_lists,
     make_probe,
+    model_of,
     offset_at,
-    plane_from_list,
-    plane_masters,
     probe_program,
     probe_steps,
     probe_text,
@@ -32,7 +26,7 @@ from axcomp.ident.exchange import (
     simulate,
     travel_in,
 )
-from axcomp.models import Conventions
+from axcomp.models import AbstractLookup, Conventions
 
 RULES = Conventions()
 AXES = {
@@ -74,14 +68,12 @@ def seen(rules: Conventions, **places: float) -> dict[str, float]:
     at = {numbers[name]: value for name, value in places.items()}
     found = {}
     for number, listing in PROBE.lists.items():
-        models: dict[str, tuple[Model, tuple[int, ...]]] = {}
-        if has_cross(listing):
-            models["cross"] = cross_from_list(listing, rules), (cross_master(listing),)
-        if has_plane(listing):
-            models["plane"] = plane_from_list(listing, rules), plane_masters(listing)
-        if has_leadscrew(listing):
-            models["leadscrew"] = leadscrew_from_list(listing, rules), (number,)
-        for name, (model, masters) in models.items():
+        reading = Reading(rules)
+        for one in machine_lists([listing]).in_use(rules):
+            model = model_of(one, reading)
+            if not isinstance(model, AbstractLookup):
+                continue
+            name, masters = one.name, one.masters
             row = np.array([[at.get(master, 0.0) for master in masters]])
             value = round(1000 * float(offset_at(model, row)[0]), 6)
             if value:

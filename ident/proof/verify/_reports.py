@@ -72,7 +72,8 @@ def reports_of(
 ) -> tuple[dict[tuple[int, str], LoggedOffset], list[str]]:
     """Return what was reported by axis and compensation, and what is not judged."""
     found: dict[tuple[int, str], LoggedOffset] = {}
-    remarks = [f"Column {name!r} is not used." for name in log.ignored]
+    ignored = ", ".join(map(repr, log.ignored))
+    remarks = [f"Columns that are not used: {ignored}."] if ignored else []
     for one in log.offsets:
         if one.compensation == "offset":
             continue
