@@ -7,17 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 
 from ...data.files import write_atomically
 from ...data.lists import ListFile
-from ...models import (
-    AbstractNodes,
-    Conventions,
-    ExternalCompensation,
-    OffsetStack,
-)
+from ...models import Conventions, ExternalCompensation, OffsetStack
 from ..exchange import (
     ExchangeError,
     Ranges,
@@ -27,9 +21,6 @@ from ..exchange import (
 )
 from ..job import tree_json
 from ..kinds import kind
-
-_TABLES = ("cross", "plane", "leadscrew")
-"""What needs the positions alone."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,7 +93,7 @@ def list_source(
     rules = conventions or job.conventions
     machine = machine_lists(lists)
     used = machine.in_use(rules)
-    held = [one for one in used if one.name in _TABLES]
+    held = [one for one in used if one.kind.entries.is_table]
     if not held:
         raise ExchangeError(
             where=", ".join(str(path) for path in paths),
@@ -117,7 +108,7 @@ def list_source(
     remarks = [
         f"{axis}: the {name} compensation is left out, as {_reason(name)}. Leave it active."
         for axis, name in sorted(left)
-        if name not in _TABLES
+        if not kind(name).entries.is_table
     ]
     replaced: dict[int, list[str]] = {}
     for one in held:
@@ -138,18 +129,12 @@ def _reach(law: Any, numbers: Sequence[int]) -> dict[int, tuple[float, float]]:
     assert isinstance(law, OffsetStack)
     found: dict[int, tuple[float, float]] = {}
     for part in law.parts:
-        tree = jax.tree.leaves(part.model, is_leaf=_is_nodes)
-        along = [one for one in tree if _is_nodes(one)]  # per master, in its order
-        for column, nodes in zip(part.masters, along, strict=True):
+        for column, nodes in zip(part.masters, part.model.ways, strict=True):
             ends = np.asarray(nodes.positions)[[0, -1]]
             low, high = found.get(numbers[column], (np.inf, -np.inf))
             both = min(low, float(ends[0])), max(high, float(ends[1]))
             found[numbers[column]] = both
     return found
-
-
-def _is_nodes(value: Any) -> bool:
-    return isinstance(value, AbstractNodes)
 
 
 def _is_result(path: Path) -> bool:
