@@ -9,6 +9,8 @@ Inside: mm (rotary axes: degree) in, mm out. One room per compensation:
 * `Plane`, `Cross`, `Leadscrew`: the table compensations, over `Stencil` and the nodes
   `EquidistantNodes`, `Setpoints`, `ModuloNodes`.
 * `Backlash`, `TemperatureLine`: laws of direction and of temperature.
+* `VolumetricGrid`, `GeometricErrors`: offsets over three axes, as a grid and as the 21
+  errors of a machine; no list holds them, `ExternalCompensation` does.
 * `PositionController`: all compensations of a machine's axes (`AxisCompensations`) over
   `Motion`, with `SineSquaredFilter`, activation (`commanded`) and homing: `Offsets`.
 * `Conventions`: every rule of the controller that the manuals leave open, by name.
@@ -76,6 +78,7 @@ from ._friction_stribeck import (
     StribeckFriction as StribeckFriction,
     stribeck_columns as stribeck_columns,
 )
+from ._geometric import GeometricErrors as GeometricErrors
 from ._leadscrew import Leadscrew as Leadscrew
 from ._lookup import AbstractLookup as AbstractLookup
 from ._motion import (
@@ -111,3 +114,4 @@ from ._temperature import (
     TemperatureCurve as TemperatureCurve,
     TemperatureLine as TemperatureLine,
 )
+from ._volumetric import VolumetricGrid as VolumetricGrid

@@ -1,5 +1,6 @@
 """In which cell between ascending points each position lies."""
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
@@ -32,6 +33,7 @@ def among_few(
     return cell, left, width
 
 
+@jax.jit  # a call by this name in a traced model: an export puts its own search there
 def cell_of(
     points: Float[Array, " p"], position: Float[Array, " t"]
 ) -> Int[Array, " t"]:
@@ -45,7 +47,8 @@ def cell_of(
         few = jnp.zeros_like(position)
         for number in range(1, last + 1):
             few = jnp.where(position >= points[number], float(number), few)
-        return whole(few)
+        first: Array = whole(few)
+        return first
     buckets = 2 * points.size
     reach = points[-1] - points[0]
     # Relative to the first point, so that only roundings of the reach itself matter;
@@ -67,4 +70,5 @@ def cell_of(
         reached = take(beyond, jnp.minimum(there, last + 1)) <= position
         return jnp.where(reached, there, cell), step >> 1
 
-    return lax.while_loop(lambda state: state[1] > 0, advance, (cell, step))[0]
+    found: Array = lax.while_loop(lambda state: state[1] > 0, advance, (cell, step))[0]
+    return found

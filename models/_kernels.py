@@ -12,6 +12,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int, Num
@@ -54,6 +55,7 @@ def corners(
     return first, weights
 
 
+@jax.jit  # as `cell_of`
 def whole(number: Float[Array, " t"]) -> Int[Array, " t"]:
     """Return floats that are whole numbers, 0 to 2**31 − 1, as integers.
 

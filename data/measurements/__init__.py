@@ -66,7 +66,7 @@ from ._log import (
     LoggedOffset as LoggedOffset,
     read_log as read_log,
 )
-from ._log_names import log_name as log_name
+from ._log_names import EXTERNAL_LOG as EXTERNAL_LOG, log_name as log_name
 from ._measurement import (
     Measurement as Measurement,
     RoleValues as RoleValues,

@@ -52,8 +52,17 @@ _OBJECT = re.compile(
     r"\s*(?:\.\s*(?P<after>\w+)|\[\s*(?P<index>\d+)\s*\])?",
     re.IGNORECASE,
 )
+_EXTERNAL = re.compile(
+    r"(?:(?P<before>\w+)\s*(?:\.|::|\s|/)\s*)?EXTC\s*\[\s*0\s*\]\s*(?:\.|::)\s*actual_offset"
+    r"\s*(?:\.\s*(?P<after>\w+))?",
+    re.IGNORECASE,
+)
 _ROLE = re.compile(r"(?P<axis>[A-Za-z_][A-Za-z0-9_-]*)\.(?P<what>[a-z]+)")
 _NUMBERED = re.compile(r"(?:A|axis|achse)[ _-]?0*(?P<number>[0-9]+)", re.IGNORECASE)
+
+
+EXTERNAL_LOG = "external"
+"""Name of what an external compensation adds, the object ``EXTC[0].actual_offset``."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +72,7 @@ class LogName:
     Attributes:
         axis: ``A3`` for a logical number, else the name of an axis; None where the
             column does not say.
-        compensation: One of `COMPENSATIONS`, or `TOTAL`.
+        compensation: One of `COMPENSATIONS`, `TOTAL` or `EXTERNAL_LOG`.
         filtered: Filters over cycles have acted on it.
         increments: In encoder increments where the header states no unit.
     """
@@ -94,6 +103,10 @@ def log_name(text: str, names: Collection[str] = COMPENSATIONS) -> LogName | Non
         # A bare index counts the axes of the channel, which are no logical numbers.
         axis = match["axis"]
         return LogName(axis and plain_axis(axis), _VARIABLES[match["name"].upper()])
+    match = _EXTERNAL.fullmatch(text)
+    if match:
+        axis = match["before"] or match["after"]
+        return LogName(axis and plain_axis(axis), EXTERNAL_LOG, increments=True)
     match = _OBJECT.fullmatch(text)
     if match is None:
         return None

@@ -21,6 +21,7 @@ from . import (
     _diff,
     _discover,
     _doctor,
+    _export_external,
     _fit,
     _iso230,
     _objects,
@@ -52,6 +53,7 @@ app.command("objects")(_objects.objects)
 app.command("probe")(_probe.probe)
 app.command("simulate")(_simulate.simulate)
 app.command("verify")(_verify.verify)
+app.command("export-external")(_export_external.export_external)
 app.command("doctor")(_doctor.doctor)
 app.command("discover")(_discover.discover)
 

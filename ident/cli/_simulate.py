@@ -150,7 +150,7 @@ _RANGE = re.compile(r"A?(\d{1,5})=([^:]+):([^:]+)")
 _TABLE = re.compile(r"A?(\d{1,5})=(.+?)(?::([A-Za-z_][\w-]*))?")
 
 
-def axis_range(text: str) -> tuple[int, tuple[float, float]]:
+def axis_range(text: str, option: str = "--modulo") -> tuple[int, tuple[float, float]]:
     match = _RANGE.fullmatch(text)
     try:
         if match is None:
@@ -160,7 +160,7 @@ def axis_range(text: str) -> tuple[int, tuple[float, float]]:
             raise ValueError
     except ValueError:
         message = f"found {text!r}, expected an axis and its range as in A4=0:360"
-        raise typer.BadParameter(message, param_hint="--modulo") from None
+        raise typer.BadParameter(message, param_hint=option) from None
     return int(match[1]), (low, high)
 
 

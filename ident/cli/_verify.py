@@ -27,7 +27,8 @@ def verify(
         typer.Option(
             metavar="L.csv",
             help="What the controller logged: time, A1.position, … and A3.cross,"
-            " V.A.CROSS_COMP_CURR.Z, CROSSC::actual_offset or A3.drive_position.",
+            " V.A.CROSS_COMP_CURR.Z, CROSSC::actual_offset, A3.EXTC[0].actual_offset or"
+            " A3.drive_position; or diagdata.txt of an external compensation.",
         ),
     ],
     save: Annotated[
@@ -74,9 +75,10 @@ def verify(
     from ...data.lists import ListFile
     from ...data.measurements import read_log
     from ..exchange import StoredConventions, read_conventions
+    from ..external import read_snapshot, verify_external, verify_snapshot
     from ..job import use_compilation_cache
     from ..kinds import kinds
-    from ..proof import verify_log
+    from ..proof import Verification, verify_log
     from ._simulate import axis_range
 
     for name, number in (("--increment", increment), ("--cycle-time", cycle_time)):
@@ -90,13 +92,22 @@ def verify(
         stored = read_conventions(save)
     assumed = stored if conventions is None else read_conventions(conventions)
     lists = [ListFile.read(file) for file in dict.fromkeys(files)]
-    found = verify_log(
-        lists,
-        read_log(log, increment, cycle_time, [one.name for one in kinds()]),
-        assumed.conventions,
-        increment,
-        modulo=ranges,
-    )
+    rules = assumed.conventions
+    snapshot = read_snapshot(log)
+    if snapshot is not None:
+        outside = verify_snapshot(lists, snapshot, rules, increment, modulo=ranges)
+        found = Verification(outside, (), rules, frozenset())
+    else:
+        names = [one.name for one in kinds()]
+        logged = read_log(log, increment, cycle_time, names)
+        outside, logged = verify_external(
+            lists, logged, rules, increment, modulo=ranges
+        )
+        found = Verification(outside, (), rules, frozenset())
+        if logged.offsets or not outside:
+            found = verify_log(lists, logged, rules, increment, modulo=ranges)
+            every = (*outside, *found.verdicts)
+            found = dataclasses.replace(found, verdicts=every)
     if as_json:
         typer.echo(
             json.dumps(

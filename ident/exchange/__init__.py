@@ -84,6 +84,7 @@ from ._probe_text import probe_program as probe_program, probe_text as probe_tex
 from ._reload import simulate_events as simulate_events
 from ._simulate import AxisOffsets as AxisOffsets, simulate as simulate
 from ._startup import (
+    EXTERNAL as EXTERNAL,
     Startup as Startup,
     entries_of_startup as entries_of_startup,
     startup_from_list as startup_from_list,

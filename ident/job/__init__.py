@@ -26,7 +26,11 @@ from ._job_result import (
     LoadStep as LoadStep,
     WholeAxis as WholeAxis,
 )
-from ._json import plain as plain, result_json as result_json
+from ._json import (
+    plain as plain,
+    result_json as result_json,
+    tree_json as tree_json,
+)
 from ._load import (
     Job as Job,
     load_conventions as load_conventions,

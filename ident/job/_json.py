@@ -44,7 +44,11 @@ _TEXT = json.JSONEncoder(allow_nan=False, default=_known).encode
 
 def result_json(result: JobResult) -> str:
     """Return ``result.json`` as text; it holds no NaN and no infinity."""
-    tree = result.tree
+    return tree_json(result.tree)
+
+
+def tree_json(tree: Mapping[str, Any]) -> str:
+    """Return the tree of ``result.json`` as text."""
     try:
         return _lines(tree, _DEPTH) + "\n"
     except (TypeError, ValueError):

@@ -1,0 +1,47 @@
+"""A model as an external compensation of the controller: C and C++, list entries, NC lines.
+
+`export_external` (`_export`) is the whole. `_trace` with `_arithmetic` carries a model over from
+JAX to CasADi, `_code` makes C of it with the files of ``templates``, `_extremes` searches the
+largest figures in the workspace, `_entries` makes list entries of them; `_sources` takes the
+tables of a job or of lists. `_verify` holds what a controller logged against them.
+"""
+
+from typing import TYPE_CHECKING
+
+from .._lazy import importer
+
+if TYPE_CHECKING:
+    from ._export import (
+        ExternalFiles as ExternalFiles,
+        Placed as Placed,
+        export_external as export_external,
+    )
+    from ._extremes import Extremes as Extremes, extremes as extremes
+    from ._sources import ListSource as ListSource, list_source as list_source
+    from ._trace import OffsetLaw as OffsetLaw, UntraceableError as UntraceableError
+    from ._verify import (
+        Snapshot as Snapshot,
+        read_snapshot as read_snapshot,
+        verify_external as verify_external,
+        verify_snapshot as verify_snapshot,
+    )
+
+# `axcomp verify` needs no code generator.
+__getattr__ = importer(
+    __name__,
+    {
+        "ExternalFiles": "_export",
+        "Extremes": "_extremes",
+        "ListSource": "_sources",
+        "OffsetLaw": "_trace",
+        "Placed": "_export",
+        "Snapshot": "_verify",
+        "UntraceableError": "_trace",
+        "export_external": "_export",
+        "extremes": "_extremes",
+        "list_source": "_sources",
+        "read_snapshot": "_verify",
+        "verify_external": "_verify",
+        "verify_snapshot": "_verify",
+    },
+)

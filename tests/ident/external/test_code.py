@@ -1,0 +1,95 @@
+"""The generated code, compiled without a warning, beside the model that it was made of."""
+
+import os
+import subprocess
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from axcomp.ident.external import OffsetLaw
+
+from .conftest import UNITS, Built, compiled
+
+
+@pytest.mark.parametrize(
+    "count", [50_000, pytest.param(1_000_000, marks=pytest.mark.heavy)]
+)
+def test_code_gives_the_offsets_of_the_model(
+    built: Built, count: int, expected: Callable[[OffsetLaw, np.ndarray], np.ndarray]
+) -> None:
+    positions = built.positions(count, seed=3)
+    found = built.offsets(positions)
+    assert np.any(found != 0)
+    # One unit of 1e-8 mm: sums of other order differ by 1e-17, which may turn a rounding.
+    np.testing.assert_allclose(found, expected(built.law, positions), rtol=0, atol=1)
+
+
+def test_nothing_moves_when_it_is_switched_on(built: Built) -> None:
+    given = built.positions(50_000, seed=4)
+    start = built.offsets(given, "many_starts")
+    place = given - start
+    # Both offsets are rounded to a unit, and the place between them by half of one.
+    np.testing.assert_allclose(place + built.offsets(place), given, rtol=0, atol=2)
+
+
+@pytest.mark.heavy
+def test_start_offsets_are_those_of_the_model(built: Built) -> None:
+    given = built.positions(1000, seed=11)
+    expected = np.asarray(built.model.start_offsets(given / UNITS)) * UNITS
+    # The model solves to 1e-10 mm, the code rounds to a unit.
+    found = built.offsets(given, "many_starts")
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2)
+
+
+def test_offsets_are_continuous_over_cells_and_edges(built: Built) -> None:
+    at = built.positions(20_000, seed=5)
+    rng = np.random.default_rng(6)
+    for axis, nodes in enumerate(built.nodes):
+        at[:, axis] = np.rint(rng.choice(nodes, len(at)) * UNITS)
+    here = built.offsets(at)
+    for axis in range(built.axes):
+        for step in (-1, 1):
+            beside = at.copy()
+            beside[:, axis] += step
+            # No table is as steep as 1, so that a step of 1 may only turn the rounding.
+            np.testing.assert_allclose(built.offsets(beside), here, rtol=0, atol=1)
+
+
+def test_code_needs_nothing_but_mathematics(built: Built) -> None:
+    text = (built.folder / "axcomp_external.c").read_text(encoding="ascii")
+    assert "malloc" not in text
+    assert [line for line in text.splitlines() if line.startswith("#include <")] == [
+        "#include <math.h>",
+        "#include <stddef.h>",
+        "#include <math.h>",
+    ]
+    assert str(built.folder) not in text
+
+
+def test_positions_far_outside_saturate(built: Built) -> None:
+    ends = np.array([np.iinfo(np.int64).min, -1, 0, 1, np.iinfo(np.int64).max])
+    rows = np.stack([np.roll(np.resize(ends, built.axes), k) for k in range(5)])
+    for function in ("many", "many_starts"):
+        found = built.offsets(rows, function)
+        # Python's integers do not overflow: the sum fits into 64 bits.
+        for position, offset in zip(rows.ravel(), found.ravel(), strict=True):
+            assert ends[0] <= int(position) + int(offset) <= ends[-1]
+
+
+@pytest.mark.slow
+def test_code_is_clean_under_the_sanitizers(built: Built) -> None:
+    flags = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    program = compiled(built.folder, "checked", *flags, "-DAXCOMP_MAIN")
+    options = {
+        "ASAN_OPTIONS": "detect_leaks=0"
+    }  # it asks for rights that few sandboxes give
+    run = subprocess.run(
+        [str(program)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **options},
+    )
+    assert run.returncode == 0, run.stderr
+    assert int(run.stdout) > 1000  # of the calls that must fail

@@ -1,0 +1,257 @@
+"""What an export writes beside the code, from models, lists and jobs; and what it refuses."""
+
+import json
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile
+from axcomp.ident.cli import main
+from axcomp.ident.exchange import (
+    ExchangeError,
+    StoredConventions,
+    external_axis_from_list,
+    is_activated,
+    startup_from_list,
+)
+from axcomp.ident.external import (
+    UntraceableError,
+    export_external,
+    extremes,
+    list_source,
+)
+from axcomp.models import Conventions, Leadscrew, OffsetPart, OffsetStack, Plane
+
+from ..job_run.screw import laser, screw_job
+from .conftest import Built
+
+SCREW = (
+    "kopf.achs_nr 1\nkw.ssfk.unit 1\nkw.ssfk.interval 1000000\n"
+    "kw.ssfk.kw_startpos 0\nkw.ssfk.kw_nr_max 3\nkw.ssfk.table[0].pos 0\n"
+    "kw.ssfk.table[1].pos 200\nkw.ssfk.table[2].pos -100\n"
+)
+CROSS = (
+    "kw.crosscomp.unit 1\nkw.crosscomp.last_index 1\nkw.crosscomp.master_ax_nr 3\n"
+    "kw.crosscomp.table[0].setpoint 0\nkw.crosscomp.table[0].correction 0\n"
+    "kw.crosscomp.table[1].setpoint 1000000\nkw.crosscomp.table[1].correction 100\n"
+)
+BOX = {1: (0.0, 100.0), 2: (0.0, 100.0)}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("AXCOMP_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "achskw1.lis").write_text(SCREW + CROSS)
+    return tmp_path
+
+
+def spike(height: float) -> OffsetStack:
+    values = np.zeros((21, 21))
+    values[13, 7] = height
+    plane = Plane.quadratic((0.0, 0.0), 5.0, values)
+    return OffsetStack((OffsetPart(plane, 1, (0, 1)),), axes=2)
+
+
+def test_search_finds_a_single_high_node() -> None:
+    box = np.array([[0.0, 100.0], [0.0, 100.0]])
+    found = extremes(
+        spike(0.04), box, feed=500.0, acceleration=1000.0, cycle_time=0.001
+    )
+    # It looks closer down to 1e-4 of the workspace: 0.01 mm of the 5 mm to the node beside.
+    np.testing.assert_allclose(found.offset, [0.0, 0.04], rtol=5e-3)
+    # Along one edge of the cell; the other falls off as 0.04 / 5 too, but not at once.
+    assert 0.008 <= found.slope[1] <= 0.0161
+    # Both slopes change from rise to fall at the node within a cycle, at 500 mm/s per axis.
+    kink = 4 * 0.008 * 500.0 / 0.001
+    assert 0.45 * kink <= found.acceleration[1] - 1000.0 * found.slope[1] <= 1.05 * kink
+    assert found.acceleration[0] == 0.0
+
+
+def test_limits_let_the_model_through_and_little_else(built: Built) -> None:
+    largest = built.files.extremes.offset
+    for axis, limit in enumerate(built.files.limits):
+        name = f"achsmds{axis + 1}.add.lis"
+        listing = ListFile.read(built.folder / name)
+        assert external_axis_from_list(listing) == limit
+        assert largest[axis] < limit.warning <= 1.1 * largest[axis] + 2.1e-4
+        assert limit.warning < limit.error <= 1.5 * largest[axis] + 1.2e-3
+    assert startup_from_list(ListFile.read(built.folder / "hochlauf.add.lis")).external
+
+
+def test_accelerations_of_a_motion_stay_below_the_limit(built: Built) -> None:
+    # Diagonal at the feed of the export, cycle by cycle.
+    rng = np.random.default_rng(1)
+    low, width = built.box[:, 0], np.ptp(built.box, axis=1)
+    rows = (low + rng.random((3000, built.axes)) * width) * 1e8
+    step = np.where(width > 0.0, 0.5e8, 0.0)
+    cycles = [np.rint(rows + k * step).astype(np.int64) for k in (-1, 0, 1)]
+    before, now, after = (built.offsets(row) for row in cycles)
+    found = np.abs(before - 2 * now + after).max(axis=0) / 1e8 / 1e-3**2
+    allowed = [limit.acceleration for limit in built.files.limits]
+    assert np.all(found <= np.array(allowed, dtype=float))
+
+
+def test_description_asks_for_type_6(built: Built) -> None:
+    tree = ET.parse(built.folder / "AxcompExternal.tmc")
+    values = {
+        item.findtext("Name"): item.findtext("Value")
+        for item in tree.iterfind(".//Parameter/Default/SubItem")
+    }
+    assert values == {".type": "6", ".group": "0", ".index": "0"}
+    interfaces = [one.findtext("Type") for one in tree.iterfind(".//Interface")]
+    assert "IITcMcComExtComp" in interfaces
+
+
+def test_instructions_name_every_axis_in_its_order(built: Built) -> None:
+    text = (built.folder / "README.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
+    axes = [row.split("|")[2].strip() for row in rows[1 : built.axes + 1]]
+    assert axes == [f"A{number}" for number in range(1, built.axes + 1)]
+    program = (built.folder / "axcomp_external.nc").read_text()
+    assert "#EXTCOMP ON [ID0]" in program
+    assert "#EXTCOMP OFF [ID0]" in program
+
+
+def test_the_same_export_gives_the_same_files(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        export_external(spike(0.01), tmp_path / name, axes=(1, 2), workspace=BOX)
+    for file in (tmp_path / "one").iterdir():
+        assert file.read_bytes() == (tmp_path / "two" / file.name).read_bytes()
+
+
+def test_models_add_up(folder: Path) -> None:
+    both = export_external(
+        (spike(0.01), spike(0.02)), folder / "out", axes=(1, 2), workspace=BOX
+    )
+    np.testing.assert_allclose(both.extremes.offset, [0.0, 0.03], rtol=5e-3)
+
+
+def test_a_model_that_is_too_rough_for_the_feed_is_named(folder: Path) -> None:
+    found = export_external(spike(0.04), folder / "out", axes=(1, 2), workspace=BOX)
+    (remark,) = found.remarks
+    assert "A2: at 30000 mm/min the offsets need" in remark
+    assert remark in (folder / "out" / "README.md").read_text()
+
+
+Law = Callable[[jnp.ndarray], jnp.ndarray]
+
+
+@pytest.mark.parametrize(
+    ("law", "axes", "box", "match"),
+    [
+        (spike(0.01), (2, 1), BOX, "axes: found 2, 1, expected logical numbers"),
+        (spike(0.01), (), {}, "axes: found none"),
+        (spike(0.01), (1, 2), {3: (0.0, 1.0)}, "workspace of A3: found 0 to 1"),
+        (spike(0.01), (1, 2), {1: (5.0, 1.0)}, "workspace of A1: found 5 to 1"),
+        (spike(9.0), (1, 2), BOX, r"offset of A2: found a slope of .* expected less"),
+        (lambda p: p / 0.0, (1, 2), BOX, "offset of A1: found no number"),
+    ],
+)
+def test_what_makes_no_compensation_is_refused(
+    folder: Path, law: Law, axes: tuple[int, ...], box: dict, match: str
+) -> None:
+    with pytest.raises(ExchangeError, match=match):
+        export_external(law, folder / "out", axes=axes, workspace=box)
+    assert not (folder / "out").exists()
+
+
+def test_what_c_cannot_do_is_named(folder: Path) -> None:
+    with pytest.raises(UntraceableError, match="found the operation 'sort' on positio"):
+        export_external(
+            lambda p: jnp.sort(p, axis=1), folder / "out", axes=(1, 2), workspace=BOX
+        )
+
+
+def test_lists_become_a_compensation_and_are_switched_off(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export-external", "achskw1.lis", "--out", "ext"]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert "ext/axcomp_external.c" in printed
+    assert sorted(printed) == sorted(f"ext/{one.name}" for one in Path("ext").iterdir())
+    listing = ListFile.read(folder / "ext" / "achsmds1.add.lis")
+    # Both would correct twice.
+    assert not is_activated(listing, "leadscrew")
+    assert not is_activated(listing, "cross")
+    assert listing.get("lr_param.crosscomp") is not None
+    assert "A1: cross, leadscrew" in (folder / "ext" / "README.md").read_text()
+    header = (folder / "ext" / "axcomp_external.h").read_text()
+    assert "[0] = A1, [1] = A3." in header
+
+
+def test_axes_and_workspace_can_be_given(folder: Path) -> None:
+    wide = ["--axes", "1,2,3,5", "--workspace", "A3=0:400"]
+    assert main(["export-external", "achskw1.lis", "--out", "ext", *wide]) == 0
+    text = (folder / "ext" / "README.md").read_text()
+    assert "| 3 | A5 |" in text
+    assert "| A3 | 0 to 400 |" in text
+
+
+def test_what_needs_more_than_positions_is_left_out_and_named(folder: Path) -> None:
+    (folder / "achsmds1.lis").write_text(
+        "kopf.achs_nr 1\nlr_param.ssfk 1\nlr_param.crosscomp 0\n"
+        "lr_param.anwahl_losekomp 1\ngetriebe[0].lose 50\nlr_param.temp_comp 1\n"
+    )
+    lists = [folder / "achskw1.lis", folder / "achsmds1.lis"]
+    found = list_source(lists)
+    assert found.replaced == {1: ["leadscrew"]}
+    assert found.remarks == (
+        "A1: the backlash compensation is left out, as it needs more than the positions"
+        " that the interface hands over. Leave it active.",
+        "A1: the temperature compensation is left out, as it needs more than the"
+        " positions that the interface hands over. Leave it active.",
+    )
+
+
+def test_lists_without_a_table_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "achskw2.lis").write_text("kopf.achs_nr 2\n")
+    assert main(["export-external", "achskw2.lis", "--out", "ext"]) == 1
+    assert "achskw2.lis: found no active cross, plane" in capsys.readouterr().err
+
+
+def fitted(folder: Path) -> Path:
+    """Run a job whose machine adds leadscrew entries as they stand."""
+    laser(folder / "laser.csv")
+    rules = StoredConventions(Conventions(leadscrew_sign=1))
+    (folder / "rules.toml").write_bytes(rules.dumps())
+    job = screw_job(folder, axis="limits = [-20.0, 380.0]")
+    text = job.read_text().replace("bilateral = true", "bilateral = false")
+    job.write_text(f'{text}\n[machine]\nconventions = "rules.toml"\n')
+    assert main(["fit", "job.toml", "--out", "fit"]) == 0
+    return folder / "fit"
+
+
+def test_a_job_is_exported_by_its_own_rules_and_limits(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = fitted(folder)
+    found = list_source([job])
+    (part,) = found.law.law.parts  # type: ignore[attr-defined]
+    assert isinstance(part.model, Leadscrew)
+    assert part.model.sign == 1
+    assert found.workspace == {1: (-20.0, 380.0)}
+    assert found.remarks == ("Signs of X are assumed: no measurement has shown them.",)
+    assert main(["export-external", "fit/result.json", "--out", "fit"]) == 1
+    assert "found the files of a job, expected a folder" in capsys.readouterr().err
+    before = (job / "result.json").read_text()
+    assert main(["export-external", "fit", "--out", "fit/external"]) == 0
+    after = (job / "result.json").read_text().splitlines()
+    # The rest stays as it was written.
+    assert [line.rstrip(",") for line in after if line.rstrip(",") not in before] == [
+        '"external": "external/axcomp_external.c"'
+    ]
+    tree = json.loads((job / "result.json").read_text())
+    tree["fits"][0]["verdict"] = "rejected"
+    (job / "result.json").write_text(json.dumps(tree))
+    with pytest.raises(ExchangeError, match="the leadscrew of X rejected, expected fi"):
+        list_source([job])
+    (job / "result.json").write_text("[]")
+    with pytest.raises(ExchangeError, match="found no result of a job"):
+        list_source([job])
