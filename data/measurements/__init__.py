@@ -6,7 +6,7 @@ them a meaning and the library's units (mm, °, s, °C); `derive_error`, `derive
 a positioning test.
 """
 
-from ._dates import repeated_stamp as repeated_stamp
+from ._dates import repeated_row as repeated_row
 from ._derive import (
     derive_error as derive_error,
     derive_motion as derive_motion,

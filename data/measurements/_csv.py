@@ -335,7 +335,8 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
             skipped.append(Skipped(number, "the header line again"))
             continue
         if len(cells) != width:
-            found = f"{len(cells)} cells ('{line.strip()[:40]}')"
+            last = " in the last line" if not _more(text, layout, at) else ""
+            found = f"{len(cells)} cells{last} ('{line.strip()[:40]}')"
             expected = f"{width} {dialect.words} as in the lines above"
             raise LineError(str(path), number, found, expected, f"skip = [{number}]")
         lines.append(number)
@@ -345,6 +346,11 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
         for at in range(width)
     ]
     return columns, np.array(lines, dtype=np.int64), skipped
+
+
+def _more(text: str, layout: Layout, at: int) -> bool:
+    """Whether a body goes on below a line of it."""
+    return any(line.strip() for line in text[layout.body :].split("\n")[at + 1 :])
 
 
 def _slow_column(

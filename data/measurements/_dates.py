@@ -67,33 +67,43 @@ def seconds_of_dates(table: Table, column: Column) -> Float[np.ndarray, " t"]:
     return found
 
 
-def repeated_stamp(table: Table) -> CellError | None:
-    """Return the error that one of few repeated time stamps is, or None.
+def repeated_row(table: Table) -> CellError | None:
+    """Return the error that a row is which repeats the one above, or None.
 
-    Where many repeat, the clock is coarse, and nothing is damaged.
+    In a table with time stamps the stamp tells; where many repeat, the clock is coarse,
+    and nothing is damaged. In one with runs or directions, where a target comes twice in
+    a row, all its numbers must be the same.
     """
-    for column in table.columns:
-        if (
-            column.role != "time"
-            or column.bad is not None
-            or column.present is not None
-        ):
-            continue
-        if column.text is not None:
-            text = np.array(column.text)
-            same = np.flatnonzero(text[1:] == text[:-1])
-        else:
-            same = np.flatnonzero(np.diff(column.values) == 0.0)
-        if 0 < same.size <= max(1.0, _FEW * table.rows):
-            at = int(same[0]) + 1
-            shown = column.text[at] if column.text else f"{column.values[at]:.10g}"
-            before = int(table.lines[at - 1])
-            where = "row" if table.counts_rows else "line"
-            expected = f"a later time than in {where} {before}"
-            return table.cell_error(
-                column, BadCell(int(table.lines[at]), shown), expected
-            )
-    return None
+    kinds = {(column.role or "").rpartition(".")[2]: column for column in table.columns}
+    wide = any(column.run is not None for column in table.columns)
+    if "time" in kinds:
+        keys = [kinds["time"]]
+    elif "position" in kinds and (wide or {"run", "direction"} & kinds.keys()):
+        keys = list(table.columns)
+    else:
+        return None
+    if any(column.present is not None for column in keys):
+        return None
+    same = np.logical_and.reduce([_repeats(column) for column in keys])
+    rows = np.flatnonzero(same) + 1
+    if not 0 < rows.size <= max(1.0, _FEW * table.rows):
+        return None
+    at = int(rows[0])
+    key = kinds["time"] if "time" in kinds else kinds["position"]
+    shown = key.text[at] if key.text else f"{key.values[at]:.10g}"
+    where = f"{'row' if table.counts_rows else 'line'} {table.lines[at - 1]}"
+    expected = f"a later time than in {where}"
+    if "time" not in kinds:
+        expected = f"another reading than in {where}, which it repeats"
+    bad = BadCell(int(table.lines[at]), shown)
+    return table.cell_error(key, bad, expected)
+
+
+def _repeats(column: Column) -> np.ndarray:
+    if column.text is not None:
+        text = np.array(column.text)
+        return np.asarray(text[1:] == text[:-1])
+    return np.asarray(np.diff(column.values) == 0.0)
 
 
 @functools.lru_cache(maxsize=1024)

@@ -190,7 +190,9 @@ def _score(dialect: Dialect, lines: Sequence[str]) -> tuple[bool, float, bool, i
     # A header that splits like the rows settles "1,5" against "1" and "5"; and several
     # columns that are mostly whole beat a single one, or one short line of few would
     # hide itself.
-    header = first == 0 or len(rows[first - 1]) in (width, width + 1)
+    above = rows[first - 1]
+    header = first == 0 or len(above) == width
+    header |= len(above) == width + 1 and above[-1] == ""
     several = width > 1 and header and share >= 0.3
     return (several, round(share, 2), header, width)
 

@@ -168,8 +168,11 @@ def is_centroid(head: str) -> bool:
     lines = [line.split() for line in head.split("\n") if line.strip()]
     if len(lines) < 3 or len(lines[0]) != 2 or not _WHOLE.fullmatch(lines[0][0]):
         return False
-    whole = all(_WHOLE.fullmatch(cell) for line in lines for cell in line)
-    return whole and len(lines[1]) == 1 and int(lines[0][0]) > 1
+    if not _WHOLE.fullmatch(lines[0][1]) or int(lines[0][0]) < 2:
+        return False
+    below = lines[1:]
+    whole = sum(len(line) == 1 and bool(_WHOLE.fullmatch(line[0])) for line in below)
+    return whole >= 2 and 3 * whole >= 2 * len(below)
 
 
 def read_centroid(path: Path, text: str, encoding: str) -> Table:
@@ -190,6 +193,8 @@ def read_centroid(path: Path, text: str, encoding: str) -> Table:
         found = f"{len(rows)} points" if odd is None else f"{len(odd[1])} numbers"
         expected = f"{head[0]} lines of one correction, as line {top} announces"
         raise LineError(str(path), line, found, expected)
+    for line, cells in rows:
+        _numbers(path, line, "correction", cells)
     values = np.array([float(cells[0]) for _, cells in rows])
     points = np.arange(1.0, len(rows) + 1.0)
     remark = (
@@ -242,12 +247,15 @@ def read_addresses(path: Path, text: str, encoding: str) -> Table:
     """
     keys = _keys_of(text)
     assert keys is not None
-    plain = "\n".join(
-        " ".join(number for _, number in re.findall(_ADDRESS, line))
-        if _address_keys(line) == keys
-        else line
-        for line in text.split("\n")
-    )
+    lines = text.split("\n")
+    for at, line in enumerate(lines):
+        if _address_keys(line) == keys:
+            lines[at] = " ".join(number for _, number in re.findall(_ADDRESS, line))
+        elif line.strip().upper().startswith(keys[0]) and re.search(r"\d", line):
+            expected = f"numbers behind {', '.join(keys)} as in the other lines"
+            found, advice = f"'{line.strip()[:40]}'", f"skip = [{at + 1}]"
+            raise LineError(str(path), at + 1, found, expected, advice)
+    plain = "\n".join(lines)
     layout = find_layout(path, plain)
     layout = dataclasses.replace(layout, names=tuple(map(parse_name, keys)))
     table = read_body(path, layout, plain, encoding)

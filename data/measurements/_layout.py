@@ -272,7 +272,8 @@ def _refuse_other_width(head: _Head, index: int) -> None:
         return
     found = f"{len(head.rows[index])} names ({', '.join(cells)[:40]})"
     expected = f"{head.width} as the rows below have cells, {head.dialect.words}"
-    raise head.error(index, found, expected, f"skip = [{head.lines[index]}]")
+    advice = "header = [], with columns by number"
+    raise head.error(index, found, expected, advice)
 
 
 def _refuse_numbers(head: _Head, above: int) -> None:

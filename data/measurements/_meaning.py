@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ._dates import is_instant
+from ._errors import LineError
 from ._header import (
     CLOCKS,
     DIRECTIONS,
@@ -47,15 +48,20 @@ def with_meaning(
     if (triplets := _triplets(table, names)) is not None:
         return triplets
     roles, laser = roles_of(names)
+    roles = _with_time(roles, names)
     columns = [
         column if role is None else dataclasses.replace(column, role=role)
         for column, role in zip(table.columns, roles, strict=True)
     ]
     remarks = table.remarks
+    if titles and not any(name.header for name in names):
+        line = max(titles)
+        remark = f"Line {line} ('{titles[line][:40]}') is no header for {len(names)}"
+        remarks = (*remarks, f"{remark} columns, which are numbered.")
     by_name = [
         f"'{name.name}' as {role}"
         for name, role in zip(names, roles, strict=True)
-        if role and "." in role and role.casefold() != name.stem.casefold()
+        if role and role.casefold() != name.stem.casefold()
     ]
     if by_name and not laser:
         remarks = (*remarks, f"Taken by their names: {', '.join(by_name)}.")
@@ -66,6 +72,14 @@ def with_meaning(
         format="laser table" if laser else table.format,
     )
     return _with_titles(_with_clock(table, names), titles)
+
+
+def _with_time(roles: Sequence[str | None], names: Sequence[Name]) -> list[str | None]:
+    """Return roles with that of the time, where one name and its unit say it."""
+    times = [bare_role(name) == "time" and name.unit in ("s", "ms") for name in names]
+    if "time" in roles or sum(times) != 1:
+        return list(roles)
+    return ["time" if time else role for role, time in zip(roles, times, strict=True)]
 
 
 def _is_laser_body(columns: Sequence[Column], names: Sequence[Name]) -> bool:
@@ -101,12 +115,19 @@ def _triplets(table: Table, names: Sequence[Name]) -> Table | None:
         return None
     nominal = columns[0].values
     spacing = np.diff(nominal)
-    near = all(
-        bool(np.all(np.abs(c.values - nominal) < 0.5 * np.abs(spacing).min()))
-        for c in columns[1:]
-    )
-    if not (near and bool(np.all(spacing > 0.0))):
+    rising = spacing[spacing > 0.0]
+    if not rising.size or np.any(spacing < 0.0):
         return None
+    misses = np.abs([column.values - nominal for column in columns[1:]])
+    if not np.all(misses < 0.5 * rising.min()):
+        return None
+    if np.any(spacing == 0.0):
+        at = int(np.argmin(spacing)) + 1
+        line, before = int(table.lines[at]), int(table.lines[at - 1])
+        found = f"the nominal position {nominal[at]:g} a second time"
+        expected = f"LinuxCNC triplets in ascending order (first in line {before})"
+        advice = f"skip = [{line}]"
+        raise LineError(str(table.path), line, found, expected, advice)
     titles = ("nominal", "forward", "reverse")
     roles = ("position", "actual", "actual")
     sides = (None, 1, -1)

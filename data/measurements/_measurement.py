@@ -165,6 +165,9 @@ def measurement(
         reason = (
             f"found columns {names} without a role, expected a mapping role = column"
         )
+        if table.form is not None and table.form.titles and not table.form.header:
+            line = table.form.titles[-1]
+            reason += f" (line {line}, right above the rows, does not name so many)"
         raise MeasurementError(source, reason)
     differs = axis is not None and table.axis is not None and axis != table.axis
     table, mapping = unfolded(table, mapping)

@@ -36,6 +36,8 @@ class InstrumentFile:
     roles: tuple[str, ...]
     axis: str = "X"
     bidirectional: bool = False
+    columns: tuple[str, ...] = ()
+    """Columns that a job names, where the file states no roles."""
 
 
 LASER = ("position", "error", "run", "direction")
@@ -343,12 +345,14 @@ FILES: dict[str, InstrumentFile] = {
         20,
         (),
         axis="",
+        columns=("X", "Y", "Z"),
     ),
     "Siemens log": InstrumentFile(
         probe("N{n} X={x:.3f} Y={y:.3f} Z={z:.4f}"),
         20,
         (),
         axis="",
+        columns=("X", "Y", "Z"),
     ),
     "FARO export": InstrumentFile(
         probe(
@@ -359,7 +363,9 @@ FILES: dict[str, InstrumentFile] = {
         ("X.position", "Y.position", "Z.error"),
         axis="",
     ),
-    "oscilloscope": InstrumentFile(scope_trace(), 200, (), axis=""),
+    "oscilloscope": InstrumentFile(
+        scope_trace(), 200, ("time",), axis="", columns=("CH1", "CH2")
+    ),
     "thermal log, date and time apart": InstrumentFile(
         thermal(
             ["Datalogger 4;;;", "Datum;Uhrzeit;Spindel [°C];Z [µm]"],
@@ -389,6 +395,7 @@ FILES: dict[str, InstrumentFile] = {
         5,
         (),
         axis="",
+        columns=("ENC_POS|1",),
     ),
     "motion log with roles": InstrumentFile(
         (

@@ -14,7 +14,7 @@ from axcomp.data.measurements import (
     explain_direction,
     measurement,
     read_table,
-    repeated_stamp,
+    repeated_row,
 )
 
 from .instrument_files import FILES, LASER, InstrumentFile, error
@@ -91,36 +91,43 @@ def body_of(content: bytes) -> tuple[list[str], int, str]:
 
 
 def truncated(content: bytes) -> bytes:
-    """Cut a file in the middle of a row, behind a separator or a sign."""
+    """Cut a file in the middle of a row, behind a separator."""
     lines, at, encoding = body_of(content)
-    row = lines[at]
-    cut = re.match(r".*?[\d\w][;,\t ]+(?=\S)", row)
-    kept = row[: cut.end() - 1].rstrip() if cut else row[:1]
+    cut = re.match(r".*?[\d\w][;,\t ]+(?=\S)", lines[at])
+    kept = lines[at][: cut.end() - 1].rstrip() if cut else ""
     return "\n".join([*lines[:at], kept]).encode(encoding)
 
 
 def wrong_header(content: bytes) -> bytes:
-    """Take the last name out of the header."""
+    """Take the last name out of the line above the first row, or what a format has there."""
     lines, _, encoding = body_of(content)
+    if "DEVIATIONS::" in lines:
+        return "\n".join(line for line in lines if "Target D" not in line).encode()
+    if lines[0].startswith("{"):
+        return lines[0].replace('"Name": "CYCLE", ', "").encode()
     first = next(
-        at for at, line in enumerate(lines) if re.match(r"\W*[P\d]?\d+[,. ;\t]", line)
+        at for at, line in enumerate(lines) if re.match(r"\W*[PN\d]?\d+[-,. ;\t]", line)
     )
+    if first == 0:
+        return "\n".join(["1 2 3 4 5 6", *lines]).encode(encoding)
     top = re.sub(r"[;,\t]\s*[^;,\t]*$|\s\s\w[^ ]*$", "", lines[first - 1])
     return "\n".join([*lines[: first - 1], top, *lines[first:]]).encode(encoding)
 
 
 def mixed_separators(content: bytes) -> bytes:
+    """Separate the cells of one row by another mark."""
     lines, at, encoding = body_of(content)
-    swap = {";": "|", "\t": ";", ",": ";", " ": ";"}
-    mark = next(m for m in (";", "\t", ",", " ") if m in lines[at].strip())
-    lines[at] = lines[at].strip().replace(mark, swap[mark])
-    return "\n".join(lines).encode(encoding)
+    swap = {";": "|", "\t": ";", ",": ";", " ": "|"}
+    mark = next((m for m in (";", "\t", ",", " ") if m in lines[at].strip()), "")
+    row = lines[at].strip().replace(mark, swap[mark]) if mark else f"{lines[at]};0"
+    return "\n".join([*lines[:at], row, *lines[at + 1 :]]).encode(encoding)
 
 
 def nan_text(content: bytes) -> bytes:
+    """Write NaN in place of the last number of a row."""
     lines, at, encoding = body_of(content)
-    lines[at] = re.sub(r"([+-]?\d+([.,]\d+)?)(\D*)$", r"NaN\3", lines[at].rstrip())
-    return "\n".join(lines).encode(encoding)
+    row = re.sub(r"([+-]?\d+([.,]\d\d+)?)(\D*)$", r"NaN\3", lines[at].rstrip())
+    return "\n".join([*lines[:at], row, *lines[at + 1 :]]).encode(encoding)
 
 
 def duplicated_stamps(content: bytes) -> bytes:
@@ -130,6 +137,8 @@ def duplicated_stamps(content: bytes) -> bytes:
 
 
 DAMAGES = (truncated, wrong_header, mixed_separators, nan_text, duplicated_stamps)
+NO_STAMPS = ("straightness", "Heidenhain", "Siemens", "FARO")
+"""Neither times nor runs: that a probe is read twice at a place is no damage."""
 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.__name__)
@@ -141,9 +150,11 @@ def test_a_damaged_file_ends_in_one_clear_line(
     path = put(tmp_path, damage(file.content))
     said = complaint(path, file)
     print(f"{damage.__name__} | {name} | {said}")
-    assert said
+    if damage is duplicated_stamps and name.startswith(NO_STAMPS):
+        assert not said
+        return
+    assert str(path) in said
     assert "\n" not in said
-    assert str(path) in said or "file.txt" in said
 
 
 def complaint(path: Path, file: InstrumentFile) -> str:
@@ -153,8 +164,10 @@ def complaint(path: Path, file: InstrumentFile) -> str:
         for column in table.columns:
             if column.text is None:
                 table.numbers(column)
-        if (stamp := repeated_stamp(table)) is not None:
-            return str(stamp)
+        if (again := repeated_row(table)) is not None:
+            return str(again)
+        for wanted in file.columns:
+            table.column(wanted)
         found = measurement(table, axis=file.axis or "X") if file.roles else None
         for role in file.roles:
             text = role if "." in role or role in ("run", "time") else f"X.{role}"
@@ -163,3 +176,14 @@ def complaint(path: Path, file: InstrumentFile) -> str:
     except AxcompError as error:
         return str(error)
     return ""
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the folder of real data is not here")
+def test_every_real_file_reads_at_the_first_try() -> None:
+    files = [path for path in SHARED.rglob("*") if path.is_file()]
+    files = [path for path in files if path.suffix != ".md"]
+    formats = {path.name: read_table(path).format for path in files}
+    assert len(formats) > 15
+    assert formats["axis_capture_500Hz.json.gz"] == "JSON capture"
+    assert formats["linuxcnc_sim_screwcompX.dat"] == "LinuxCNC triplets"
+    assert formats["centroid_cnc7_v1_real_lasercomp.tab"] == "Centroid table"
