@@ -194,7 +194,7 @@ def _score(dialect: Dialect, lines: Sequence[str]) -> tuple[bool, float, bool, i
     header = first == 0 or len(above) == width
     header |= len(above) == width + 1 and above[-1] == ""
     several = width > 1 and header and share >= 0.3
-    return (several, round(share, 2), header, width)
+    return (several, round(share, 2), header or len(above) > 1, width)
 
 
 def usual_width(dialect: Dialect, rows: Sequence[Sequence[str]]) -> int:

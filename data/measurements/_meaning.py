@@ -23,10 +23,10 @@ from ._units import find_unit
 
 _PAIR = re.compile(r"\W*(?P<key>[^:=;\t|]+?)\s*[:=;\t|]+\s*(?P<value>[^;\t|]+?)[\s;|]*")
 _KEYS = {
-    "axis": ("axis", "achse", "messachse", "machine axis"),
     "direction": ("direction", "richtung", "fahrtrichtung", "verfahrrichtung"),
     "unit": ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit"),
 }
+_AXIS = re.compile(r"(?i:\b(?:axis|achse))\s*[:=;\t ]\s*(?P<axis>[A-Z]\d?)\b")
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -271,6 +271,8 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
     """Return the table with what the lines above its header say: axis, unit, direction."""
     said: dict[str, tuple[int, str]] = {}
     for line, text in titles.items():
+        if (named := _AXIS.search(text)) is not None:
+            said.setdefault("axis", (line, named["axis"]))
         match = _PAIR.fullmatch(text)
         for kind, words in _KEYS.items():
             if match and match["key"].strip().casefold() in words:
@@ -278,7 +280,7 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
     remarks = list(table.remarks)
     columns = list(table.columns)
     axis = table.axis
-    if "axis" in said and re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", said["axis"][1]):
+    if "axis" in said:
         axis = said["axis"][1]
         remarks.append(f"Line {said['axis'][0]} says that the axis is {axis}.")
     kinds = {column.role for column in columns}

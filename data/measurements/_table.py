@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,25 @@ class Lines:
     skip: tuple[int, ...] = ()
     header: tuple[int, ...] | None = None
     rows: tuple[int, int] | None = None
+
+    @staticmethod
+    def of(
+        skip: int | Sequence[int] = 0,
+        header: int | Sequence[int] | None = None,
+        rows: tuple[int, int] | None = None,
+    ) -> "Lines | None":
+        """Return what the keys of a job say; None where they say nothing.
+
+        Args:
+            skip: So many lines at the top, or which.
+            header: Which lines; an empty sequence: none.
+            rows: First and last.
+        """
+        left = tuple(range(1, skip + 1)) if isinstance(skip, int) else tuple(skip)
+        if not left and header is None and rows is None:
+            return None
+        names = (header,) if isinstance(header, int) else header
+        return Lines(left, None if names is None else tuple(names), rows)
 
     def keep(self, text: str) -> str:
         """Return a text with the lines blank that are left out; the others keep their place."""

@@ -182,7 +182,10 @@ def test_cell_that_is_no_number_is_named_when_its_column_is_used(
         ("x,y,z\n", r"found a header \(x, y, z\) and no rows"),
         ("x,y\n1,2\n3\n4,5\n", r"file.csv:3: found 1 cells.*expected 2"),
         ("x,y\n1,2\n3,4,5\n", r"file.csv:3: found 3 cells.*expected 2"),
-        ("x,y\n1,2\n3,4\n5", r"file.csv:4: found 1 cells \('5'\), expected 2"),
+        (
+            "x,y\n1,2\n3,4\n5",
+            r"file.csv:4: found 1 cells in the last line \('5'\), expected 2",
+        ),
         (b"\x00\x01\x02\xff" * 50, r"file.csv:1: found binary data \(byte 0x00"),
         (b"x,y\n1,2\n3,\x07\n", r"file.csv:3: found binary data \(byte 0x07"),
         (b"PK\x03\x04rest", "found a spreadsheet"),
