@@ -41,12 +41,12 @@ _BARE_ROLES = {
         *("direction", "dir", "richtung", "fahrtrichtung", "anfahrrichtung"),
         *("verfahrrichtung", "approach", "approach direction"),
     ),
-    "time": ("time", "zeit", "t"),
+    "time": ("time", "zeit", "t", "elapsed", "elapsed time", "laufzeit"),
 }
 _BY_NAME = {name: role for role, names in _BARE_ROLES.items() for name in names}
 CLOCKS = {
     "date": ("date", "datum", "day", "tag"),
-    "time": ("time", "zeit", "uhrzeit", "clock"),
+    "time": ("time", "zeit", "uhrzeit", "clock", "elapsed", "elapsed time", "laufzeit"),
     "both": ("timestamp", "time stamp", "zeitstempel", "datetime", "date time"),
 }
 """Names of columns of instants: the date, the time of day, and both together."""
@@ -54,7 +54,7 @@ _FILLERS = frozenset(("nr", "no", "nummer", "number", "num", "axis", "achse", "i
 _AXIS_WORD = r"[xyzabcuvw]\d?"
 _BEFORE = re.compile(rf"(?P<axis>{_AXIS_WORD}) (?P<kind>.+)")
 _BEHIND = re.compile(rf"(?P<kind>.+) (?P<axis>{_AXIS_WORD})")
-_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{_AXIS_WORD})")
+_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{_AXIS_WORD})|e(?P<of>[xyz])[xyz]")
 
 DIRECTIONS = {
     **dict.fromkeys(
@@ -162,7 +162,22 @@ def plain(text: str) -> str:
 
 def bare_role(name: Name) -> str | None:
     """Return the kind of role that a name without an axis stands for, or None."""
-    return _BY_NAME.get(name.stem.strip().casefold()) or _BY_NAME.get(plain(name.stem))
+    words = re.sub(r"[\s_.:#/=-]+", " ", name.stem.casefold()).strip()
+    kind = _BY_NAME.get(words)
+    # "Run No." is a run, and "Pos. No." counts the positions.
+    return kind or (
+        None if (kind := _BY_NAME.get(plain(words))) == "position" else kind
+    )
+
+
+def is_clock(name: Name, text: str) -> bool:
+    """Whether a name says date, time or both, as the text is a key of `CLOCKS`."""
+    words = plain(name.stem)
+    if text != "both":
+        return words in CLOCKS[text]
+    parts = set(words.split())
+    each = (parts & set(CLOCKS["date"]), parts & set(CLOCKS["time"]))
+    return words in CLOCKS["both"] or (all(each) and len(parts) == 2)
 
 
 def roles_of(names: Sequence[Name]) -> tuple[list[str | None], bool]:
@@ -213,7 +228,7 @@ def _axis_role(name: Name) -> str | None:
     if re.fullmatch(_AXIS_WORD, text):
         return f"{text.upper()}.position"
     if match := _DELTA.fullmatch(text):
-        return f"{match['axis'].upper()}.error"
+        return f"{(match['axis'] or match['of']).upper()}.error"  # EYX: in Y, along X
     for pattern in (_BEFORE, _BEHIND):
         match = pattern.fullmatch(text)
         kind = _BY_NAME.get(match["kind"]) if match else None

@@ -1,13 +1,14 @@
 """Where titles, header, units and rows of a text table lie, and what the columns are called."""
 
 import dataclasses
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from ._dialect import Dialect, first_row_of_numbers, sniff, usual_width
 from ._errors import LineError, MeasurementError
-from ._header import Name, heading, looks_like_names, parse_name, unit_in
+from ._header import Name, bare_role, heading, looks_like_names, parse_name, unit_in
 from ._table import Lines, Skipped
 
 _SAMPLE = 400
@@ -308,10 +309,24 @@ def _names(head: _Head, top: Sequence[int]) -> list[Name]:
     for row in rows[:-1]:  # the name of a group stands above its first column
         for at in range(1, len(row)):
             row[at] = row[at] or row[at - 1]
-    return [
-        parse_name(" ".join(dict.fromkeys(cell for cell in column if cell)))
-        for column in zip(*rows, strict=True)
+    return [_name(column) for column in zip(*rows, strict=True)]
+
+
+def _name(cells: Sequence[str]) -> Name:
+    """Return the name of a column from its cells in all header lines."""
+    parts = list(dict.fromkeys(cell for cell in cells if cell))
+    if len(parts) < 2:
+        return parse_name("".join(parts))
+    # "Run" and "Direction" in front of their rows are no part of the name below.
+    labels = [
+        bare_role(parse_name(part)) in ("run", "direction") for part in parts[:-1]
     ]
+    parts = [*itertools.compress(parts, [not label for label in labels]), parts[-1]]
+    units = [unit for part in parts[1:] if (unit := unit_in(part)) is not None]
+    name = parse_name(" ".join(part for part in parts if part and not unit_in(part)))
+    if not units or name.unit is not None:
+        return parse_name(" ".join(parts))
+    return dataclasses.replace(name, unit=units[0], doubtful=False)
 
 
 def is_plain(text: str) -> bool:

@@ -9,24 +9,34 @@ import numpy as np
 from ._dates import is_instant
 from ._errors import LineError
 from ._header import (
-    CLOCKS,
     DIRECTIONS,
     Heading,
     Name,
     bare_role,
     heading,
-    plain,
+    is_clock,
     roles_of,
 )
 from ._table import Column, Table
 from ._units import find_unit
 
-_PAIR = re.compile(r"\W*(?P<key>[^:=;\t|]+?)\s*[:=;\t|]+\s*(?P<value>[^;\t|]+?)[\s;|]*")
+_PAIR = re.compile(
+    r"\W*(?P<key>[^:=;,\t|]+?)\s*[:=;,\t|]+\s*(?P<value>[^;,\t|]+?)[\s;,|]*"
+)
 _KEYS = {
     "direction": ("direction", "richtung", "fahrtrichtung", "verfahrrichtung"),
     "unit": ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit"),
 }
-_AXIS = re.compile(r"(?i:\b(?:axis|achse))\s*[:=;\t ]\s*(?P<axis>[A-Z]\d?)\b")
+_AXIS = re.compile(r"(?i:\b(?:axis|achse))\s*[:=;,\t ]+\s*(?P<axis>[A-Z]\d?)\b")
+_STRAIGHT = re.compile(r"(?i)straightness|geradheit")
+_DEVIATES = re.compile(
+    r"(?i:\b(?:in|of|straightness|geradheit|abweichung|error|deviation))\s+"
+    r"(?P<axis>[XYZ])\b"
+)
+_MOVES = re.compile(
+    r"(?i:\b(?:über|ueber|over|along|entlang|axis|achse|vs|against))\.?[\s:=;,]+"
+    r"(?P<axis>[XYZ])\b"
+)
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -206,10 +216,14 @@ def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table
     )
     kind = stated or ("actual" if follows else "error")
     columns[target] = dataclasses.replace(columns[target], role="position")
+    names = [columns[at].name for at in found]
     for at, item in found.items():
         columns[at] = dataclasses.replace(
             columns[at], role=kind, run=item.run, direction=item.direction
         )
+        if names.count(columns[at].name) > 1:
+            name = f"{columns[at].name} (run {item.run})"
+            columns[at] = dataclasses.replace(columns[at], name=name, header=name)
     runs = len({item.run for item in found.values()})
     both = len({item.direction for item in found.values()} - {None})
     words = {"actual": "actual positions", "error": "errors"}[kind]
@@ -234,13 +248,14 @@ def _with_clock(table: Table, names: Sequence[Name]) -> Table:
     if any(column.role == "time" and column.text is None for column in columns):
         return table
     texts = {
-        at: plain(name.stem)
+        at: name
         for at, name in enumerate(names)
         if (text := columns[at].text) is not None and is_instant(text[0].strip())
     }
-    day = next((at for at, text in texts.items() if text in CLOCKS["date"]), None)
-    hour = next((at for at, text in texts.items() if text in CLOCKS["time"]), None)
-    both = next((at for at, text in texts.items() if text in CLOCKS["both"]), None)
+    day, hour, both = (
+        next((at for at, name in texts.items() if is_clock(name, kind)), None)
+        for kind in ("date", "time", "both")
+    )
     one = next((at for at in (both, hour, day) if at is not None), None)
     if one is None:
         return table
@@ -277,6 +292,7 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
         for kind, words in _KEYS.items():
             if match and match["key"].strip().casefold() in words:
                 said.setdefault(kind, (line, match["value"].strip()))
+    table = _straight(table, " \n ".join(titles.values()))
     remarks = list(table.remarks)
     columns = list(table.columns)
     axis = table.axis
@@ -285,15 +301,19 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
         remarks.append(f"Line {said['axis'][0]} says that the axis is {axis}.")
     kinds = {column.role for column in columns}
     if "unit" in said and (unit := find_unit(said["unit"][1])) is not None:
-        for at, column in enumerate(columns):
-            if column.role in ("error", "actual") and column.unit is None:
-                columns[at] = dataclasses.replace(
-                    column, unit=unit.name, doubtful_unit=False
-                )
-                remarks.append(
-                    f"Column '{column.name}' is in {unit.name}, as line"
-                    f" {said['unit'][0]} says."
-                )
+        named = [
+            at
+            for at, column in enumerate(columns)
+            if column.role in ("error", "actual") and column.unit is None
+        ]
+        for at in named:
+            columns[at] = dataclasses.replace(
+                columns[at], unit=unit.name, doubtful_unit=False
+            )
+        if named:
+            names = ", ".join(f"'{columns[at].name}'" for at in named[:4])
+            names += f" and {len(named) - 4} more" if len(named) > 4 else ""
+            remarks.append(f"{names}: in {unit.name}, as line {said['unit'][0]} says.")
     if "direction" in said and "position" in kinds and "direction" not in kinds:
         side = DIRECTIONS.get(said["direction"][1].casefold())
         if side is not None and all(column.direction is None for column in columns):
@@ -307,4 +327,41 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             )
     return dataclasses.replace(
         table, columns=tuple(columns), remarks=tuple(remarks), axis=axis
+    )
+
+
+def _straight(table: Table, titles: str) -> Table:
+    """Return a table of straightness with the axes that move and deviate, or no roles.
+
+    Its errors are across the motion: those of a laser table would be of the wrong axis.
+    """
+    names = " ".join(column.header for column in table.columns)
+    roles = [column.role for column in table.columns]
+    if not _STRAIGHT.search(f"{titles} {names}") or "position" not in roles:
+        return table
+    across, along = _DEVIATES.search(titles), _MOVES.search(titles)
+    known = across and along and across["axis"] != along["axis"]
+    axes = {}
+    if across and along and known:
+        axes = {"position": along["axis"], "error": across["axis"]}
+        remark = (
+            f"Straightness: the titles say that {axes['position']} moves and"
+            f" {axes['error']} deviates."
+        )
+    else:
+        remark = (
+            "Straightness: which axis moves and which deviates is not said; the job's"
+            ' columns say it, such as "X.position" and "Y.error".'
+        )
+    columns = tuple(
+        dataclasses.replace(
+            column,
+            role=f"{axes[column.role]}.{column.role}" if column.role in axes else None,
+        )
+        if column.role in ("position", "error", "actual")
+        else column
+        for column in table.columns
+    )
+    return dataclasses.replace(
+        table, columns=columns, remarks=(*table.remarks, remark), format="CSV"
     )
