@@ -23,10 +23,10 @@ from ._units import find_unit
 _PAIR = re.compile(
     r"\W*(?P<key>[^:=;,\t|]+?)\s*[:=;,\t|]+\s*(?P<value>[^;,\t|]+?)[\s;,|]*"
 )
-_KEYS = {
-    "direction": ("direction", "richtung", "fahrtrichtung", "verfahrrichtung"),
-    "unit": ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit"),
-}
+_UNIT_WORDS = frozenset(
+    ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit")
+)
+_SIDE_WORDS = frozenset(("direction", "richtung", "fahrtrichtung", "verfahrrichtung"))
 _AXIS = re.compile(r"(?i:\b(?:axis|achse))\s*[:=;,\t ]+\s*(?P<axis>[A-Z]\d?)\b")
 _STRAIGHT = re.compile(r"(?i)straightness|geradheit")
 _DEVIATES = re.compile(
@@ -284,50 +284,65 @@ def _has_date(cell: str) -> bool:
 
 def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
     """Return the table with what the lines above its header say: axis, unit, direction."""
-    said: dict[str, tuple[int, str]] = {}
-    for line, text in titles.items():
-        if (named := _AXIS.search(text)) is not None:
-            said.setdefault("axis", (line, named["axis"]))
-        match = _PAIR.fullmatch(text)
-        for kind, words in _KEYS.items():
-            if match and match["key"].strip().casefold() in words:
-                said.setdefault(kind, (line, match["value"].strip()))
     table = _straight(table, " \n ".join(titles.values()))
-    remarks = list(table.remarks)
-    columns = list(table.columns)
-    axis = table.axis
-    if "axis" in said:
-        axis = said["axis"][1]
-        remarks.append(f"Line {said['axis'][0]} says that the axis is {axis}.")
-    kinds = {column.role for column in columns}
-    if "unit" in said and (unit := find_unit(said["unit"][1])) is not None:
-        named = [
-            at
-            for at, column in enumerate(columns)
-            if column.role in ("error", "actual") and column.unit is None
-        ]
-        for at in named:
-            columns[at] = dataclasses.replace(
-                columns[at], unit=unit.name, doubtful_unit=False
-            )
-        if named:
-            names = ", ".join(f"'{columns[at].name}'" for at in named[:4])
-            names += f" and {len(named) - 4} more" if len(named) > 4 else ""
-            remarks.append(f"{names}: in {unit.name}, as line {said['unit'][0]} says.")
-    if "direction" in said and "position" in kinds and "direction" not in kinds:
-        side = DIRECTIONS.get(said["direction"][1].casefold())
-        if side is not None and all(column.direction is None for column in columns):
-            values = np.full(table.rows, float(side))
-            columns.append(
-                Column("direction", "direction", None, values, header="direction")
-            )
-            remarks.append(
-                f"Line {said['direction'][0]} says '{said['direction'][1]}': direction"
-                f" {side:+d} in all rows."
-            )
+    for line, text in titles.items():
+        if (named := _AXIS.search(text)) is not None and table.axis is None:
+            remark = f"Line {line} says that the axis is {named['axis']}."
+            table = _noted(table, table.columns, remark, named["axis"])
+        pair = _PAIR.fullmatch(text)
+        if pair is not None and pair["key"].strip().casefold() in _UNIT_WORDS:
+            table = _in_unit(table, line, pair["value"])
+        elif pair is not None and pair["key"].strip().casefold() in _SIDE_WORDS:
+            table = _in_direction(table, line, pair["value"])
+    return table
+
+
+def _noted(
+    table: Table, columns: Sequence[Column], remark: str, axis: str | None = None
+) -> Table:
     return dataclasses.replace(
-        table, columns=tuple(columns), remarks=tuple(remarks), axis=axis
+        table,
+        columns=tuple(columns),
+        remarks=(*table.remarks, remark),
+        axis=axis or table.axis,
     )
+
+
+def _kind(column: Column) -> str:
+    return (column.role or "").rpartition(".")[2]
+
+
+def _in_unit(table: Table, line: int, text: str) -> Table:
+    """Return the table with a unit for readings that state none."""
+    unit = find_unit(text)
+    bare = [
+        column
+        for column in table.columns
+        if _kind(column) in ("error", "actual") and column.unit is None
+    ]
+    if unit is None or not bare:
+        return table
+    marked = set(map(id, bare))  # arrays in columns do not compare
+    columns = [
+        dataclasses.replace(column, unit=unit.name) if id(column) in marked else column
+        for column in table.columns
+    ]
+    names = ", ".join(f"'{column.name}'" for column in bare[:4])
+    names += f" and {len(bare) - 4} more" if len(bare) > 4 else ""
+    return _noted(table, columns, f"{names}: in {unit.name}, as line {line} says.")
+
+
+def _in_direction(table: Table, line: int, text: str) -> Table:
+    """Return the table with a direction for all rows, where it has none."""
+    kinds = set(map(_kind, table.columns))
+    side = DIRECTIONS.get(text.casefold())
+    stated = any(column.direction is not None for column in table.columns)
+    if side is None or stated or "position" not in kinds or "direction" in kinds:
+        return table
+    values = np.full(table.rows, float(side))
+    column = Column("direction", "direction", None, values, header="direction")
+    remark = f"Line {line} says '{text}': direction {side:+d} in all rows."
+    return _noted(table, (*table.columns, column), remark)
 
 
 def _straight(table: Table, titles: str) -> Table:
@@ -362,6 +377,4 @@ def _straight(table: Table, titles: str) -> Table:
         else column
         for column in table.columns
     )
-    return dataclasses.replace(
-        table, columns=columns, remarks=(*table.remarks, remark), format="CSV"
-    )
+    return dataclasses.replace(_noted(table, columns, remark), format="CSV")
