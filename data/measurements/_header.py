@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ._roles import find_role
 from ._units import find_unit
@@ -247,7 +247,7 @@ def heading(text: str) -> Heading | None:
     words: set[int] = set()
     signs: set[int] = set()
     kind: str | None = None
-    named = False
+    named = axis = False
     for token in _TOKENS.findall(text):
         if token in DIRECTIONS and token not in _NO_HEADING:
             (signs if token in "+-−" else words).add(DIRECTIONS[token])
@@ -257,16 +257,29 @@ def heading(text: str) -> Heading | None:
             named = True
         elif _BY_NAME.get(token) in ("error", "actual"):
             kind = _BY_NAME[token]
-        elif _BY_NAME.get(token) == "direction" or token in _FILLERS:
-            continue
-        else:
+        elif re.fullmatch("[xyzabcuvw]", token):
+            axis = True
+        elif _BY_NAME.get(token) != "direction" and token not in _FILLERS:
             return None
     directions = words or signs  # "Lauf 1 - hin" holds a dash and no sign
     if len(directions) > 1 or (run is None and not directions):
         return None
+    if axis and not (named or words):
+        return None  # "B 1" and "X+" are names of axes and of their ends
     return Heading(
         run, next(iter(directions), None), kind, named or bool(directions) or bool(kind)
     )
+
+
+def numbered(found: Mapping[int, Heading]) -> dict[int, Heading]:
+    """Return headings with a run each; those without are counted per direction."""
+    seen: dict[int | None, int] = {}
+    numbered = {}
+    for at, item in found.items():
+        seen[item.direction] = seen.get(item.direction, 0) + 1
+        run = seen[item.direction] if item.run is None else item.run
+        numbered[at] = dataclasses.replace(item, run=run)
+    return numbered
 
 
 def looks_like_names(cells: Sequence[str]) -> bool:

@@ -172,25 +172,21 @@ def _first_row(head: _Head, wanted: Lines) -> int:
         reason = f"found no row from line {least} on, as the job has it, expected some"
         raise MeasurementError(str(head.path), reason)
     if least:
-        units = wanted.rows is None and _is_unit_row(head.rows[index], head.width)
+        units = wanted.rows is None and is_unit_row(head.rows[index], head.width)
         return index + units if index + units < len(head.rows) else index
     first = first_row_of_numbers(head.dialect, head.rows, head.width)
     if first == 0 and not _any_number(head.dialect, head.rows[:1]):
-        return _first_of_words(head)
+        # A table of words: below what can only be a header.
+        return int(len(head.rows) > 1 and looks_like_names(head.rows[0]))
     # A row of numbers with a word among them belongs to the body.
     while first > 0 and _is_damaged_row(head, first - 1):
         first -= 1
     return first
 
 
-def _first_of_words(head: _Head) -> int:
-    """Return the first row of a table of words: below what can only be a header."""
-    return int(len(head.rows) > 1 and looks_like_names(head.rows[0]))
-
-
 def _is_damaged_row(head: _Head, index: int) -> bool:
     cells = head.rows[index]
-    if len(cells) != head.width or _is_unit_row(cells, head.width):
+    if len(cells) != head.width or is_unit_row(cells, head.width):
         return False
     known = heading(cells[0]) is not None or looks_like_names(cells[:1]) or not cells[0]
     return not known and any(map(head.dialect.is_number, cells))
@@ -201,7 +197,7 @@ def _header_above(
 ) -> tuple[list[int], int | None]:
     """Return the indices of the header lines above a body, and of the units."""
     at, units = first - 1, None
-    if at >= 0 and _is_unit_row(head.rows[at], head.width):
+    if at >= 0 and is_unit_row(head.rows[at], head.width):
         at, units = at - 1, at
     if wanted.header is not None:
         missing = [line for line in wanted.header if line not in head.lines]
@@ -360,7 +356,7 @@ def _plain_layout(text: str) -> Layout | None:
         return None
     if any(dialect.number(cell) is not None for cell in header):
         return None
-    if not any(map(str.isalpha, top)) or _is_unit_row(header, width):
+    if not any(map(str.isalpha, top)) or is_unit_row(header, width):
         return None
     return Layout(
         dialect=dialect,
@@ -375,7 +371,8 @@ def _plain_layout(text: str) -> Layout | None:
     )
 
 
-def _is_unit_row(cells: Sequence[str], width: int) -> bool:
+def is_unit_row(cells: Sequence[str], width: int) -> bool:
+    """Whether a line holds units, and nothing else, for so many columns."""
     named = [cell for cell in cells if cell.strip("[]()- ")]
     return len(cells) == width and bool(named) and all(map(unit_in, named))
 

@@ -15,6 +15,7 @@ from ._header import (
     bare_role,
     heading,
     is_clock,
+    numbered,
     roles_of,
 )
 from ._table import Column, Table
@@ -188,18 +189,7 @@ def _wide(table: Table, names: Sequence[Name]) -> Table | None:
         found = {at: item for at, item in found.items() if item.named}
     if len(found) < 2 or {"error", "actual"} & set(kinds):
         return None
-    return _with_runs(table, target, _numbered(found))
-
-
-def _numbered(found: Mapping[int, Heading]) -> dict[int, Heading]:
-    """Return headings with a run each: those without are counted per direction."""
-    seen: dict[int | None, int] = {}
-    numbered = {}
-    for at, item in found.items():
-        seen[item.direction] = seen.get(item.direction, 0) + 1
-        run = seen[item.direction] if item.run is None else item.run
-        numbered[at] = dataclasses.replace(item, run=run)
-    return numbered
+    return _with_runs(table, target, numbered(found))
 
 
 def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table:

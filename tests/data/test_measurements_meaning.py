@@ -158,3 +158,16 @@ def test_umlauts_of_all_systems_are_read(tmp_path: Path, encoding: str) -> None:
     text = "Soll;Ist;Richtung\n0;0,1;rückwärts\n10;10,1;rückwärts\n"
     found = read(tmp_path, text.encode(encoding))
     assert found.require("X.direction").tolist() == [-1, -1]
+
+
+def test_blocks_below_one_another_are_runs(tmp_path: Path) -> None:
+    """Each with a line that names run and direction, its header and its units again."""
+    block = "{name}\nTarget;Error\nmm;um\n0;{k}\n10;{k}\n20;{k}\n\n"
+    names = ("Run 1 (forward)", "Run 1 (reverse)", "Run 2 (forward)", "Run 2 (reverse)")
+    text = "".join(block.format(name=name, k=k) for k, name in enumerate(names))
+    found = read(tmp_path, f"Laser\n\n{text}")
+    assert found.require("X.error").tolist() == [
+        k / 1000.0 for k in range(4) for _ in range(3)
+    ]
+    assert found.require("run").tolist() == [1] * 6 + [2] * 6
+    assert found.require("X.direction").tolist() == ([1] * 3 + [-1] * 3) * 2

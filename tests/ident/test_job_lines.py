@@ -137,3 +137,15 @@ def test_columns_that_do_not_fit_together_are_named(
 ) -> None:
     with pytest.raises(MeasurementError, match=match):
         measured(tmp_path, ROWS, columns)
+
+
+def test_the_keys_in_the_documentation_are_those_of_a_job(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "instrument-files.md"
+    block = page.read_text(encoding="utf-8").split("```toml")[1].split("```")[0]
+    (tmp_path / "laser.csv").write_text(ROWS)
+    path = tmp_path / "job.toml"
+    fit = JOB.partition("[[fits]]")[2]
+    path.write_text(f"[axes.X]\nnumber = 1\n{block}\n[[fits]]{fit}", encoding="utf-8")
+    spec = load_job(path).spec.measurements["laser"]
+    assert (spec.skip, spec.header, spec.rows) == (3, [5, 6], [8, 28])
+    assert set(spec.columns) == {"X.position", "X.error"}
