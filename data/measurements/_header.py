@@ -10,7 +10,9 @@ from ._units import find_unit
 
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
 _SLASHED = re.compile(r"(?P<name>[^/]+?)\s+(?:/|in)\s+(?P<unit>\S+)")
+_COLON = re.compile(r"(?P<name>[^:]+?)\s*:\s*(?P<unit>[^:\s]+)")
 _ENDING = re.compile(r"(?P<name>.+)_(?P<unit>[A-Za-z0-9.%µμ°]+)")
+_FORMAT = re.compile(r"(?i)[hmsdytj]{1,4}(?:[:./ -]+[hmsdytj]{1,4})+|±\s?1|-+|1")
 # Units that files use and the library does not convert; a default would be wrong.
 _FOREIGN = frozenset(
     ("in", "inch", "inches", "zoll", '"', "mil", "thou", "ft", "f", "°f", "degf")
@@ -123,7 +125,7 @@ class Heading:
 def parse_name(header: str) -> Name:
     """Return name and unit of ``x [mm]``, ``x (mm)``, ``x / mm`` or ``dz_um``."""
     text = header.strip()
-    for pattern in (_BRACKETED, _SLASHED):
+    for pattern in (_BRACKETED, _SLASHED, _COLON):
         match = pattern.fullmatch(text)
         if match is None or not match["name"].strip():
             continue
@@ -143,6 +145,11 @@ def parse_name(header: str) -> Name:
     # counts, and the unit is used only where it fits the role.
     exact = unit.name if unit.name == match["unit"] else None
     return Name(text, exact, exact is not None, match["name"] if exact else text, text)
+
+
+def is_format(cell: str) -> bool:
+    """Whether a cell of a row of units says how a time is written, or that there is none."""
+    return _FORMAT.fullmatch(cell.strip()) is not None
 
 
 def unit_in(cell: str) -> str | None:

@@ -8,7 +8,15 @@ from pathlib import Path
 
 from ._dialect import Dialect, first_row_of_numbers, sniff, usual_width
 from ._errors import LineError, MeasurementError
-from ._header import Name, bare_role, heading, looks_like_names, parse_name, unit_in
+from ._header import (
+    Name,
+    bare_role,
+    heading,
+    is_format,
+    looks_like_names,
+    parse_name,
+    unit_in,
+)
 from ._table import Lines, Skipped
 
 _SAMPLE = 400
@@ -21,7 +29,6 @@ _LONGEST_HEADER = 10_000
 _MOST_HEADERS = 4
 _AS_SHOWN = Lines()
 _ANY_NUMBER = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
-_UNIT_IN_BRACKETS = re.compile(r"\s+(?=[\[(][^\])]*[\])])")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -216,7 +223,7 @@ def _header_above(
 
 def _is_header(head: _Head, index: int) -> bool:
     """Whether a line names the columns: words above numbers, as many as there are cells."""
-    cells = header_cells(head.dialect, head.texts[index], head.width)
+    cells = head.dialect.header(head.texts[index], head.width)
     if cells is None:
         _refuse_other_width(head, index)
         return False
@@ -229,7 +236,7 @@ def _is_header(head: _Head, index: int) -> bool:
 
 def _is_upper_header(head: _Head, index: int) -> bool:
     """Whether a line above a header names groups of columns."""
-    cells = header_cells(head.dialect, head.texts[index], head.width)
+    cells = head.dialect.header(head.texts[index], head.width)
     if cells is None:
         return False
     filled = [at for at, cell in enumerate(cells) if cell]
@@ -240,22 +247,6 @@ def _is_upper_header(head: _Head, index: int) -> bool:
     return known and (wide or (fills and len(filled) > 1))
 
 
-def header_cells(dialect: Dialect, line: str, width: int) -> list[str] | None:
-    """Return the names that a line gives to so many columns, or None."""
-    ways = [dialect.split(line)]
-    if dialect.separator == " ":
-        text = line.strip()
-        ways.append(re.split(r"\s{2,}|\t", text))
-        joined = _UNIT_IN_BRACKETS.sub("\0", text)
-        ways.append([cell.replace("\0", " ") for cell in joined.split()])
-    for cells in ways:
-        if len(cells) == width + 1 and cells[-1] == "":
-            cells = cells[:-1]
-        if len(cells) == width:
-            return cells
-    return None
-
-
 def _refuse_other_width(head: _Head, index: int) -> None:
     """Raise where a line is meant as the header and has more or fewer names.
 
@@ -263,6 +254,10 @@ def _refuse_other_width(head: _Head, index: int) -> None:
         LineError: That it is.
     """
     cells = [cell for cell in head.rows[index] if cell]
+    if head.dialect.separator == "," and head.width == 2 * len(cells) > 2:
+        found = f"{len(cells)} names above {head.width} cells between commas"
+        expected = "semicolons between cells, or quotes, where decimals have commas"
+        raise head.error(index, found, expected, "header = [], with columns by number")
     if head.dialect.separator == " " or len(cells) < 2 or 2 * len(cells) <= head.width:
         return
     if any(map(head.dialect.is_number, cells)) or any(":" in cell for cell in cells):
@@ -295,7 +290,7 @@ def _names(head: _Head, top: Sequence[int]) -> list[Name]:
     if not top:
         return []
     rows = [
-        header_cells(head.dialect, head.texts[at], head.width) or list(head.rows[at])
+        head.dialect.header(head.texts[at], head.width) or list(head.rows[at])
         for at in top
     ]
     if len({len(row) for row in rows}) > 1:
@@ -373,7 +368,7 @@ def _plain_layout(text: str) -> Layout | None:
 
 def is_unit_row(cells: Sequence[str], width: int) -> bool:
     """Whether a line holds units, and nothing else, for so many columns."""
-    named = [cell for cell in cells if cell.strip("[]()- ")]
+    named = [cell for cell in cells if cell.strip("[]()- ") and not is_format(cell)]
     return len(cells) == width and bool(named) and all(map(unit_in, named))
 
 
@@ -392,7 +387,7 @@ def _names_from_comment(
     """Return names from the last comment if that is a header, else column numbers."""
     comments = [line.strip() for line in above if line.strip()]
     if comments:
-        cells = header_cells(dialect, comments[-1].lstrip("#%/!; "), width)
+        cells = dialect.header(comments[-1].lstrip("#%/!; "), width)
         if cells is not None and looks_like_names(cells):
             return [parse_name(cell) for cell in cells]
     return [Name(str(at + 1), None, False, str(at + 1), "") for at in range(width)]

@@ -246,7 +246,8 @@ def _with_clock(table: Table, names: Sequence[Name]) -> Table:
         next((at for at, name in texts.items() if is_clock(name, kind)), None)
         for kind in ("date", "time", "both")
     )
-    one = next((at for at in (both, hour, day) if at is not None), None)
+    bare = [at for at, name in texts.items() if not name.header]
+    one = next((at for at in (both, hour, day, *bare) if at is not None), None)
     if one is None:
         return table
     if both is None and day is not None and hour is not None and day != hour:
@@ -310,6 +311,10 @@ def _in_unit(table: Table, line: int, text: str) -> Table:
         for column in table.columns
         if _kind(column) in ("error", "actual") and column.unit is None
     ]
+    if unit is None and bare:
+        return _noted(
+            table, table.columns, f"Line {line} says '{text}': no known unit."
+        )
     if unit is None or not bare:
         return table
     marked = set(map(id, bare))  # arrays in columns do not compare

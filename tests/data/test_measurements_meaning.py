@@ -171,3 +171,28 @@ def test_blocks_below_one_another_are_runs(tmp_path: Path) -> None:
     ]
     assert found.require("run").tolist() == [1] * 6 + [2] * 6
     assert found.require("X.direction").tolist() == ([1] * 3 + [-1] * 3) * 2
+
+
+def test_decimal_commas_between_commas_are_not_guessed(tmp_path: Path) -> None:
+    with pytest.raises(
+        LineError, match=r"2 names above 4 cells .* expected semicolons"
+    ):
+        read(tmp_path, "Soll,Abweichung\n0,0,1,5\n10,0,2,5\n")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Zeit;T1\nhh:mm:ss;°C\n10:00:00;20,5\n10:00:30;20,5\n",
+        "DATUM:;ZEIT:;T1: °C\n20.11.26;10:15:00;+0020,5\n20.11.26;10:15:30;+0020,5\n",
+    ],
+)
+def test_loggers_say_units_in_their_own_ways(tmp_path: Path, text: str) -> None:
+    found = read(tmp_path, text)
+    assert found.require("time").tolist() == [0.0, 30.0]
+    assert found.require("temperature.t1").tolist() == [20.5, 20.5]
+
+
+def test_stamps_without_a_header_are_the_time(tmp_path: Path) -> None:
+    found = read(tmp_path, "2026-11-20 10:00:00;20,1\n2026-11-20 10:01:00;20,2\n")
+    assert found.require("time").tolist() == [0.0, 60.0]
