@@ -33,6 +33,7 @@ _TITLES = {
     "Axis": "`[axes.NAME]`",
     "MeasurementSpec": "`[measurements.NAME]`",
     "ColumnChoice": "A column: `[measurements.NAME.columns]`",
+    "ColumnOfRun": "A column per run: `[measurements.NAME.columns]`",
     "Datum": "`datum`",
     "Gate": "`[gate]`",
     "Verify": "`[verify]`",

@@ -88,9 +88,12 @@ class Axis(JobPart, frozen=True):
 
 
 class ColumnChoice(JobPart, frozen=True):
-    """A column of a measurement file and its unit; which file, where there are several."""
+    """A column of a measurement file and its unit, or one value for all rows.
 
-    column: str
+    `file` says which file, where there are several.
+    """
+
+    column: str | None = None
     """Name of the column in the file. Example: `"dz"`."""
     unit: str | None = None
     """Unit of its numbers: m, mm, um, 0.1um, deg, rad, s, ms, degC, K, A, Nm, %, inc …;
@@ -98,6 +101,24 @@ class ColumnChoice(JobPart, frozen=True):
     file: str | None = None
     """File that holds it, where the measurement has several. Example:
     `"logger.csv"`."""
+    value: float | None = None
+    """One value for all rows, in the unit. Example: `1`."""
+
+
+class ColumnOfRun(JobPart, frozen=True):
+    """One of the columns of a role in a table with a column per run and direction."""
+
+    column: str
+    """Name of the column in the file. Example: `"dz"`."""
+    unit: str | None = None
+    """Unit of its numbers. Example: `"um"`."""
+    run: Annotated[int, Field(ge=0)] | None = None
+    """Number of the run that it holds. Example: `1`."""
+    direction: Literal[1, -1] | None = None
+    """Direction of its motion. Example: `-1`."""
+
+
+Line = Annotated[int, Field(ge=1)]
 
 
 class Datum(JobPart, frozen=True):
@@ -114,6 +135,13 @@ class MeasurementSpec(JobPart, frozen=True):
     """File of the measurement, relative to the job. Example: `"laser.csv"`."""
     profile: str | None = None
     """Name of the mesh, where a Klipper file holds several. Example: `"default"`."""
+    skip: Annotated[int, Field(ge=0)] | list[Line] = 0
+    """Lines that are left out: so many at the top, or which. Example: `[17, 40]`."""
+    header: Line | list[Line] | None = None
+    """Lines with the names of the columns; `[]`: there are none, and columns are called
+    1, 2, 3 …; left out: found. Example: `[5, 6]`."""
+    rows: Annotated[list[Line], Field(min_length=2, max_length=2)] | None = None
+    """First and last line of the numbers; left out: found. Example: `[8, 28]`."""
     files: Annotated[list[str], Field(min_length=2)] | None = None
     """Several files of one measurement, put onto one clock. Example: `["gauge.csv",
     "logger.csv"]`."""
@@ -126,7 +154,9 @@ class MeasurementSpec(JobPart, frozen=True):
     active: list[Compensation] = Field(default_factory=list)
     """Compensations that were on while measuring; `[]`: all were off. Example:
     `["leadscrew"]`."""
-    columns: dict[str, str | ColumnChoice] = Field(default_factory=dict)
+    columns: dict[
+        str, str | ColumnChoice | Annotated[list[ColumnOfRun], Field(min_length=1)]
+    ] = Field(default_factory=dict)
     """Role by column: which column is which quantity of which axis. Example: `{
     "X.position" = "x", "X.error" = { column = "dx", unit = "um" } }`."""
     datum: Datum | None = None

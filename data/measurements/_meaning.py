@@ -1,0 +1,375 @@
+"""What the columns of a text table mean: roles, runs and directions, instants, titles."""
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ._dates import is_instant
+from ._errors import LineError
+from ._header import (
+    DIRECTIONS,
+    Heading,
+    Name,
+    bare_role,
+    heading,
+    is_clock,
+    numbered,
+    roles_of,
+)
+from ._table import Column, Table
+from ._units import find_unit
+
+_PAIR = re.compile(
+    r"\W*(?P<key>[^:=;,\t|]+?)\s*[:=;,\t|]+\s*(?P<value>[^;,\t|]+?)[\s;,|]*"
+)
+_UNIT_WORDS = frozenset(
+    ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit")
+)
+_SIDE_WORDS = frozenset(("direction", "richtung", "fahrtrichtung", "verfahrrichtung"))
+_AXIS = re.compile(r"(?i:\b(?:axis|achse))\s*[:=;,\t ]+\s*(?P<axis>[A-Z]\d?)\b")
+_STRAIGHT = re.compile(r"(?i)straightness|geradheit")
+_DEVIATES = re.compile(
+    r"(?i:\b(?:in|of|straightness|geradheit|abweichung|error|deviation))\s+"
+    r"(?P<axis>[XYZ])\b"
+)
+_MOVES = re.compile(
+    r"(?i:\b(?:über|ueber|over|along|entlang|axis|achse|vs|against))\.?[\s:=;,]+"
+    r"(?P<axis>[XYZ])\b"
+)
+_FOLLOWS = 0.1
+"""Share of the travel by which actual positions miss their targets at most."""
+
+
+def with_meaning(
+    table: Table, names: Sequence[Name], titles: Mapping[int, str]
+) -> Table:
+    """Return a text table whose columns have the roles that the file states.
+
+    Args:
+        table: As read.
+        names: One per column.
+        titles: Lines above the header.
+    """
+    if _is_laser_body(table.columns, names):
+        return _laser_without_header(table)
+    if (wide := _wide(table, names)) is not None:
+        return _with_titles(wide, titles)
+    if (triplets := _triplets(table, names)) is not None:
+        return triplets
+    roles, laser = roles_of(names)
+    roles = _with_time(roles, names)
+    columns = [
+        column if role is None else dataclasses.replace(column, role=role)
+        for column, role in zip(table.columns, roles, strict=True)
+    ]
+    remarks = table.remarks
+    if titles and not any(name.header for name in names):
+        line = max(titles)
+        remark = f"Line {line} ('{titles[line][:40]}') is no header for {len(names)}"
+        remarks = (*remarks, f"{remark} columns, which are numbered.")
+    by_name = [
+        f"'{name.name}' as {role}"
+        for name, role in zip(names, roles, strict=True)
+        if role and role.casefold() != name.stem.casefold()
+    ]
+    if by_name and not laser:
+        remarks = (*remarks, f"Taken by their names: {', '.join(by_name)}.")
+    table = dataclasses.replace(
+        table,
+        columns=tuple(columns),
+        remarks=remarks,
+        format="laser table" if laser else table.format,
+    )
+    return _with_titles(_with_clock(table, names), titles)
+
+
+def _with_time(roles: Sequence[str | None], names: Sequence[Name]) -> list[str | None]:
+    """Return roles with that of the time, where one name and its unit say it."""
+    times = [bare_role(name) == "time" and name.unit in ("s", "ms") for name in names]
+    if "time" in roles or sum(times) != 1:
+        return list(roles)
+    return ["time" if time else role for role, time in zip(roles, times, strict=True)]
+
+
+def _is_laser_body(columns: Sequence[Column], names: Sequence[Name]) -> bool:
+    if len(columns) != 4 or any(column.text is not None for column in columns):
+        return False
+    if any(name.header for name in names):
+        return False
+    run, direction = columns[2].values, columns[3].values
+    whole = bool(np.all(run == np.round(run)))
+    return whole and bool(np.all(np.abs(direction) == 1.0))
+
+
+def _laser_without_header(table: Table) -> Table:
+    titles = ("target", "error", "run", "direction")
+    roles = ("position", "error", "run", "direction")
+    named = (
+        dataclasses.replace(column, name=title, role=role, header=column.name)
+        for column, title, role in zip(table.columns, titles, roles, strict=True)
+    )
+    remark = (
+        "No header: four columns with whole run numbers and directions ±1 are "
+        "taken as target, error, run, direction in mm."
+    )
+    return dataclasses.replace(
+        table, format="laser table", columns=tuple(named), remarks=(remark,)
+    )
+
+
+def _triplets(table: Table, names: Sequence[Name]) -> Table | None:
+    """Return a LinuxCNC table of nominal, forward and reverse positions, or None."""
+    columns = table.columns
+    if len(columns) != 3 or table.rows < 2 or any(name.header for name in names):
+        return None
+    nominal = columns[0].values
+    spacing = np.diff(nominal)
+    rising = spacing[spacing > 0.0]
+    if not rising.size or np.any(spacing < 0.0):
+        return None
+    misses = np.abs([column.values - nominal for column in columns[1:]])
+    if not np.all(misses < 0.5 * rising.min()):
+        return None
+    if np.any(spacing == 0.0):
+        at = int(np.argmin(spacing)) + 1
+        line, before = int(table.lines[at]), int(table.lines[at - 1])
+        found = f"the nominal position {nominal[at]:g} a second time"
+        expected = f"LinuxCNC triplets in ascending order (first in line {before})"
+        advice = f"skip = [{line}]"
+        raise LineError(str(table.path), line, found, expected, advice)
+    titles = ("nominal", "forward", "reverse")
+    roles = ("position", "actual", "actual")
+    sides = (None, 1, -1)
+    named = (
+        dataclasses.replace(
+            column,
+            name=title,
+            role=role,
+            header=title,
+            unit="mm",
+            doubtful_unit=True,
+            run=None if side is None else 1,
+            direction=side,
+        )
+        for column, title, role, side in zip(columns, titles, roles, sides, strict=True)
+    )
+    remark = (
+        "Three columns without a header, the second and third close to the first, are"
+        " taken as LinuxCNC triplets: nominal, forward, reverse (actual positions)."
+    )
+    return dataclasses.replace(
+        table, format="LinuxCNC triplets", columns=tuple(named), remarks=(remark,)
+    )
+
+
+def _wide(table: Table, names: Sequence[Name]) -> Table | None:
+    """Return a table of one column per run and direction with its meaning, or None."""
+    headings = [heading(name.header) for name in names]
+    kinds = [bare_role(name) for name in names]
+    roles, _ = roles_of(names)
+    target = next(
+        (
+            at
+            for at, kind in enumerate(kinds)
+            if kind == "position" or (roles[at] or "").endswith(".position")
+        ),
+        0 if names and not headings[0] and not kinds[0] else None,
+    )
+    if target is None or table.columns[target].text is not None:
+        return None
+    found = {
+        at: item
+        for at, item in enumerate(headings)
+        if item is not None and at != target and table.columns[at].text is None
+    }
+    named = kinds[target] == "position" and len(found) == len(names) - 1
+    if not named:
+        found = {at: item for at, item in found.items() if item.named}
+    if len(found) < 2 or {"error", "actual"} & set(kinds):
+        return None
+    return _with_runs(table, target, numbered(found))
+
+
+def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table:
+    columns = list(table.columns)
+    place = columns[target].values
+    span = float(np.ptp(place))
+    first = next(iter(found))
+    stated = next((item.kind for item in found.values() if item.kind), None)
+    values = np.concatenate([columns[at].values for at in found])
+    misses = np.abs(values - np.tile(place, len(found)))
+    follows = bool(np.nanmedian(misses) < _FOLLOWS * span) and columns[first].unit in (
+        None,
+        columns[target].unit,
+    )
+    kind = stated or ("actual" if follows else "error")
+    columns[target] = dataclasses.replace(columns[target], role="position")
+    names = [columns[at].name for at in found]
+    for at, item in found.items():
+        columns[at] = dataclasses.replace(
+            columns[at], role=kind, run=item.run, direction=item.direction
+        )
+        if names.count(columns[at].name) > 1:
+            name = f"{columns[at].name} (run {item.run})"
+            columns[at] = dataclasses.replace(columns[at], name=name, header=name)
+    runs = len({item.run for item in found.values()})
+    both = len({item.direction for item in found.values()} - {None})
+    words = {"actual": "actual positions", "error": "errors"}[kind]
+    remark = (
+        f"One column per run: {len(found)} columns of {words}, {runs} runs"
+        + {0: ", direction not named", 1: " in one direction", 2: ", both directions"}[
+            both
+        ]
+        + ("." if stated else f", taken as {words} by their size.")
+    )
+    return dataclasses.replace(
+        table,
+        format="run table (wide)",
+        columns=tuple(columns),
+        remarks=(*table.remarks, remark),
+    )
+
+
+def _with_clock(table: Table, names: Sequence[Name]) -> Table:
+    """Return the table with the instants of its rows as the role time."""
+    columns = list(table.columns)
+    if any(column.role == "time" and column.text is None for column in columns):
+        return table
+    texts = {
+        at: name
+        for at, name in enumerate(names)
+        if (text := columns[at].text) is not None and is_instant(text[0].strip())
+    }
+    day, hour, both = (
+        next((at for at, name in texts.items() if is_clock(name, kind)), None)
+        for kind in ("date", "time", "both")
+    )
+    bare = [at for at, name in texts.items() if not name.header]
+    one = next((at for at in (both, hour, day, *bare) if at is not None), None)
+    if one is None:
+        return table
+    if both is None and day is not None and hour is not None and day != hour:
+        dates, times = columns[day].text, columns[hour].text
+        assert dates is not None
+        assert times is not None
+        if not any(map(_has_date, times)):
+            name = f"{columns[day].name} {columns[hour].name}"
+            cells = tuple(f"{a} {b}" for a, b in zip(dates, times, strict=True))
+            columns[hour] = dataclasses.replace(
+                columns[hour], name=name, header=name, text=cells
+            )
+            one = hour
+    columns[one] = dataclasses.replace(columns[one], role="time")
+    for at, column in enumerate(columns):
+        if column.unit == "degC" and column.role is None and column.text is None:
+            sensor = re.sub(r"\W+", "_", names[at].stem.casefold()).strip("_")
+            columns[at] = dataclasses.replace(column, role=f"temperature.{sensor}")
+    return dataclasses.replace(table, columns=tuple(columns))
+
+
+def _has_date(cell: str) -> bool:
+    return " " in cell.strip() or "T" in cell
+
+
+def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
+    """Return the table with what the lines above its header say: axis, unit, direction."""
+    table = _straight(table, " \n ".join(titles.values()))
+    for line, text in titles.items():
+        if (named := _AXIS.search(text)) is not None and table.axis is None:
+            remark = f"Line {line} says that the axis is {named['axis']}."
+            table = _noted(table, table.columns, remark, named["axis"])
+        pair = _PAIR.fullmatch(text)
+        if pair is not None and pair["key"].strip().casefold() in _UNIT_WORDS:
+            table = _in_unit(table, line, pair["value"])
+        elif pair is not None and pair["key"].strip().casefold() in _SIDE_WORDS:
+            table = _in_direction(table, line, pair["value"])
+    return table
+
+
+def _noted(
+    table: Table, columns: Sequence[Column], remark: str, axis: str | None = None
+) -> Table:
+    return dataclasses.replace(
+        table,
+        columns=tuple(columns),
+        remarks=(*table.remarks, remark),
+        axis=axis or table.axis,
+    )
+
+
+def _kind(column: Column) -> str:
+    return (column.role or "").rpartition(".")[2]
+
+
+def _in_unit(table: Table, line: int, text: str) -> Table:
+    """Return the table with a unit for readings that state none."""
+    unit = find_unit(text)
+    bare = [
+        column
+        for column in table.columns
+        if _kind(column) in ("error", "actual") and column.unit is None
+    ]
+    if unit is None and bare:
+        return _noted(
+            table, table.columns, f"Line {line} says '{text}': no known unit."
+        )
+    if unit is None or not bare:
+        return table
+    marked = set(map(id, bare))  # arrays in columns do not compare
+    columns = [
+        dataclasses.replace(column, unit=unit.name) if id(column) in marked else column
+        for column in table.columns
+    ]
+    names = ", ".join(f"'{column.name}'" for column in bare[:4])
+    names += f" and {len(bare) - 4} more" if len(bare) > 4 else ""
+    return _noted(table, columns, f"{names}: in {unit.name}, as line {line} says.")
+
+
+def _in_direction(table: Table, line: int, text: str) -> Table:
+    """Return the table with a direction for all rows, where it has none."""
+    kinds = set(map(_kind, table.columns))
+    side = DIRECTIONS.get(text.casefold())
+    stated = any(column.direction is not None for column in table.columns)
+    if side is None or stated or "position" not in kinds or "direction" in kinds:
+        return table
+    values = np.full(table.rows, float(side))
+    column = Column("direction", "direction", None, values, header="direction")
+    remark = f"Line {line} says '{text}': direction {side:+d} in all rows."
+    return _noted(table, (*table.columns, column), remark)
+
+
+def _straight(table: Table, titles: str) -> Table:
+    """Return a table of straightness with the axes that move and deviate, or no roles.
+
+    Its errors are across the motion: those of a laser table would be of the wrong axis.
+    """
+    names = " ".join(column.header for column in table.columns)
+    roles = [column.role for column in table.columns]
+    if not _STRAIGHT.search(f"{titles} {names}") or "position" not in roles:
+        return table
+    across, along = _DEVIATES.search(titles), _MOVES.search(titles)
+    known = across and along and across["axis"] != along["axis"]
+    axes = {}
+    if across and along and known:
+        axes = {"position": along["axis"], "error": across["axis"]}
+        remark = (
+            f"Straightness: the titles say that {axes['position']} moves and"
+            f" {axes['error']} deviates."
+        )
+    else:
+        remark = (
+            "Straightness: which axis moves and which deviates is not said; the job's"
+            ' columns say it, such as "X.position" and "Y.error".'
+        )
+    columns = tuple(
+        dataclasses.replace(
+            column,
+            role=f"{axes[column.role]}.{column.role}" if column.role in axes else None,
+        )
+        if column.role in ("position", "error", "actual")
+        else column
+        for column in table.columns
+    )
+    return dataclasses.replace(_noted(table, columns, remark), format="CSV")
