@@ -30,6 +30,8 @@ _APART = 1e-4
 """s: instruments whose delays differ by less show the same instant."""
 _NOISY = 0.01
 """Share of the largest acceleration that noise may be in what a spline tells of it."""
+_TOLD = 5e-4
+"""Share of rows left out from which on it is told."""
 _AT_REST = 1e-3
 """mm/s or °/s: an axis that never moves faster stands."""
 
@@ -223,7 +225,7 @@ def _aligned_words(axis: str, clock: InstrumentClock, aligned: AlignedError) -> 
         f"{axis} was moving: its error is that of the reference against the encoder, not"
         f" against the command; {clock.statement}, which was taken off."
     )
-    if lost > 0:
+    if lost >= _TOLD:
         words += (
             f" {lost:.1%} of the rows are left out, where the samples are too far apart"
             " for that."

@@ -23,6 +23,7 @@ from . import (
     _doctor,
     _fit,
     _iso230,
+    _new,
     _probe,
     _read,
     _results,
@@ -40,6 +41,7 @@ app = typer.Typer(
 )
 app.command("demo")(_demo.demo)
 app.command("read")(_read.read)
+app.command("new")(_new.new)
 app.command("fit")(_fit.fit)
 app.command("iso230")(_iso230.iso230)
 app.command("batch")(_batch.batch)

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from ..exchange import ExchangeError
 from ..fit import FitError, Samples, TableFit, TableLayout, fit_table, predict
 from ..proof import HeldOut, held_out
-from ._found_nodes import grid_words
+from ._found_nodes import grid_words, suit
 from ._load import Job
 from ._plan import Plan
 from ._readings import Readings
@@ -177,13 +177,11 @@ def _fitted(job: Job, plan: Plan, readings: Readings) -> Fitted:
         allow_gaps=finer,
     )
     if finer:
-        readings = readings.with_remark(
-            Remark(
-                "warning",
-                f"There are more nodes than readings: the prior fills in between. Nodes"
-                f" that suit these readings: {grid_words([*readings.positions.T])}.",
-            )
-        )
+        words = "There are more nodes than readings: the prior fills in between."
+        places = [*readings.positions.T]
+        if not suit([nodes.positions for nodes in table.nodes], places):
+            words += f" Nodes that suit these readings: {grid_words(places)}."
+        readings = readings.with_remark(Remark("warning", words))
     rounded = Rounded(job, plan, readings.datum)
     zero = rounded.zero(fit)
     before = readings.error - zero

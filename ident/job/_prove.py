@@ -16,7 +16,7 @@ from ._fitting import AbstractFitted, Fitted
 from ._lists import AxisFiles
 from ._load import Job
 from ._output import OutFolder
-from ._remarks import Counts, fit_remarks, outside
+from ._remarks import Counts, fit_remarks, outside, places_of
 from ._result import (
     Remark,
     SampleView,
@@ -95,6 +95,7 @@ def prove(folder: OutFolder, one: Fitted, written: tuple[Path, ...]) -> Proof:
             len(one.before),
             int(wild.sum()),
             int(outside(table, readings.positions).sum()),
+            places_of(readings, wild, masters_of(one.plan.fit)),
         ),
         by_run=left.by_run,
         remarks=tuple(readings.remarks),
