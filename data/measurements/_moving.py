@@ -105,11 +105,17 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
         remarks.append(one.words)
     for role in values:
         units.setdefault(role, _unit(role, units))
+    late = {
+        axis: one.clock.standard_deviation * values[f"{axis}.velocity"]
+        for axis, one in found.items()
+        if one.clock is not None and f"{axis}.velocity" in values
+    }
     return dataclasses.replace(
         measurement,
         values=RoleValues(values | gaps),
         units=units,
         remarks=tuple(remarks),
+        late=late,
     )
 
 
@@ -127,6 +133,7 @@ def with_error(measurement: Measurement, axis: str) -> Measurement:
         values=RoleValues(values),
         rows=int(known.sum()),
         lines=measurement.lines[known],
+        late={name: each[known] for name, each in measurement.late.items()},
     )
 
 
