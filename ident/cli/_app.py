@@ -17,6 +17,7 @@ from ...data.errors import AxcompError, UsageError
 from . import (
     _batch,
     _check,
+    _convert,
     _demo,
     _diff,
     _discover,
@@ -49,6 +50,7 @@ app.command("results")(_results.results)
 app.command("check")(_check.check)
 app.command("show")(_show.show)
 app.command("diff")(_diff.diff)
+app.command("convert")(_convert.convert)
 app.command("probe")(_probe.probe)
 app.command("simulate")(_simulate.simulate)
 app.command("verify")(_verify.verify)
