@@ -13,6 +13,7 @@ from jax.typing import ArrayLike
 
 from ..data.measurements import (
     ColumnSpec,
+    Lines,
     Measurement,
     MissingRole,
     derive_direction,
@@ -58,16 +59,22 @@ def read(
     axis: str | None = None,
     masters: Sequence[str] = (),
     increments: Mapping[str, float] | None = None,
+    skip: int | Sequence[int] = 0,
+    header: int | Sequence[int] | None = None,
+    rows: tuple[int, int] | None = None,
 ) -> Measurement:
     """Return a measurement file in mm, °, s and °C.
 
     Args:
-        path: CSV, Parquet, TwinCAT Scope text, MATLAB, ISO 230-2 runs, bed mesh, height map.
+        path: Of any format that `axcomp read` recognises.
         columns: Role → column, or (column, unit): ``{"X.error": ("dx", "um")}``. Left out:
             the roles that the file names itself.
         axis: Axis of a file that names roles without one.
         masters: Axes that x and y of a mesh stand for.
         increments: mm or ° per encoder increment by axis, for the unit ``inc``.
+        skip: Lines of a text table that are left out: so many at the top, or which.
+        header: Its lines with the names of the columns; empty: there are none.
+        rows: Its first and last line of numbers.
 
     Raises:
         OSError: If the file cannot be read.
@@ -77,9 +84,8 @@ def read(
         role: ColumnSpec(column) if isinstance(column, str) else ColumnSpec(*column)
         for role, column in (columns or {}).items()
     }
-    return measurement(
-        read_table(Path(path)), specs, axis=axis, masters=masters, increments=increments
-    )
+    table = read_table(Path(path), lines=Lines.of(skip, header, rows))
+    return measurement(table, specs, axis=axis, masters=masters, increments=increments)
 
 
 def without_zero_of(

@@ -6,12 +6,14 @@ them a meaning and the library's units (mm, °, s, °C); `derive_error`, `derive
 a positioning test.
 """
 
+from ._dates import repeated_row as repeated_row
 from ._derive import (
     derive_error as derive_error,
     derive_motion as derive_motion,
     reduce_length as reduce_length,
     wrap_degrees as wrap_degrees,
 )
+from ._dialect import SEPARATORS as SEPARATORS
 from ._direction import (
     Directions as Directions,
     derive_direction as derive_direction,
@@ -86,8 +88,10 @@ from ._table import (
     SCOPE_FORMAT as SCOPE_FORMAT,
     BadCell as BadCell,
     Column as Column,
+    Lines as Lines,
     Skipped as Skipped,
     Table as Table,
+    TextForm as TextForm,
 )
 from ._units import (
     UNITS as UNITS,

@@ -4,15 +4,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._errors import UnitError
+from ._header import DIRECTIONS
 from ._roles import Role
 from ._table import BadCell, Column, Table
 from ._units import LIBRARY_UNIT, Unit, find_unit, unit as named_unit
-
-_DIRECTION_WORDS = {
-    **dict.fromkeys(("+", "up", "fwd", "forward", "pos", "positive"), 1.0),
-    **dict.fromkeys(("-", "−", "down", "bwd", "backward", "neg", "negative"), -1.0),
-}
-
 
 _LINEAR = ("length", "velocity", "acceleration")
 _ANGULAR = ("angle", "angular velocity", "angular acceleration")
@@ -78,10 +73,10 @@ def as_run(table: Table, column: Column) -> Int[np.ndarray, " t"]:
 
 def as_direction(table: Table, column: Column) -> Int[np.ndarray, " t"]:
     """Return ±1; words such as ``up`` and ``bwd`` are understood."""
-    expected = "+1 or -1"
+    expected = "+1 or -1, or a word such as up, vorwärts, rück"
     if column.text is not None:
-        signs = [_DIRECTION_WORDS.get(cell.casefold(), 0.0) for cell in column.text]
-        values = np.array(signs)
+        signs = [DIRECTIONS.get(cell.strip(" .").casefold(), 0) for cell in column.text]
+        values = np.array(signs, dtype=np.float64)
     elif column.bad is not None and _is_all_minus(column):
         values = np.full(column.values.size, -1.0)
     else:

@@ -14,9 +14,10 @@ import numpy as np
 from jaxtyping import Int
 
 from ._errors import LineError, MeasurementError
-from ._header import Name, roles_of
+from ._header import DIRECTIONS, Name
 from ._layout import Layout, find_layout
-from ._table import BadCell, Column, Skipped, Table
+from ._meaning import with_meaning
+from ._table import BadCell, Column, Lines, Skipped, Table, TextForm
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
 _COMMENT_OR_SEMICOLON = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!|;).*$")
@@ -28,43 +29,88 @@ _NULLS = [
     *("", "nan", "NaN", "NAN", "-nan"),
     *("NA", "N/A", "n/a", "#N/A", "null", "NULL", "-"),
 ]
+_FOOT = 30
+"""Lines at the end of a text that may be no rows."""
+_SUMMARY = re.compile(
+    r"(?i)(mean|average|avg|mittel\w*|max\w*|min\w*|sum\w*|std\w*|sigma|range|spannweite"
+    r"|total|result\w*|ergebnis\w*|standardabweichung|end|ende|eof|\[end\])\b.*"
+)
 
 
-def read_csv(path: Path, text: str) -> Table:
+def read_csv(
+    path: Path, text: str, *, encoding: str = "utf-8", lines: Lines | None = None
+) -> Table:
     """Return the table that a text holds.
+
+    Args:
+        path: The file.
+        text: Its content.
+        encoding: For the record.
+        lines: What a job says of the lines.
 
     Raises:
         MeasurementError: If it holds no rows, or a line has more or fewer cells than
             the others; names the line.
     """
-    return read_body(path, find_layout(path, text), text)
+    if lines is not None:
+        text = lines.keep(text)
+    layout = find_layout(path, text, lines)
+    table = read_body(path, layout, text, encoding)
+    if lines is None or not lines.skip:
+        return table
+    left = (Skipped(line, "left out, as the job has it") for line in lines.skip)
+    skipped = sorted((*table.skipped, *left), key=lambda item: item.line)
+    return dataclasses.replace(table, skipped=tuple(skipped))
 
 
-def read_body(path: Path, layout: Layout, text: str) -> Table:
+def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") -> Table:
     """Return the table that a text of known layout holds: the whole of it, or further lines.
 
     Raises:
         MeasurementError: As `read_csv`.
     """
-    read = (
-        _read_short(layout, text)
-        or _read_fast(layout, text)
-        or _read_slow(path, layout, text)
-    )
+    read = _read_short(layout, text) or _read_fast(layout, text)
+    if read is None:
+        body, foot = _without_foot(layout, text)
+        read = (foot and _read_fast(layout, body)) or _read_slow(path, layout, body)
+        read = (read[0], read[1], [*read[2], *foot])
     columns, lines, skipped = read
     if not lines.size:
         reason = "found no rows, expected at least one line of numbers"
         raise MeasurementError(str(path), reason)
-    format_name, remarks, columns = _name_columns(layout, columns)
-    return Table(
+    return table_of(path, layout, columns, lines, skipped, encoding)
+
+
+def table_of(
+    path: Path,
+    layout: Layout,
+    columns: Sequence[Column],
+    lines: Int[np.ndarray, " t"],
+    skipped: Sequence[Skipped],
+    encoding: str,
+) -> Table:
+    """Return the columns as a table, with the meaning that header and titles give them."""
+    dialect = layout.dialect
+    form = TextForm(
+        encoding=encoding,
+        separator=dialect.separator,
+        decimal=dialect.decimal,
+        thousands=dialect.thousands,
+        titles=tuple(line for line, _ in layout.titles),
+        header=layout.header_lines,
+        units=layout.units_line,
+        first=int(lines[0]),
+    )
+    table = Table(
         path=path,
-        format=format_name,
+        format="CSV",
         columns=tuple(columns),
         rows=int(lines.size),
         lines=lines,
         skipped=(*layout.skipped, *skipped),
-        remarks=remarks,
+        form=form,
     )
+    return with_meaning(table, layout.names, dict(layout.titles))
 
 
 _Read = tuple[list[Column], Int[np.ndarray, " t"], list[Skipped]]
@@ -93,7 +139,7 @@ def _read_short(layout: Layout, text: str) -> _Read | None:
         return None  # beyond floating point: where it stands is to be said
     lines = np.array([at for at, line in enumerate(body) if line], dtype=np.int64)
     columns = [
-        _number_column(name, np.ascontiguousarray(values[:, at]), None)
+        number_column(name, np.ascontiguousarray(values[:, at]), None)
         for at, name in enumerate(layout.names)
     ]
     return columns, lines + layout.body_line, []
@@ -101,49 +147,74 @@ def _read_short(layout: Layout, text: str) -> _Read | None:
 
 def _read_fast(layout: Layout, text: str) -> _Read | None:
     """Read the body with pyarrow; None where anything is not plain."""
-    import pyarrow as pa
-    import pyarrow.csv as pv
-
     body = (text[layout.body :] if layout.body else text).encode()
     dialect, width = layout.dialect, len(layout.names)
-    if dialect.separator == " " and b'"' in body:
+    if dialect.thousands or (dialect.separator == " " and b'"' in body):
         return None
     body, skipped = _without_comments(body, layout)
     if dialect.separator == " ":
         body = _single_blanks(body)
     # Lines may all end with a separator that the header lacks.
     first = layout.dialect.split(body.lstrip(b"\n").split(b"\n", 1)[0].decode())
-    extra = ["\0end"] if len(first) == width + 1 and first[-1] == "" else []
-    keys = [str(at) for at in range(width)] + extra
+    ends = len(first) == width + 1 and first[-1] == ""
+    read = read_cells(body, layout, ends=ends)
+    if read is None:
+        return None
+    lines = _lines_of_rows(body, read.num_rows)
+    if read.num_rows != lines.size:
+        return None
+    lines += layout.body_line
+    if ends and any(cell.strip() for cell in read.column(width).to_pylist()):
+        return None
+    columns = [
+        _fast_column(layout, text, lines, at, read.column(at)) for at in range(width)
+    ]
+    return columns, lines, skipped
+
+
+def read_cells(
+    body: Any,
+    layout: Layout,
+    *,
+    ends: bool = False,
+    blank_lines: bool = True,
+    threads: bool | None = None,
+) -> Any:
+    """Return the cells of a body as a `pyarrow.Table`; None where they are not plain.
+
+    Args:
+        body: Bytes, or a buffer of pyarrow.
+        layout: How it is laid out.
+        ends: Every line ends with a separator.
+        blank_lines: Blank lines are left out; else there must be none.
+        threads: Read with several; left out: where the body is long.
+    """
+    import pyarrow as pa
+    import pyarrow.csv as pv
+
+    keys = [str(at) for at in range(len(layout.names))] + ["\0end"] * ends
     types = [pa.float64() if numeric else pa.string() for numeric in layout.numeric]
-    types += [pa.string() for _ in extra]
+    types += [pa.string()] * ends
     try:
-        read: Any = pv.read_csv(
+        return pv.read_csv(
             pa.BufferReader(body),
             # Threads cost more than a small file does.
             read_options=pv.ReadOptions(
-                column_names=keys, use_threads=len(body) > _SMALL
+                column_names=keys,
+                use_threads=len(body) > _SMALL if threads is None else threads,
             ),
-            parse_options=pv.ParseOptions(delimiter=dialect.separator),
+            parse_options=pv.ParseOptions(
+                delimiter=layout.dialect.separator, ignore_empty_lines=blank_lines
+            ),
             convert_options=pv.ConvertOptions(
                 column_types=dict(zip(keys, types, strict=True)),
-                decimal_point=dialect.decimal,
+                decimal_point=layout.dialect.decimal,
                 null_values=_NULLS,
                 strings_can_be_null=False,
             ),
         )
     except (pa.ArrowInvalid, pa.ArrowKeyError):
         return None
-    lines = _lines_of_rows(body, read.num_rows)
-    if read.num_rows != lines.size:
-        return None
-    lines += layout.body_line
-    if extra and any(cell.strip() for cell in read.column(width).to_pylist()):
-        return None
-    columns = [
-        _fast_column(layout, text, lines, at, read.column(at)) for at in range(width)
-    ]
-    return columns, lines, skipped
 
 
 def _without_comments(body: bytes, layout: Layout) -> tuple[bytes, list[Skipped]]:
@@ -172,10 +243,10 @@ def _fast_column(
     values = np.asarray(cells.to_numpy(), dtype=np.float64)
     finite = np.isfinite(values)
     if finite.all():
-        return _number_column(name, values, None)
+        return number_column(name, values, None)
     number = int(lines[finite.argmin()])
     line = text[layout.body :].split("\n")[number - layout.body_line]
-    return _number_column(name, values, BadCell(number, layout.dialect.split(line)[at]))
+    return number_column(name, values, BadCell(number, layout.dialect.split(line)[at]))
 
 
 def _single_blanks(body: bytes) -> bytes:
@@ -205,8 +276,43 @@ def _lines_of_rows(body: bytes, rows: int) -> Int[np.ndarray, " t"]:
     return np.flatnonzero(ends > starts)
 
 
-_SIGNS = frozenset(("+", "-", "−", ""))
-"""Cells of a column of directions: beside a plus, a minus is no missing number."""
+def _without_foot(layout: Layout, text: str) -> tuple[str, list[Skipped]]:
+    """Return a text without the lines of words below its rows, and these lines.
+
+    A row that was cut off is no such line: it begins like a row.
+    """
+    tail = text[layout.body :].rstrip("\n").rsplit("\n", _FOOT)
+    foot = len(tail)
+    for at in range(len(tail) - 1, 0, -1):
+        if tail[at].strip():
+            if not _is_foot(layout, tail[at], after_gap=not tail[at - 1].strip()):
+                break
+            foot = at
+    if foot == len(tail):
+        return text, []
+    whole = text[: layout.body] + "\n".join(tail[:foot])
+    line = whole.count("\n") + 1 - text[: layout.body].count("\n") + layout.body_line
+    skipped = [
+        Skipped(line + k, "below the rows")
+        for k, words in enumerate(tail[foot:])
+        if words.strip()
+    ]
+    return whole, skipped
+
+
+def _is_foot(layout: Layout, line: str, *, after_gap: bool) -> bool:
+    dialect = layout.dialect
+    cells = dialect.split(line)
+    filled = [cell for cell in cells if cell]
+    if not filled or dialect.number(filled[0]) is not None:
+        return False
+    if layout.header and tuple(cells) == layout.header[: len(cells)]:
+        return False
+    numbers = any(map(dialect.is_number, filled))
+    words = after_gap or not numbers or _SUMMARY.fullmatch(filled[0]) is not None
+    if layout.numeric[0]:
+        return words and filled[0][0] not in "+-.,0123456789"
+    return after_gap or (len(filled) == 1 and _SUMMARY.fullmatch(filled[0]) is not None)
 
 
 def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
@@ -223,37 +329,48 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
             skipped.append(Skipped(number, "comment"))
             continue
         cells = dialect.split(line)
-        if len(cells) == width + 1 and cells[-1] == "":
+        while len(cells) > width and cells[-1] == "":
             cells.pop()
         if layout.header and tuple(cells) == layout.header[:width]:
             skipped.append(Skipped(number, "the header line again"))
             continue
         if len(cells) != width:
-            found = f"{len(cells)} cells ('{line.strip()[:40]}')"
-            expected = f"{width} as in the lines above"
-            raise LineError(str(path), number, found, expected)
+            last = " in the last line" if not _more(text, layout, at) else ""
+            found = f"{len(cells)} cells{last} ('{line.strip()[:40]}')"
+            expected = f"{width} {dialect.words} as in the lines above"
+            raise LineError(str(path), number, found, expected, f"skip = [{number}]")
         lines.append(number)
         rows.append(cells)
-    columns = []
-    for at, name in enumerate(layout.names):
-        column = tuple(row[at] for row in rows)
-        parsed = [dialect.number(cell) for cell in column]
-        filled = sum(cell != "" for cell in column)
-        texts = parsed.count(None)
-        signs = "+" in column and _SIGNS.issuperset(column)
-        if signs or (filled and 2 * texts > filled):
-            columns.append(_text_column(name, column))
-            continue
-        values = np.array(
-            [np.nan if v is None else v for v in parsed], dtype=np.float64
-        )
-        wrong = np.flatnonzero(~np.isfinite(values))
-        bad = BadCell(lines[wrong[0]], column[wrong[0]]) if wrong.size else None
-        columns.append(_number_column(name, values, bad))
+    columns = [
+        _slow_column(layout, at, lines, [row[at] for row in rows])
+        for at in range(width)
+    ]
     return columns, np.array(lines, dtype=np.int64), skipped
 
 
-def _number_column(name: Name, values: np.ndarray, bad: BadCell | None) -> Column:
+def _more(text: str, layout: Layout, at: int) -> bool:
+    """Whether a body goes on below a line of it."""
+    return any(line.strip() for line in text[layout.body :].split("\n")[at + 1 :])
+
+
+def _slow_column(
+    layout: Layout, at: int, lines: Sequence[int], cells: Sequence[str]
+) -> Column:
+    name, dialect = layout.names[at], layout.dialect
+    parsed = [dialect.number(cell) for cell in cells]
+    filled = sum(cell != "" for cell in cells)
+    # Beside a plus, a minus is no missing number.
+    signs = "+" in cells and all(cell in DIRECTIONS or not cell for cell in cells)
+    if signs or (filled and 2 * parsed.count(None) > filled):
+        return _text_column(name, tuple(cells))
+    values = np.array([np.nan if v is None else v for v in parsed], dtype=np.float64)
+    wrong = np.flatnonzero(~np.isfinite(values))
+    bad = BadCell(lines[wrong[0]], cells[wrong[0]]) if wrong.size else None
+    return number_column(name, values, bad)
+
+
+def number_column(name: Name, values: np.ndarray, bad: BadCell | None) -> Column:
+    """Return a column of numbers; NaN where a cell holds none."""
     if bad is not None:
         values = np.where(np.isfinite(values), values, np.nan)
     return Column(
@@ -264,36 +381,3 @@ def _number_column(name: Name, values: np.ndarray, bad: BadCell | None) -> Colum
 def _text_column(name: Name, cells: tuple[str, ...]) -> Column:
     values = np.full(len(cells), np.nan)
     return Column(name.name, None, None, values, cells, None, name.header)
-
-
-def _name_columns(
-    layout: Layout, columns: list[Column]
-) -> tuple[str, tuple[str, ...], list[Column]]:
-    """Give the columns the roles that the file states; recognise the laser table."""
-    numbered = all(name.name == str(at + 1) for at, name in enumerate(layout.names))
-    if not layout.header and numbered and _is_laser_body(columns):
-        titles = ("target", "error", "run", "direction")
-        roles = ("position", "error", "run", "direction")
-        named = [
-            dataclasses.replace(column, name=title, role=role, header=column.name)
-            for column, title, role in zip(columns, titles, roles, strict=True)
-        ]
-        remark = (
-            "No header: four columns with whole run numbers and directions ±1 are "
-            "taken as target, error, run, direction in mm."
-        )
-        return "laser table", (remark,), named
-    roles_found, laser = roles_of(layout.names)
-    named = [
-        column if role is None else dataclasses.replace(column, role=role)
-        for column, role in zip(columns, roles_found, strict=True)
-    ]
-    return ("laser table" if laser else "CSV"), (), named
-
-
-def _is_laser_body(columns: Sequence[Column]) -> bool:
-    if len(columns) != 4 or any(column.text is not None for column in columns):
-        return False
-    run, direction = columns[2].values, columns[3].values
-    whole = bool(np.all(run == np.round(run)))
-    return whole and bool(np.all(np.abs(direction) == 1.0))

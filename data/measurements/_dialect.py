@@ -23,9 +23,19 @@ _MANY = {
         re.ASCII,
     ),
 }
+# Digits in groups of three with a mark between them, by the decimal mark.
+_GROUPED = {
+    ".": re.compile(
+        r"[+-]?\d{1,3}(?:(?P<mark>[,' ])\d{3})(?:(?P=mark)\d{3})*(?:\.\d+)?"
+    ),
+    ",": re.compile(
+        r"[+-]?\d{1,3}(?:(?P<mark>[.' ])\d{3})(?:(?P=mark)\d{3})*(?:,\d+)?"
+    ),
+}
 # Cells that stand for a number which is not there.
 _NO_NUMBER = re.compile(
-    r"[+-]?(?:nan|inf|infinity)|n/?a|#n/a|null|none|-", re.IGNORECASE
+    r"[+-]?(?:nan|inf|infinity)|n/?a|#n/a|#nv|null|none|-+|k\.?a\.?|#?div/0!?",
+    re.IGNORECASE,
 )
 _LONGEST = 400
 """Characters of the longest number; converting a longer run of digits takes forever."""
@@ -40,15 +50,31 @@ _CANDIDATES = (
     (";", ","),
     (" ", ","),
     (",", ","),  # only sensible where the numbers are quoted
+    ("|", "."),
+    ("|", ","),
 )
+SEPARATORS = {
+    ",": "commas",
+    ";": "semicolons",
+    "\t": "tabs",
+    " ": "blanks",
+    "|": "bars '|'",
+}
+"""Separators in words."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Dialect:
-    """Separator (a blank stands for any run of blanks and tabs) and decimal mark."""
+    """Separator (a blank stands for any run of blanks and tabs), decimal and group mark."""
 
     separator: str
     decimal: str
+    thousands: str = ""
+
+    @property
+    def words(self) -> str:
+        """How the cells are separated, for messages."""
+        return f"separated by {SEPARATORS.get(self.separator, repr(self.separator))}"
 
     def split(self, line: str) -> list[str]:
         """Return the stripped cells of one line."""
@@ -63,7 +89,9 @@ class Dialect:
 
     def number(self, cell: str) -> float | None:
         """Return the number in a cell (NaN where it says so), or None for text."""
-        return None if len(cell) > _LONGEST else _number(cell, self.decimal)
+        if len(cell) > _LONGEST:
+            return None
+        return _number(cell, self.decimal, self.thousands)
 
     def count_numbers(self, cells: Sequence[str]) -> int:
         """Return how many cells hold a number, or say that one is not there."""
@@ -79,9 +107,8 @@ class Dialect:
 
     def is_number(self, cell: str) -> bool:
         """Whether a cell holds a finite number."""
-        return (
-            len(cell) <= _LONGEST and _NUMBER[self.decimal].fullmatch(cell) is not None
-        )
+        value = self.number(cell)
+        return value is not None and value == value and abs(value) != float("inf")
 
     def is_comment(self, line: str) -> bool:
         """Whether a line opens with ``#``, ``%``, ``!``, ``//`` or a free ``;``."""
@@ -91,12 +118,17 @@ class Dialect:
 
 
 @functools.lru_cache(maxsize=4096)
-def _number(cell: str, decimal: str) -> float | None:
+def _number(cell: str, decimal: str, thousands: str) -> float | None:
     # A table is sniffed several times over, and its cells repeat.
     if _NUMBER[decimal].fullmatch(cell):
         return float(cell.replace(",", "."))
     if cell == "" or _NO_NUMBER.fullmatch(cell):
         return float("nan")
+    grouped = _GROUPED[decimal].fullmatch(cell)
+    if grouped and (mark := grouped["mark"]):
+        # "1.234" alone may be either; with a decimal mark behind it, it is a group.
+        if mark == thousands or decimal in cell:
+            return float(cell.replace(mark, "").replace(",", "."))
     return None
 
 
@@ -106,7 +138,7 @@ def sniff(lines: Sequence[str]) -> Dialect:
     Args:
         lines: The first lines of the file; comments and blank lines are left aside.
     """
-    stated = re.fullmatch(r"sep=(.)\s*", lines[0]) if lines else None
+    stated = re.fullmatch(r"sep=(.)\s*", lines[0], re.IGNORECASE) if lines else None
     best, best_score = Dialect(",", "."), (False, -1.0, False, 0)
     lines = lines[1:] if stated else lines
     text = "\n".join(line.strip() for line in lines)
@@ -129,23 +161,82 @@ def sniff(lines: Sequence[str]) -> Dialect:
                 whole[decimal] = score
         if score > best_score:
             best, best_score = dialect, score
-    return best
+    return dataclasses.replace(best, thousands=_group_mark(best, lines))
+
+
+def _group_mark(dialect: Dialect, lines: Sequence[str]) -> str:
+    """Return the mark between groups of digits, from numbers that can only be such."""
+    other = "." if dialect.decimal == "," else ","
+    if not any(mark in line for line in lines for mark in (other, "'", " ")):
+        return ""
+    for line in itertools.islice(lines, 100):
+        for cell in dialect.split(line):
+            grouped = _GROUPED[dialect.decimal].fullmatch(cell)
+            if grouped and (dialect.decimal in cell or cell.count(grouped["mark"]) > 1):
+                return str(grouped["mark"])
+    return ""
 
 
 def _score(dialect: Dialect, lines: Sequence[str]) -> tuple[bool, float, bool, int]:
     usable = (line for line in lines if line.strip() and not dialect.is_comment(line))
-    rows = [dialect.split(line) for line in itertools.islice(usable, 200)]
+    rows = [dialect.split(line) for line in itertools.islice(usable, 100)]
     if not rows:
         return (False, 0.0, False, 0)
-    width, alike = Counter(map(len, rows)).most_common(1)[0]
-    cells = [cell for row in rows if len(row) == width for cell in row]
-    head = len(rows[0]) if len(rows[0]) == width else 0
-    # The first row may be a header; all below it are mostly numbers through and through.
-    numbers = dialect.count_numbers(cells[:head]) + dialect.count_numbers(cells[head:])
-    share = alike / len(rows) * numbers / len(cells)
+    width = usual_width(dialect, rows)
+    first = first_row_of_numbers(dialect, rows, width)
+    body = [row for row in rows[first:] if len(row) == width]
+    cells = [cell for row in body for cell in row]
+    share = len(body) / len(rows[first:]) * dialect.count_numbers(cells) / len(cells)
     # A header that splits like the rows settles "1,5" against "1" and "5"; and several
     # columns that are mostly whole beat a single one, or one short line of few would
     # hide itself.
-    header = len(rows[0]) == width
+    above = rows[first - 1]
+    header = first == 0 or len(above) == width
+    header |= len(above) == width + 1 and above[-1] == ""
     several = width > 1 and header and share >= 0.3
-    return (several, round(share, 2), header, width)
+    return (several, round(share, 2), header or len(above) > 1, width)
+
+
+def usual_width(dialect: Dialect, rows: Sequence[Sequence[str]]) -> int:
+    """Return the number of cells of most rows that hold a number.
+
+    A row of words of that width, which may be a header, counts half.
+    """
+    weights: Counter[int] = Counter()
+    words = set()
+    for row in rows:
+        numbers = sum(map(dialect.is_number, row))
+        weights[len(row)] += 2 * (numbers > 0)
+        if not numbers and len(row) > 1:
+            words.add(len(row))
+    for width in words:
+        weights[width] += 1
+    return max(weights, key=lambda width: (weights[width], width))
+
+
+def first_row_of_numbers(
+    dialect: Dialect, rows: Sequence[Sequence[str]], width: int
+) -> int:
+    """Return the index of the first row that is like the most: numbers where they have some.
+
+    The first one, where no row is like that.
+    """
+    alike = [row for row in rows if len(row) == width]
+    lower = alike[len(alike) // 2 :]
+    columns = [
+        at
+        for at in range(width)
+        if (filled := [row[at] for row in lower if row[at]])
+        and 2 * sum(map(dialect.is_number, filled)) > len(filled)
+    ]
+    if not columns:
+        return 0
+    for index, row in enumerate(rows):
+        if len(row) != width:
+            continue
+        numbers = sum(dialect.is_number(row[at]) for at in columns)
+        words = sum(dialect.number(row[at]) is None for at in columns)
+        first = dialect.number(row[columns[0]]) is not None and row[columns[0]] != ""
+        if numbers and first and (2 * numbers >= len(columns)) and words < numbers:
+            return index
+    return 0

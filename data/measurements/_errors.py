@@ -49,17 +49,24 @@ class CellError(MeasurementError):
 
 
 class LineError(MeasurementError):
-    """One line of a text file does not follow the file's own pattern."""
+    """One line of a text file does not follow the file's own pattern.
 
-    def __init__(self, source: str, line: int, found: str, expected: str) -> None:
-        AxcompError.__init__(self, source, line, found, expected)
-        self.source, self.line, self.found, self.expected = (
-            source,
-            line,
-            found,
-            expected,
-        )
-        self.reason = f"found {found}, expected {expected}"
+    Attributes:
+        source: File.
+        line: Its number (1-based).
+        found: What stands there.
+        expected: What should.
+        key: Key of the measurement in a job that helps, such as ``skip = [7]``.
+    """
+
+    def __init__(
+        self, source: str, line: int, found: str, expected: str, key: str = ""
+    ) -> None:
+        AxcompError.__init__(self, source, line, found, expected, key)
+        self.source, self.line, self.found = source, line, found
+        self.expected, self.key = expected, key
+        hint = f" (or the job says {key})" if key else ""
+        self.reason = f"found {found}, expected {expected}{hint}"
 
     def __str__(self) -> str:
         return f"{self.source}:{self.line}: {self.reason}"

@@ -12,16 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from ._capture import is_capture
 from ._csv import read_body
 from ._errors import MeasurementError
 from ._layout import Layout, find_layout
-from ._mesh import is_bed_mesh, is_height_map
 from ._parquet import damaged, table_of_arrow
-from ._run_table import is_run_table
-from ._scope_block import is_scope
+from ._read import is_special
 from ._stream import BUFFER
 from ._table import Table
-from ._text import decode, text_and_words
+from ._text import decode
 
 _LOOK = 1000
 """Rows that show what a file holds."""
@@ -141,15 +140,16 @@ def _open_text(path: Path, start: bytes, size: int) -> LargeFile | None:
     if end < 0 or start[:2] in (b"\x1f\x8b", b"\xff\xfe", b"\xfe\xff"):
         return None
     try:
-        text, words = text_and_words(start[: end + 1], path)
-        if is_scope(text, words) or is_run_table(text, words):
+        read = decode(start[: end + 1], path)
+        if is_capture(start) or is_special(read):
             return None
-        if is_height_map(text) or is_bed_mesh(text):
-            return None
+        text = read.text
         layout = find_layout(path, text)
         head = read_body(path, layout, text)
     except MeasurementError:
         return None  # whoever reads the whole of it says what is wrong
+    if any(column.run is not None for column in head.columns):
+        return None  # its columns become rows
     body = len(text[layout.body :].encode())
     return LargeFile(path, head, int(head.rows * (size - end + body) / max(body, 1)))
 
@@ -176,7 +176,7 @@ def _text_tables(part: TablePart) -> Iterator[Table]:
     line = 1
     with part.path.open("rb") as file:
         for block in _whole_lines(file):
-            text = decode(block, part.path)
+            text = decode(block, part.path).text
             here = layout
             if here is None:
                 layout = here = find_layout(part.path, text)

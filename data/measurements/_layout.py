@@ -1,15 +1,14 @@
-"""Where header and body of a text table lie, and what the columns are called."""
+"""Where titles, header, units and rows of a text table lie, and what the columns are called."""
 
 import dataclasses
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ._dialect import Dialect, sniff
-from ._errors import MeasurementError
-from ._header import Name, looks_like_names, parse_name
-from ._table import Skipped
-from ._units import find_unit
+from ._dialect import Dialect, first_row_of_numbers, sniff, usual_width
+from ._errors import LineError, MeasurementError
+from ._header import Name, heading, looks_like_names, parse_name, unit_in
+from ._table import Lines, Skipped
 
 _SAMPLE = 400
 _BELOW = 200
@@ -18,6 +17,10 @@ _FIRST = re.compile(rf"(?:[^\n]*+\n){{1,{_BELOW}}}+")
 """So many lines, or fewer."""
 _LONGEST_HEADER = 10_000
 """Characters of a header line that one look is enough for."""
+_MOST_HEADERS = 4
+_AS_SHOWN = Lines()
+_ANY_NUMBER = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
+_UNIT_IN_BRACKETS = re.compile(r"\s+(?=[\[(][^\])]*[\])])")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,11 +30,14 @@ class Layout:
     Attributes:
         dialect: Separator and decimal mark.
         names: One per column.
-        header: Cells of the header line; empty where there is none.
+        header: Cells of the lowest header line; empty where there is none.
         body: Offset of the first row in the text.
         body_line: Its line (1-based).
         numeric: Whether a column looks like numbers, from the first rows.
-        skipped: Comments above the body.
+        skipped: Comments and titles above the body.
+        header_lines: Lines of the header, units not among them.
+        units_line: Line with the units; None where there is none.
+        titles: Lines above the header that hold neither names nor numbers.
         plain: Every row of the text is seen to be plain numbers, one per name.
     """
 
@@ -42,10 +48,46 @@ class Layout:
     body_line: int
     numeric: tuple[bool, ...]
     skipped: tuple[Skipped, ...]
+    header_lines: tuple[int, ...] = ()
+    units_line: int | None = None
+    titles: tuple[tuple[int, str], ...] = ()
     plain: bool = dataclasses.field(default=False, compare=False)
 
 
-def _head(text: str) -> tuple[list[int], list[str]]:
+def find_layout(path: Path, text: str, lines: Lines | None = None) -> Layout:
+    """Return the layout of a text table, from its first lines.
+
+    Args:
+        path: The file.
+        text: Its content.
+        lines: What a job says of the lines; None: they tell it themselves.
+
+    Raises:
+        LineError: If a line above the rows holds numbers of another pattern, or the
+            header has not as many names as the rows have cells.
+        MeasurementError: If there is no row of data.
+    """
+    found = _plain_layout(text) if lines is None else None
+    return found or _layout_by_lines(path, text, lines or _AS_SHOWN)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Head:
+    """The first lines of a text: those with content, split."""
+
+    path: Path
+    dialect: Dialect
+    width: int
+    lines: Sequence[int]
+    texts: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def error(self, index: int, found: str, expected: str, advice: str) -> LineError:
+        """Return the error that a line is, ready to raise."""
+        return LineError(str(self.path), self.lines[index], found, expected, advice)
+
+
+def _lines_of_head(text: str) -> tuple[list[int], list[str]]:
     """Return offsets and lines up to some hundred that are no comments."""
     offsets: list[int] = []
     lines: list[str] = []
@@ -60,61 +102,216 @@ def _head(text: str) -> tuple[list[int], list[str]]:
     return offsets, lines
 
 
-def find_layout(path: Path, text: str) -> Layout:
-    """Return the layout of a text table, from its first lines.
-
-    Raises:
-        MeasurementError: If there is no row of data.
-    """
-    return _plain_layout(text) or _layout_by_lines(path, text)
-
-
-def _layout_by_lines(path: Path, text: str) -> Layout:
+def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout:
     """Return the layout of any text table."""
-    offsets, head = _head(text)
-    dialect = sniff([line for line in head if line.strip()])
+    offsets, every = _lines_of_head(text)
+    dialect = sniff([line for line in every if line.strip()])
     comments = [
         at
-        for at, line in enumerate(head)
-        if dialect.is_comment(line) or (at == 0 and line.startswith("sep="))
+        for at, line in enumerate(every)
+        if (dialect.is_comment(line) and at + 1 not in (wanted.header or ()))
+        or (at == 0 and line.casefold().startswith("sep="))
     ]
     aside = set(comments)
-    content = [at for at, line in enumerate(head) if line.strip() and at not in aside]
+    content = [at for at, line in enumerate(every) if line.strip() and at not in aside]
     if not content:
         reason = "found only comments or blank lines, expected rows of numbers"
         raise MeasurementError(str(path), reason)
-    rows = [dialect.split(head[at]) for at in content]
-    first = 0
-    header: tuple[str, ...] = ()
-    units: Sequence[str] = ()
-    if _is_header(dialect, rows):
-        header, first = tuple(rows[0]), 1
-        if len(rows) > 1 and _is_unit_row(rows[1], len(header)):
-            units, first = rows[1], 2
+    rows = [dialect.split(every[at]) for at in content]
+    width = usual_width(dialect, rows)
+    if width > 1 and not any(row[-1] for row in rows if len(row) == width):
+        # Every line ends with a separator.
+        rows = [row[:-1] if len(row) == width else row for row in rows]
+        width -= 1
+    texts = [every[at] for at in content]
+    head = _Head(path, dialect, width, [at + 1 for at in content], texts, rows)
+    first = _first_row(head, wanted)
+    top, units = _header_above(head, first, wanted)
     below = rows[first : first + _BELOW]
-    if not below:
-        reason = f"found a header ({', '.join(header)[:60]}) and no rows, expected rows"
+    names = _names(head, top)
+    width = len(names) if top else len(rows[first])
+    if not below or (not top and not _any_number(dialect, below) and len(below) == 1):
+        words = ", ".join(rows[top[-1] if top else first])[:60]
+        reason = f"found a header ({words}) and no rows, expected rows"
         raise MeasurementError(str(path), reason)
-    width = len(header) or len(below[0])
-    if header and header[-1] == "" and width > 1:
-        width -= 1  # every line ends with a separator
-    names = [parse_name(cell) for cell in header[:width]]
-    if not header:
-        names = _names_from_comment(dialect, head[: content[0]], width)
-    for at, cell in enumerate(units[:width]):
-        unit = find_unit(cell.strip("[]() "))
-        if unit is not None:
-            names[at] = dataclasses.replace(names[at], unit=unit.name, doubtful=False)
-    body_at = content[first]
+    if not top:
+        names = _names_from_comment(dialect, every[: content[0]], width)
+    if units is not None:
+        for at, cell in enumerate(rows[units][:width]):
+            if (unit := unit_in(cell)) is not None:
+                names[at] = dataclasses.replace(names[at], unit=unit, doubtful=False)
+    above = top[0] if top else (first if units is None else units)
+    _refuse_numbers(head, above)
+    titles = tuple((head.lines[at], texts[at].strip()) for at in range(above))
+    left = [Skipped(at + 1, "comment") for at in comments if at < content[first]]
+    left += [Skipped(line, "title") for line, _ in titles]
     return Layout(
         dialect=dialect,
         names=tuple(names),
-        header=header,
-        body=offsets[body_at],
-        body_line=body_at + 1,
+        header=tuple(rows[top[-1]]) if top else (),
+        body=offsets[content[first]],
+        body_line=content[first] + 1,
         numeric=tuple(_is_numeric(dialect, below, at) for at in range(width)),
-        skipped=tuple(Skipped(at + 1, "comment") for at in comments if at < body_at),
+        skipped=tuple(sorted(left, key=lambda item: item.line)),
+        header_lines=tuple(head.lines[at] for at in top),
+        units_line=None if units is None else head.lines[units],
+        titles=titles,
     )
+
+
+def _first_row(head: _Head, wanted: Lines) -> int:
+    """Return the index of the first row of the body."""
+    least = 0
+    if wanted.rows is not None:
+        least = wanted.rows[0]
+    elif wanted.header:
+        least = max(wanted.header) + 1
+    index = next((k for k, line in enumerate(head.lines) if line >= least), None)
+    if index is None:
+        reason = f"found no row from line {least} on, as the job has it, expected some"
+        raise MeasurementError(str(head.path), reason)
+    if least:
+        units = wanted.rows is None and _is_unit_row(head.rows[index], head.width)
+        return index + units if index + units < len(head.rows) else index
+    first = first_row_of_numbers(head.dialect, head.rows, head.width)
+    if first == 0 and not _any_number(head.dialect, head.rows[:1]):
+        return _first_of_words(head)
+    # A row of numbers with a word among them belongs to the body.
+    while first > 0 and _is_damaged_row(head, first - 1):
+        first -= 1
+    return first
+
+
+def _first_of_words(head: _Head) -> int:
+    """Return the first row of a table of words: below what can only be a header."""
+    return int(len(head.rows) > 1 and looks_like_names(head.rows[0]))
+
+
+def _is_damaged_row(head: _Head, index: int) -> bool:
+    cells = head.rows[index]
+    if len(cells) != head.width or _is_unit_row(cells, head.width):
+        return False
+    known = heading(cells[0]) is not None or looks_like_names(cells[:1]) or not cells[0]
+    return not known and any(map(head.dialect.is_number, cells))
+
+
+def _header_above(
+    head: _Head, first: int, wanted: Lines
+) -> tuple[list[int], int | None]:
+    """Return the indices of the header lines above a body, and of the units."""
+    at, units = first - 1, None
+    if at >= 0 and _is_unit_row(head.rows[at], head.width):
+        at, units = at - 1, at
+    if wanted.header is not None:
+        missing = [line for line in wanted.header if line not in head.lines]
+        if missing:
+            found = "nothing there, or a comment"
+            raise LineError(str(head.path), missing[0], found, "the header line")
+        return [head.lines.index(line) for line in sorted(wanted.header)], units
+    top: list[int] = []
+    while at >= 0 and len(top) < _MOST_HEADERS:
+        if not (_is_upper_header if top else _is_header)(head, at):
+            break
+        top.insert(0, at)
+        at -= 1
+    return top, units
+
+
+def _is_header(head: _Head, index: int) -> bool:
+    """Whether a line names the columns: words above numbers, as many as there are cells."""
+    cells = header_cells(head.dialect, head.texts[index], head.width)
+    if cells is None:
+        _refuse_other_width(head, index)
+        return False
+    filled = [cell for cell in cells if cell]
+    words = [cell for cell in filled if any(map(str.isalpha, cell))]
+    if head.width > 1 and len(filled) == 1 and index > 0:
+        return heading(filled[0]) is not None
+    return bool(words) or (len(filled) > 1 and looks_like_names(filled))
+
+
+def _is_upper_header(head: _Head, index: int) -> bool:
+    """Whether a line above a header names groups of columns."""
+    cells = header_cells(head.dialect, head.texts[index], head.width)
+    if cells is None:
+        return False
+    filled = [at for at, cell in enumerate(cells) if cell]
+    below = head.rows[index + 1]
+    fills = any(at < len(below) and not below[at] for at in filled)
+    known = looks_like_names([cells[at] for at in filled])
+    wide = len(filled) > 1 and filled[-1] >= head.width // 2
+    return known and (wide or (fills and len(filled) > 1))
+
+
+def header_cells(dialect: Dialect, line: str, width: int) -> list[str] | None:
+    """Return the names that a line gives to so many columns, or None."""
+    ways = [dialect.split(line)]
+    if dialect.separator == " ":
+        text = line.strip()
+        ways.append(re.split(r"\s{2,}|\t", text))
+        joined = _UNIT_IN_BRACKETS.sub("\0", text)
+        ways.append([cell.replace("\0", " ") for cell in joined.split()])
+    for cells in ways:
+        if len(cells) == width + 1 and cells[-1] == "":
+            cells = cells[:-1]
+        if len(cells) == width:
+            return cells
+    return None
+
+
+def _refuse_other_width(head: _Head, index: int) -> None:
+    """Raise where a line is meant as the header and has more or fewer names.
+
+    Raises:
+        LineError: That it is.
+    """
+    cells = [cell for cell in head.rows[index] if cell]
+    if head.dialect.separator == " " or len(cells) < 2 or 2 * len(cells) <= head.width:
+        return
+    if any(map(head.dialect.is_number, cells)) or any(":" in cell for cell in cells):
+        return
+    found = f"{len(head.rows[index])} names ({', '.join(cells)[:40]})"
+    expected = f"{head.width} as the rows below have cells, {head.dialect.words}"
+    advice = "header = [], with columns by number"
+    raise head.error(index, found, expected, advice)
+
+
+def _refuse_numbers(head: _Head, above: int) -> None:
+    """Raise at a line above the header that is a row of another pattern.
+
+    Raises:
+        LineError: Naming the first one.
+    """
+    for at in range(above):
+        text = head.texts[at].strip()
+        cells = re.split(r"[;|\s]+|,(?=\s)", text)
+        cells = text.split(",") if len(cells) == 1 else cells
+        if len(cells) > 1 and all(map(_ANY_NUMBER.fullmatch, cells)):
+            row = head.lines[above]
+            expected = f"{head.width} cells, {head.dialect.words}, as in line {row}"
+            advice = f"skip = [{head.lines[at]}]"
+            raise head.error(at, f"'{text[:40]}'", expected, advice)
+
+
+def _names(head: _Head, top: Sequence[int]) -> list[Name]:
+    """Return the name of each column, from all its header lines."""
+    if not top:
+        return []
+    rows = [
+        header_cells(head.dialect, head.texts[at], head.width) or list(head.rows[at])
+        for at in top
+    ]
+    if len({len(row) for row in rows}) > 1:
+        raise head.error(
+            top[0], f"{len(rows[0])} names", f"{len(rows[-1])} as below", "header = …"
+        )
+    for row in rows[:-1]:  # the name of a group stands above its first column
+        for at in range(1, len(row)):
+            row[at] = row[at] or row[at - 1]
+    return [
+        parse_name(" ".join(dict.fromkeys(cell for cell in column if cell)))
+        for column in zip(*rows, strict=True)
+    ]
 
 
 def is_plain(text: str) -> bool:
@@ -140,14 +337,15 @@ def _plain_layout(text: str) -> Layout | None:
     dialect = Dialect(",", ".")
     header, below = dialect.split(top), body.split("\n")
     width = len(header)
-    if len(below) < 2 or width < 2 or not header[-1] or dialect.is_comment(top):
+    if len(below) < 2 or width < 2 or not all(header) or dialect.is_comment(top):
         return None
     if {line.count(",") for line in below} != {width - 1}:
         return None
     if not dialect.all_plain(body.replace(",", "\n")):
         return None
-    one = dialect.split(below[0])
-    if not _is_header(dialect, [header, one]) or _is_unit_row(one, width):
+    if any(dialect.number(cell) is not None for cell in header):
+        return None
+    if not any(map(str.isalpha, top)) or _is_unit_row(header, width):
         return None
     return Layout(
         dialect=dialect,
@@ -157,31 +355,18 @@ def _plain_layout(text: str) -> Layout | None:
         body_line=2,
         numeric=(True,) * width,
         skipped=(),
+        header_lines=(1,),
         plain=not many,
     )
 
 
-def _is_header(dialect: Dialect, rows: Sequence[Sequence[str]]) -> bool:
-    """Whether the first line names columns: words above numbers, and no number."""
-    top, below = rows[0], rows[1:50]
-    if not below:
-        return not any(dialect.number(cell) is not None for cell in top)
-    text_above = number_above = False
-    for at, cell in enumerate(top):
-        column = [row[at] for row in below if at < len(row)]
-        # "nan" is meant as a number: a column with one is no column of words.
-        numbers = dialect.count_numbers([cell for cell in column if cell != ""])
-        if 2 * numbers < len(column) or not numbers:
-            continue
-        # A word: "24 -1448819" above numbers is a row that does not fit, not a name.
-        text_above |= dialect.number(cell) is None and any(map(str.isalpha, cell))
-        number_above |= dialect.is_number(cell)
-    return text_above and not number_above
-
-
 def _is_unit_row(cells: Sequence[str], width: int) -> bool:
-    named = [cell.strip("[]() ") for cell in cells if cell.strip("[]() ")]
-    return len(cells) == width and bool(named) and all(map(find_unit, named))
+    named = [cell for cell in cells if cell.strip("[]()- ")]
+    return len(cells) == width and bool(named) and all(map(unit_in, named))
+
+
+def _any_number(dialect: Dialect, rows: Sequence[Sequence[str]]) -> bool:
+    return any(dialect.is_number(cell) for row in rows for cell in row)
 
 
 def _is_numeric(dialect: Dialect, rows: Sequence[Sequence[str]], at: int) -> bool:
@@ -195,7 +380,7 @@ def _names_from_comment(
     """Return names from the last comment if that is a header, else column numbers."""
     comments = [line.strip() for line in above if line.strip()]
     if comments:
-        cells = dialect.split(comments[-1].lstrip("#%/!; "))
-        if len(cells) == width and looks_like_names(cells):
+        cells = header_cells(dialect, comments[-1].lstrip("#%/!; "), width)
+        if cells is not None and looks_like_names(cells):
             return [parse_name(cell) for cell in cells]
     return [Name(str(at + 1), None, False, str(at + 1), "") for at in range(width)]

@@ -11,9 +11,10 @@ from ._align import on_one_clock
 from ._convert import as_direction, as_run, library_unit, unit_of
 from ._dates import seconds_of_dates
 from ._errors import MeasurementError, MissingRole
-from ._roles import ColumnSpec as ColumnSpec, find_role, role as named_role
-from ._table import MESH_FORMATS, Table
+from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_role
+from ._table import MESH_FORMATS, Column, Skipped, Table, TextForm
 from ._units import find_unit
+from ._wide import unfolded
 
 
 class RoleValues:
@@ -74,6 +75,10 @@ class Measurement:
         remarks: What was taken for granted, one sentence each.
         late: Of axes in motion, what one standard deviation of their instrument's delay
             makes of the error, per row in mm or °.
+        format: Of the file, in words; see `Table`.
+        form: How a text table was found to be written: separator, decimal mark, lines
+            of header and units; None for all others.
+        skipped: Lines of the file that are not in the rows.
     """
 
     name: str
@@ -86,6 +91,9 @@ class Measurement:
     late: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
         default_factory=dict
     )
+    format: str = ""
+    form: TextForm | None = None
+    skipped: tuple[Skipped, ...] = ()
 
     def get(self, role: str) -> np.ndarray | None:
         """Return the values of a role, or None where the measurement does not have it.
@@ -162,16 +170,26 @@ def measurement(
         reason = (
             f"found columns {names} without a role, expected a mapping role = column"
         )
+        if table.form is not None and table.form.titles and not table.form.header:
+            line = table.form.titles[-1]
+            reason += f" (line {line}, right above the rows, does not name so many)"
         raise MeasurementError(source, reason)
+    differs = axis is not None and table.axis is not None and axis != table.axis
+    table, mapping = unfolded(table, mapping)
     table, mapping = on_one_clock(table, mapping)
     good: dict[str, np.ndarray] = {}
     bad: dict[str, MeasurementError] = {}
     gaps: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     remarks = list(table.remarks)
+    if differs and not columns:
+        remarks.append(f"The file is of axis {table.axis}, and is taken for {axis}.")
     angular = _angular_axes(table, mapping) if rotary is None else set(rotary)
     for text, spec in mapping.items():
         role = named_role(text, source)
+        if spec.value is not None:
+            good[text], units[text] = _constant(table, role, spec, role.axis in angular)
+            continue
         column = table.column(spec.column)
         if not role.dimensions:
             units[text] = ""
@@ -220,7 +238,24 @@ def measurement(
         rows=table.rows,
         lines=table.lines,
         remarks=tuple(remarks),
+        format=table.format,
+        form=table.form,
+        skipped=table.skipped,
     )
+
+
+def _constant(
+    table: Table, role: Role, spec: ColumnSpec, angle: bool
+) -> tuple[np.ndarray, str]:
+    """Return a value that a role has in all rows, and its unit."""
+    assert spec.value is not None
+    values = np.full(table.rows, spec.value)
+    column = Column(f"{spec.value:g}", None, None, values)
+    if role.kind in ("run", "direction"):
+        convert = as_run if role.kind == "run" else as_direction
+        return convert(table, column), ""
+    unit = unit_of(table, role, column, spec.unit, angle=angle)
+    return unit.to_library(values), library_unit(unit, angle=angle)
 
 
 def _angular_axes(table: Table, mapping: Mapping[str, ColumnSpec]) -> set[str]:
@@ -228,7 +263,8 @@ def _angular_axes(table: Table, mapping: Mapping[str, ColumnSpec]) -> set[str]:
     found = set()
     for text, spec in mapping.items():
         role = named_role(text, str(table.path))
-        unit = find_unit(spec.unit or table.column(spec.column).unit or "")
+        stated = table.column(spec.column).unit if spec.column else None
+        unit = find_unit(spec.unit or stated or "")
         if role.axis and unit is not None and unit.dimension.startswith("ang"):
             found.add(role.axis)
     return found
@@ -251,6 +287,7 @@ def own_roles(
         text = column.role
         role = find_role(text)
         if role is None:  # a kind without an axis
+            axis = axis or table.axis
             if axis is None:
                 reason = (
                     f"found '{column.name}' without an axis, expected the axis it is of"
@@ -261,10 +298,17 @@ def own_roles(
             text = f"{axis}.error"
         elif mesh and role.kind == "position":
             text = f"{next(given, role.axis)}.position"
+        spec = ColumnSpec(
+            column.header or column.name, run=column.run, direction=column.direction
+        )
+        if column.run is not None:
+            parts = found[text].parts if text in found else ()
+            found[text] = ColumnSpec("", parts=(*parts, spec))
+            continue
         if text in found:
             reason = (
                 f"found columns '{found[text].column}' and '{column.name}' for {text}"
             )
             raise MeasurementError(str(table.path), f"{reason}, expected one")
-        found[text] = ColumnSpec(column.header or column.name)
+        found[text] = spec
     return found

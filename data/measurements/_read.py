@@ -8,52 +8,133 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from ._csv import SHORT, read_csv
-from ._layout import is_plain
+from ._capture import is_capture, read_capture
+from ._csv import SHORT, number_column, read_cells, read_csv, table_of
+from ._errors import MeasurementError
+from ._hdf5 import is_hdf5, read_hdf5
+from ._instruments import INSTRUMENTS
+from ._layout import Layout, find_layout, is_plain
 from ._mat import is_mat, read_mat
 from ._mesh import is_bed_mesh, is_height_map, read_bed_mesh, read_height_map
 from ._parquet import read_parquet
 from ._run_table import is_run_table, read_run_table
 from ._scope import read_scope
 from ._scope_block import is_scope
-from ._table import Table
-from ._text import text_and_words, unpacked
+from ._table import Lines, Table
+from ._tdms import read_tdms
+from ._text import Text, decode, unpacked
 
 PlainRows: TypeAlias = Callable[[bytes, int, int], Float[np.ndarray, "k t"] | None]
 """Numbers of a text from an offset to its end in so many columns, None if not plain."""
 
+_BULK = 1 << 22
+"""Bytes from which on a file is not looked at as a whole."""
+_HEAD = 1 << 17
+"""Bytes that tell how it is laid out."""
+
 
 def read_table(
-    path: Path, *, profile: str | None = None, plain_rows: PlainRows | None = None
+    path: Path,
+    *,
+    profile: str | None = None,
+    lines: Lines | None = None,
+    plain_rows: PlainRows | None = None,
 ) -> Table:
     """Return what a measurement file holds, in the file's own units.
 
-    CSV, TwinCAT Scope text exports, MATLAB files, Parquet, ISO 230-2 run tables,
-    Klipper bed meshes and RepRapFirmware height maps are told apart by content, not by
-    the ending of the name; text and MATLAB files may be packed with gzip.
+    Text tables of many kinds, TwinCAT Scope text exports, Renishaw, LinuxCNC and
+    Centroid files, captures in JSON, MATLAB files, HDF5, TDMS, Parquet, ISO 230-2 run
+    tables, Klipper bed meshes and RepRapFirmware height maps are told apart by content,
+    not by the ending of the name; text and MATLAB files may be packed with gzip.
 
     Args:
         path: The file.
         profile: Which profile of a Klipper file with several; see `Table.remarks`.
+        lines: What is known of the lines of a text table.
         plain_rows: What reads rows of plain numbers faster, to the same bits, where the
             caller has it.
 
     Raises:
         OSError: If the file cannot be read.
         MeasurementError: If it holds nothing usable; names the line and what was
-            expected.
+            expected. If a file that is no text table is given `lines`.
     """
     with path.open("rb") as file:
-        magic = file.read(4)
-        raw = b"" if magic == b"PAR1" else magic + file.read()
-    if magic == b"PAR1":
-        return read_parquet(path)
-    raw = unpacked(raw, path)
-    if plain_rows is not None and len(raw) > SHORT and not is_mat(raw):
-        table = _plain_table(path, raw, plain_rows)
+        magic = file.read(8)
+    if magic.startswith(b"PAR1"):
+        return _without_lines(read_parquet(path), lines)
+    if is_hdf5(magic):
+        return _without_lines(read_hdf5(path), lines)
+    if magic.startswith(b"TDSm"):
+        return _without_lines(read_tdms(path), lines)
+    if lines is None and plain_rows is None and path.stat().st_size >= _BULK:
+        table = _bulk_table(path)
         if table is not None:
             return table
-    return _any_table(path, raw, profile)
+    raw = unpacked(path.read_bytes(), path)
+    if lines is None and plain_rows is not None and len(raw) > SHORT:
+        table = None if is_mat(raw) else _plain_table(path, raw, plain_rows)
+        if table is not None:
+            return table
+    return _any_table(path, raw, profile, lines)
+
+
+def _without_lines(table: Table, lines: Lines | None) -> Table:
+    if lines is None:
+        return table
+    reason = f"found {table.format}, which has no lines: skip, header and rows are keys"
+    raise MeasurementError(str(table.path), f"{reason} for text tables")
+
+
+def _bulk_table(path: Path) -> Table | None:
+    """Return a long table of plain numbers, None where it is not that.
+
+    Its first lines tell what it is; the rest goes to pyarrow as it lies on the disk. One
+    blank line, comment, word or missing number is enough for the careful way.
+    """
+    import pyarrow as pa
+
+    with path.open("rb") as file:
+        start = file.read(_HEAD)
+        file.seek(-1, 2)
+        ended = file.read() == b"\n"
+    start = start[: start.rfind(b"\n") + 1]
+    try:
+        head = decode(unpacked(start, path), path)
+        if head.encoding != "utf-8" or b"\r" in start.replace(b"\r\n", b""):
+            return None
+        layout = None if is_special(head) else find_layout(path, head.text)
+    except MeasurementError:
+        return None
+    if layout is None or not _is_bulk(layout, head.text):
+        return None
+    offset = 0
+    for _ in range(layout.body_line - 1):
+        offset = start.index(b"\n", offset) + 1
+    with pa.memory_map(str(path)) as file:
+        body = file.read_buffer()[offset:]
+        read = read_cells(body, layout, blank_lines=False, threads=True)
+        if read is None:
+            return None
+        values = [np.asarray(column.to_numpy()) for column in read.columns]
+    with np.errstate(all="ignore"):
+        # Summing up finds any cell that is no number.
+        if not all(np.isfinite(column.sum()) for column in values):
+            return None
+    columns = [
+        number_column(name, own, None)
+        for name, own in zip(layout.names, values, strict=True)
+    ]
+    rows = read.num_rows
+    lines = np.arange(layout.body_line, layout.body_line + rows)
+    assert ended or rows  # a last line without its end is a row like the others
+    return table_of(path, layout, columns, lines, (), head.encoding)
+
+
+def _is_bulk(layout: Layout, text: str) -> bool:
+    dialect = layout.dialect
+    plain = dialect.separator != " " and not dialect.thousands and '"' not in text
+    return plain and len(layout.names) > 1 and all(layout.numeric)
 
 
 def _plain_table(path: Path, raw: bytes, plain_rows: PlainRows) -> Table | None:
@@ -64,10 +145,10 @@ def _plain_table(path: Path, raw: bytes, plain_rows: PlainRows) -> Table | None:
     header = raw.find(b"\n") + 1
     first = raw.find(b"\n", header) + 1
     head = raw[: raw.find(b"\n", first) + 1]
-    if not is_plain(text_and_words(head, path)[0]):
+    if not is_plain(decode(head, path).text):
         return None
     values = plain_rows(raw, header, raw.count(b",", header, first) + 1)
-    table = None if values is None else _any_table(path, head, None)
+    table = None if values is None else _any_table(path, head, None, None)
     if values is None or table is None or table.lines.tolist() != [2, 3]:
         return None
     columns = (
@@ -79,11 +160,30 @@ def _plain_table(path: Path, raw: bytes, plain_rows: PlainRows) -> Table | None:
     return dataclasses.replace(table, columns=tuple(columns), rows=rows, lines=lines)
 
 
-def _any_table(path: Path, raw: bytes, profile: str | None) -> Table:
+def is_special(read: Text) -> bool:
+    """Whether the first part of a text is of a format of its own, and no plain table."""
+    text, words = read.text, read.words
+    return (
+        is_scope(text, words)
+        or is_run_table(text, words)
+        or is_height_map(text)
+        or is_bed_mesh(text)
+        or any(format.matches(text) for format in INSTRUMENTS)
+    )
+
+
+def _any_table(
+    path: Path, raw: bytes, profile: str | None, lines: Lines | None
+) -> Table:
     """Return what a file holds, from its bytes."""
     if is_mat(raw):
-        return read_mat(path, raw)
-    text, words = text_and_words(raw, path)
+        return _without_lines(read_mat(path, raw), lines)
+    if is_capture(raw):
+        return _without_lines(read_capture(path, raw), lines)
+    read = decode(raw, path)
+    text, words = read.text, read.words
+    if lines is not None:
+        return read_csv(path, text, encoding=read.encoding, lines=lines)
     head = text[:200_000]
     if is_scope(head, words):
         return read_scope(path, text)
@@ -93,4 +193,7 @@ def _any_table(path: Path, raw: bytes, profile: str | None) -> Table:
         return read_run_table(path, text)
     if is_bed_mesh(text):
         return read_bed_mesh(path, text, profile)
-    return read_csv(path, text)
+    for format in INSTRUMENTS:
+        if format.matches(head):
+            return format.read(path, text, read.encoding)
+    return read_csv(path, text, encoding=read.encoding)

@@ -57,10 +57,23 @@ class Role:
 
 @dataclasses.dataclass(frozen=True)
 class ColumnSpec:
-    """Which column a role is in, and its unit where the file does not state it."""
+    """Where the values of a role are.
+
+    Attributes:
+        column: Name of the column; empty where there is none or there are several.
+        unit: Its unit, where the file does not state it.
+        value: One value for all rows, in the library's unit, in place of a column.
+        parts: Columns of a table with one column per run; `column` is empty.
+        run: Run of all readings of the column, as one of `parts`.
+        direction: Direction ±1 of all its readings, as one of `parts`.
+    """
 
     column: str
     unit: str | None = None
+    value: float | None = None
+    parts: tuple["ColumnSpec", ...] = ()
+    run: int | None = None
+    direction: int | None = None
 
 
 def find_role(text: str) -> Role | None:

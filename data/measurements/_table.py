@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,81 @@ from ._errors import CellError, ColumnError, MeasurementError
 
 MESH_FORMATS = ("Klipper bed mesh", "RepRapFirmware height map")
 SCOPE_FORMAT = "TwinCAT Scope"
+
+
+@dataclasses.dataclass(frozen=True)
+class Lines:
+    """What a job says of the lines of a text table, each counted from 1.
+
+    Attributes:
+        skip: Lines that are left out.
+        header: Lines with the names of the columns; empty: there are none; None: as
+            the file shows it.
+        rows: First and last line of the rows; None: as the file shows it.
+    """
+
+    skip: tuple[int, ...] = ()
+    header: tuple[int, ...] | None = None
+    rows: tuple[int, int] | None = None
+
+    @staticmethod
+    def of(
+        skip: int | Sequence[int] = 0,
+        header: int | Sequence[int] | None = None,
+        rows: tuple[int, int] | None = None,
+    ) -> "Lines | None":
+        """Return what the keys of a job say; None where they say nothing.
+
+        Args:
+            skip: So many lines at the top, or which.
+            header: Which lines; an empty sequence: none.
+            rows: First and last.
+        """
+        left = tuple(range(1, skip + 1)) if isinstance(skip, int) else tuple(skip)
+        if not left and header is None and rows is None:
+            return None
+        names = (header,) if isinstance(header, int) else header
+        return Lines(left, None if names is None else tuple(names), rows)
+
+    def keep(self, text: str) -> str:
+        """Return a text with the lines blank that are left out; the others keep their place."""
+        if not self.skip and self.rows is None and not self.header:
+            return text
+        lines = text.split("\n")
+        last = self.rows[1] if self.rows else len(lines)
+        names = self.header or ()
+        top = min(names, default=1)
+        return "\n".join(
+            line
+            if number in names or (number not in self.skip and top <= number <= last)
+            else ""
+            for number, line in enumerate(lines, start=1)
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class TextForm:
+    """How a text table was found to be written.
+
+    Attributes:
+        encoding: As Python names it.
+        separator: Between cells; a blank stands for any run of blanks and tabs.
+        decimal: Decimal mark.
+        thousands: Mark between groups of digits, or ``""``.
+        titles: Lines above the header that are neither names nor rows.
+        header: Lines with the names of the columns.
+        units: Line with their units, or None.
+        first: Line of the first row.
+    """
+
+    encoding: str
+    separator: str
+    decimal: str
+    thousands: str
+    titles: tuple[int, ...]
+    header: tuple[int, ...]
+    units: int | None
+    first: int
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +125,9 @@ class Column:
         present: Rows at which the channel has a sample, where the file holds channels
             of several sample times; None: all.
         sample_time: In s, where the file states it, or None.
+        run: Run that all readings of the column are of, in a table of one column per
+            run; else None.
+        direction: Direction ±1 that they are of, or None.
     """
 
     name: str
@@ -61,6 +140,8 @@ class Column:
     doubtful_unit: bool = False
     present: Bool[np.ndarray, " t"] | None = None
     sample_time: float | None = None
+    run: int | None = None
+    direction: int | None = None
 
     @property
     def samples(self) -> int:
@@ -85,6 +166,8 @@ class Table:
         counts_rows: `lines` are row numbers (Parquet, MATLAB).
         scalars: Single numbers that stand beside the columns, by name (MATLAB).
         missing: Number of readings that the file announces and lacks (run table).
+        form: How a text table is written; None for all others.
+        axis: Axis that the file says it is of, or None.
     """
 
     path: Path
@@ -97,6 +180,8 @@ class Table:
     counts_rows: bool = False
     scalars: tuple[tuple[str, float], ...] = ()
     missing: int = 0
+    form: TextForm | None = None
+    axis: str | None = None
 
     def column(self, name: str) -> Column:
         """Return a column by name or header text; by number where there is no header.

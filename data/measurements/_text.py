@@ -1,6 +1,7 @@
 """Bytes of a file as text with plain line ends; refuses what is no text."""
 
 import codecs
+import dataclasses
 import gzip
 import re
 import zlib
@@ -12,15 +13,12 @@ from ._errors import LineError, MeasurementError
 _FOREIGN = (
     (b"PK\x03\x04", "a spreadsheet or zip archive"),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet of the old binary kind"),
-    (b"\x89HDF", "an HDF5 file"),
-    (b"TDSm", "a TDMS file"),
     (b"%PDF", "a PDF document"),
-    (b"{", "a JSON document"),
     (b"<", "an XML or HTML document"),
 )
 _EXPECTED = (
-    "a text table (CSV), a TwinCAT Scope text export, MATLAB, Parquet, an ISO 230-2 run"
-    " table, a bed mesh or a height map"
+    "a text table (CSV), a TwinCAT Scope text export, MATLAB, Parquet, HDF5, TDMS, an"
+    " ISO 230-2 run table, a bed mesh or a height map"
 )
 # No text holds these; tab, line ends and form feed are allowed.
 _CONTROLS = bytes(code for code in range(32) if code not in b"\t\n\f\r")
@@ -33,6 +31,28 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+# Umlauts of MS-DOS between letters, which are quotation marks on Windows.
+_DOS = re.compile(rb"[A-Za-z][\x81\x84\x94][a-z]")
+# Other signs for what a number or a blank is made of: minus, blanks that do not break.
+_SIGNS = (("\u2212", "-"), ("\u00a0", " "), ("\u202f", " "), ("\u2009", " "))
+
+
+@dataclasses.dataclass(frozen=True)
+class Text:
+    """A text with plain line ends.
+
+    Attributes:
+        text: The text.
+        words: Its bytes without digits, signs and separators. Of a table little is left
+            of that. Words of letters, blanks and brackets that stand in the text stand
+            there as well, and are found sooner; what comes to stand side by side may
+            look like others.
+        encoding: As Python names it.
+    """
+
+    text: str
+    words: bytes
+    encoding: str
 
 
 def unpacked(raw: bytes, path: Path) -> bytes:
@@ -52,35 +72,24 @@ def unpacked(raw: bytes, path: Path) -> bytes:
         raise MeasurementError(str(path), reason)
     for magic, kind in _FOREIGN:
         if raw.startswith(magic):
-            reason = f"found {kind}, expected {_EXPECTED}"
+            advice = ": save the sheet as CSV" if "spreadsheet" in kind else ""
+            reason = f"found {kind}, expected {_EXPECTED}{advice}"
             raise MeasurementError(str(path), reason)
     return raw
 
 
-def decode(raw: bytes, path: Path) -> str:
-    """Return the text with plain line ends: by byte order mark, UTF-8, else Latin-1.
+def decode(raw: bytes, path: Path) -> Text:
+    """Return the text: by byte order mark, UTF-8, UTF-16 without mark, else Windows.
 
     Raises:
         MeasurementError: If the bytes are no text.
     """
-    return text_and_words(raw, path)[0]
-
-
-def text_and_words(raw: bytes, path: Path) -> tuple[str, bytes]:
-    """Return the text as `decode`, and the same without digits, signs and separators.
-
-    Of a table little is left of that. Words of letters, blanks and brackets that stand in
-    the text stand there as well, and are found sooner; what comes to stand side by side may
-    look like others.
-
-    Raises:
-        MeasurementError: If the bytes are no text.
-    """
-    for mark, encoding in _MARKS:
-        if raw.startswith(mark):
-            text = raw.decode(encoding, errors="replace")
-            words = text.encode().translate(None, _NUMERIC)
-            break
+    encoding = next((name for mark, name in _MARKS if raw.startswith(mark)), "")
+    if not encoding and raw[1:200:2].count(0) > len(raw[1:200:2]) // 2:
+        encoding = "utf-16-le"
+    if encoding:
+        text = raw.decode(encoding, errors="replace")
+        words = text.encode().translate(None, _NUMERIC)
     else:
         # Taking all else away is faster than looking for one.
         words = raw.translate(None, _NUMERIC)
@@ -90,10 +99,19 @@ def text_and_words(raw: bytes, path: Path) -> tuple[str, bytes]:
             byte = raw[control.start()]
             found = f"binary data (byte 0x{byte:02X} at offset {control.start()})"
             raise LineError(str(path), line, found, _EXPECTED)
-        try:
-            text = raw.decode("utf-8")
-        except UnicodeDecodeError:
-            text = raw.decode("latin-1")
+        text, encoding = _of_bytes(raw)
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
-    return text, words
+    if not text.isascii():
+        for sign, plain in _SIGNS:
+            text = text.replace(sign, plain)
+    return Text(text, words, encoding)
+
+
+def _of_bytes(raw: bytes) -> tuple[str, str]:
+    for encoding in ("utf-8", "cp850" if _DOS.search(raw) else "cp1252"):
+        try:
+            return raw.decode(encoding), encoding
+        except UnicodeDecodeError:
+            continue
+    return raw.decode("latin-1"), "latin-1"

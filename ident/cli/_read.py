@@ -1,5 +1,6 @@
 """The command ``read``: what a measurement file holds."""
 
+import dataclasses
 import json
 import math
 import shlex
@@ -8,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ...data.errors import UsageError
+
 if TYPE_CHECKING:
-    from ...data.measurements import CellError, Column, Table
+    from ...data.measurements import CellError, Column, Table, TextForm
 
 
 def read(
@@ -18,6 +21,21 @@ def read(
         str | None,
         typer.Option(help="Profile of a Klipper file that holds several bed meshes."),
     ] = None,
+    skip: Annotated[
+        str,
+        typer.Option(
+            metavar="N",
+            help="Lines left out: so many at the top, or which, as in '[7]' or '7,9'.",
+        ),
+    ] = "0",
+    header: Annotated[
+        list[int] | None,
+        typer.Option(metavar="LINE", help="Line with the names of the columns."),
+    ] = None,
+    rows: Annotated[
+        tuple[int, int] | None,
+        typer.Option(metavar="FIRST LAST", help="First and last line of the rows."),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the result for machines.")
     ] = False,
@@ -25,16 +43,21 @@ def read(
     """Say what a measurement file holds: format, columns, units, rows, skipped lines.
 
     Where channels have several sample times, first and last are those of each channel.
-    Ends with exit status 1 where a column of numbers holds a cell that is none.
+    Ends with exit status 1 where a column of numbers holds a cell that is none, or a row
+    stands there twice.
     """
-    from ...data.measurements import read_table
+    from ...data.measurements import Lines, read_table, repeated_row
 
-    table = read_table(file, profile=profile)
+    table = read_table(
+        file, profile=profile, lines=Lines.of(_lines(skip), header or None, rows)
+    )
     problems = [
         table.cell_error(column, column.bad, "a finite number")
         for column in table.columns
-        if column.bad is not None
+        if column.bad is not None and not (column.run and not column.bad.found.strip())
     ]
+    if (again := repeated_row(table)) is not None:
+        problems.append(again)
     if as_json:
         typer.echo(json.dumps(_as_dict(table, problems), ensure_ascii=False, indent=2))
     else:
@@ -46,10 +69,28 @@ def read(
         raise typer.Exit(1)
 
 
+def _lines(text: str) -> int | list[int]:
+    """Return a number of lines, or which ones.
+
+    Raises:
+        UsageError: If the text is neither.
+    """
+    parts = [part.strip() for part in text.strip("[] ").split(",")]
+    if not all(part.isdigit() for part in parts):
+        msg = (
+            f"--skip: found '{text}', expected a number such as 3, or lines such as [7]"
+        )
+        raise UsageError(msg)
+    numbers = [int(part) for part in parts]
+    return numbers if len(numbers) > 1 or "[" in text else numbers[0]
+
+
 def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
     return {
         "file": str(table.path),
         "format": table.format,
+        "form": None if table.form is None else dataclasses.asdict(table.form),
+        "axis": table.axis,
         "columns": [_heading(column) for column in table.columns],
         "scalars": [{"name": name, "value": value} for name, value in table.scalars],
         "rows": table.rows,
@@ -73,7 +114,13 @@ def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
 
 def _heading(column: "Column") -> dict[str, Any]:
     """Return what a column is; where the file has several clocks, also of which."""
-    named = {"name": column.name, "role": column.role, "unit": column.unit}
+    named: dict[str, Any] = {
+        "name": column.name,
+        "role": column.role,
+        "unit": column.unit,
+    }
+    if column.run is not None:
+        named |= {"run": column.run, "direction": column.direction}
     if column.sample_time is None:
         return named
     return {**named, "samples": column.samples, "sample_time": column.sample_time}
@@ -96,6 +143,8 @@ def _print(table: "Table") -> None:
     if not console.is_terminal:
         console.width = 160  # a log or a pipe has no edge to wrap at
     console.print(f"{escape(str(table.path))}: {table.format}, {table.rows} rows")
+    if table.form is not None:
+        console.print(escape(_form_words(table.form)))
     clocked = any(column.sample_time is not None for column in table.columns)
     titles = ["column", "role", "unit", "first row", "last row", "smallest", "largest"]
     grid = Grid(*titles, *(["samples", "every"] if clocked else []))
@@ -105,6 +154,9 @@ def _print(table: "Table") -> None:
         role = column.role or ""
         if role and "." not in role and role not in ("time", "run"):
             role = f"<axis>.{role}"
+        if column.run is not None:
+            side = {1: " +", -1: " -"}.get(column.direction or 0, "")
+            role = f"{role}, run {column.run}{side}"
         grid.add_row(
             escape(column.name),
             escape(role),
@@ -125,6 +177,33 @@ def _print(table: "Table") -> None:
         console.print(escape(f"skipped {place}{item.reason}"))
     if len(table.skipped) > 20:
         console.print(f"… and {len(table.skipped) - 20} more (all of them with --json)")
+
+
+def _form_words(form: "TextForm") -> str:
+    """Return how a text table was found to be written, in a sentence."""
+    from ...data.measurements import SEPARATORS
+
+    mark = {".": "point", ",": "comma"}[form.decimal]
+    words = [
+        f"Cells separated by {SEPARATORS.get(form.separator, repr(form.separator))}",
+        f"decimal {mark}",
+    ]
+    if form.thousands:
+        words.append(f"digits in groups by '{form.thousands}'")
+    words.append(
+        f"header in line {_numbers(form.header)}" if form.header else "no header"
+    )
+    if form.units is not None:
+        words.append(f"units in line {form.units}")
+    if form.titles:
+        words.append(f"titles in line {_numbers(form.titles)}")
+    words += [f"rows from line {form.first}", form.encoding]
+    return ", ".join(words) + "."
+
+
+def _numbers(lines: "tuple[int, ...]") -> str:
+    whole = len(lines) > 2 and lines == tuple(range(lines[0], lines[-1] + 1))
+    return f"{lines[0]} to {lines[-1]}" if whole else ", ".join(map(str, lines))
 
 
 def _every(column: "Column") -> str:

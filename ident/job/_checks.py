@@ -19,7 +19,7 @@ from ._fit_schema import (
 )
 from ._group_faults import group_faults
 from ._lines import Path as KeyPath
-from ._schema import JobFile, MeasurementSpec
+from ._schema import ColumnOfRun, JobFile, MeasurementSpec
 
 Fault = tuple[KeyPath, str]
 """A key and what is wrong with it."""
@@ -119,12 +119,38 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
                 f"found {len(offsets)} for {len(files)} files, expected one for each"
                 " file after the first",
             )
+    if measured.rows is not None and measured.rows[0] > measured.rows[1]:
+        yield (*where, "rows"), f"found {list(measured.rows)}, expected first ≤ last"
     for role, column in measured.columns.items():
-        if isinstance(column, str) or column.file is None:
+        key = (*where, "columns", role)
+        if isinstance(column, str):
+            continue
+        if isinstance(column, list):
+            yield from _columns_of_runs(column, files, key)
+            continue
+        if (column.column is None) == (column.value is None):
+            found = "both" if column.column is not None else "neither"
+            yield key, f"found {found}, expected one of column and value"
+        if column.value is not None and files is not None:
+            yield key, "found a value beside several files, expected a column"
+        if column.file is None:
             continue
         if column.file not in (files or ()):
             reason = _unknown(column.file, files or (), "one of files")
             yield (*where, "columns", role, "file"), reason
+
+
+def _columns_of_runs(
+    columns: list[ColumnOfRun], files: list[str] | None, where: KeyPath
+) -> Iterator[Fault]:
+    """Yield what is wrong with the columns of a role in a wide table."""
+    if files is not None:
+        yield where, "found columns per run beside several files, expected one file"
+    for name in ("run", "direction"):
+        given = sum(getattr(one, name) is not None for one in columns)
+        if 0 < given < len(columns):
+            reason = f"found {name} in {given} of {len(columns)} columns"
+            yield where, f"{reason}, expected it in all of them or in none"
 
 
 def _fits(job: JobFile) -> Iterator[Fault]:

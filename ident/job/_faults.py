@@ -26,6 +26,7 @@ from ._lines import Path as KeyPath, line_of
 from ._schema import (
     Axis,
     ColumnChoice,
+    ColumnOfRun,
     Controller,
     Datum,
     Gate,
@@ -72,6 +73,8 @@ def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
             return Datum
         case ("measurements", _, "columns", _):
             return ColumnChoice
+        case ("measurements", _, "columns", _, int()):
+            return ColumnOfRun
         case ("fits", int(k)):
             return _FITS.get(values["fits"][k].get("compensation"))
         case ("fits", int(), "steady"):
@@ -91,7 +94,11 @@ def first_fault(
     # went further into the value is the one that was meant.
     first = max(found, key=lambda item: (item["type"] == "extra_forbidden", 0))
     if first["type"] != "extra_forbidden":
-        first = found[0]
+        top = _clean(found[0]["loc"], values)
+        below = [
+            item for item in found if _clean(item["loc"], values)[: len(top)] == top
+        ]
+        first = max(below, key=lambda item: len(_clean(item["loc"], values)))
     where = _clean(first["loc"], values)
     kind, context = first["type"], first.get("ctx", {})
     given = _quoted(first.get("input"))

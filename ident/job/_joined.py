@@ -22,7 +22,7 @@ from ...data.measurements import (
 from ..fit import FitError
 from ._clocks import ClockState, find_offset
 from ._load import Job
-from ._schema import MeasurementSpec
+from ._schema import ColumnChoice, ColumnOfRun, MeasurementSpec
 
 _PLACES = ("position", "encoder", "actual", "drive_position")
 """Kinds of role that show the motion of an axis."""
@@ -114,16 +114,26 @@ def join_files(
     )
 
 
+def column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
+    """Return where the values of a role are, as a job has it."""
+    if isinstance(choice, str):
+        return ColumnSpec(choice)
+    if isinstance(choice, ColumnChoice):
+        return ColumnSpec(choice.column or "", choice.unit, choice.value)
+    parts = (
+        ColumnSpec(one.column, one.unit, run=one.run, direction=one.direction)
+        for one in choice
+    )
+    return ColumnSpec("", parts=tuple(parts))
+
+
 def _file(label: str, table: Table, spec: MeasurementSpec) -> _File:
     roles: dict[str, ColumnSpec] = {}
     if spec.columns:
         for role, column in spec.columns.items():
-            wished = ColumnSpec(column) if isinstance(column, str) else None
-            if not isinstance(column, str):
-                if column.file is not None and column.file != label:
-                    continue
-                wished = ColumnSpec(column.column, column.unit)
-            assert wished is not None  # one of the two kinds
+            if isinstance(column, ColumnChoice) and column.file not in (None, label):
+                continue
+            wished = column_spec(column)
             try:
                 table.column(wished.column)
             except ColumnError:
@@ -159,7 +169,7 @@ def _refuse_missing(files: Sequence[_File], spec: MeasurementSpec) -> None:
     for role, column in spec.columns.items():
         if role in known:
             continue
-        wanted = column if isinstance(column, str) else column.column
+        wanted = column_spec(column).column
         names = [c.name for file in files for c in file.table.columns]
         listed = " + ".join(file.name for file in files)
         raise ColumnError(listed, wanted, names, None)

@@ -53,11 +53,27 @@ class Axis(JobPart, frozen=True):
 
 
 class ColumnChoice(JobPart, frozen=True):
-    """A column of a measurement file and its unit; which file, where there are several."""
+    """A column of a measurement file and its unit, or one value for all rows.
+
+    `file` says which file, where there are several.
+    """
+
+    column: str | None = None
+    unit: str | None = None
+    file: str | None = None
+    value: float | None = None
+
+
+class ColumnOfRun(JobPart, frozen=True):
+    """One of the columns of a role in a table with a column per run and direction."""
 
     column: str
     unit: str | None = None
-    file: str | None = None
+    run: Annotated[int, Field(ge=0)] | None = None
+    direction: Literal[1, -1] | None = None
+
+
+Line = Annotated[int, Field(ge=1)]
 
 
 class Datum(JobPart, frozen=True):
@@ -71,11 +87,25 @@ class MeasurementSpec(JobPart, frozen=True):
 
     file: str | None = None
     profile: str | None = None
+    skip: Annotated[
+        Annotated[int, Field(ge=0)] | list[Line],
+        Field(description="lines left out: so many at the top, or which"),
+    ] = 0
+    header: Annotated[
+        Line | list[Line] | None,
+        Field(description="lines with the names of the columns; []: there are none"),
+    ] = None
+    rows: Annotated[
+        Annotated[list[Line], Field(min_length=2, max_length=2)] | None,
+        Field(description="first and last line of the rows"),
+    ] = None
     files: Annotated[list[str], Field(min_length=2)] | None = None
     offsets: list[float] | None = None
     axis: str | None = None
     active: list[Compensation] = Field(default_factory=list)
-    columns: dict[str, str | ColumnChoice] = Field(default_factory=dict)
+    columns: dict[
+        str, str | ColumnChoice | Annotated[list[ColumnOfRun], Field(min_length=1)]
+    ] = Field(default_factory=dict)
     datum: Datum | None = None
     remove: Literal["none", "offset", "line"] = "none"
     drift: Annotated[int, Field(ge=0, le=100)] = 0

@@ -10,6 +10,7 @@ from ...data.measurements import (
     ColumnSpec,
     DirectionUnknown,
     LargeFile,
+    Lines,
     Measurement,
     MeasurementError,
     PlainRows,
@@ -24,7 +25,7 @@ from ...data.measurements import (
 )
 from ._clocks import ClockState
 from ._fit_schema import FitSpec, FrictionSpec
-from ._joined import JoinedFiles, join_files
+from ._joined import JoinedFiles, column_spec, join_files
 from ._load import Job
 from ._reference import (
     at_reference as at_reference,
@@ -32,6 +33,7 @@ from ._reference import (
     words_of_reference,
 )
 from ._remove import without_zero
+from ._schema import MeasurementSpec
 from ._wanted import (
     Wanted as Wanted,
     masters_of as masters_of,
@@ -62,6 +64,12 @@ class Part:
     change: float | None = None
     measured: Measurement | None = None
     late: np.ndarray | None = None
+
+
+def lines_of(spec: MeasurementSpec) -> Lines | None:
+    """Return what a job says of the lines of a measurement's files, or None."""
+    rows = None if spec.rows is None else (spec.rows[0], spec.rows[1])
+    return Lines.of(spec.skip, spec.header, rows)
 
 
 class Tables:
@@ -98,12 +106,7 @@ class Tables:
         if spec.files is not None:
             self.table(name)
             return dict(self._joined[name].columns)
-        return {
-            role: ColumnSpec(column)
-            if isinstance(column, str)
-            else ColumnSpec(column.column, column.unit)
-            for role, column in spec.columns.items()
-        }
+        return {role: column_spec(one) for role, one in spec.columns.items()}
 
     def large(self, name: str) -> LargeFile | None:
         """Return the file of a measurement to be read in pieces; None where it cannot be.
@@ -114,7 +117,11 @@ class Tables:
         spec = self.job.spec.measurements[name]
         if name not in self._large:
             found = None
-            if spec.file is not None and spec.profile is None:
+            plain = lines_of(spec) is None and not any(
+                one.parts or one.value is not None
+                for one in map(column_spec, spec.columns.values())
+            )
+            if spec.file is not None and spec.profile is None and plain:
                 least = 0 if spec.stream is True else None
                 found = open_large(self.job.file(spec.file), least)
             self._large[name] = found
@@ -129,9 +136,12 @@ class Tables:
                 several files cannot be put onto one clock.
         """
         spec = self.job.spec.measurements[name]
+        lines = lines_of(spec)
         if name not in self._read and spec.files is not None:
             files = [
-                read_table(self.job.file(file), plain_rows=self._plain_rows)
+                read_table(
+                    self.job.file(file), lines=lines, plain_rows=self._plain_rows
+                )
                 for file in spec.files
             ]
             self._joined[name] = join_files(self.job, name, spec, files)
@@ -141,7 +151,10 @@ class Tables:
             assert file is not None  # `find_fault` has seen to it
             profile = spec.profile
             table = read_table(
-                self.job.file(file), profile=profile, plain_rows=self._plain_rows
+                self.job.file(file),
+                profile=profile,
+                lines=lines,
+                plain_rows=self._plain_rows,
             )
             if profile is not None and table.format not in PROFILE_FORMATS:
                 raise self.job.error(

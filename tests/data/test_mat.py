@@ -119,12 +119,12 @@ def test_value_that_is_not_finite_is_named_with_its_row(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "match"),
     [
-        (b"MATLAB 7.3 MAT-file, Platform: X" + bytes(500), "version 7.3.* '-v7'"),
-        (b"\x89HDF\r\n\x1a\n" + bytes(500), "found an HDF5 file"),
+        (b"MATLAB 7.3 MAT-file, Platform: X" + bytes(500), "found damaged HDF5 data"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(500), "found damaged HDF5 data"),
         (b"MATLAB 5.0 MAT-file" + bytes(200), "found damaged MATLAB data"),
     ],
 )
-def test_other_versions_are_refused_in_one_line(
+def test_damaged_files_are_refused_in_one_line(
     tmp_path: Path, content: bytes, match: str
 ) -> None:
     path = tmp_path / "a.mat"

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from axcomp.data.errors import AxcompError
-from axcomp.data.measurements import CellError, Table, read_table
+from axcomp.data.measurements import CellError, LineError, Table, read_table
 
 VALUES = np.array([[0.0, 10.0, -12.5], [1.5, 10.0, 3.25], [3.0, 20.0, 0.001]])
 
@@ -182,7 +182,10 @@ def test_cell_that_is_no_number_is_named_when_its_column_is_used(
         ("x,y,z\n", r"found a header \(x, y, z\) and no rows"),
         ("x,y\n1,2\n3\n4,5\n", r"file.csv:3: found 1 cells.*expected 2"),
         ("x,y\n1,2\n3,4,5\n", r"file.csv:3: found 3 cells.*expected 2"),
-        ("x,y\n1,2\n3,4\n5", r"file.csv:4: found 1 cells \('5'\), expected 2"),
+        (
+            "x,y\n1,2\n3,4\n5",
+            r"file.csv:4: found 1 cells in the last line \('5'\), expected 2",
+        ),
         (b"\x00\x01\x02\xff" * 50, r"file.csv:1: found binary data \(byte 0x00"),
         (b"x,y\n1,2\n3,\x07\n", r"file.csv:3: found binary data \(byte 0x07"),
         (b"PK\x03\x04rest", "found a spreadsheet"),
@@ -209,9 +212,9 @@ def test_missing_file_and_folder_are_os_errors(tmp_path: Path) -> None:
 
 
 def test_number_line_above_numbers_is_no_header(tmp_path: Path) -> None:
-    table = read_table(write(tmp_path, "24 -1448819\n0\n-32\n-38\n-47\n"))
-    with pytest.raises(CellError, match=r":1: column '1': found '24 -1448819'"):
-        table.numbers(table.columns[0])
+    path = write(tmp_path, "24 -1448819\n0.5\n-32.5\n-38\n-47\n")
+    with pytest.raises(LineError, match=r":1: found '24 -1448819'.*skip = \[1\]"):
+        read_table(path)
 
 
 def test_unknown_column_names_the_nearest(tmp_path: Path) -> None:

@@ -233,5 +233,6 @@ def test_a_million_rows_read_within_a_few_times_plain_csv(
         begun = clock.perf_counter()
         assert read_table(file).rows == rows
         took.append(clock.perf_counter() - begun)
-    # Both go through pyarrow; the rest is counting cells. Slow code would be 20 times.
-    assert took[0] < 4.0 * took[1]
+    # Both go through pyarrow, the plain table as it lies on the disk; the rest is
+    # counting cells. Slow code would be 80 times.
+    assert took[0] < 16.0 * took[1]

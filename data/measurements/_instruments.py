@@ -1,0 +1,270 @@
+"""Text files of instruments and controllers that are no plain tables."""
+
+import dataclasses
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from ._csv import read_body
+from ._errors import CellError, LineError, MeasurementError
+from ._header import parse_name
+from ._layout import find_layout
+from ._table import Column, Skipped, Table
+
+_SECTION = re.compile(r"\s*(?P<name>[A-Z][A-Z0-9 -]*)::\s*")
+_SETTING = re.compile(r"\s*(?P<key>[A-Za-z][\w -]*?)\s*:\s*(?P<value>.*?)\s*")
+_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_WHOLE = re.compile(r"[+-]?\d+")
+_ADDRESS = r"([A-Za-z]{1,3})\s*[=:]?\s*([+-]?\d+(?:[.,]\d+)?)"
+_ADDRESSES = re.compile(rf"\s*{_ADDRESS}(?:[\s;]+{_ADDRESS})+\s*;?\s*")
+_LOOK = 60
+"""Lines that tell whether a text consists of addresses."""
+
+Matches: TypeAlias = Callable[[str], bool]
+Reads: TypeAlias = Callable[[Path, str, str], Table]
+
+
+@dataclasses.dataclass(frozen=True)
+class TextFormat:
+    """A format: whether the first part of a text is of it, and its reader."""
+
+    matches: Matches
+    read: Reads
+
+
+def is_renishaw(head: str) -> bool:
+    """Whether a text has the sections of Renishaw's laser software."""
+    return "TARGET DATA::" in head or "DEVIATIONS::" in head
+
+
+def read_renishaw(path: Path, text: str, encoding: str) -> Table:
+    """Return target, error, run and direction of a Renishaw laser file (``.rtl``, ``.rtx``).
+
+    Targets are numbered; every pass over them is a run of the file. Passes of the same
+    direction are counted, so that the way there and back have the same run number.
+
+    Raises:
+        CellError: If a target or deviation is no number.
+        LineError: If there are fewer targets, runs or readings than announced, or more.
+        MeasurementError: If a section is missing.
+    """
+    sections, settings = _sections(text)
+    targets = [
+        (float(cell.replace(",", ".")), line)
+        for line, cells in sections.get("targets", [])
+        for cell in _numbers(path, line, "target", cells)
+    ]
+    rows = sections.get("run target data", [])
+    if not targets or not rows:
+        missing = "TARGET DATA with Targets" if not targets else "DEVIATIONS"
+        reason = f"found a Renishaw file without {missing}, expected it"
+        raise MeasurementError(str(path), reason)
+    _announced(path, settings, "target-count", len(targets), "targets")
+    seen: dict[tuple[int, int], int] = {}
+    passes: dict[int, list[tuple[int, float, int]]] = {}
+    for line, cells in rows:
+        numbers = _numbers(path, line, "deviation", cells)
+        whole = len(numbers) == 3 and all(map(_WHOLE.fullmatch, numbers[:2]))
+        if not whole or not 1 <= int(numbers[1]) <= len(targets):
+            expected = f"run, target from 1 to {len(targets)}, deviation"
+            raise LineError(str(path), line, f"'{' '.join(cells)[:40]}'", expected)
+        spot = (int(numbers[0]), int(numbers[1]))
+        if spot in seen:
+            found = f"run {spot[0]}, target {spot[1]} a second time"
+            raise LineError(str(path), line, found, f"it once (line {seen[spot]})")
+        seen[spot] = line
+        value = float(numbers[2].replace(",", "."))
+        passes.setdefault(spot[0], []).append((spot[1] - 1, value, line))
+    count = _announced(path, settings, "run-count", len(passes), "runs")
+    if len(seen) != count * len(targets):
+        found = f"{len(seen)} readings, the last one here"
+        expected = f"{count} runs of {len(targets)} targets"
+        raise LineError(str(path), rows[-1][0], found, expected)
+    body = _readings(passes, [target for target, _ in targets])
+    names = (
+        ("target", "position", "mm"),
+        ("error", "error", "um"),
+        ("run", "run", None),
+        ("direction", "direction", None),
+    )
+    axis = settings.get("axis", ("", 0))[0]
+    details = [f"{key}: {value}" for key, (value, _) in settings.items() if value]
+    return Table(
+        path=path,
+        format="Renishaw laser file",
+        columns=tuple(
+            Column(name, role, unit, np.ascontiguousarray(body[:, at]), header=name)
+            for at, (name, role, unit) in enumerate(names)
+        ),
+        rows=len(body),
+        lines=body[:, 4].astype(np.int64),
+        remarks=(
+            "Targets are taken in mm and deviations in µm, as the files of linear and"
+            " straightness measurements have them; the file does not state units.",
+            f"The file says: {'; '.join(details)[:300]}.",
+        ),
+        axis=axis if re.fullmatch(r"[A-Za-z]\w*", axis) else None,
+    )
+
+
+_Lines = dict[str, list[tuple[int, list[str]]]]
+
+
+def _sections(text: str) -> tuple[_Lines, dict[str, tuple[str, int]]]:
+    """Return the lines of numbers by the key above them, and the settings with lines."""
+    numbers: _Lines = {}
+    settings: dict[str, tuple[str, int]] = {}
+    key = ""
+    for number, line in enumerate(text.split("\n"), start=1):
+        if not line.strip() or _SECTION.fullmatch(line):
+            key = "" if line.strip() else key
+        elif match := _SETTING.fullmatch(line):
+            key = match["key"].casefold()
+            if match["value"]:
+                settings.setdefault(key, (match["value"], number))
+        elif key:
+            numbers.setdefault(key, []).append((number, line.split()))
+    return numbers, settings
+
+
+def _numbers(path: Path, line: int, name: str, cells: list[str]) -> list[str]:
+    for cell in cells:
+        if not _NUMBER.fullmatch(cell):
+            raise CellError(str(path), line, name, cell, "a finite number")
+    return cells
+
+
+def _announced(
+    path: Path, settings: dict[str, tuple[str, int]], key: str, count: int, what: str
+) -> int:
+    """Return the number that the file announces, which must be that of its contents."""
+    stated, line = settings.get(key, (str(count), 0))
+    if stated.strip() != str(count):
+        found = f"{key}: {stated} and {count} {what} in the file"
+        raise LineError(str(path), line, found, "as many as announced")
+    return count
+
+
+def _readings(
+    passes: dict[int, list[tuple[int, float, int]]], targets: list[float]
+) -> np.ndarray:
+    """Return rows of target, error, run, direction and line, in the order of the file."""
+    seen = {1: 0, -1: 0}
+    rows = []
+    for readings in passes.values():
+        way = targets[readings[-1][0]] - targets[readings[0][0]]
+        side = 1 if way >= 0 else -1
+        seen[side] += 1
+        for at, value, line in readings:
+            rows.append((targets[at], value, seen[side], side, line))
+    return np.array(rows, dtype=np.float64)
+
+
+def is_centroid(head: str) -> bool:
+    """Whether a text is a count and a number, and below as many lines of numbers."""
+    lines = [line.split() for line in head.split("\n") if line.strip()]
+    if len(lines) < 3 or len(lines[0]) != 2 or not _WHOLE.fullmatch(lines[0][0]):
+        return False
+    if not _WHOLE.fullmatch(lines[0][1]) or int(lines[0][0]) < 2:
+        return False
+    below = lines[1:]
+    whole = sum(len(line) == 1 and bool(_WHOLE.fullmatch(line[0])) for line in below)
+    return whole >= 2 and 3 * whole >= 2 * len(below)
+
+
+def read_centroid(path: Path, text: str, encoding: str) -> Table:
+    """Return the corrections of a Centroid ballscrew table in encoder counts.
+
+    Raises:
+        LineError: If there are not as many points as the first line announces.
+    """
+    lines = [
+        (number, line.split())
+        for number, line in enumerate(text.split("\n"), start=1)
+        if line.strip()
+    ]
+    (top, head), rows = lines[0], lines[1:]
+    odd = next(((line, cells) for line, cells in rows if len(cells) != 1), None)
+    if odd is not None or len(rows) != int(head[0]):
+        line = top if odd is None else odd[0]
+        found = f"{len(rows)} points" if odd is None else f"{len(odd[1])} numbers"
+        expected = f"{head[0]} lines of one correction, as line {top} announces"
+        raise LineError(str(path), line, found, expected)
+    for line, cells in rows:
+        _numbers(path, line, "correction", cells)
+    values = np.array([float(cells[0]) for _, cells in rows])
+    points = np.arange(1.0, len(rows) + 1.0)
+    remark = (
+        "A Centroid table holds corrections (the negative of errors) in encoder counts"
+        " at points whose distance it does not state: no roles are given."
+    )
+    return Table(
+        path=path,
+        format="Centroid table",
+        columns=(
+            Column("point", None, None, points, header="point"),
+            Column("correction", None, "inc", values, header="correction"),
+        ),
+        rows=len(rows),
+        lines=np.array([line for line, _ in rows], dtype=np.int64),
+        skipped=(
+            Skipped(top, "number of points, and the second number of the header"),
+        ),
+        remarks=(remark,),
+        scalars=(("second number of the header", float(head[1])),),
+    )
+
+
+def is_addresses(head: str) -> bool:
+    """Whether most lines are like ``X100.000 Y20.000 Z-0.012``, with the same letters."""
+    return _keys_of(head) is not None
+
+
+def _keys_of(head: str) -> tuple[str, ...] | None:
+    lines = [line for line in head.split("\n")[:_LOOK] if line.strip()]
+    found = [_address_keys(line) for line in lines]
+    keys = max(set(found), key=found.count, default=None)
+    if keys is None or found.count(keys) < 2 or 2 * found.count(keys) <= len(lines):
+        return None
+    return keys
+
+
+def _address_keys(line: str) -> tuple[str, ...] | None:
+    if not _ADDRESSES.fullmatch(line):
+        return None
+    keys = tuple(key.upper() for key, _ in re.findall(_ADDRESS, line))
+    return keys if len(set(keys)) == len(keys) else None
+
+
+def read_addresses(path: Path, text: str, encoding: str) -> Table:
+    """Return the numbers behind each letter, as columns that have its name.
+
+    Raises:
+        LineError: If a line below the first ones is not like them.
+    """
+    keys = _keys_of(text)
+    assert keys is not None
+    lines = text.split("\n")
+    for at, line in enumerate(lines):
+        if _address_keys(line) == keys:
+            lines[at] = " ".join(number for _, number in re.findall(_ADDRESS, line))
+        elif line.strip().upper().startswith(keys[0]) and re.search(r"\d", line):
+            expected = f"numbers behind {', '.join(keys)} as in the other lines"
+            found, advice = f"'{line.strip()[:40]}'", f"skip = [{at + 1}]"
+            raise LineError(str(path), at + 1, found, expected, advice)
+    plain = "\n".join(lines)
+    layout = find_layout(path, plain)
+    layout = dataclasses.replace(layout, names=tuple(map(parse_name, keys)))
+    table = read_body(path, layout, plain, encoding)
+    return dataclasses.replace(table, format="lines of letters with numbers")
+
+
+INSTRUMENTS = (
+    TextFormat(is_renishaw, read_renishaw),
+    TextFormat(is_centroid, read_centroid),
+    TextFormat(is_addresses, read_addresses),
+)
+"""Formats in the order in which they are looked for."""
