@@ -124,9 +124,10 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     unused = tuple(c.name for c in table.columns if id(c) not in taken)
     if table.format in MESH_FORMATS:
         return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
+    named, outside = _with_encoders(table, named)
     home, owner = _home(table, axes, named), _owner(table, axes, named)
     assumed: dict[str, str] = {}
-    for each in named:
+    for each in sorted(named, key=_telling):
         if each.axis is None and each.kind in _OWNED:
             axis, stated = owner if each.kind == "error" else home
             if not stated:
@@ -136,8 +137,6 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
     roles: dict[str, list[ColumnSpec]] = {}
     unclear: list[Unclear] = []
-    drive = table.format == SCOPE_FORMAT or any(e.kind == "current" for e in named)
-    outside = drive or any(each.kind in ("actual", "error") for each in named)
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
         options, asks = _options(each, axis, outside=outside)
@@ -157,13 +156,38 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
 _OWNED = frozenset(KINDS)
 
 
+def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named], bool]:
+    """Return the columns, and whether an actual position can only be the machine's own.
+
+    Beside what an instrument showed, or the current of a drive, it is the encoder's.
+    """
+    drive = table.format == SCOPE_FORMAT or any(e.kind == "current" for e in named)
+    seen = any(e.kind == "error" or (e.kind == "actual" and not e.own) for e in named)
+    if not (drive or seen):
+        return list(named), False
+    return [
+        dataclasses.replace(each, kind="encoder")
+        if each.kind == "actual" and each.own
+        else each
+        for each in named
+    ], True
+
+
+def _telling(each: _Named) -> int:
+    """Return the rank of a column by how well a person knows it."""
+    order = ("error", "actual", "current", "position")
+    return order.index(each.kind) if each.kind in order else len(order)
+
+
 def _home(
     table: Table, axes: Sequence[str], named: Sequence[_Named]
 ) -> tuple[str, bool]:
     """Return the axis of columns that name none, and whether anybody has named it."""
     known = [each.axis for each in named if each.axis is not None]
-    if axes or known:
-        return (axes[0] if axes else str(known[0])), True
+    if axes:
+        return axes[0], True
+    if table.axis is not None or known:
+        return table.axis or str(known[0]), True
     pieces = _PIECE.findall(table.path.stem)
     stem = [piece.upper() for piece in pieces if _AXIS.fullmatch(piece)]
     return (stem[0], True) if stem else ("X", False)
@@ -177,7 +201,7 @@ def _owner(
     Where other axes moved it is one that did not: what a straightedge or a probe shows.
     """
     known = [each.axis for each in named if each.axis is not None]
-    if axes or not known:
+    if axes or not known or table.axis is not None:
         return _home(table, axes, named)
     others = [axis for axis in ("Y", "Z", "X") if axis not in known]
     return (others[0] if others else known[0]), False
@@ -198,21 +222,17 @@ def _named(column: Column) -> _Named | None:
     """Return what a column is by its role, its unit or its name, or None."""
     if column.role is not None:
         role = find_role(column.role)
+        own = column.name != column.role and bool(_words(column.name) & _OWN)
         if role is None:
-            return _Named(column, column.role, None)
-        return _Named(column, role.kind, role.axis)
+            return _Named(column, column.role, None, own)
+        return _Named(column, role.kind, role.axis, own)
     pieces = _PIECE.findall(column.name)
     if column.unit is not None and len(pieces) > 1:
         unit = find_unit(pieces[-1])  # "dz_um": the unit stays part of the name
         if unit is not None and unit.name == column.unit:
             pieces = pieces[:-1]
     axis = _axis_in(column.name, pieces)
-    words = {
-        word.casefold()
-        for piece in pieces
-        for word in [piece, *_CAMEL.findall(piece)]
-        if piece.upper() != axis
-    }
+    words = _words(*(piece for piece in pieces if piece.upper() != axis))
     kinds = [kind for kind, known in _WORDS.items() if words & known]
     kinds += [_LETTERS[word] for word in words if axis and word in _LETTERS]
     unit = find_unit(column.unit or "")
@@ -234,6 +254,13 @@ def _named(column: Column) -> _Named | None:
     return _Named(column, kind, axis, "encoder" in kinds)
 
 
+def _words(*texts: str) -> set[str]:
+    pieces = [piece for text in texts for piece in _PIECE.findall(text)]
+    split = [word for piece in pieces for word in [piece, *_CAMEL.findall(piece)]]
+    return {word.casefold() for word in split}
+
+
+_OWN = _WORDS["encoder"]
 _TEXTS = ("time", "run", "direction")
 
 
@@ -251,9 +278,13 @@ def _axis_in(name: str, pieces: Sequence[str]) -> str | None:
 
 def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     """Whether the file's own roles need no mapping beside them."""
+    if any(column.run is not None for column in table.columns):
+        return True  # one column per run: which is which the reader has found
     if not any(column.role not in (None, "time") for column in table.columns):
         return False
     complete = all(each.column.role is not None for each in named)
+    if any(each.kind == "encoder" and each.own for each in named):
+        return False
     stated = all(each.column.unit or each.kind not in _UNSTATED for each in named)
     return complete and stated
 

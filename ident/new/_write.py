@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...data.lists import ListFile
-from ...data.measurements import Table, find_unit
+from ...data.measurements import Table, find_role, find_unit
 from .._job_text import job_line
 from ..job import Gate, Job, JobFile, Observation, asks_for_owner, trend_words
 from ..kinds import kind
@@ -142,13 +142,15 @@ def _write_measurement(page: JobPage, contents: Contents, source: Source) -> Non
         f"{table.format}, {table.rows} rows, {count or 'no'} line{'s' * (count != 1)}"
         " skipped",
     )
-    page.note(*table.remarks)
+    if not meaning.likeliest:
+        page.note(*table.remarks)
     if meaning.axis is not None:
         page.key(job_line("axis", meaning.axis), "whose error it is")
     _write_active(page, source.name, contents.axes, mine)
     for one in mine[:1]:
         _write_zero(page, contents, source.name, one)
-    if meaning.columns or meaning.unclear:
+    _write_own_roles(page, source)
+    if meaning.likeliest:
         page.add(f"[measurements.{source.name}.columns]")
     for text, spec in meaning.columns.items():
         page.add(_column_line(text, spec.column, spec.unit))
@@ -159,6 +161,21 @@ def _write_measurement(page: JobPage, contents: Contents, source: Source) -> Non
     if meaning.unused:
         page.note(f"Not used: {', '.join(meaning.unused)}.")
     page.add("")
+
+
+def _write_own_roles(page: JobPage, source: Source) -> None:
+    """Write what the columns of a file mean that says it itself, as a remark."""
+    table = source.table
+    named = [c for c in table.columns if c.role is not None and c.run is None]
+    if source.meaning.likeliest or not named:
+        return
+    page.note("The columns name themselves; to change that, state all of them:")
+    page.add(f"# [measurements.{source.name}.columns]")
+    for column in named:
+        text = str(column.role)
+        if find_role(text) is None:
+            text = f"{source.meaning.axis}.{text}"
+        page.add(f"# {_column_line(text, column.header or column.name, column.unit)}")
 
 
 def _column_line(role: str, column: str, unit: str | None) -> str:

@@ -47,17 +47,19 @@ def _comma(value: float, digits: int) -> str:
 
 
 def write_laser(path: Path) -> None:
-    """A German laser table: semicolons, decimal commas."""
+    """A German laser table: titles, semicolons, decimal commas, words for the direction."""
     rng = np.random.default_rng(11)
     x = np.linspace(0.0, 600.0, 31)
-    lines = ["Lauf;Richtung;Soll [mm];Abweichung [µm]"]
+    lines = ["Positioniermessung Portalfräse 7", "Achse: X", ""]
+    lines += ["Lauf;Richtung;Soll;Abweichung", ";;mm;µm"]
     for run in range(1, 6):
         shift = 4e-4 * rng.normal()
         for way, places in ((1.0, x), (-1.0, x[::-1])):
             error = screw(places, np.full(31, way)) + 0.0131 + shift
             error += 6e-4 * rng.normal(size=31)
+            word = "vorwärts" if way > 0 else "rückwärts"
             lines += [
-                f"{run};{way:+.0f};{_comma(place, 3)};{_comma(1e3 * value, 2)}"
+                f"{run};{word};{_comma(place, 3)};{_comma(1e3 * value, 2)}"
                 for place, value in zip(places, error, strict=True)
             ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -67,7 +69,7 @@ def write_straightness(path: Path) -> None:
     """A straightedge that lies askew, read with a gauge three times along X."""
     rng = np.random.default_rng(12)
     x = np.linspace(0.0, 600.0, 31)
-    lines = ["run,x [mm],straightness Y [um]"]
+    lines = ["Straightness of the beam, 20 Nov 2026", "run,x,straightness Y", ",mm,um"]
     for run in range(1, 4):
         reading = beam(x) - 0.212 + 6.5e-5 * x + 8e-4 * rng.normal(size=31)
         lines += [
