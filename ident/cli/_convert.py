@@ -48,11 +48,6 @@ def convert(
 
     Lengths are in mm; a CSV holds the entries as the list has them, LinuxCNC's file where
     the joint really was, a mesh the height, whose negative a plane holds.
-
-    Examples:
-      axcomp convert achskw1.lis screw.csv
-      axcomp convert screw.comp achskw1.lis --axis 1
-      axcomp convert mesh.cfg achskw3.lis --axis 3 --master 1 --master 2
     """
     from ...data.files import write_atomically
     from ...data.lists import ListFile

@@ -50,11 +50,6 @@ def new(
 
     Roles, units, nodes and the fit that suits are filled in; what the files do not tell is
     asked in the job, next to the possible answers.
-
-    Examples:
-      axcomp new laser_x.csv
-      axcomp new straightness.csv --axis Y=2 --axis X=1 --out beam.toml
-      axcomp new laser_x.csv --list achskw1.lis --force
     """
     from ...data.files import write_atomically
     from ..new import new_job
