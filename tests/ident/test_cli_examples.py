@@ -85,6 +85,7 @@ def logged(folder: Path) -> None:
     (folder / "log.csv").write_text("\n".join(rows) + "\n")
 
 
+@pytest.mark.slow
 def test_every_example_works_as_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,12 +3,15 @@
 All truths are errors (actual − commanded) in mm over positions in mm.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 Array = Float[np.ndarray, " n"]
+Error = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Error in mm over positions in mm and directions."""
 
 
 def screw(x: Array, way: Array) -> Array:
@@ -46,23 +49,28 @@ def _comma(value: float, digits: int) -> str:
     return f"{value:.{digits}f}".replace(".", ",")
 
 
-def write_laser(path: Path) -> None:
-    """A German laser table: titles, semicolons, decimal commas, words for the direction."""
-    rng = np.random.default_rng(11)
+def laser_text(error_of: Error, seed: int = 11) -> str:
+    """Return a German laser table: titles, semicolons, decimal commas, words for ways."""
+    rng = np.random.default_rng(seed)
     x = np.linspace(0.0, 600.0, 31)
     lines = ["Positioniermessung Portalfräse 7", "Achse: X", ""]
     lines += ["Lauf;Richtung;Soll;Abweichung", ";;mm;µm"]
     for run in range(1, 6):
         shift = 4e-4 * rng.normal()
         for way, places in ((1.0, x), (-1.0, x[::-1])):
-            error = screw(places, np.full(31, way)) + 0.0131 + shift
+            error = error_of(places, np.full(31, way)) + 0.0131 + shift
             error += 6e-4 * rng.normal(size=31)
             word = "vorwärts" if way > 0 else "rückwärts"
             lines += [
                 f"{run};{word};{_comma(place, 3)};{_comma(1e3 * value, 2)}"
                 for place, value in zip(places, error, strict=True)
             ]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
+
+
+def write_laser(path: Path) -> None:
+    """Write what a laser shows of a screw, all compensations off."""
+    path.write_text(laser_text(screw), encoding="utf-8")
 
 
 def write_straightness(path: Path) -> None:
