@@ -62,6 +62,11 @@ def edited_job(
     return f"{kept}\n\n{job_text({'fits': list(fits)})}\n"
 
 
+def job_line(key: str, value: object) -> str:
+    """Return one key of a job with its value, as it stands in the file."""
+    return f"{_key(key)} = {_value(value)}"
+
+
 def _is_table(value: object) -> bool:
     if isinstance(value, list):
         return bool(value) and all(isinstance(each, Mapping) for each in value)
@@ -78,11 +83,7 @@ def _tables(name: str, table: Mapping[str, Any]) -> Iterator[list[str]]:
 
 
 def _lines(table: Mapping[str, Any]) -> Iterator[str]:
-    return (
-        f"{_key(key)} = {_value(value)}"
-        for key, value in table.items()
-        if value is not None
-    )
+    return (job_line(key, value) for key, value in table.items() if value is not None)
 
 
 def _key(key: str) -> str:

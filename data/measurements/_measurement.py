@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from ._align import on_one_clock
 from ._convert import as_direction, as_run, library_unit, unit_of
@@ -79,6 +79,8 @@ class Measurement:
         rows: Number of rows.
         lines: Line of the file per row.
         remarks: What was taken for granted, one sentence each.
+        late: Of axes in motion, what one standard deviation of their instrument's delay
+            makes of the error, per row in mm or °.
         format: Of the file, in words; see `Table`.
         form: How a text table was found to be written: separator, decimal mark, lines
             of header and units; None for all others.
@@ -92,6 +94,9 @@ class Measurement:
     rows: int
     lines: Int[np.ndarray, " t"]
     remarks: tuple[str, ...] = ()
+    late: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
     format: str = ""
     form: TextForm | None = None
     skipped: tuple[Skipped, ...] = ()

@@ -30,6 +30,8 @@ _APART = 1e-4
 """s: instruments whose delays differ by less show the same instant."""
 _NOISY = 0.01
 """Share of the largest acceleration that noise may be in what a spline tells of it."""
+_TOLD = 5e-4
+"""Share of rows left out from which on it is told."""
 _AT_REST = 1e-3
 """mm/s or °/s: an axis that never moves faster stands."""
 
@@ -103,11 +105,17 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
         remarks.append(one.words)
     for role in values:
         units.setdefault(role, _unit(role, units))
+    late = {
+        axis: one.clock.standard_deviation * values[f"{axis}.velocity"]
+        for axis, one in found.items()
+        if one.clock is not None and f"{axis}.velocity" in values
+    }
     return dataclasses.replace(
         measurement,
         values=RoleValues(values | gaps),
         units=units,
         remarks=tuple(remarks),
+        late=late,
     )
 
 
@@ -125,6 +133,7 @@ def with_error(measurement: Measurement, axis: str) -> Measurement:
         values=RoleValues(values),
         rows=int(known.sum()),
         lines=measurement.lines[known],
+        late={name: each[known] for name, each in measurement.late.items()},
     )
 
 
@@ -223,7 +232,7 @@ def _aligned_words(axis: str, clock: InstrumentClock, aligned: AlignedError) -> 
         f"{axis} was moving: its error is that of the reference against the encoder, not"
         f" against the command; {clock.statement}, which was taken off."
     )
-    if lost > 0:
+    if lost >= _TOLD:
         words += (
             f" {lost:.1%} of the rows are left out, where the samples are too far apart"
             " for that."

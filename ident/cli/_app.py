@@ -8,6 +8,8 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
+from typing import Any
 
 import typer
 
@@ -17,6 +19,7 @@ from ...data.errors import AxcompError, UsageError
 from . import (
     _batch,
     _check,
+    _convert,
     _demo,
     _diff,
     _discover,
@@ -24,6 +27,7 @@ from . import (
     _export_external,
     _fit,
     _iso230,
+    _new,
     _objects,
     _probe,
     _read,
@@ -32,30 +36,39 @@ from . import (
     _simulate,
     _verify,
 )
+from ._examples import help_of
 
 app = typer.Typer(
     name="axcomp",
     help="Turns measurements of a machine tool into compensation lists that are proven to work.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
 )
-app.command("demo")(_demo.demo)
-app.command("read")(_read.read)
-app.command("fit")(_fit.fit)
-app.command("iso230")(_iso230.iso230)
-app.command("batch")(_batch.batch)
-app.command("results")(_results.results)
-app.command("check")(_check.check)
-app.command("show")(_show.show)
-app.command("diff")(_diff.diff)
-app.command("objects")(_objects.objects)
-app.command("probe")(_probe.probe)
-app.command("simulate")(_simulate.simulate)
-app.command("verify")(_verify.verify)
-app.command("export-external")(_export_external.export_external)
-app.command("doctor")(_doctor.doctor)
-app.command("discover")(_discover.discover)
+COMMANDS: dict[str, Callable[..., Any]] = {
+    "demo": _demo.demo,
+    "read": _read.read,
+    "new": _new.new,
+    "fit": _fit.fit,
+    "iso230": _iso230.iso230,
+    "batch": _batch.batch,
+    "results": _results.results,
+    "check": _check.check,
+    "show": _show.show,
+    "diff": _diff.diff,
+    "convert": _convert.convert,
+    "objects": _objects.objects,
+    "probe": _probe.probe,
+    "simulate": _simulate.simulate,
+    "verify": _verify.verify,
+    "export-external": _export_external.export_external,
+    "doctor": _doctor.doctor,
+    "discover": _discover.discover,
+}
+"""Function by name, in the order in which they are shown."""
+
+for _name, _command in COMMANDS.items():
+    app.command(_name, help=help_of(_name, _command))(_command)
 
 
 def _print_version(value: bool) -> bool:

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -61,6 +62,7 @@ def read(
         typer.echo(json.dumps(_as_dict(table, problems), ensure_ascii=False, indent=2))
     else:
         _print(table)
+        typer.echo(f"A job for it: axcomp new {shlex.quote(str(file))}", err=True)
     for problem in problems:
         typer.echo(f"axcomp: {problem}", err=True)
     if problems:

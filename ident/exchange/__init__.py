@@ -28,6 +28,18 @@ from ._conventions_file import (
     StoredConventions as StoredConventions,
     read_conventions as read_conventions,
 )
+from ._convert import (
+    CONVERTIBLE as CONVERTIBLE,
+    ExchangedTable as ExchangedTable,
+    list_with as list_with,
+    table_in as table_in,
+)
+from ._convert_text import (
+    FORMATS as FORMATS,
+    format_of as format_of,
+    table_of_file as table_of_file,
+    text_of as text_of,
+)
 from ._errors import ExchangeError as ExchangeError
 from ._evaluate import offset_at as offset_at
 from ._events import (

@@ -81,9 +81,21 @@ if TYPE_CHECKING:
         TemperatureResult as TemperatureResult,
         ThermalView as ThermalView,
     )
-    from ._found_fits import found_keys as found_keys, job_with_fits as job_with_fits
+    from ._found_fits import (
+        found_keys as found_keys,
+        job_with_fits as job_with_fits,
+        nodes_for as nodes_for,
+    )
     from ._observe import Observation as Observation, observe as observe
     from ._outside import read_outside as read_outside
+    from ._remove import without_zero as without_zero
+    from ._schema import Gate as Gate, JobFile as JobFile
+    from ._trend import (
+        Trend as Trend,
+        asks_for_owner as asks_for_owner,
+        trend_through as trend_through,
+        trend_words as trend_words,
+    )
     from .joint import (
         AxisSum as AxisSum,
         EffectShare as EffectShare,
@@ -97,8 +109,16 @@ _HOMES = {
     "Observation": "_observe",
     "found_keys": "_found_fits",
     "job_with_fits": "_found_fits",
+    "nodes_for": "_found_fits",
     "read_outside": "_outside",
     "observe": "_observe",
+    "without_zero": "_remove",
+    "Gate": "_schema",
+    "JobFile": "_schema",
+    "Trend": "_trend",
+    "asks_for_owner": "_trend",
+    "trend_through": "_trend",
+    "trend_words": "_trend",
     "AxisSum": "joint",
     "BacklashResult": ".kinds.backlash._result",
     "CrosstalkResult": ".kinds.crosstalk._result",

@@ -9,9 +9,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..exchange import AbstractTable
 from ..fit import Samples, TableFit, TableLayout, fit_table, predict
 from ..proof import HeldOut, held_out
-from ._found_nodes import grid_words
+from ._found_nodes import grid_words, suit
 from ._load import Job
 from ._plan import Plan
 from ._readings import Readings
@@ -165,12 +166,11 @@ def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
         allow_gaps=finer,
     )
     if finer:
-        readings = readings.with_remark(
-            Remark.warning(
-                f"There are more nodes than readings: the prior fills in between. Nodes"
-                f" that suit these readings: {grid_words([*readings.positions.T])}."
-            )
-        )
+        words = "There are more nodes than readings: the prior fills in between."
+        places = [*readings.positions.T]
+        if not suit([nodes.positions for nodes in table.nodes], places):
+            words += f" Nodes that suit these readings: {grid_words(places)}."
+        readings = readings.with_remark(Remark.warning(words))
     rounded = Rounded(job, plan, readings.datum)
     zero = rounded.zero(fit)
     before = readings.error - zero
@@ -182,7 +182,13 @@ def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
         plan=plan,
         readings=readings,
         samples=samples,
-        fit=dataclasses.replace(fit, values=fit.values - zero),
+        fit=dataclasses.replace(
+            fit,
+            values=fit.values - zero,
+            standard_deviation=np.hypot(
+                fit.standard_deviation, _late(table, samples, readings.late)
+            ),
+        ),
         before=before,
         active=active,
         integers=entries,
@@ -190,6 +196,31 @@ def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
         held_out=held_out(table, samples, fit, rounded.integers_of, before, active),
         run_effects=effects,
     )
+
+
+def _late(
+    table: AbstractTable, samples: Samples, late: Float[np.ndarray, " t"] | None
+) -> Float[np.ndarray, "..."]:
+    """Return what one standard deviation of the delay of an instrument makes of each node.
+
+    An error in motion that is taken a moment too late has changed by that moment times the
+    speed: readings about a node that were taken in one direction err together.
+    """
+    shape = table.layout.shape
+    if late is None:
+        return np.zeros(shape)
+    at: list[np.ndarray] = [] if samples.branch is None else [samples.branch]
+    for nodes, places in zip(
+        reversed(table.nodes), reversed(samples.positions.T), strict=True
+    ):
+        middles = 0.5 * (nodes.positions[1:] + nodes.positions[:-1])
+        at.append(np.searchsorted(middles, places))
+    index = np.ravel_multi_index(tuple(at), shape)
+    size = int(np.prod(shape))
+    count = np.bincount(index, minlength=size)
+    mean = np.bincount(index, late, minlength=size) / np.maximum(count, 1)
+    everywhere = np.sqrt(np.mean(mean[count > 0] ** 2))
+    return np.where(count > 0, np.abs(mean), everywhere).reshape(shape)
 
 
 def _finer_than(

@@ -1,5 +1,6 @@
 """A job with the fits that were found: the old one, its ``[[fits]]`` replaced."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -110,40 +111,53 @@ def _keys_of(
         keys["measurement"] = sources[0]
     else:
         keys["measurements"] = list(sources)
-    keys |= dict(one.keys) | _nodes(job, observation, one, sources)
+    over = (one.masters or (one.axis,)) if kind(one.compensation).table else ()
+    nodes = nodes_for(job, observation, one.axis, over, sources)
+    keys |= dict(one.keys) | nodes
     if one.group is not None:
         keys["group"] = one.group
     return keys
 
 
-def _nodes(
-    job: Job, observation: Observation, one: Found, sources: tuple[str, ...]
+def nodes_for(
+    job: Job,
+    observation: Observation,
+    axis: str,
+    over: Sequence[str],
+    sources: Sequence[str],
 ) -> dict[str, Any]:
-    """Return the keys that give the nodes of a table; none for other compensations."""
-    if not kind(one.compensation).table:
+    """Return the keys that give the nodes of a table; none without a position.
+
+    Args:
+        job: The job.
+        observation: Its measurements.
+        axis: Whose error the table holds.
+        over: Axes over whose positions it lies: its own, or its masters.
+        sources: Names of the measurements.
+    """
+    if not over:
         return {}
-    over = one.masters or (one.axis,)
     data = observation.data
     rows = np.isin(data.source, [observation.names.index(name) for name in sources])
-    rows &= np.isfinite(data.error[one.axis])
-    places = [data.position[axis][rows] for axis in over]
+    rows &= np.isfinite(data.error[axis])
+    places = [data.position[master][rows] for master in over]
     if len(over) == 2:
         first, second = grids_for(places[0], places[1])
         start, interval, points = (
             list(pair) for pair in zip(first, second, strict=True)
         )
         return {"start": start, "interval": interval, "points": points}
-    spec = job.spec.axes[over[0]]
+    spec, own = job.spec.axes[over[0]], over[0] == axis
     if spec.modulo is not None:
         low, high = spec.modulo
         grid = (low, (high - low) / 72.0, 73)
     else:
         # What a cross table does beyond its ends is not documented (S-12).
         reach = None
-        if one.masters and spec.limits is not None:
+        if not own and spec.limits is not None:
             reach = (spec.limits[0], spec.limits[1])
         grid = grid_over(places[0], reach)
     keys: dict[str, Any] = dict(zip(("start", "interval", "points"), grid, strict=True))
-    if not one.masters and spec.modulo is not None:
+    if own and spec.modulo is not None:
         keys["modulo"] = True
     return keys

@@ -85,11 +85,33 @@ def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
         places: Positions of the readings, per master.
     """
     if len(places) == 1:
-        start, interval, points = grid_over(places[0])
+        ((start, interval, points),) = _grids(places)
         return f"start = {start:g}, interval = {interval:g}, points = {points}"
-    first, second = grids_for(places[0], places[1])
+    first, second = _grids(places)
     keys = zip(("start", "interval", "points"), first, second, strict=True)
     return ", ".join(f"{key} = [{one:g}, {two:g}]" for key, one, two in keys)
+
+
+def suit(
+    nodes: Sequence[Float[np.ndarray, " _"]], places: Sequence[Float[np.ndarray, " t"]]
+) -> bool:
+    """Return whether nodes are those that suit readings.
+
+    Args:
+        nodes: Of a table, per master, in mm or °.
+        places: Positions of the readings, per master.
+    """
+    return all(
+        len(own) == points
+        and bool(np.allclose(own, start + interval * np.arange(points)))
+        for own, (start, interval, points) in zip(nodes, _grids(places), strict=True)
+    )
+
+
+def _grids(places: Sequence[Float[np.ndarray, " t"]]) -> tuple[Grid, ...]:
+    if len(places) == 1:
+        return (grid_over(places[0]),)
+    return grids_for(places[0], places[1])
 
 
 def _round_up(width: float) -> float:

@@ -13,7 +13,7 @@ from ..proof import ErrorFigures
 from ._draft import Written
 from ._fitting import AbstractFitted, Fitted
 from ._gating import switching_remarks
-from ._remarks import Counts, fit_remarks, outside
+from ._remarks import Counts, fit_remarks, outside, places_of
 from ._result import (
     Remark,
     SampleView,
@@ -82,6 +82,7 @@ def prove(one: Fitted, done: Written) -> Proof:
             len(one.before),
             int(wild.sum()),
             int(outside(table, readings.positions).sum()),
+            places_of(readings, wild, one.plan.fit.over),
         ),
         by_run=left.by_run,
         remarks=tuple(readings.remarks),

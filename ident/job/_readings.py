@@ -34,6 +34,8 @@ class Readings:
             others.
         remarks: What was taken for granted.
         timed: Whether `order` is a time.
+        late: What one standard deviation of the instruments' delays makes of the error, or
+            None at standstill.
     """
 
     positions: Float[np.ndarray, "t d"]
@@ -47,6 +49,7 @@ class Readings:
     repeated: bool
     remarks: tuple[Remark, ...]
     timed: bool = False
+    late: Float[np.ndarray, " t"] | None = None
 
     def zero_at_datum(self, table: AbstractTable) -> float:
         """Return the error where it is to be zero: median of the readings nearest to it.
@@ -170,6 +173,7 @@ def read_fit(
         repeated=repeated,
         remarks=tuple(remarks),
         timed=timed,
+        late=joined([part.late for part in parts]),
     )
 
 

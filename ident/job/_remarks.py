@@ -1,13 +1,14 @@
 """What a fit has to say for itself, in sentences."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ..exchange import AbstractTable
 from ._fitting import AbstractFitted
+from ._readings import Readings
 from ._result import Remark
 
 _MANY = 0.05
@@ -16,8 +17,8 @@ _MANY = 0.05
 _SPARSE = 1.5
 """Readings per node up to which no place was measured twice to speak of."""
 
-_MOST = 6
-"""Nodes that are named one by one."""
+_MOST, _MOST_WILD = 6, 20
+"""Nodes, and wild readings, that are named one by one."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,11 +29,13 @@ class Counts:
         readings: All of them.
         wild: Those that the fit leaves out.
         outside: Those that lie outside the table.
+        places: Where each wild reading lies, in words; empty where nobody kept that.
     """
 
     readings: int
     wild: int
     outside: int
+    places: tuple[str, ...] = ()
 
 
 def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> Iterator[Remark]:
@@ -58,15 +61,16 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> Iterator[R
             f"{counts.outside} readings lie outside the table, where its edge is held."
         )
     if wild := counts.wild:
-        yield Remark(
-            "warning" if wild > _MANY * counts.readings else "info",
+        words = (
             f"{wild} of {counts.readings} readings are wild: the fit leaves them out."
-            " rms and max are given with and without them.",
         )
+        if counts.places:
+            words += f" They lie at {_listed(counts.places, _MOST_WILD)}."
+        words += " rms and max are given with and without them."
+        much = wild > _MANY * counts.readings
+        yield Remark("warning" if much else "info", words)
     if fit.suspect_nodes:
-        names = [_node(one, k) for k in fit.suspect_nodes[:_MOST]]
-        more = len(fit.suspect_nodes) - len(names)
-        words = "; ".join(names) + (f" and {more} more" if more else "")
+        words = _listed([_node(one, k) for k in fit.suspect_nodes], _MOST)
         yield Remark.warning(f"Readings contradict their surroundings at {words}.")
     if fit.suspect_runs:
         runs = ", ".join(str(run) for run in fit.suspect_runs)
@@ -114,6 +118,29 @@ def outside(
         edge = 1e-3 * float(np.diff(nodes.positions).min())
         found |= (column < ends[0] - edge) | (column > ends[1] + edge)
     return found
+
+
+def _listed(names: Sequence[str], most: int) -> str:
+    more = len(names) - most
+    return "; ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def places_of(
+    readings: Readings, which: Bool[np.ndarray, " t"], masters: Sequence[str]
+) -> tuple[str, ...]:
+    """Return where some of the readings lie: positions, direction and run, in words."""
+    found = []
+    for k in np.flatnonzero(which):
+        words = [
+            f"{name} = {place:.6g}"
+            for name, place in zip(masters, readings.positions[k], strict=True)
+        ]
+        if readings.direction is not None:
+            words.append("positive" if readings.direction[k] > 0 else "negative")
+        if readings.run is not None:
+            words.append(f"run {readings.run[k]}")
+        found.append(", ".join(words))
+    return tuple(found)
 
 
 def _node(one: AbstractFitted, index: int) -> str:

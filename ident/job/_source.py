@@ -55,7 +55,8 @@ ABSURD = 1e9
 class Part:
     """The readings of one measurement; ``change`` by a reduction to a temperature, mm.
 
-    ``measured`` are all columns of the same rows.
+    ``measured`` are all columns of the same rows, ``late`` what one standard deviation of
+    the instrument's delay makes of the error of an axis in motion.
     """
 
     positions: np.ndarray
@@ -66,6 +67,7 @@ class Part:
     remarks: tuple[str, ...]
     change: float | None = None
     measured: Measurement | None = None
+    late: np.ndarray | None = None
 
 
 def lines_of(spec: MeasurementSpec) -> Lines | None:
@@ -258,8 +260,9 @@ def read_rows(
     remarks += words
     run = measured.get("run")
     time = measured.get("time")
+    late = measured.late.get(fit.axis)
     return Part(
-        positions, error, direction, run, time, tuple(remarks), change, measured
+        positions, error, direction, run, time, tuple(remarks), change, measured, late
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fit import TableFit
+from ..kinds._keys import TableSpec
 from ._gating import limits_of
 from ._load import Job
 from ._plan import Plan
@@ -75,18 +76,41 @@ def trend_of(fit: TableFit) -> Trend:
     places = np.stack([grid.ravel() for grid in reversed(grids)], axis=1)
     places = np.tile(places, (layout.branches, 1))
     measured = np.asarray(fit.support).ravel() > 0
-    values = np.asarray(fit.values).ravel()[measured]
-    places = places[measured]
-    centre = places.mean(axis=0)
-    distance = places - centre
-    if layout.periodic:
+    deviation = np.asarray(fit.standard_deviation).ravel()[measured]
+    return trend_through(
+        places[measured],
+        np.asarray(fit.values).ravel()[measured],
+        deviation=float(np.sqrt(np.mean(deviation**2))),
+        noise=fit.noise,
+        periodic=layout.periodic,
+    )
+
+
+def trend_through(
+    places: Float[np.ndarray, "n d"],
+    values: Float[np.ndarray, " n"],
+    *,
+    deviation: float = 0.0,
+    noise: float = 0.0,
+    periodic: bool = False,
+) -> Trend:
+    """Return the line through errors at places.
+
+    Args:
+        places: In mm or °, one column per master.
+        values: Error in mm or °.
+        deviation: Standard deviation of a value, rms.
+        noise: Standard deviation of a single reading.
+        periodic: The places go round: there is no slope.
+    """
+    distance = places - places.mean(axis=0)
+    if periodic:
         distance = distance[:, :0]  # a whole turn has no slope
     design = np.column_stack([np.ones(len(values)), distance])
     solution = np.linalg.lstsq(design, values)[0]
     left = values - design @ solution
     free = max(len(values) - design.shape[1], 1)
-    deviation = np.asarray(fit.standard_deviation).ravel()[measured]
-    variance = float(np.sum(left**2) / free + np.mean(deviation**2))
+    variance = float(np.sum(left**2) / free + deviation**2)
     spread = np.sqrt(variance * np.diag(np.linalg.pinv(design.T @ design)))
     return Trend(
         constant=float(solution[0]),
@@ -94,7 +118,7 @@ def trend_of(fit: TableFit) -> Trend:
         slopes=solution[1:],
         slope_deviations=spread[1:],
         reach=np.sqrt(np.mean(distance**2, axis=0)),
-        remainder=float(np.hypot(np.sqrt(np.sum(left**2) / free), fit.noise)),
+        remainder=float(np.hypot(np.sqrt(np.sum(left**2) / free), noise)),
     )
 
 
@@ -117,23 +141,28 @@ def refuse_unowned_trend(job: Job, plan: Plan, fit: TableFit) -> None:
     if not silent:
         return
     trend = trend_of(fit)
-    if not trend.is_significant(_NEGLIGIBLE * limits_of(job).max_correction):
+    if not asks_for_owner(job, trend):
         return
     grouped = plan.fit.group is not None
     datum = "" if grouped else "datum = { at = … } (it is zero there), "
     raise job.error(
         ("measurements", silent[0]),
-        f"found {trend_words(job, plan, trend)} in the error of {plan.fit.axis}, which the"
+        f"found {trend_words(job, plan.fit, trend)} in the error of {plan.fit.axis}, which the"
         f" {plan.fit.compensation} table would take over; expected the job to say whose"
         f' they are: {datum}remove = "none" (both are the machine\'s), "offset" (the'
         ' constant is the instrument\'s) or "line" (the slope is, too)',
     )
 
 
-def trend_words(job: Job, plan: Plan, trend: Trend) -> str:
+def asks_for_owner(job: Job, trend: Trend) -> bool:
+    """Return whether a job must say whose the constant and the slopes of an error are."""
+    return trend.is_significant(_NEGLIGIBLE * limits_of(job).max_correction)
+
+
+def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
     """Return constant and slopes with unit and standard deviation."""
-    axes, masters = job.spec.axes, plan.fit.over
-    linear = axes[plan.fit.axis].kind == "linear"
+    axes, masters = job.spec.axes, fit.over
+    linear = axes[fit.axis].kind == "linear"
     unit = "µm" if linear else "0.001°"
     words = [
         f"a constant of {_amount(trend.constant, trend.constant_deviation)} {unit}"
@@ -144,7 +173,7 @@ def trend_words(job: Job, plan: Plan, trend: Trend) -> str:
     for master, (slope, deviation) in zip(masters, pairs, strict=False):
         along = axes[master].kind == "linear"
         scale, per = (1e3, "m") if along else (1.0, "°")
-        over = "" if master == plan.fit.axis else f" over {master}"
+        over = "" if master == fit.axis else f" over {master}"
         words.append(
             f"a slope of {_amount(scale * slope, scale * deviation)} {unit}/{per}{over}"
         )

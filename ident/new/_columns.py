@@ -1,0 +1,343 @@
+"""What the columns of a measurement file mean, as far as their names and units tell."""
+
+import dataclasses
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...data.measurements import (
+    KINDS,
+    MESH_FORMATS,
+    SCOPE_FORMAT,
+    Column,
+    ColumnSpec,
+    Table,
+    find_role,
+    find_unit,
+)
+
+_WORDS: dict[str, frozenset[str]] = {
+    kind: frozenset(words.split())
+    for kind, words in {
+        "lag": "following lag schlepp schleppfehler diff posdiff",
+        "error": "error err deviation dev fehler abweichung straightness geradheit",
+        "current": "current strom iq torque moment drehmoment",
+        "velocity": "velocity velo vel speed geschwindigkeit",
+        "acceleration": "acceleration accel acc beschleunigung",
+        "temperature": "temperature temp temperatur",
+        "direction": "direction dir richtung",
+        "run": "run cycle lauf",
+        "time": "time zeit timestamp",
+        "actual": "laser interferometer reference measured tracker",
+        "encoder": "actual act ist encoder enc feedback",
+        "position": "set soll command commanded cmd target nominal position pos",
+    }.items()
+}
+"""Words of each kind of role; an earlier kind goes before a later one."""
+_LETTERS = {"v": "velocity", "a": "acceleration", "i": "current", "e": "error"}
+"""Single letters beside the name of an axis: ``v_x``."""
+_DIMENSIONS = {
+    "temperature": "temperature",
+    "current": "current",
+    "torque": "current",
+    "force": "current",
+    "velocity": "velocity",
+    "angular velocity": "velocity",
+    "acceleration": "acceleration",
+    "angular acceleration": "acceleration",
+}
+"""Kind of role that a unit alone decides, by dimension."""
+_AXIS = re.compile(r"[xyzabcuvw]\d{0,2}", re.IGNORECASE)
+_NUMBERED = re.compile(r"(?:axis|achse)[\W_]*(\d+)", re.IGNORECASE)
+_OFF = re.compile(r"d([xyz])", re.IGNORECASE)
+_PIECE = re.compile(r"[A-Za-z0-9À-ÿ]+")
+_CAMEL = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+")
+_LINEAR = ("X", "Y", "Z")
+_FINE = 0.5
+"""Largest error that rather is one in mm than in µm."""
+_UNSTATED = {"error": ("um", "mm"), "current": ("A", "%", "raw")}
+"""Units among which a column without one asks, by kind of role."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Unclear:
+    """A column whose meaning the file does not tell.
+
+    Attributes:
+        column: Its name.
+        asks: What there is to say: ``unit``, ``instrument`` or ``column``.
+        choices: Role and column of each possible answer, the likeliest first.
+        largest: Largest absolute value, in the unit of the file.
+    """
+
+    column: str
+    asks: frozenset[str]
+    choices: tuple[tuple[str, ColumnSpec], ...]
+    largest: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Meaning:
+    """What the columns of one file mean.
+
+    Attributes:
+        axis: Axis of the roles that the file names without one, or None.
+        assumed: Axes that nobody has named, with the column that is theirs.
+        columns: Column of each role that is clear; empty where the file says it all.
+        unclear: What is left to the user.
+        unused: Names of the columns that nothing was made of.
+    """
+
+    axis: str | None
+    assumed: Mapping[str, str]
+    columns: Mapping[str, ColumnSpec]
+    unclear: tuple[Unclear, ...]
+    unused: tuple[str, ...]
+
+    @property
+    def likeliest(self) -> dict[str, ColumnSpec]:
+        """Return the column of each role, the likeliest where it is not clear."""
+        return dict(self.columns) | dict(each.choices[0] for each in self.unclear)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Named:
+    """A column, the kind of role that its name tells, and the axis where it names one."""
+
+    column: Column
+    kind: str
+    axis: str | None
+    own: bool = False
+
+
+def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
+    """Return what the columns of a file mean.
+
+    Args:
+        table: The file as read.
+        axes: Axes that the user names; the first is the one whose error was measured.
+    """
+    named = [each for column in table.columns if (each := _named(column)) is not None]
+    taken = {id(each.column) for each in named}
+    unused = tuple(c.name for c in table.columns if id(c) not in taken)
+    if table.format in MESH_FORMATS:
+        return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
+    named, outside = _with_encoders(table, named)
+    home, owner = _home(table, axes, named), _owner(table, axes, named)
+    assumed: dict[str, str] = {}
+    for each in sorted(named, key=_telling):
+        if each.axis is None and each.kind in _OWNED:
+            axis, stated = owner if each.kind == "error" else home
+            if not stated:
+                assumed.setdefault(axis, each.column.name)
+    if _says_it_all(table, named):
+        bare = any(each.axis is None and each.kind in _OWNED for each in named)
+        return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
+    roles: dict[str, list[ColumnSpec]] = {}
+    unclear: list[Unclear] = []
+    for each in _without_commands(named):
+        axis = (owner if each.kind == "error" else home)[0]
+        options, asks = _options(each, axis, outside=outside)
+        if asks:
+            unclear.append(_unclear(each.column, asks, options))
+        else:
+            roles.setdefault(options[0][0], []).append(options[0][1])
+    columns = {}
+    for text, several in roles.items():
+        if len(several) == 1:
+            columns[text] = several[0]
+        else:
+            unclear.append(_rivals(table, text, several))
+    return Meaning(None, assumed, columns, tuple(unclear), unused)
+
+
+_OWNED = frozenset(KINDS)
+
+
+def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named], bool]:
+    """Return the columns, and whether an actual position can only be the machine's own.
+
+    Beside what an instrument showed, or the current of a drive, it is the encoder's.
+    """
+    drive = table.format == SCOPE_FORMAT or any(e.kind == "current" for e in named)
+    seen = any(e.kind == "error" or (e.kind == "actual" and not e.own) for e in named)
+    if not (drive or seen):
+        return list(named), False
+    return [
+        dataclasses.replace(each, kind="encoder")
+        if each.kind == "actual" and each.own
+        else each
+        for each in named
+    ], True
+
+
+def _telling(each: _Named) -> int:
+    """Return the rank of a column by how well a person knows it."""
+    order = ("error", "actual", "current", "position")
+    return order.index(each.kind) if each.kind in order else len(order)
+
+
+def _home(
+    table: Table, axes: Sequence[str], named: Sequence[_Named]
+) -> tuple[str, bool]:
+    """Return the axis of columns that name none, and whether anybody has named it."""
+    known = [each.axis for each in named if each.axis is not None]
+    if axes:
+        return axes[0], True
+    if table.axis is not None or known:
+        return table.axis or str(known[0]), True
+    pieces = _PIECE.findall(table.path.stem)
+    stem = [piece.upper() for piece in pieces if _AXIS.fullmatch(piece)]
+    return (stem[0], True) if stem else ("X", False)
+
+
+def _owner(
+    table: Table, axes: Sequence[str], named: Sequence[_Named]
+) -> tuple[str, bool]:
+    """Return the axis of an error whose column names none, and whether anybody has.
+
+    Where other axes moved it is one that did not: what a straightedge or a probe shows.
+    """
+    known = [each.axis for each in named if each.axis is not None]
+    if axes or not known or table.axis is not None:
+        return _home(table, axes, named)
+    others = [axis for axis in ("Y", "Z", "X") if axis not in known]
+    return (others[0] if others else known[0]), False
+
+
+def _without_commands(named: Sequence[_Named]) -> list[_Named]:
+    """Return the columns, without commanded velocities beside those that were recorded."""
+    own = {(each.kind, each.axis) for each in named if each.own}
+    speeds = ("velocity", "acceleration", "current")
+    return [
+        each
+        for each in named
+        if each.own or each.kind not in speeds or (each.kind, each.axis) not in own
+    ]
+
+
+def _named(column: Column) -> _Named | None:
+    """Return what a column is by its role, its unit or its name, or None."""
+    if column.role is not None:
+        role = find_role(column.role)
+        own = column.name != column.role and bool(_words(column.name) & _OWN)
+        if role is None:
+            return _Named(column, column.role, None, own)
+        return _Named(column, role.kind, role.axis, own)
+    pieces = _PIECE.findall(column.name)
+    if column.unit is not None and len(pieces) > 1:
+        unit = find_unit(pieces[-1])  # "dz_um": the unit stays part of the name
+        if unit is not None and unit.name == column.unit:
+            pieces = pieces[:-1]
+    axis = _axis_in(column.name, pieces)
+    words = _words(*(piece for piece in pieces if piece.upper() != axis))
+    kinds = [kind for kind, known in _WORDS.items() if words & known]
+    kinds += [_LETTERS[word] for word in words if axis and word in _LETTERS]
+    unit = find_unit(column.unit or "")
+    decided = _DIMENSIONS.get(unit.dimension if unit else "")
+    if "lag" in kinds or (decided and "error" in kinds):
+        return None  # what an axis lags behind is no error of its own
+    off = next((m[1].upper() for p in pieces if (m := _OFF.fullmatch(p))), None)
+    if off is not None:
+        return _Named(column, "error", off)
+    if decided is None and unit is not None and unit.dimension == "time":
+        decided = "time"
+    if decided is None and column.name.strip().casefold() == "t":
+        decided = "time"
+    kind = decided or (kinds[0] if kinds else None)
+    if kind is None:
+        kind = "position" if axis and column.text is None else None
+    if kind is None or (column.text is not None and kind not in _TEXTS):
+        return None
+    return _Named(column, kind, axis, "encoder" in kinds)
+
+
+def _words(*texts: str) -> set[str]:
+    pieces = [piece for text in texts for piece in _PIECE.findall(text)]
+    split = [word for piece in pieces for word in [piece, *_CAMEL.findall(piece)]]
+    return {word.casefold() for word in split}
+
+
+_OWN = _WORDS["encoder"]
+_TEXTS = ("time", "run", "direction")
+
+
+def _axis_in(name: str, pieces: Sequence[str]) -> str | None:
+    """Return the axis that a column names, X, Y and Z before letters of other meaning."""
+    numbered = _NUMBERED.search(name)
+    if numbered is not None:
+        return f"A{numbered[1]}"
+    found = [piece.upper() for piece in pieces if _AXIS.fullmatch(piece)]
+    linear = [piece for piece in found if piece[0] in _LINEAR]
+    if not linear and len(pieces) == 1 and pieces[0].islower():
+        return None  # "a", "v", "b" alone may be anything
+    return next(iter(linear or found), None)
+
+
+def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
+    """Whether the file's own roles need no mapping beside them."""
+    if any(column.run is not None for column in table.columns):
+        return True  # one column per run: which is which the reader has found
+    if not any(column.role not in (None, "time") for column in table.columns):
+        return False
+    complete = all(each.column.role is not None for each in named)
+    if any(each.kind == "encoder" and each.own for each in named):
+        return False
+    stated = all(each.column.unit or each.kind not in _UNSTATED for each in named)
+    return complete and stated
+
+
+def _options(
+    each: _Named, axis: str, *, outside: bool
+) -> tuple[list[tuple[str, ColumnSpec]], set[str]]:
+    """Return the roles that a column may have, and what is to be asked of it."""
+    column, asks = each.column, set[str]()
+    texts = [_text(each, axis)]
+    if each.kind == "encoder" and not outside:
+        name = each.axis or axis
+        texts = [f"{name}.actual", f"{name}.encoder"]
+        asks.add("instrument")
+    units: Sequence[str | None] = [column.unit]
+    if column.unit is None and each.kind in _UNSTATED:
+        units = _UNSTATED[each.kind]
+        asks.add("unit")
+        if each.kind == "error" and _largest(column) < _FINE:
+            units = units[::-1]
+    spec = column.header or column.name
+    pairs = itertools.product(texts, units)
+    return [(text, ColumnSpec(spec, unit)) for text, unit in pairs], asks
+
+
+def _text(each: _Named, home: str) -> str:
+    if each.kind == "temperature":
+        return f"temperature.{_sensor(each.column)}"
+    return f"{each.axis or home}.{each.kind}" if each.kind in _OWNED else each.kind
+
+
+def _sensor(column: Column) -> str:
+    role = None if column.role is None else find_role(column.role)
+    if role is not None and role.sensor is not None:
+        return role.sensor
+    words = _WORDS["temperature"] | {"t", "degc", "c", "k"}
+    pieces = [p for p in _PIECE.findall(column.name) if p.casefold() not in words]
+    return "_".join(pieces).casefold() or "sensor"
+
+
+def _unclear(
+    column: Column, asks: set[str], choices: Sequence[tuple[str, ColumnSpec]]
+) -> Unclear:
+    return Unclear(column.name, frozenset(asks), tuple(choices), _largest(column))
+
+
+def _rivals(table: Table, text: str, several: Sequence[ColumnSpec]) -> Unclear:
+    """Return the question which of several columns has a role."""
+    first = table.column(several[0].column)
+    choices = tuple((text, each) for each in several)
+    return Unclear(first.name, frozenset({"column"}), choices, _largest(first))
+
+
+def _largest(column: Column) -> float:
+    known = column.values[np.isfinite(column.values)]
+    return float(np.abs(known).max(initial=0.0))

@@ -1,0 +1,191 @@
+"""Which compensation suits readings, by what was measured over what."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..discover import Observed
+from ..job import Job, Observation, Trend, trend_through, without_zero
+
+_WARM = 1.0
+"""K: less tells nothing of warmth."""
+_PLACES = 12
+"""Different places up to which readings over a changing temperature tell of warmth."""
+_BOTH = 0.2
+"""Share of the readings that each direction has where both were measured."""
+_MOVED = 1e-3
+"""mm or °: what stays within has not moved."""
+_WILD = 8.0
+"""Deviations from the line through the errors from which a reading says nothing of it."""
+_MANY = 20_000
+"""Readings that judge a line."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Suggestion:
+    """A fit that readings would bear.
+
+    Attributes:
+        compensation: As the job calls it.
+        axis: Axis to compensate.
+        over: Axes over whose positions its table lies; empty: it has no table.
+        keys: What the job says of it beyond measurement and nodes.
+        nodes: Keys of the nodes that suit the readings.
+        sources: Names of the measurements.
+        plain: It is the plain one for these readings; others stand beside it.
+        why: What speaks for it, as the end of "… since".
+    """
+
+    compensation: str
+    axis: str
+    over: tuple[str, ...]
+    keys: dict[str, Any]
+    sources: tuple[str, ...]
+    plain: bool
+    why: str
+    nodes: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    @property
+    def of_job(self) -> dict[str, Any]:
+        """Return the keys of the fit in a job."""
+        names: dict[str, Any] = {"measurements": list(self.sources)}
+        if len(self.sources) == 1:
+            names = {"measurement": self.sources[0]}
+        own = {"compensation": self.compensation, "axis": self.axis}
+        return own | names | self.keys | dict(self.nodes)
+
+
+def suggestions(observation: Observation) -> list[Suggestion]:
+    """Return the fits that measurements would bear, those of one kind and axis joined.
+
+    An axis has one compensation of each kind: of several plain ones the first is.
+    """
+    found: dict[tuple[object, ...], Suggestion] = {}
+    for number, name in enumerate(observation.names):
+        rows = observation.data.source == number
+        for one in _of_one(observation.data, rows, name):
+            key = (one.compensation, one.axis, one.over, str(one.keys))
+            if key in found:
+                sources = (*found[key].sources, name)
+                one = dataclasses.replace(found[key], sources=sources)
+            elif any(one.compensation == k[0] and one.axis == k[1] for k in found):
+                one = dataclasses.replace(one, plain=False)
+            found[key] = one
+    return list(found.values())
+
+
+def _of_one(
+    data: Observed, rows: Bool[np.ndarray, " t"], name: str
+) -> Iterator[Suggestion]:
+    """Yield what the readings of one measurement would bear, the plain ones first."""
+    for axis, current in data.current.items():
+        if np.isfinite(current[rows]).any():
+            why = "its current was recorded"
+            yield Suggestion("friction", axis, (), {}, (name,), True, why)
+    for axis, error in data.error.items():
+        known = rows & np.isfinite(error)
+        if known.any():
+            yield from _of_error(data, axis, known, name)
+
+
+def _of_error(
+    data: Observed, axis: str, rows: Bool[np.ndarray, " t"], name: str
+) -> Iterator[Suggestion]:
+    moved = [
+        each for each in data.position if _span(data.position[each][rows]) > _MOVED
+    ]
+    others = tuple(each for each in moved if each != axis)
+    warm = [s for s in data.temperature if _span(data.temperature[s][rows]) > _WARM]
+    places = {axis: data.position[axis][rows]} if axis in moved else {}
+    few = not moved or all(
+        len(np.unique(np.round(data.position[each][rows], 3))) <= _PLACES
+        for each in moved
+    )
+    heat = [_of_heat(axis, warm, bool(places), name, plain=few)] if warm else []
+    if few:
+        yield from heat
+    if axis in moved:
+        way = data.direction.get(axis)
+        bilateral = way is not None and _both(way[rows])
+        why = f"the error of {axis} was measured along {axis}"
+        why += ", in both directions" if bilateral else ", in one direction"
+        keys: dict[str, Any] = {"bilateral": True} if bilateral else {}
+        plain = not (few and warm)
+        yield Suggestion("leadscrew", axis, (axis,), keys, (name,), plain, why)
+    alone = axis not in moved and not (few and warm)
+    # A surface holds what a line over one of its axes would.
+    for master in others if axis in moved or len(others) == 1 else ():
+        why = f"the error of {axis} was measured while {master} moved"
+        keys = {"master": master}
+        yield Suggestion("cross", axis, (master,), keys, (name,), alone, why)
+    if len(others) >= 2:
+        pair = others[:2]
+        why = f"the error of {axis} was measured while {' and '.join(pair)} moved"
+        keys = {"masters": list(pair)}
+        yield Suggestion("plane", axis, pair, keys, (name,), alone, why)
+    if not few:
+        yield from heat
+
+
+def _of_heat(
+    axis: str, warm: Sequence[str], along: bool, name: str, *, plain: bool
+) -> Suggestion:
+    """Return the thermal line; measured at one position, only its offset can be told."""
+    keys: dict[str, Any] = {}
+    if not along:
+        keys["sensors"] = {"offset": warm[0]}
+    else:
+        keys["sensor"] = warm[0]
+    why = f"the error of {axis} was measured while {' and '.join(warm)} changed"
+    return Suggestion("temperature", axis, (), keys, (name,), plain, why)
+
+
+def _span(values: Float[np.ndarray, " t"]) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if known.size else 0.0
+
+
+def _both(way: Float[np.ndarray, " t"]) -> bool:
+    known = way[np.isfinite(way)]
+    return bool(known.size) and _BOTH < float(np.mean(known > 0)) < 1.0 - _BOTH
+
+
+def trend_in(
+    job: Job, observation: Observation, one: Suggestion, source: str
+) -> Trend | None:
+    """Return the line through the error that a table would take over, None without one.
+
+    Judged at the means about each node, as the table would show it; a wild reading tells
+    nothing of it.
+    """
+    if not one.over:
+        return None
+    data = observation.data
+    rows = (data.source == observation.names.index(source)) & np.isfinite(
+        data.error[one.axis]
+    )
+    at = np.stack([data.position[axis] for axis in one.over], axis=1)
+    rows &= np.isfinite(at).all(axis=1)
+    at, error = at[rows], data.error[one.axis][rows]
+    step = max(1, len(error) // _MANY)
+    at, error = at[::step], error[::step]
+    start, interval = (np.atleast_1d(one.nodes[key]) for key in ("start", "interval"))
+    keys = np.round((at - start) / interval)
+    way = data.direction.get(one.axis)
+    if "bilateral" in one.keys and way is not None:
+        keys = np.column_stack([keys, way[rows][::step]])
+    left = without_zero(error, at, "line")
+    scale = 1.4826 * float(np.median(np.abs(left)))
+    kept = np.abs(left) <= _WILD * scale if scale > 0 else np.full(len(left), True)
+    at, error, keys = at[kept], error[kept], keys[kept]
+    _, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    group = group.reshape(-1)
+    means = np.bincount(group, error) / count
+    where = np.stack([np.bincount(group, each) / count for each in at.T], axis=1)
+    free = max(len(error) - len(count), 1)
+    noise = float(np.sqrt(np.sum((error - means[group]) ** 2) / free))
+    periodic = job.spec.axes[one.over[0]].modulo is not None
+    return trend_through(where, means, noise=noise, periodic=periodic)

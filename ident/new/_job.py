@@ -1,0 +1,207 @@
+"""From measurement files to a commented job."""
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...data.errors import UsageError
+from ...data.lists import ListFile
+from ...data.measurements import find_role, read_table
+from ...models import Conventions
+from ..exchange import axis_number
+from ..job import Job, JobFile, Observation, nodes_for, observe
+from ._columns import meaning_of
+from ._fits import suggestions
+from ._text import JobPage, Question
+from ._write import Axis, Contents, Source, page_of, relative
+
+
+@dataclasses.dataclass(frozen=True)
+class NewJob:
+    """A job as it was written.
+
+    Attributes:
+        text: The file.
+        questions: What it asks, in the order of the file.
+    """
+
+    text: str
+    questions: tuple[Question, ...]
+
+
+def new_job(
+    files: Sequence[Path],
+    *,
+    path: Path,
+    lists: Sequence[Path] = (),
+    axes: Mapping[str, int | None] | None = None,
+) -> NewJob:
+    """Return a commented job for measurements.
+
+    What the files tell is filled in; what they do not tell is asked, next to the possible
+    answers. Without an answer `axcomp fit` refuses the job (`Question.needed`).
+
+    Args:
+        files: Measurement files.
+        path: Where the job will stand: its paths are relative to that.
+        lists: Compensation or axis lists that are there already.
+        axes: Number of each axis that the user names, or None; the first is the one whose
+            error was measured where a file does not say.
+
+    Raises:
+        MeasurementError: If a file holds nothing usable.
+        UsageError: If a list belongs to no axis of the job.
+    """
+    given = dict(axes or {})
+    sources = _sources(files, tuple(given))
+    known = _axes(sources, given, lists)
+    job = _provisional(path, sources, known)
+    observation = observe(job)
+    found = [
+        dataclasses.replace(
+            one,
+            nodes=nodes_for(job, observation, one.axis, one.over, one.sources),
+        )
+        for one in suggestions(observation)
+    ]
+    page = page_of(
+        Contents(job, observation, sources, _with_spans(known, observation), found)
+    )
+    names = ", ".join(each.name for each in files)
+    return NewJob(page.text(_head(names, page)), tuple(page.questions))
+
+
+def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
+    found: list[Source] = []
+    for file in files:
+        name = (
+            re.sub(r"[^a-z0-9_-]+", "_", file.stem.casefold()).strip("_") or "readings"
+        )
+        taken = {each.name for each in found}
+        free = name
+        for k in range(2, len(files) + 2):
+            if free not in taken:
+                break
+            free = f"{name}_{k}"
+        table = read_table(file)
+        found.append(Source(free, table, meaning_of(table, axes)))
+    return found
+
+
+def _axes(
+    sources: Sequence[Source],
+    given: Mapping[str, int | None],
+    lists: Sequence[Path],
+) -> dict[str, Axis]:
+    """Return the axes that the files name, with what is known of each.
+
+    Raises:
+        UsageError: If it is not clear whose a list is.
+    """
+    found: dict[str, Axis] = {}
+    for source in sources:
+        for text, unit in _roles(source):
+            role = find_role(text)
+            axis = role.axis if role is not None else source.meaning.axis
+            if axis is None:
+                continue
+            before = found.get(axis, Axis(given.get(axis), {}))
+            turns = unit is not None and unit.startswith(("deg", "rad", "0.0001deg"))
+            found[axis] = dataclasses.replace(
+                before,
+                rotary=before.rotary or turns,
+                assumed=before.assumed or source.meaning.assumed.get(axis),
+            )
+    for name, number in given.items():
+        found.setdefault(name, Axis(number, {}))
+    for path in lists:
+        listing = ListFile.read(path)
+        number, name = axis_number(listing), _owner(found, listing)
+        key = "machine_data" if listing.kind == "axis" else "list"
+        own = found[name]
+        found[name] = dataclasses.replace(
+            own, number=number, lists=dict(own.lists) | {key: (path, listing)}
+        )
+    return found
+
+
+def _roles(source: Source) -> list[tuple[str, str | None]]:
+    """Return each role that a file has, also without an axis, with the unit of its column."""
+    columns = source.meaning.likeliest
+    if columns:
+        return [(text, each.unit) for text, each in columns.items()]
+    return [(c.role, c.unit) for c in source.table.columns if c.role is not None]
+
+
+def _owner(axes: Mapping[str, Axis], listing: ListFile) -> str:
+    """Return whose a list is: by its number, by the name that it states, or the only axis.
+
+    Raises:
+        UsageError: If none of these tells.
+    """
+    number = axis_number(listing)
+    for name, axis in axes.items():
+        if axis.number == number:
+            return name
+    stated = (listing.text("kopf.log_achs_name") or "").strip().upper()
+    open_ = [name for name, axis in axes.items() if axis.number is None]
+    named = [name for name in open_ if re.match(rf"{name}(?![A-Z0-9])", stated)]
+    if len(named) == 1:
+        return named[0]
+    if len(open_) == 1:
+        return open_[0]
+    message = (
+        f"--list: found {listing.source} of axis {number}, expected to be told which of"
+        f" {', '.join(axes)} it is: --axis NAME={number}"
+    )
+    raise UsageError(message)
+
+
+def _provisional(
+    path: Path, sources: Sequence[Source], axes: Mapping[str, Axis]
+) -> Job:
+    """Return a job of the likeliest answers, to look at the readings through."""
+    values: dict[str, Any] = {"axes": {}, "measurements": {}}
+    free = iter(range(65_000, 0, -1))
+    for name, axis in axes.items():
+        kind_of = {"type": "rotary"} if axis.rotary else {}
+        values["axes"][name] = {"number": axis.number or next(free), **kind_of}
+    for source in sources:
+        columns = {
+            text: {"column": each.column} | ({"unit": each.unit} if each.unit else {})
+            for text, each in source.meaning.likeliest.items()
+        }
+        keys: dict[str, Any] = {"file": relative(source.table.path, path)}
+        if not columns and source.meaning.axis is not None:
+            keys["axis"] = source.meaning.axis
+        values["measurements"][source.name] = keys | {"columns": columns}
+    spec = JobFile.model_validate(values)
+    return Job(path, spec, Conventions(), frozenset(), "", ())
+
+
+def _with_spans(axes: Mapping[str, Axis], observation: Observation) -> dict[str, Axis]:
+    found = dict(axes)
+    for name, place in observation.data.position.items():
+        ends = (float(np.nanmin(place)), float(np.nanmax(place)))
+        found[name] = dataclasses.replace(axes[name], span=ends)
+    return found
+
+
+def _head(names: str, page: JobPage) -> list[str]:
+    count = sum(one.needed for one in page.questions)
+    lines = [
+        f"# Job for `axcomp fit`, written by `axcomp new` from {names}.",
+        "# Lengths are in mm, angles in °, times in s; a column may state its own unit.",
+    ]
+    if page.questions:
+        several = "S" * (len(page.questions) > 1)
+        lines += [
+            f"# {len(page.questions)} QUESTION{several} below; the fit cannot do without the"
+            f" answer to {count} of them.",
+            '# Take the "#? " off the answer that is right.',
+        ]
+    return [*lines, ""]

@@ -1,0 +1,79 @@
+"""A job as text that asks: keys, remarks, and questions with their possible answers."""
+
+import dataclasses
+import textwrap
+from collections.abc import Sequence
+
+ANSWER = "#? "
+"""Stands before each possible answer to a question."""
+_WIDTH = 88
+
+
+@dataclasses.dataclass(frozen=True)
+class Question:
+    """What a written job asks.
+
+    Attributes:
+        line: Of the file, from 1.
+        about: The key that answers it: ``axes.X.number``.
+        words: What is asked.
+        answers: Lines of the file that would answer it.
+        needed: Without an answer `axcomp fit` refuses the job.
+    """
+
+    line: int
+    about: str
+    words: str
+    answers: tuple[str, ...]
+    needed: bool
+
+
+class JobPage:
+    """Lines of a job in the making, and what they ask."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.questions: list[Question] = []
+
+    def add(self, *lines: str) -> None:
+        """Add lines as they stand."""
+        self.lines += lines
+
+    def note(self, *sentences: str) -> None:
+        """Add sentences as remarks, wrapped."""
+        for sentence in sentences:
+            self.lines += _wrapped(sentence, "# ", "# ")
+
+    def key(self, line: str, remark: str = "") -> None:
+        """Add a key with a remark behind it."""
+        self.lines.append(f"{line:<33} # {remark}" if remark else line)
+
+    def ask(
+        self, about: str, words: str, answers: Sequence[str], *, needed: bool = True
+    ) -> None:
+        """Add a question with the lines that would answer it."""
+        number = len(self.questions) + 1
+        self.questions.append(
+            Question(len(self.lines) + 1, about, words, tuple(answers), needed)
+        )
+        self.lines += _wrapped(words, f"# QUESTION {number}: ", "# ")
+        self.lines += [f"{ANSWER}{answer}" for answer in answers]
+
+    def text(self, head: Sequence[str]) -> str:
+        """Return the job below a head, whose lines the questions then count."""
+        self.questions = [
+            dataclasses.replace(one, line=one.line + len(head))
+            for one in self.questions
+        ]
+        return "\n".join([*head, *self.lines]) + "\n"
+
+
+def _wrapped(sentence: str, first: str, others: str) -> list[str]:
+    return textwrap.wrap(
+        sentence,
+        _WIDTH,
+        initial_indent=first,
+        subsequent_indent=others,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

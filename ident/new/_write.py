@@ -1,0 +1,313 @@
+"""The page of a new job: axes, measurements, fits and gate, with what they ask."""
+
+import dataclasses
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...data.lists import ListFile
+from ...data.measurements import Table, find_role, find_unit
+from .._job_text import job_line
+from ..job import Gate, Job, JobFile, Observation, asks_for_owner, trend_words
+from ..kinds import kind
+from ..proof import GateLimits
+from ._columns import Meaning, Unclear
+from ._fits import Suggestion, trend_in
+from ._text import JobPage
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """A measurement of the job: its name, its file and what that means."""
+
+    name: str
+    table: Table
+    meaning: Meaning
+
+
+@dataclasses.dataclass(frozen=True)
+class Axis:
+    """What is known of an axis.
+
+    Attributes:
+        number: Of the controller; None: not known.
+        lists: Its files by key of the job, each as given and as read.
+        rotary: Its positions are angles.
+        assumed: Column that is taken for its own although nobody says so, or None.
+        span: Smallest and largest position in the measurements, or None.
+    """
+
+    number: int | None
+    lists: Mapping[str, tuple[Path, ListFile]]
+    rotary: bool = False
+    assumed: str | None = None
+    span: tuple[float, float] | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Contents:
+    """What a job is written of.
+
+    Attributes:
+        job: With the likeliest answers, through which the readings were looked at.
+        observation: Its readings.
+        sources: Its measurements.
+        axes: By name.
+        fits: That the readings would bear, the plain ones active.
+    """
+
+    job: Job
+    observation: Observation
+    sources: Sequence[Source]
+    axes: Mapping[str, Axis]
+    fits: Sequence[Suggestion]
+
+    def units(self, name: str, role: str) -> list[str]:
+        """Return the units that the column of a role may have."""
+        meaning = next(each.meaning for each in self.sources if each.name == name)
+        pairs = [*meaning.columns.items()]
+        pairs += [pair for each in meaning.unclear for pair in each.choices]
+        return [each.unit for text, each in pairs if text == role and each.unit]
+
+
+def relative(file: Path, job: Path) -> str:
+    """Return the path of a file as it stands in a job."""
+    return Path(os.path.relpath(file, job.parent)).as_posix()
+
+
+def page_of(contents: Contents) -> JobPage:
+    """Return the job with its questions, all but its head."""
+    page = JobPage()
+    for name, axis in contents.axes.items():
+        _write_axis(page, contents.job.path, name, axis)
+    for source in contents.sources:
+        _write_measurement(page, contents, source)
+    for one in contents.fits:
+        _write_fit(page, contents, one)
+    if not any(one.plain for one in contents.fits):
+        page.note("No compensation suits what was measured: see the columns above.", "")
+    if any(not one.plain for one in contents.fits):
+        page.note("What the readings ask for, in place of the fits above, is found by:")
+        page.add(
+            f"#     axcomp discover {contents.job.path.name} --write fits.toml", ""
+        )
+    page.add("[gate]")
+    page.note("Limits that a list must keep to be written; these are the defaults.")
+    for field in dataclasses.fields(GateLimits):
+        if field.default is not None:
+            words = Gate.model_fields[field.name].description or ""
+            page.key(f"# {job_line(field.name, field.default)}", words)
+    return page
+
+
+def _write_axis(page: JobPage, job: Path, name: str, axis: Axis) -> None:
+    page.add(f"[axes.{name}]")
+    if axis.number is not None:
+        page.key(job_line("number", axis.number), "kopf.achs_nr")
+    else:
+        words = f"Which axis of the controller is {name} (kopf.achs_nr of its list)?"
+        if axis.assumed is not None:
+            words = (
+                f'The file does not say of which axis "{axis.assumed}" is; it is called'
+                f" {name} here. If it is another one, write the job anew with --axis and"
+                f" its name. {words}"
+            )
+        page.ask(f"axes.{name}.number", words, ["number ="])
+    for key, (path, _) in axis.lists.items():
+        page.key(job_line(key, relative(path, job)), "as it is: edited, all else stays")
+    if "list" not in axis.lists:
+        file = f"achskw{axis.number or '<number>'}.lis"
+        page.key(
+            f'# list = "{file}"', "the list that is there now, if any: it is edited"
+        )
+    if axis.rotary:
+        page.add(job_line("type", "rotary"))
+        page.key("# modulo = [0.0, 360.0]", "where it goes round")
+    if axis.span is not None:
+        low, high = (float(f"{end:.6g}") for end in axis.span)
+        page.key(
+            f"# limits = [{low:g}, {high:g}]", "software limits; here: as measured"
+        )
+    page.add("")
+
+
+def _write_measurement(page: JobPage, contents: Contents, source: Source) -> None:
+    table, meaning = source.table, source.meaning
+    mine = [one for one in contents.fits if source.name in one.sources and one.plain]
+    page.add(f"[measurements.{source.name}]")
+    count = len(table.skipped)
+    page.key(
+        job_line("file", relative(table.path, contents.job.path)),
+        f"{table.format}, {table.rows} rows, {count or 'no'} line{'s' * (count != 1)}"
+        " skipped",
+    )
+    if not meaning.likeliest:
+        page.note(*table.remarks)
+    if meaning.axis is not None:
+        page.key(job_line("axis", meaning.axis), "whose error it is")
+    _write_active(page, source.name, contents.axes, mine)
+    for one in mine[:1]:
+        _write_zero(page, contents, source.name, one)
+    _write_own_roles(page, source)
+    if meaning.likeliest:
+        page.add(f"[measurements.{source.name}.columns]")
+    for text, spec in meaning.columns.items():
+        page.add(_column_line(text, spec.column, spec.unit))
+    for each in meaning.unclear:
+        answers = [_column_line(text, s.column, s.unit) for text, s in each.choices]
+        about = f"measurements.{source.name}.columns"
+        page.ask(about, _unclear_words(each), answers)
+    if meaning.unused:
+        page.note(f"Not used: {', '.join(meaning.unused)}.")
+    page.add("")
+
+
+def _write_own_roles(page: JobPage, source: Source) -> None:
+    """Write what the columns of a file mean that says it itself, as a remark."""
+    table = source.table
+    named = [c for c in table.columns if c.role is not None and c.run is None]
+    if source.meaning.likeliest or not named:
+        return
+    page.note("The columns name themselves; to change that, state all of them:")
+    page.add(f"# [measurements.{source.name}.columns]")
+    for column in named:
+        text = str(column.role)
+        if find_role(text) is None:
+            text = f"{source.meaning.axis}.{text}"
+        page.add(f"# {_column_line(text, column.header or column.name, column.unit)}")
+
+
+def _column_line(role: str, column: str, unit: str | None) -> str:
+    known = unit is not None and find_unit(unit) is not None
+    value = {"column": column, "unit": unit} if known else column
+    return job_line(role, value)
+
+
+def _unclear_words(each: Unclear) -> str:
+    words = []
+    if "instrument" in each.asks:
+        words.append(
+            f'Is "{each.column}" what an instrument outside of the machine showed (actual),'
+            " or the machine's own reading (encoder)?"
+        )
+    if "column" in each.asks:
+        words.append("Which of these columns counts?")
+    if "unit" in each.asks:
+        words.append(
+            f'The file states no unit of "{each.column}", whose largest value is'
+            f" {each.largest:.4g}. Which one is it?"
+        )
+    return " ".join(words)
+
+
+def _write_active(
+    page: JobPage, name: str, axes: Mapping[str, Axis], fits: Sequence[Suggestion]
+) -> None:
+    held = [(one, holder) for one in fits if (holder := _holder(axes, one)) is not None]
+    for one, holder in held[:1]:
+        page.ask(
+            f"measurements.{name}.active",
+            f"{holder} holds {one.compensation} of {one.axis} already. Was it on while"
+            " measuring (the new values are old + measured), or off (they replace the old)?",
+            [job_line("active", [one.compensation]), job_line("active", [])],
+        )
+    if not held:
+        page.key(job_line("active", []), "what was on while measuring; [] = all off")
+
+
+def _holder(axes: Mapping[str, Axis], one: Suggestion) -> str | None:
+    """Return the name of the list that holds a compensation already, or None."""
+    facts = kind(one.compensation)
+    key = "list" if facts.holder == "compensation" else "machine_data"
+    path, listing = axes[one.axis].lists.get(key, (None, None))
+    if path is None or listing is None:
+        return None
+    held = any(each.key.startswith(f"{facts.prefix}.") for each in listing.entries)
+    return path.name if held else None
+
+
+def _write_zero(page: JobPage, contents: Contents, name: str, one: Suggestion) -> None:
+    """Ask whose constant and slope are, where they stand out of the readings."""
+    job, observation = contents.job, contents.observation
+    trend = trend_in(job, observation, one, name)
+    if trend is None:
+        return
+    spec = job.spec.model_dump(by_alias=True, exclude_none=True)
+    fit: Any = JobFile.model_validate(spec | {"fits": [one.of_job]}).fits[0]
+    words = trend_words(job, fit, trend)
+    if not asks_for_owner(job, trend):
+        page.note(
+            f"The readings show {words}: neither stands out, and nothing has to be answered"
+            ' here (by datum = { at = … }, or remove = "none", "offset" or "line").'
+        )
+        return
+    rows = observation.data.source == observation.names.index(name)
+    first = [
+        round(float(observation.data.position[axis][rows][0]), 3) for axis in one.over
+    ]
+    at = {"at": first[0] if len(first) == 1 else first}
+    remarks = {
+        job_line("remove", "none"): "both are the machine's",
+        job_line(
+            "remove", "offset"
+        ): "the constant is the instrument's, set to any zero",
+        job_line("remove", "line"): "constant and slope are the instrument's",
+        job_line("datum", at): "the machine's but for a constant: zero at this place",
+    }
+    page.ask(
+        f"measurements.{name}.remove",
+        f"The readings show {words}, which the {one.compensation} table would take over."
+        " Whose are they?",
+        [f"{line:<29} # {remark}" for line, remark in remarks.items()],
+    )
+
+
+def _write_fit(page: JobPage, contents: Contents, one: Suggestion) -> None:
+    """Write a fit, as a remark where it is not the plain one."""
+    holder = _holder(contents.axes, one)
+    mark = "" if one.plain else "# "
+    if one.plain:
+        page.note(f"{one.compensation} of {one.axis}: {one.why}.")
+    else:
+        page.note(f"Another one that the readings would bear, since {one.why}:")
+    page.add(f"{mark}[[fits]]")
+    for key, value in one.of_job.items():
+        kept = holder is not None and key in one.nodes
+        page.add(f"{'# ' if kept else mark}{job_line(key, value)}")
+    if holder is not None and one.nodes:
+        page.note(f"Without {', '.join(one.nodes)} the nodes of {holder} stay.")
+    if one.plain and kind(one.compensation).adds_current:
+        _write_current(page, contents, one)
+    if one.plain and len(contents.observation.data.temperature) > 1:
+        sensors = ", ".join(contents.observation.data.temperature)
+        page.note(f"Sensors of the file: {sensors}.")
+    page.add("")
+
+
+_RATED = {"A": ("rated_current", "A"), "Nm": ("rated_torque", "Nm")}
+
+
+def _write_current(page: JobPage, contents: Contents, one: Suggestion) -> None:
+    """Ask for the rated value of a drive, without which no list is written."""
+    page.note(
+        "level is the share of the friction that the list gives: 0.15 until a measurement"
+        " has settled the sign of the current, 1.0 then. A recorded current that opposes"
+        " the motion, as torque feedback does, is turned round by itself."
+    )
+    page.key("# level = 0.15")
+    units = contents.units(one.sources[0], f"{one.axis}.current")
+    rated = [_RATED[unit] for unit in units if unit in _RATED]
+    page.ask(
+        "fits.torque_unit",
+        "What is the rated value of the drive, and which share of it is one unit of its"
+        " additive command value? Without both, the law is reported and no list written.",
+        [
+            *(
+                f"{key} =                      # {unit}, of the drive"
+                for key, unit in rated
+            ),
+            "torque_unit = 0.001          # one unit is a thousandth, as on most drives",
+        ],
+        needed=False,
+    )

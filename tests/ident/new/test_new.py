@@ -1,0 +1,214 @@
+"""What `axcomp new` writes: roles, nodes, fits and questions."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from axcomp.ident.cli import main
+from axcomp.ident.job import load_job
+
+from .conftest import answer
+
+Written = Callable[[str], Path]
+
+
+def new(folder: Path, text: str, *options: str, name: str = "readings.csv") -> Path:
+    (folder / name).write_text(text, encoding="utf-8")
+    job = folder / "job.toml"
+    assert main(["new", str(folder / name), "--out", str(job), *options]) == 0
+    return job
+
+
+def asked(folder: Path, capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+    """Return the questions of the job that is made of the same file once more."""
+    capsys.readouterr()
+    files = [str(each) for each in folder.glob("*.csv")]
+    assert main(["new", *files, "--out", str(folder / "again.toml"), "--json"]) == 0
+    found: list[dict[str, object]] = json.loads(capsys.readouterr().out)["questions"]
+    return found
+
+
+INSTRUMENTS = ("laser", "straightness", "probe", "scope", "thermal", "motion")
+
+
+@pytest.mark.parametrize("name", INSTRUMENTS)
+def test_an_open_job_is_refused_at_its_first_question(
+    written: Written, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = written(name)
+    capsys.readouterr()
+    assert main(["fit", str(job), "--out", str(job.parent / "none")]) == 1
+    words = "axes.X.number: found nothing, expected this key"
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["laser", "straightness", "probe", "motion"])
+def test_the_fit_asks_for_the_owner_of_a_constant_as_the_job_does(
+    written: Written, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = written(name)
+    assert "#? remove =" in job.read_text()
+    numbered = job.with_name("numbered.toml")
+    numbered.write_bytes(job.read_bytes())
+    numbers = job.read_text().count("#? number =")
+    answer(numbered, [f"number = {k}" for k in range(1, numbers + 1)])
+    capsys.readouterr()
+    assert main(["fit", str(numbered), "--out", str(job.parent / "none")]) == 1
+    assert "expected the job to say whose they are" in capsys.readouterr().err
+
+
+LASER = "run,direction,target [mm],error [um]\n" + "".join(
+    f"{run},{way:+d},{x},{(x - 100) / 200 + way:.2f}\n"
+    for run in (1, 2)
+    for way in (1, -1)
+    for x in range(0, 220, 20)
+)
+
+
+def test_a_job_that_exists_is_replaced_only_when_that_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = new(tmp_path, LASER)
+    job.write_text("mine")
+    again = ["new", str(tmp_path / "readings.csv"), "--out", str(job)]
+    assert main(again) == 2
+    assert "which exists, expected a new file or --force" in capsys.readouterr().err
+    assert job.read_text() == "mine"
+    assert main([*again, "--force"]) == 0
+    assert job.read_text() != "mine"
+
+
+def test_reading_a_file_ends_with_the_command_that_makes_a_job(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "laser x.csv"
+    file.write_text(LASER)
+    main(["read", str(file)])
+    assert capsys.readouterr().err.rstrip().endswith(f"axcomp new '{file}'")
+
+
+def test_axes_named_on_the_command_line_are_not_asked_for(tmp_path: Path) -> None:
+    job = new(tmp_path, LASER, "--axis", "Y=2")
+    spec = load_job(job).spec
+    assert {name: axis.number for name, axis in spec.axes.items()} == {"Y": 2}
+    assert spec.fits[0].compensation == "leadscrew"
+    assert spec.measurements["readings"].axis == "Y"
+    # The slope of ±0.5 µm at the ends does not stand out of a reversal of ±1 µm.
+    assert "QUESTION" not in job.read_text()
+
+
+def test_an_axis_that_nobody_names_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new(tmp_path, "x [mm],deviation [um]\n" + "".join(f"{x},1\n" for x in range(30)))
+    question = asked(tmp_path, capsys)[1]
+    assert question["about"] == "axes.Y.number"
+    assert 'does not say of which axis "deviation" is' in str(question["words"])
+
+
+@pytest.mark.parametrize(("size", "first"), [(0.0123, "mm"), (12.3, "um")])
+def test_a_unit_that_the_file_lacks_is_asked_for_the_likelier_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: float, first: str
+) -> None:
+    new(tmp_path, "x,dz\n" + "".join(f"{x},{size * x / 9:.5f}\n" for x in range(10)))
+    question = asked(tmp_path, capsys)[-1]
+    assert f'states no unit of "dz", whose largest value is {size:.4g}' in str(
+        question["words"]
+    )
+    answers = question["answers"]
+    assert isinstance(answers, list)
+    assert f'"Z.error" = {{ column = "dz", unit = "{first}" }}' == answers[0]
+
+
+def test_a_current_without_a_unit_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{0.002 * k},{k * k / 9},{k % 3}\n" for k in range(50))
+    new(tmp_path, f"t [s],x [mm],strom_x\n{rows}")
+    questions = asked(tmp_path, capsys)
+    assert [each["needed"] for each in questions] == [True, True, False]
+    assert str(questions[1]["answers"]).count("strom_x") == 3
+
+
+LIST = """\
+kopf.achs_nr 7
+kopf.log_achs_name X
+kw.ssfk.unit 1
+kw.ssfk.crossmodulo 0
+kw.ssfk.kw_nr_max 3
+kw.ssfk.table[0].setpoint 0
+kw.ssfk.table[0].pos 10
+kw.ssfk.table[1].setpoint 1000000
+kw.ssfk.table[1].pos 20
+kw.ssfk.table[2].setpoint 2000000
+kw.ssfk.table[2].pos 0
+Ende
+"""
+
+
+def test_an_existing_list_brings_number_and_nodes_and_asks_whether_it_was_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "achskw7.lis").write_text(LIST)
+    job = new(tmp_path, LASER, "--list", str(tmp_path / "achskw7.lis"))
+    text = job.read_text()
+    assert 'list = "achskw7.lis"' in text
+    assert "number = 7 " in text
+    assert "\n# start = 0.0\n" in text  # the nodes of the list stay
+    assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 1
+    assert "found no active" in capsys.readouterr().err
+    answer(job, ["active = []"])
+    assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 0
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert len(result["fits"][0]["parameters"]["table"]["pos"]) == 3
+
+
+def test_a_list_that_could_be_of_several_axes_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listing = tmp_path / "achskw3.lis"
+    listing.write_text("kopf.achs_nr 3\nkopf.log_achs_name ACHSE_3\n")
+    file = tmp_path / "probe.csv"
+    file.write_text("x [mm],dz [um]\n" + "".join(f"{x},1\n" for x in range(30)))
+    out = ["--out", str(tmp_path / "job.toml")]
+    assert main(["new", str(file), "--list", str(listing), *out]) == 2
+    assert "--axis NAME=3" in capsys.readouterr().err
+
+
+def test_files_of_the_same_error_are_fitted_together(tmp_path: Path) -> None:
+    first, second = tmp_path / "monday.csv", tmp_path / "tuesday.csv"
+    for file in (first, second):
+        file.write_text(LASER)
+    job = tmp_path / "job.toml"
+    options = ["--axis", "X=1", "--out", str(job)]
+    assert main(["new", str(first), str(second), *options]) == 0
+    (fit,) = load_job(job).spec.fits
+    assert fit.sources == ("monday", "tuesday")
+
+
+def test_what_moved_with_other_axes_names_the_other_fits_and_discover(
+    tmp_path: Path,
+) -> None:
+    rows = "".join(f"{x},{y},{x / 50},{y / 90}\n" for x in range(9) for y in range(9))
+    job = new(tmp_path, f"x [mm],y [mm],dx [um],dz [um]\n{rows}", "--axis", "X=1")
+    text = job.read_text()
+    assert '# compensation = "cross"' in text
+    assert "axcomp discover job.toml --write fits.toml" in text
+
+
+def test_a_mesh_names_its_columns_itself(tmp_path: Path) -> None:
+    mesh = "[bed_mesh default]\nversion = 1\npoints =\n"
+    mesh += "".join("  0.01, 0.02, 0.04\n" for _ in range(3))
+    mesh += "".join(
+        f"{key} = {value}\n"
+        for key, value in {
+            "x_count": 3, "y_count": 3, "min_x": 0, "max_x": 20, "min_y": 0, "max_y": 20
+        }.items()
+    )  # fmt: skip
+    options = [each for k, n in enumerate("ZXY", 1) for each in ("--axis", f"{n}={k}")]
+    job = new(tmp_path, mesh, *options, name="printer.cfg")
+    spec = load_job(job).spec
+    assert spec.measurements["printer"].columns == {}
+    assert (spec.fits[0].compensation, spec.fits[0].axis) == ("plane", "Z")

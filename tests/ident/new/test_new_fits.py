@@ -1,0 +1,104 @@
+"""From the file of an instrument to a list: `axcomp new`, answers, `axcomp fit`."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from .conftest import Answered
+from .instruments import CROSSING, GROWTH, beam, friction, screw, table
+
+SURE = 0.9
+"""Share of the values within two standard deviations: 95 % on average, some of them
+neighbours that err together."""
+
+
+def within(off: Float[np.ndarray, " n"], deviation: Float[np.ndarray, " n"]) -> float:
+    return float(np.mean(np.abs(off) <= 2.0 * deviation))
+
+
+def both(fit: dict[str, Any], what: str) -> Float[np.ndarray, "2 n"]:
+    return np.array([fit[what]["table"][way] for way in ("pos", "neg")])
+
+
+def nodes(count: int, interval: float) -> Float[np.ndarray, "2 n"]:
+    return np.tile(interval * np.arange(count), (2, 1))
+
+
+WAYS = np.array([[1.0], [-1.0]])
+
+
+def test_a_laser_table_becomes_a_list_of_both_directions(fitted: Answered) -> None:
+    fit = fitted("laser")
+    x = nodes(31, 20.0)
+    off = both(fit, "parameters") - screw(x, WAYS * np.ones_like(x))
+    # Zero at the datum: the mean of both directions there, known from its ten readings of
+    # 0.6 µm, is common to all nodes.
+    constant = off.mean() - (0.0 - np.mean(screw(np.zeros(2), np.array([1.0, -1.0]))))
+    assert abs(constant) < 2.0 * 1.25 * 6e-4 / np.sqrt(10)
+    assert within(off - off.mean(), both(fit, "standard_deviations")) > SURE
+
+
+def test_a_straightness_becomes_a_cross_table(fitted: Answered) -> None:
+    fit = fitted("straightness")
+    x = 20.0 * np.arange(31)
+    line = np.stack([np.ones(31), x], axis=1)
+    bent = beam(x) - line @ np.linalg.lstsq(line, beam(x))[0]
+    off = np.array(fit["parameters"]["table"]) + bent  # an entry is the offset
+    assert within(off, np.array(fit["standard_deviations"]["table"])) > SURE
+
+
+def test_a_probed_surface_becomes_a_plane_in_spite_of_gaps_and_a_chip(
+    fitted: Answered, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fit = fitted("probe")
+    x, y = np.meshgrid(25.0 * np.arange(21), 25.0 * np.arange(13))
+    seen = np.array(fit["support"]) > 0
+    height = table(x, y) - table(x, y)[seen].mean()
+    off = np.array(fit["parameters"]["table"]) + height
+    assert within(off, np.array(fit["standard_deviations"]["table"])) > SURE
+    assert int((~seen).sum()) == 13  # twelve under the clamp, one under the chip
+
+
+def test_a_scope_trace_becomes_a_law_of_friction(fitted: Answered) -> None:
+    fit = fitted("scope")
+    found, known = fit["parameters"], fit["standard_deviations"]
+    truth = {
+        "inertia": 0.004,
+        "coulomb": 1.6,
+        "viscous": 0.006,
+        "breakaway": 2.3,
+        "stribeck_velocity": 4.0,
+    }
+    for name, value in truth.items():
+        assert found[name] == pytest.approx(value, abs=2.0 * known[name])
+    curve = found["curve"]
+    speed = np.array(curve["velocity"])
+    # Two percent of the level: the noise of 0.05 A over some fifty independent samples.
+    assert np.allclose(curve["current"], friction(speed), atol=0.03)
+
+
+def test_a_thermal_log_becomes_a_line(fitted: Answered) -> None:
+    fit = fitted("thermal")
+    found, known = fit["parameters"], fit["standard_deviations"]
+    law = found["table"]
+    for warmth, value, deviation in zip(
+        law["temperature"],
+        law["coefficient"],
+        known["table"]["coefficient"],
+        strict=True,
+    ):
+        # µm/m; what the axis list adds is the negative error, rounded to 1e-4.
+        truth = -1e6 * GROWTH * (warmth - 20.0)
+        assert value == pytest.approx(truth, abs=2.0 * deviation + 1e-4)
+    assert found["position_0"] == pytest.approx(CROSSING, abs=2.0 * known["position_0"])
+
+
+def test_a_log_in_motion_becomes_a_list_of_both_directions(fitted: Answered) -> None:
+    fit = fitted("motion")
+    x = nodes(61, 10.0)
+    off = both(fit, "parameters") - screw(x, WAYS * np.ones_like(x))
+    seen = both({"support": {"table": fit["support"]}}, "support") > 0
+    off -= off[seen].mean()  # remove = "offset"
+    assert within(off[seen], both(fit, "standard_deviations")[seen]) > SURE

@@ -1,0 +1,174 @@
+"""`axcomp convert`: tables between lists and neighbouring formats."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.lists import ListFile, check
+from axcomp.data.measurements import read_table
+from axcomp.ident.cli import main
+from axcomp.ident.exchange import (
+    ExchangedTable,
+    list_with,
+    table_in,
+    table_of_file,
+    text_of,
+)
+
+rng = np.random.default_rng(5)
+EVEN = 12.5 * np.arange(9) - 20.0
+UNEVEN = np.cumsum(rng.integers(10_000, 90_000, 9)) / 1e4
+TABLES = {
+    "leadscrew": ExchangedTable(
+        "leadscrew", 3, (), (EVEN,), rng.integers(-500, 500, (2, 9)) / 1e4
+    ),
+    "one direction": ExchangedTable(
+        "leadscrew", 3, (), (UNEVEN,), rng.integers(-500, 500, (1, 9)) / 1e4
+    ),
+    "cross": ExchangedTable(
+        "cross", 3, (1,), (EVEN,), rng.integers(-500, 500, (1, 9)) / 1e4
+    ),
+    "plane": ExchangedTable(
+        "plane", 3, (1, 2), (EVEN, EVEN[:4] + 7), rng.integers(-500, 500, (4, 9)) / 1e4
+    ),
+}
+
+
+def written(folder: Path, table: ExchangedTable) -> Path:
+    path = folder / "achskw3.lis"
+    path.write_bytes(list_with(table)[0].dumps())
+    return path
+
+
+def convert(source: Path, target: Path, *options: str) -> Path:
+    assert main(["convert", str(source), str(target), *options]) == 0
+    return target
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_list_comes_back_from_a_csv_byte_for_byte(tmp_path: Path, name: str) -> None:
+    listing = written(tmp_path, TABLES[name])
+    table = convert(listing, tmp_path / "table.csv")
+    assert convert(table, tmp_path / "back.lis").read_bytes() == listing.read_bytes()
+    assert not [
+        each for each in check([ListFile.read(listing)]) if each.level == "error"
+    ]
+
+
+@pytest.mark.parametrize("name", ["leadscrew", "one direction"])
+@pytest.mark.parametrize("trim", [[], ["--trim"]])
+def test_a_screw_comes_back_from_linuxcnc_byte_for_byte(
+    tmp_path: Path, name: str, trim: list[str]
+) -> None:
+    listing = written(tmp_path, TABLES[name])
+    triplets = convert(listing, tmp_path / "screw.comp", *trim)
+    back = convert(triplets, tmp_path / "back.lis", "--axis", "3", *trim)
+    assert back.read_bytes() == listing.read_bytes()
+
+
+@pytest.mark.parametrize("form", ["bed-mesh", "height-map"])
+def test_a_plane_comes_back_from_a_mesh_byte_for_byte(
+    tmp_path: Path, form: str
+) -> None:
+    listing = written(tmp_path, TABLES["plane"])
+    mesh = convert(listing, tmp_path / "mesh.cfg", "--to", form)
+    options = ["--axis", "3", "--master", "1", "--master", "2"]
+    back = convert(mesh, tmp_path / "back.lis", *options)
+    assert back.read_bytes() == listing.read_bytes()
+
+
+def test_linuxcnc_is_told_where_the_joint_really_was() -> None:
+    # A screw that is 20 µm too far at 100 mm, 30 µm on the way back: its list takes the
+    # error, LinuxCNC (type 0) the place, or (type 1) what is to be added.
+    table = ExchangedTable(
+        "leadscrew",
+        1,
+        (),
+        (np.array([0.0, 100.0]),),
+        np.array([[0.0, 0.02], [0.0, 0.03]]),
+    )
+    assert text_of(table, "linuxcnc").splitlines()[1] == "100.0000 100.0200 100.0300"
+    assert (
+        text_of(table, "linuxcnc", trim=True).splitlines()[1]
+        == "100.0000 -0.0200 -0.0300"
+    )
+    listing = list_with(table)[0]
+    assert listing.integer("kw.ssfk.table[1].pos") == 200  # 0.1 µm, error
+
+
+def test_a_plane_takes_the_negative_height(tmp_path: Path) -> None:
+    height = np.array([[0.01, 0.02], [0.03, -0.04]])
+    table = ExchangedTable(
+        "plane", 3, (1, 2), (np.array([0.0, 10.0]), np.array([0.0, 20.0])), -height
+    )
+    path = tmp_path / "mesh.cfg"
+    path.write_text(text_of(table, "bed-mesh"))
+    seen = read_table(path)
+    assert seen.format == "Klipper bed mesh"
+    assert seen.columns[2].values.tolist() == height.ravel().tolist()
+    assert np.array_equal(table_of_file(path).entries, -height)
+
+
+def test_a_spreadsheet_needs_to_be_told_what_it_holds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sheet = tmp_path / "sheet.csv"
+    sheet.write_text("pos [mm];err [um]\n0,0;0,0\n50,0;12,3\n100,0;-4,5\n")
+    assert main(["convert", str(sheet), str(tmp_path / "a.lis")]) == 1
+    assert "compensation: found ''" in capsys.readouterr().err
+    stated = ["--compensation", "cross", "--axis", "2", "--master", "1"]
+    listing = convert(sheet, tmp_path / "a.lis", *stated)
+    assert "To set in the axis list: lr_param.crosscomp 1" in capsys.readouterr().err
+    assert table_in(ListFile.read(listing)).entries.tolist() == [[0.0, 0.0123, -0.0045]]
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "words"),
+    [
+        ("0 0 0\n10 10.1\n", "a.comp", ":2: found '10 10.1', expected three numbers"),
+        ("0 0 0\n0 0 0\n", "a.comp", "points that do not ascend"),
+        (
+            "# plane of axis 3 over 1, 2\na,b,c\n0,0,1\n5,0,1\n5,5,1\n",
+            "a.csv",
+            "1 of 4",
+        ),
+    ],
+)
+def test_what_is_no_table_is_refused_in_one_line(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    text: str,
+    name: str,
+    words: str,
+) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    assert main(["convert", str(path), str(tmp_path / "out.csv")]) == 1
+    shown = capsys.readouterr().err
+    assert words in shown
+    assert shown.count("\n") == 1
+
+
+def test_the_target_is_a_new_file_of_a_known_ending(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listing = written(tmp_path, TABLES["leadscrew"])
+    command = ["convert", str(listing), str(listing), "--to", "csv"]
+    assert main(command) == 2
+    assert "expected a new file or --force" in capsys.readouterr().err
+    assert main(["convert", str(listing), str(tmp_path / "a.xyz")]) == 1
+    assert "found the ending '.xyz'" in capsys.readouterr().err
+
+
+def test_a_list_with_two_tables_needs_one_to_be_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = (
+        written(tmp_path, TABLES[n]).read_bytes() for n in ("cross", "plane")
+    )
+    both = tmp_path / "achskw3.lis"
+    both.write_bytes(first + second)
+    assert main(["convert", str(both), str(tmp_path / "a.csv")]) == 1
+    assert "--compensation leadscrew|cross|plane" in capsys.readouterr().err
+    convert(both, tmp_path / "a.csv", "--compensation", "plane")
