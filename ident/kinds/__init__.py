@@ -6,7 +6,11 @@ first use (`Kind.part`):
 * ``effect``: what is fitted, through `axcomp.models` and the estimator;
 * ``entries``: between its list and its model (`_protocol.AbstractEntries`);
 * ``channel``: what a log shows of it (`proof.verify.AbstractChannel`);
-* ``probe``: its step of a probe (`_protocol.AbstractProbe`).
+* ``probe``: its step of a probe (`_protocol.AbstractProbe`);
+* ``keys``: the keys of a fit in a job, and what is wrong with them (`_keys.FitSpec`);
+* ``job``: a fit from its plan to a draft, list and result (`_parts.SinglePart`);
+* ``group``: the same in a group of fits (`_parts.GroupPart`);
+* ``page``: its part of the report (`_parts.PagePart`).
 
 A compensation is added by a folder and by its name in `NAMES`. Entries that the registry of
 `data.lists` does not have stand in ``parameters.toml`` of the folder.
