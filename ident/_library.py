@@ -29,6 +29,8 @@ from .fit.joint import (
 from .friction import Choice, DriveSamples, Known, choose_law
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from .job import JobResult
 
 _FOLDS = 5
@@ -56,6 +58,16 @@ class FittedEffect:
     standard_deviation: Any
     support: Int[np.ndarray, " p"]
     lags: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the values with two standard deviations, and return the matplotlib axes.
+
+        Args:
+            axes: To draw into; left out: a figure of its own.
+        """
+        from ._notebook import plot_effect
+
+        return plot_effect(self, type(self.effect).__name__, axes)
 
 
 @final
@@ -97,6 +109,17 @@ class Fit(Mapping[str, FittedEffect]):
 
     def __len__(self) -> int:
         return len(self.effects)
+
+    def plot(self) -> "tuple[Axes, ...]":
+        """Draw every effect into a panel of its own, and return the matplotlib axes."""
+        from ._notebook import plot_fit
+
+        return plot_fit(self.effects)
+
+    def _repr_html_(self) -> str:
+        from ._notebook import fit_html
+
+        return fit_html(self)
 
     @cached_property
     def held_out(self) -> dict[str, float]:

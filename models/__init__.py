@@ -23,6 +23,7 @@ from ._controller import (
     PositionController as PositionController,
 )
 from ._controller_axis import (
+    AbstractOffset as AbstractOffset,
     AxisCompensations as AxisCompensations,
     Coupled as Coupled,
 )
@@ -79,10 +80,12 @@ from ._friction_stribeck import (
 )
 from ._geometric import GeometricErrors as GeometricErrors
 from ._leadscrew import Leadscrew as Leadscrew
+from ._lookup import AbstractLookup as AbstractLookup
 from ._motion import (
     COMPENSATIONS as COMPENSATIONS,
     Motion as Motion,
     Offsets as Offsets,
+    Rows as Rows,
 )
 from ._nodes import (
     AbstractNodes as AbstractNodes,

@@ -74,8 +74,8 @@ class PositionController(eqx.Module):
 
     def __check_init__(self) -> None:
         for number, axis in enumerate(self.axes):
-            for name in ("cross", "plane", "crosstalk"):
-                coupled = getattr(axis, name)
+            for name in ("cross", "plane", "crosstalk", *axis.further):
+                coupled = axis.part(name)
                 for master in () if coupled is None else coupled.masters:
                     if not 0 <= master < len(self.axes):
                         msg = (
@@ -88,7 +88,7 @@ class PositionController(eqx.Module):
     def installed(self) -> tuple[str, ...]:
         """Names of the compensations that any axis has."""
         have = {name for axis in self.axes for name in axis.installed}
-        return tuple(name for name in COMPENSATIONS if name in have)
+        return tuple(n for n in (*self._further, *COMPENSATIONS) if n in have)
 
     @property
     def lookahead(self) -> int:
@@ -199,13 +199,17 @@ class PositionController(eqx.Module):
             spread=tuple(spread.start() for spread in self._spreads(settled)),
             filtered=tuple(
                 like.start()
-                for name in _OFFSETS
+                for name in (*self._further, *_OFFSETS)
                 for like in self._groups(name, settled)
             ),
             friction=tuple(
                 like.start_friction() for like in self._groups("friction", settled)
             ),
         )
+
+    @property
+    def _further(self) -> tuple[str, ...]:
+        return tuple(sorted({name for axis in self.axes for name in axis.further}))
 
     def _groups(self, name: str, settled: bool) -> tuple[Group, ...]:
         return group(self.axes, name, self.conventions, settled)
@@ -252,7 +256,7 @@ class PositionController(eqx.Module):
         after = []
         tables: dict[str, Float[Array, "a t"]] = {}
         total = jnp.zeros((count, motion.cycles))
-        for name in _OFFSETS:
+        for name in (*self._further, *_OFFSETS):
             groups = self._groups(name, settled)
             parts = []
             for like in groups:
@@ -277,8 +281,11 @@ class PositionController(eqx.Module):
             frictions.append(past_friction)
         if groups:
             tables["friction"] = assembled(groups, parts, count)
-        parted = dict.fromkeys(COMPENSATIONS) | {n: r.T for n, r in tables.items()}
-        return Offsets(offset=total.T, **parted), ControllerState(
+        parted = {name: rows.T for name, rows in tables.items()}
+        further = {name: parted.pop(name) for name in self._further}
+        fields = dict.fromkeys(COMPENSATIONS) | parted
+        offsets = Offsets(offset=total.T, **fields, further=further)
+        return offsets, ControllerState(
             begun=jnp.ones((), dtype=bool),
             direction=state.direction,
             spread=spread,

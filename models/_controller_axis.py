@@ -1,15 +1,17 @@
 """The compensations of one axis, and the axes that they look at."""
 
-from typing import Generic, TypeVar, final
+import abc
+from typing import Any, Generic, TypeVar, final
 
 import equinox as eqx
+from jaxtyping import Array, Float
 
 from ._backlash import Backlash
 from ._cross import Cross
 from ._crosstalk import AbstractCrosstalk
 from ._friction_compensation import FrictionCompensation
 from ._leadscrew import Leadscrew
-from ._motion import COMPENSATIONS
+from ._motion import COMPENSATIONS, Rows
 from ._plane import Plane
 from ._temperature import TemperatureLine
 
@@ -34,6 +36,22 @@ class Coupled(eqx.Module, Generic[Law]):
     """
 
 
+class AbstractOffset(eqx.Module):
+    """The law of a compensation that is none of `COMPENSATIONS`.
+
+    Each cycle stands for itself: such a law has no memory.
+    """
+
+    @abc.abstractmethod
+    def offset(self, rows: Rows, axes: tuple[int, ...]) -> Float[Array, " t"]:
+        """Return what is added to the position of an axis per cycle, in mm or °.
+
+        Args:
+            rows: Motion of all axes.
+            axes: Number of that axis in the machine, then those of its masters.
+        """
+
+
 @final
 class AxisCompensations(eqx.Module):
     """All compensations of one axis; None: it lacks it, or it is not activated."""
@@ -52,6 +70,11 @@ class AxisCompensations(eqx.Module):
     """Activated by P-AXIS-00175."""
     friction: FrictionCompensation | None = None
     """Activated by P-AXIS-00522."""
+    further: dict[str, Coupled[AbstractOffset]] = eqx.field(default_factory=dict)
+    """Compensations of positions that are none of these, by name; summed up first.
+
+    They wait for their masters to be homed, and take no COMP command.
+    """
     leadscrew_alone: bool = eqx.field(default=False, static=True)
     """The leadscrew looks up the position without the other offsets.
 
@@ -64,8 +87,12 @@ class AxisCompensations(eqx.Module):
 
     def __check_init__(self) -> None:
         for name in self.manual:
-            if name not in COMPENSATIONS:
+            if name not in (*COMPENSATIONS, *self.further):
                 msg = f"manual: {name!r} is none of {', '.join(COMPENSATIONS)}."
+                raise ValueError(msg)
+        for name in self.further:
+            if name in COMPENSATIONS:
+                msg = f"further: {name!r} has a field of its own."
                 raise ValueError(msg)
         own = None if self.backlash is None else self.backlash.cycles
         if own is not None and self.reversal_cycles not in (None, own):
@@ -93,7 +120,12 @@ class AxisCompensations(eqx.Module):
     @property
     def installed(self) -> tuple[str, ...]:
         """Names of the compensations that the axis has, in the order of their sum."""
-        return tuple(name for name in COMPENSATIONS if getattr(self, name) is not None)
+        own = (name for name in COMPENSATIONS if getattr(self, name) is not None)
+        return (*sorted(self.further), *own)
+
+    def part(self, name: str) -> Any:
+        """Return a compensation by its name; None: the axis lacks it."""
+        return getattr(self, name) if name in COMPENSATIONS else self.further.get(name)
 
     @property
     def spread_cycles(self) -> int:
@@ -118,13 +150,13 @@ class AxisCompensations(eqx.Module):
             found["temperature"] = self.temperature.cycles
         if self.crosstalk is not None:
             found["crosstalk"] = self.crosstalk.law.cycles
-        return found
+        return found | {name: one.cycles for name, one in self.further.items()}
 
     def needs_homed(self, name: str, axis: int) -> tuple[int, ...]:
         """Return the axes that must be homed before this compensation acts.
 
-        Leadscrew and temperature need the axis itself, cross and plane their masters;
-        the others act from the start ([001] p.10, 64, 82, 97).
+        Leadscrew and temperature need the axis itself, cross, plane and what is `further`
+        their masters; the others act from the start ([001] p.10, 64, 82, 97).
 
         Args:
             name: Of the compensation.
@@ -132,7 +164,7 @@ class AxisCompensations(eqx.Module):
         """
         if name in ("leadscrew", "temperature"):
             return (axis,)
-        if name in ("cross", "plane"):
-            coupled: Coupled[eqx.Module] | None = getattr(self, name)
+        if name in ("cross", "plane", *self.further):
+            coupled: Coupled[eqx.Module] | None = self.part(name)
             return () if coupled is None else coupled.masters
         return ()

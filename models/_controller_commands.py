@@ -90,7 +90,7 @@ def commanded(
         if isinstance(event, ProgramEnd):
             for axis in range(len(axes)) if event.axes is None else event.axes:
                 _refuse_unknown(axis, len(axes))
-                for name in axes[axis].manual:
+                for name in set(axes[axis].manual) & set(COMPENSATIONS):
                     selected[since:, axis, COMPENSATIONS.index(name)] = False
         else:
             _refuse_unknown(event.axis, len(axes))

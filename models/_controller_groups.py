@@ -54,6 +54,10 @@ class Group:
         return self.response.size - 1
 
     @property
+    def _pairs(self) -> tuple[tuple[int, AxisCompensations], ...]:
+        return tuple(zip(self.members, self.axes, strict=True))
+
+    @property
     def way(self) -> str:
         """Compensation whose directions count: of the backlash, or of the leadscrew."""
         return "backlash" if self.name == "backlash" else "leadscrew"
@@ -89,6 +93,9 @@ class Group:
             way: Directions of these axes, with reversals spread.
             place: Positions of these axes that the law looks up.
         """
+        if self.name not in COMPENSATIONS:
+            own = [(m, axis.further[self.name]) for m, axis in self._pairs]
+            return jnp.stack([c.law.offset(rows, (m, *c.masters)) for m, c in own])
         laws = [_law(getattr(axis, self.name)) for axis in self.axes]
         if self.name == "backlash":
             return _found(one_by_one(lambda law, d: law.offset(d), laws, way))
@@ -204,7 +211,7 @@ class Group:
     def _active(self, motion: Motion) -> Filtered | float:
         """Return where it acts: 1 or 0 per cycle, as one number if it never changes."""
         flags: list[Bool[Array, "k t"]] = []
-        if motion.active is not None:
+        if motion.active is not None and self.name in COMPENSATIONS:
             number = COMPENSATIONS.index(self.name)
             flags.append(motion.active[:, np.array(self.members), number].T)
         elif self.name in self.axes[0].manual:
@@ -212,8 +219,7 @@ class Group:
         if motion.homed is not None:
             homed = motion.homed.T
             needed = [
-                axis.needs_homed(self.name, member)
-                for axis, member in zip(self.axes, self.members, strict=True)
+                axis.needs_homed(self.name, member) for member, axis in self._pairs
             ]
             for masters in zip(*needed, strict=True):
                 flags.append(homed[np.array(masters)])
@@ -232,7 +238,7 @@ def group(
     """Return the axes that have a compensation, in groups of the same structure."""
     found: dict[Any, list[int]] = {}
     for number, axis in enumerate(axes):
-        whole = getattr(axis, name)
+        whole = axis.part(name)
         if whole is None:
             continue
         law = _law(whole)

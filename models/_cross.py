@@ -5,15 +5,16 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
+from ._lookup import AbstractLookup
 from ._nodes import AbstractNodes, Values, float_array
 from ._primitive import interpolate
 from ._stencil import Stencil, linear_stencil
 
 
 @final
-class Cross(eqx.Module):
+class Cross(AbstractLookup):
     """Cross (sag) compensation of one slave axis.
 
     Linear between nodes. Outside, the manuals are silent (S-12): held by default.
@@ -39,6 +40,21 @@ class Cross(eqx.Module):
                 f"got shape {self.values.shape}."
             )
             raise ValueError(msg)
+
+    @property
+    def ways(self) -> tuple[AbstractNodes, ...]:
+        return (self.nodes,)
+
+    @property
+    def tables(self) -> tuple[Float[Array | np.ndarray, " p"], ...]:
+        return (self.values,)
+
+    def looked_up(
+        self,
+        positions: Float[Array | np.ndarray, "t d"],
+        direction: Int[Array | np.ndarray, " t"],
+    ) -> tuple[Array | np.ndarray, ...]:
+        return (positions[:, 0],)
 
     @eqx.filter_jit
     def entry(self, position: Float[Array | np.ndarray, " t"]) -> Float[Array, " t"]:

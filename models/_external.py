@@ -6,7 +6,7 @@ axes stand follow the ones that, compensated, lead there (`start`).
 """
 
 from collections.abc import Callable
-from typing import final
+from typing import Any, final
 
 import equinox as eqx
 import jax
@@ -15,9 +15,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from ._cross import Cross
-from ._leadscrew import Leadscrew
-from ._plane import Plane
+from ._lookup import AbstractLookup
 
 Offsets = Callable[[Float[Array, "t a"]], Float[Array, "t a"]]
 """From positions of all axes in mm or ° to their offsets; row by row, without memory."""
@@ -171,7 +169,7 @@ def _within(place: Float[Array, "t a"], rest: Float[Array, "t a"]) -> Bool[Array
 class OffsetPart(eqx.Module):
     """One table in a stack: what it adds to which axis, over which axes."""
 
-    model: Plane | Cross | Leadscrew
+    model: AbstractLookup
     """The table; a leadscrew for one or both directions alike, without memory."""
     axis: int = eqx.field(static=True)
     """Column of the axis that it adds to."""
@@ -181,14 +179,14 @@ class OffsetPart(eqx.Module):
     """Whether the parts before it are added to the position of its own axis first."""
 
     def __check_init__(self) -> None:
-        needed = 2 if isinstance(self.model, Plane) else 1
+        needed = len(self.model.ways)
         if len(self.masters) != needed:
             msg = (
                 f"A {type(self.model).__name__} needs {needed} master column(s), got "
                 f"{self.masters!r}."
             )
             raise ValueError(msg)
-        if isinstance(self.model, Leadscrew) and self.model.bilateral:
+        if len(self.model.tables) > 1:
             msg = (
                 "An external compensation knows positions only, got a leadscrew table "
                 "for each direction of motion."
@@ -197,9 +195,11 @@ class OffsetPart(eqx.Module):
 
     def offset(self, positions: Float[Array, "t a"]) -> Float[Array, " t"]:
         """Return what it adds to its axis in mm or °."""
-        if isinstance(self.model, Plane):
-            return self.model.offset(positions[:, np.array(self.masters)])
-        return self.model.offset(positions[:, self.masters[0]])
+        table: Any = self.model
+        ahead = np.ones(len(positions), dtype=np.int64)
+        seen = table.looked_up(positions[:, np.array(self.masters)], ahead)
+        found: Float[Array, " t"] = table.offset(*seen)
+        return found
 
 
 @final

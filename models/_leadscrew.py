@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Real
 
+from ._lookup import AbstractLookup
 from ._nodes import (
     AbstractNodes,
     EquidistantNodes,
@@ -20,7 +21,7 @@ from ._stencil import Stencil, linear_stencil
 
 
 @final
-class Leadscrew(eqx.Module):
+class Leadscrew(AbstractLookup):
     """Leadscrew error compensation of one axis, for one or for both directions.
 
     Linear between nodes, edges held. Entries are errors: the offset is −entry (S-18).
@@ -53,6 +54,21 @@ class Leadscrew(eqx.Module):
                 )
                 raise ValueError(msg)
         _ = self.input_nodes  # refuses a modulo range that does not ascend
+
+    @property
+    def ways(self) -> tuple[AbstractNodes, ...]:
+        return (self.nodes,)
+
+    @property
+    def tables(self) -> tuple[Float[Array | np.ndarray, " p"], ...]:
+        return (self.pos,) if self.neg is None else (self.pos, self.neg)
+
+    def looked_up(
+        self,
+        positions: Float[Array | np.ndarray, "t d"],
+        direction: Int[Array | np.ndarray, " t"],
+    ) -> tuple[Array | np.ndarray, ...]:
+        return positions[:, 0], direction
 
     @property
     def bilateral(self) -> bool:

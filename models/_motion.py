@@ -103,6 +103,13 @@ class Offsets(eqx.Module):
     """In mm or °."""
     friction: Float[Array, "t a"] | None
     """Current in drive units; no part of the sum."""
+    further: dict[str, Float[Array, "t a"]] = eqx.field(default_factory=dict)
+    """In mm or °, of what is none of `COMPENSATIONS`, by name."""
+
+    def part(self, name: str) -> Float[Array, "t a"] | None:
+        """Return what a compensation adds, by its name; None: no axis has it."""
+        own: Array | None = getattr(self, name) if name in COMPENSATIONS else None
+        return self.further.get(name, own)
 
 
 @final

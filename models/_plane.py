@@ -5,15 +5,16 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
+from ._lookup import AbstractLookup
 from ._nodes import AbstractNodes, EquidistantNodes, Values, float_array
 from ._primitive import interpolate
 from ._stencil import Stencil, linear_stencil
 
 
 @final
-class Plane(eqx.Module):
+class Plane(AbstractLookup):
     """Plane compensation of one slave axis.
 
     Bilinear between the four nodes of a cell (S-16); outside, the edge is held. Units:
@@ -73,6 +74,21 @@ class Plane(eqx.Module):
             values=float_array(values),
             sign=sign,
         )
+
+    @property
+    def ways(self) -> tuple[AbstractNodes, ...]:
+        return self.nodes1, self.nodes2
+
+    @property
+    def tables(self) -> tuple[Float[Array | np.ndarray, "j i"], ...]:
+        return (self.values,)
+
+    def looked_up(
+        self,
+        positions: Float[Array | np.ndarray, "t d"],
+        direction: Int[Array | np.ndarray, " t"],
+    ) -> tuple[Array | np.ndarray, ...]:
+        return (positions[:, :2],)
 
     @eqx.filter_jit
     def entry(self, positions: Float[Array | np.ndarray, "t 2"]) -> Float[Array, " t"]:

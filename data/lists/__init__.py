@@ -30,6 +30,7 @@ from ._parameter import Parameter as Parameter
 from ._registry import (
     BuildError as BuildError,
     Registry as Registry,
+    add_parameters as add_parameters,
     registry as registry,
 )
 from ._remarks import RemarkCode as RemarkCode

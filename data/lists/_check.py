@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from ._check_crosstalk import check_crosstalk
 from ._check_names import check_names, check_remarks
+from ._check_plausible import check_plausible
 from ._check_set import check_set
 from ._check_structure import check_structures
 from ._check_tables import check_tables
@@ -37,16 +38,16 @@ def check(
     """
     if build is not None:
         parse_build(build)
-    views = [ListView(file, build) for file in files]
+    views = [ListView(file, build, increment) for file in files]
     for view in views:
-        _check_alone(view, increment)
+        _check_alone(view)
     check_set(views, gantry)
     for view in views:
         view.findings.sort(key=lambda finding: (finding.line, finding.column))
     return [finding for view in views for finding in view.findings]
 
 
-def _check_alone(view: ListView, increment: float | None) -> None:
+def _check_alone(view: ListView) -> None:
     if view.file.is_wide:
         view.add(
             "error",
@@ -77,23 +78,24 @@ def _check_alone(view: ListView, increment: float | None) -> None:
         return
     check_names(view)
     check_values(view)
+    check_plausible(view)
     check_structures(view)
     if view.file.kind == "compensation":
         check_tables(view)
         check_crosstalk(view)
-        _report_increments(view, increment)
+        _report_increments(view)
     else:
         _report_missing_number(view)
 
 
-def _report_increments(view: ListView, increment: float | None) -> None:
+def _report_increments(view: ListView) -> None:
     """Say which tables count in increments, where nobody said how long one is."""
     for function in registry().functions:
         unit = function.unit
         if (
             unit is None
             or function.structure not in view.in_use
-            or increment is not None
+            or view.increment is not None
         ):
             continue
         if unit in view.columns and view.integer(unit) == 0:

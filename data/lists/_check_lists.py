@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from collections.abc import Sequence
 
 from ._check_view import ListView
 
@@ -51,6 +52,6 @@ def is_fragment(view: ListView) -> bool:
     return base_name(view.file.source).endswith(".add.lis")
 
 
-def in_force(views: list[ListView], key: str) -> ListView:
+def in_force(views: Sequence[ListView], key: str) -> ListView:
     """Return the list whose entry counts: the last that has it, else the first."""
     return next((view for view in reversed(views) if key in view.columns), views[0])

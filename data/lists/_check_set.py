@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from ._check_axis import check_axis_list, largest_backlash
+from ._check_axis import check_axis, check_axis_list, largest_backlash
 from ._check_lists import (
     AXIS_DIFFERS,
     ListSet,
@@ -40,6 +40,9 @@ def check_set(
     for view in lists.axis:
         _check_activated(view, lists)
         check_axis_list(view)
+    for number in dict.fromkeys(map(axis_number, lists.axis)):
+        own = lists.axis if number is None else lists.axis_of(number)
+        check_axis([view for view in own if axis_number(view) == number])
     for view in lists.startup:
         check_startup(view, lists)
     for master, partner in gantry:

@@ -104,15 +104,30 @@ def _check_pairs(
                 )
 
 
+_INTERFACE = "configuration.position_controller.enable_external_compensation_ifc"
+
+
 def _check_external(view: ListView, lists: ListSet) -> None:
-    """Report external compensation without limits: the default of 0 is refused."""
-    if not view.integer(
-        "configuration.position_controller.enable_external_compensation_ifc"
-    ):
-        return
+    """Report an external compensation without limits, and limits without its interface."""
     row = registry().by_key["lr_param.ext_comp.err_limit"]
-    for axis in lists.axis:
-        if "lr_param.ext_comp" in axis.structures and not axis.integer(row.key):
+    taking_part = [
+        axis for axis in lists.axis if "lr_param.ext_comp" in axis.structures
+    ]
+    if not view.integer(_INTERFACE):
+        if taking_part and not is_fragment(view):
+            view.add(
+                "warning",
+                f"{taking_part[0].file.source} has limits of an external compensation,"
+                " whose interface is closed",
+                view.place(_INTERFACE),
+                parameter=registry().by_key[_INTERFACE],
+                number=70587,
+                found=view.text(_INTERFACE) or "no entry",
+                expected=f"{_INTERFACE} 1",
+            )
+        return
+    for axis in taking_part:
+        if not axis.integer(row.key):
             axis.add(
                 "warning",
                 "external compensation is open, but the axis has no error limit",
@@ -122,3 +137,13 @@ def _check_external(view: ListView, lists: ListSet) -> None:
                 found=axis.text(row.key) or "no entry",
                 expected="a limit above 0",
             )
+    if lists.axis and not taking_part:
+        view.add(
+            "warning",
+            "external compensation is open, but no axis has limits for it",
+            view.place(_INTERFACE),
+            parameter=row,
+            number=70585,
+            found="no entry",
+            expected=f"{row.key} of each axis that takes part",
+        )

@@ -144,11 +144,10 @@ def _check_unit(view: ListView, function: Function) -> None:
 def _check_masters(view: ListView, function: Function) -> None:
     """Report two masters for one table, and an axis that is its own master."""
     own = view.integer("kopf.achs_nr")
-    for name in function.masters:
-        key = f"{function.structure}.{name}"
-        rows = view.rows(key)
-        if rows is None:
-            continue
+    keys = [f"{function.structure}.{name}" for name in function.masters]
+    there = [key for key in keys if key in view.columns]
+    for key in there:
+        rows = view.columns[key]
         row = registry().by_key[key]
         masters = dict.fromkeys(value for value in rows.integers if value is not None)
         if len(masters) > 1:
@@ -162,12 +161,12 @@ def _check_masters(view: ListView, function: Function) -> None:
                 found=both,
                 expected="one master axis",
             )
-        elif own is not None and own in masters and len(function.masters) == 1:
-            view.add(
-                "warning",
-                f"axis {own} is its own master in the {function.name}",
-                view.place(key),
-                parameter=row,
-                found=str(own),
-                expected="another axis",
-            )
+    if own is not None and {view.integer(key) for key in there} == {own}:
+        view.add(
+            "warning",
+            f"axis {own} is its own master in the {function.name}",
+            view.place(there[0]),
+            parameter=registry().by_key[there[0]],
+            found=str(own),
+            expected="another axis",
+        )

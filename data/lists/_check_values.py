@@ -113,13 +113,19 @@ def _check_integers(
             )
 
 
-def _in_range(row: Parameter, low: int, high: int) -> bool:
+def _in_range(row: Parameter, low: int | float, high: int | float) -> bool:
     """Return whether all numbers from ``low`` to ``high`` are surely allowed."""
     if row.values:
         return low == high and low in row.values
     if row.range is None or row.range.holds(low, high):
         return True
     return low == high and low in row.also
+
+
+def surely_allowed(row: Parameter, value: int | float) -> bool:
+    """Return whether a value has no finding of its own: every statement allows it."""
+    bottom, top = INTEGER_LIMITS.get(row.narrow_type or row.type, (value, value))
+    return bottom <= value <= top and _in_range(row, value, value)
 
 
 def _sort_out(view: ListView, rows: Rows, row: Parameter) -> None:

@@ -29,10 +29,19 @@ Place: TypeAlias = tuple[int, int]
 class ListView:
     """One list with its findings; the rules of the checker write into it."""
 
-    def __init__(self, file: ListFile, build: str | None) -> None:
-        """Look at ``file`` as a controller of ``build`` would, the newest if None."""
+    def __init__(
+        self, file: ListFile, build: str | None, increment: float | None = None
+    ) -> None:
+        """Look at ``file`` as a controller of ``build`` would, the newest if None.
+
+        Args:
+            file: The list.
+            build: Of the controller.
+            increment: mm (or degrees) per encoder increment, where it is known.
+        """
         self.file = file
         self.build = build
+        self.increment = increment
         self.columns: Mapping[str, Rows] = file.columns
         self.findings: list[Finding] = []
         self._lines: dict[int, Line] = {}

@@ -6,7 +6,7 @@ holds it to the registry.
 
 from collections.abc import Iterable
 
-from ._parameter import Parameter
+from ._parameter import Interval, Parameter
 from ._registry import registry
 from ._remarks import REMARKS
 from ._values import INTEGER_LIMITS
@@ -32,7 +32,8 @@ axcomp.data.lists._document`; do not edit this page.
 Indices of a table stand as `[]`. **T** is the unit in lists of linear axes, **R, S**
 that of rotary axes and spindles. *Errors* are the numbers that the controller reports
 for a defective value, a missing entry or (restart) a change after start-up. S-numbers
-are decisions where the manuals contradict each other. Sources: [000] TF5200 axis
+are decisions where the manuals contradict each other; what is called *plausible* is
+ours, and a warning outside of it. Sources: [000] TF5200 axis
 compensation parameters 1.24, [001] TF5200 axis compensation functional description
 1.51, [002] ISG parameter manual axis compensation, [003] and [004] TF5200 interface
 to external compensation.
@@ -98,13 +99,19 @@ def _range(row: Parameter) -> str:
         return "0, 1"
     if row.range is None:
         return ""
-    text = str(row.range)
-    if row.type in INTEGER_LIMITS:
-        for limit, name in zip(INTEGER_LIMITS[row.type], ("MIN", "MAX"), strict=True):
-            if limit:
-                text = text.replace(str(limit), name)
     also = "".join(f", or {value}" for value in row.also)
-    return text + also
+    return _interval(row.range, row.type) + also
+
+
+def _interval(interval: Interval, type_name: str) -> str:
+    """Return an interval in words, the ends of its type as MIN and MAX."""
+    text = str(interval)
+    for limit, name in zip(
+        INTEGER_LIMITS.get(type_name, ()), ("MIN", "MAX"), strict=False
+    ):
+        if limit:
+            text = text.replace(str(limit), name)
+    return text
 
 
 def _unit(row: Parameter) -> str:
@@ -127,6 +134,12 @@ def _notes(row: Parameter) -> Iterable[str]:
         yield f"another statement allows {row.wide_range}"
     if row.narrow_type is not None:
         yield f"another statement gives {row.narrow_type}"
+    if row.plausible is not None:
+        yield f"plausible {_interval(row.plausible, row.type)}"
+    if row.step is not None:
+        yield f"plausible steps up to {row.step.largest}"
+    if row.jump is not None:
+        yield f"plausibly within {row.jump.largest} of `{row.jump.against}`"
     if row.needed == "true":
         always = row.structure == "kopf"
         yield "always needed" if always else "needed where the function is in use"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import html
 import pathlib
 import re
 from collections.abc import Iterable, Mapping
@@ -23,6 +24,8 @@ Encoding: TypeAlias = Literal["ascii", "utf-8", "latin-1"]
 
 _SHORT = 2048
 """Lines up to which a list is looked up among the last ones."""
+_SHOWN = 60
+"""Entries that a notebook shows."""
 _NOT_ASCII = re.compile(r"[^\x00-\x7f]")
 
 
@@ -41,6 +44,17 @@ class ListFile:
     """Where the list comes from, for messages."""
     encoding: Encoding = "ascii"
     """How the file is encoded: ASCII, else UTF-8, else Latin-1 (semantics S-09)."""
+
+    def _repr_html_(self) -> str:
+        """Return the entries as a table, for a notebook; of a long list the first ones."""
+        rows = "".join(
+            f"<tr><td>{html.escape(one.name)}</td><td>{html.escape(one.value)}</td></tr>"
+            for one in self.entries[:_SHOWN]
+        )
+        more = len(self.entries) - _SHOWN
+        rest = f"<p>… and {more} more entries</p>" if more > 0 else ""
+        head = f"<p><b>{html.escape(self.source)}</b>: {self.kind} list</p>"
+        return f"{head}<table>{rows}</table>{rest}"
 
     @classmethod
     def parse(cls, raw: bytes, source: str = "<text>") -> "ListFile":

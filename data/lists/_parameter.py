@@ -73,6 +73,22 @@ class Condition(NamedTuple):
     semantics: str | None = None
 
 
+class Change(NamedTuple):
+    """How much an entry may plausibly differ from another one, in list units.
+
+    The other one is the neighbour in its column, or the entry of the same index in
+    another column.
+    """
+
+    largest: int
+    number: int | None = None
+    """Error number of the controller for a change out of its range."""
+    against: str | None = None
+    """Key of the other column; None: neighbours of the own one."""
+    when: str | None = None
+    """Flag of the structure without which the other column is not used."""
+
+
 class Parameter(NamedTuple):
     """What the manuals say of one parameter."""
 
@@ -87,6 +103,12 @@ class Parameter(NamedTuple):
     narrow_type: str | None = None
     range: Interval | None = None
     wide_range: Interval | None = None
+    plausible: Interval | None = None
+    """What a sound machine needs: outside of it, though allowed, is likely a mistake."""
+    step: Change | None = None
+    jump: Change | None = None
+    demanded: str | None = None
+    """Bit of P-AXIS-00465 that demands the compensation which the entry switches on."""
     values: tuple[int, ...] = ()
     also: tuple[int, ...] = ()
     words: tuple[str, ...] = ()
@@ -136,6 +158,7 @@ class Parameter(NamedTuple):
         """Error numbers of the controller that the parameter can cause, ascending."""
         found = {self.number, self.negative, self.missing, self.changed, *self.numbers}
         found.update(condition.number for condition in self.conditions)
+        found.update(change.number for change in (self.step, self.jump) if change)
         return tuple(sorted(number for number in found if number is not None))
 
 

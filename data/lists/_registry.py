@@ -7,7 +7,15 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..errors import AxcompError
-from ._parameter import Alias, Condition, Function, Kind, Parameter, parse_interval
+from ._parameter import (
+    Alias,
+    Change,
+    Condition,
+    Function,
+    Kind,
+    Parameter,
+    parse_interval,
+)
 
 _TUPLES = (
     "values",
@@ -91,11 +99,26 @@ class Registry:
         return "unknown"
 
 
+_files = [pathlib.Path(__file__).with_name("parameters.toml")]
+
+
+def add_parameters(path: pathlib.Path) -> None:
+    """Add ``[[parameters]]`` and ``[[functions]]`` of another file to the registry.
+
+    What a name means already, it goes on to mean.
+    """
+    if path not in _files:
+        _files.append(path)
+        registry.cache_clear()
+
+
 @functools.cache
 def registry() -> Registry:
     """Return the registry, loaded on first use."""
-    path = pathlib.Path(__file__).with_name("parameters.toml")
-    data = tomllib.loads(path.read_text(encoding="utf-8"))
+    data, *more = (tomllib.loads(path.read_text(encoding="utf-8")) for path in _files)
+    for table in more:
+        data["parameters"] += table.get("parameters", [])
+        data["functions"] += table.get("functions", [])
     kinds: dict[str, Kind] = {
         prefix: kind for kind, prefixes in data["kinds"].items() for prefix in prefixes
     }
@@ -121,9 +144,12 @@ def _row(raw: dict[str, Any], kinds: Mapping[str, Kind]) -> Parameter:
     for name in _TUPLES:
         if name in fields:
             fields[name] = tuple(fields[name])
-    for name in ("range", "wide_range"):
+    for name in ("range", "wide_range", "plausible"):
         if name in fields:
             fields[name] = parse_interval(fields[name], type_name)
+    for name in ("step", "jump"):
+        if name in fields:
+            fields[name] = Change(**fields[name])
     fields["conditions"] = tuple(
         Condition(**{**condition, "readings": tuple(condition["readings"])})
         for condition in fields.get("conditions", ())

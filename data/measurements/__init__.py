@@ -6,6 +6,12 @@ them a meaning and the library's units (mm, °, s, °C); `derive_error`, `derive
 a positioning test.
 """
 
+from ._cnc_objects import (
+    CNC_OBJECTS as CNC_OBJECTS,
+    GEO_PORT as GEO_PORT,
+    INDEX_GROUP as INDEX_GROUP,
+    CncObject as CncObject,
+)
 from ._derive import (
     derive_error as derive_error,
     derive_motion as derive_motion,

@@ -3,6 +3,8 @@
 import dataclasses
 import re
 
+from ._cnc_objects import CNC_OBJECTS
+
 COMPENSATIONS = (
     "backlash",
     "temperature",
@@ -17,18 +19,18 @@ COMPENSATIONS = (
 TOTAL = "offset"
 """Name of the sum of all position offsets of an axis."""
 
+
+def _plain(text: str) -> str:
+    """Return letters and digits only: exports spell the names of objects differently."""
+    return re.sub(r"[^a-z0-9]", "", text.lower())
+
+
 _OBJECTS = {
-    "bcactualbacklash": ("backlash", True),
-    "bcsumbacklash": ("backlash", False),
-    "tempcactualoffset": ("temperature", True),
-    "crosscactualoffset": ("cross", True),
-    "cc2correction": ("plane", True),
-    "lsecsumepsilon": ("leadscrew", True),
-    "crosstalkactualoffset": ("crosstalk", True),
-    "crosstalkendoffset": ("crosstalk", False),
+    _plain(one.name): (one.compensation, one.reports == "filtered")
+    for one in CNC_OBJECTS
+    if one.reports is not None
 }
 """CNC object, letters and digits only: compensation, and whether filters have acted."""
-
 _VARIABLES = {
     "BACKLASH": "backlash",
     "TEMP": "temperature",
@@ -90,7 +92,7 @@ def log_name(text: str) -> LogName | None:
     match = _OBJECT.fullmatch(text)
     if match is None:
         return None
-    known = _OBJECTS.get(re.sub(r"[^a-z0-9]", "", match["object"].lower()))
+    known = _OBJECTS.get(_plain(match["object"]))
     if known is None:
         return None
     axis = match["before"] or match["after"]

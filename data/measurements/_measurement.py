@@ -1,6 +1,7 @@
 """A measurement: columns that have got a meaning and the library's units."""
 
 import dataclasses
+import html
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -51,6 +52,11 @@ class RoleValues:
         """Return all roles, those with a bad cell too."""
         return tuple(self)
 
+    @property
+    def unusable(self) -> tuple[str, ...]:
+        """Roles that raise when they are used."""
+        return tuple(self._bad)
+
     def with_gaps(self) -> "RoleValues":
         """Return the values with NaN where a cell of a number column holds none."""
         bad = {
@@ -81,6 +87,24 @@ class Measurement:
     rows: int
     lines: Int[np.ndarray, " t"]
     remarks: tuple[str, ...] = ()
+
+    def _repr_html_(self) -> str:
+        """Return the roles with their units and ranges, for a notebook."""
+        parts = [f"<p><b>{html.escape(self.name)}</b>: {self.rows} rows</p><table>"]
+        parts.append("<tr><th>role</th><th>unit</th><th>least</th><th>most</th></tr>")
+        seen = self.values.with_gaps()
+        for role in seen:
+            bad = role in seen.unusable
+            values = np.zeros(0) if bad else np.asarray(seen[role], float)
+            known = values[np.isfinite(values)]
+            ends = (
+                [f"{known.min():.6g}", f"{known.max():.6g}"] if known.size else ["", ""]
+            )
+            cells = [html.escape(role), html.escape(self.units.get(role, "")), *ends]
+            parts.append("<tr>" + "".join(f"<td>{one}</td>" for one in cells) + "</tr>")
+        parts.append("</table>")
+        parts += [f"<p>{html.escape(remark)}</p>" for remark in self.remarks]
+        return "".join(parts)
 
     def get(self, role: str) -> np.ndarray | None:
         """Return the values of a role, or None where the measurement does not have it.

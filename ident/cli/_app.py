@@ -23,6 +23,7 @@ from . import (
     _doctor,
     _fit,
     _iso230,
+    _objects,
     _probe,
     _read,
     _results,
@@ -47,6 +48,7 @@ app.command("results")(_results.results)
 app.command("check")(_check.check)
 app.command("show")(_show.show)
 app.command("diff")(_diff.diff)
+app.command("objects")(_objects.objects)
 app.command("probe")(_probe.probe)
 app.command("simulate")(_simulate.simulate)
 app.command("verify")(_verify.verify)

@@ -124,6 +124,7 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
     from ...data.lists import ListFile
     from ..exchange import ProbeAxis, Probed, machine_lists, probed_in
     from ..job import load_job
+    from ..kinds import kind
 
     job = load_job(file)
     spec = job.spec
@@ -145,7 +146,7 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
         number = spec.axes[fit.axis].number
         named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
         masters = tuple(spec.axes[master].number for master in named)
-        if fit.compensation != "friction":
+        if not kind(fit.compensation).adds_current:
             found[number, fit.compensation] = Probed(number, fit.compensation, masters)
     return _Given(
         axes,

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ...data.lists import ListFile, OffsetCurve, offset_curves, registry
+from ..kinds import Kind, kind, kinds
 
 MOST_ROWS = 24
 MOST_COLUMNS = 9
@@ -19,14 +20,6 @@ _KINDS = {
     "axis": "axis list",
     "startup": "start-up list",
     "unknown": "list of unknown kind",
-}
-_SIGNS = {
-    "cross": "The controller adds the entry to the command position of the axis as it "
-    "stands.",
-    "plane": "The controller adds the entry to the command position of the axis as it "
-    "stands.",
-    "leadscrew": "The entry is the error of the axis (actual minus setpoint); the "
-    "controller adds its negative to the command position.",
 }
 
 
@@ -45,14 +38,11 @@ def list_views(file: ListFile) -> Iterator[RenderableType]:
     for compensation in dict.fromkeys(curve.compensation for curve in curves):
         alike = [curve for curve in curves if curve.compensation == compensation]
         yield Padding(_curve_view(alike), (1, 0, 0, 0))
-    for prefix, table in (
-        ("frict_comp", "table"),
-        ("kw.crosstalk", "position"),
-        ("kw.crosstalk", "table"),
-    ):
-        raw = _plain_table(file, prefix, table)
-        if raw is not None:
-            yield Padding(raw, (1, 0, 0, 0))
+    for each in sorted(kinds(), key=lambda one: one.prefix):
+        for table in each.raw_tables:
+            raw = _plain_table(file, each, table)
+            if raw is not None:
+                yield Padding(raw, (1, 0, 0, 0))
 
 
 def _headline(file: ListFile) -> str:
@@ -120,7 +110,7 @@ def _curve_view(curves: Sequence[OffsetCurve]) -> Group:
     nodes = " x ".join(str(len(axis)) for axis in first.nodes)
     sentences = [f"{first.compensation.capitalize()} table, {nodes} nodes"]
     sentences[0] += f" over the position of {masters}." if masters else "."
-    sentences.append(_SIGNS[first.compensation])
+    sentences.append(kind(first.compensation).adds)
     if values:
         ends = f"{_plain(min(values))} to {_plain(max(values))}"
         sentences.append(f"It adds from {ends} {unit}.")
@@ -209,9 +199,9 @@ def _some(count: int, most: int, *, gap: bool = True) -> list[int]:
     return sorted({round(k * (count - 1) / (most - 1)) for k in range(most)})
 
 
-def _plain_table(file: ListFile, prefix: str, table: str) -> Group | None:
-    """Return a friction or crosstalk table with its entries as they stand."""
-    stem = f"{prefix}.{table}[]."
+def _plain_table(file: ListFile, one: Kind, table: str) -> Group | None:
+    """Return a table with its entries as they stand, such as that of friction."""
+    stem = f"{one.prefix}.{table}[]."
     keys = [key for key in file.columns if key.startswith(stem)]
     if not keys:
         return None
@@ -239,13 +229,6 @@ def _plain_table(file: ListFile, prefix: str, table: str) -> Group | None:
         ]
         index = ", ".join(map(str, places[k]))
         grid.add_row(index, *map(escape, cells))
-    names = {"frict_comp": "Friction", "kw.crosstalk": "Crosstalk"}
-    signs = {
-        "frict_comp": "The controller adds sign(v) times the value over the velocity "
-        "to the motor current, scaled by scaling_factor (0.1 %).",
-        "kw.crosstalk": "The controller adds the value to the command position of the "
-        "axis while the master accelerates.",
-    }
     size = "1 entry" if len(places) == 1 else f"{len(places)} entries"
-    text = f"{names[prefix]} table, {size}. {signs[prefix]}"
+    text = f"{one.name.capitalize()} table, {size}. {one.adds}"
     return Group(Text(text), grid)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ._events_file import read_events
 from ._motion_file import read_motion
 
 if TYPE_CHECKING:
@@ -77,6 +78,16 @@ def simulate(
             " A1=T.csv:frame where there are several sensors.",
         ),
     ] = None,
+    events: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="E.csv",
+            help="What happens meanwhile: columns time, axis (empty: all) and event, which"
+            " is COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED,"
+            " PROGRAM END or RELOAD FILE.lis. Left out: the column event of the motion,"
+            " if it has one.",
+        ),
+    ] = None,
     as_json: Annotated[
         bool,
         typer.Option("--json", help="Print columns, rows and largest values as JSON."),
@@ -84,13 +95,19 @@ def simulate(
 ) -> None:
     """Compute what the controller would add, per row of a motion and compensation.
 
-    Without an axis list everything in a list is active, from the first row on.
+    Without an axis list everything in a list is active, from the first row on. With
+    events, what waits for COMP ON waits for it, and an axis that an event homes was not
+    homed before.
 
     Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
     and A3.friction in drive units.
     """
     from ...data.lists import ListFile
-    from ..exchange import StoredConventions, read_conventions, simulate as offsets_of
+    from ..exchange import (
+        StoredConventions,
+        read_conventions,
+        simulate_events,
+    )
     from ..job import use_compilation_cache
 
     for name, number in (("--increment", increment), ("--cycle-time", cycle_time)):
@@ -104,7 +121,8 @@ def simulate(
     )
     lists = [ListFile.read(file) for file in dict.fromkeys(files)]
     path = read_motion(motion)
-    found = offsets_of(
+    happened = read_events(motion if events is None else events, path, events is None)
+    found = simulate_events(
         lists,
         path,
         rules.conventions,
@@ -112,6 +130,7 @@ def simulate(
         modulo=ranges,
         lines=_lines(temperature or (), lists, path, rules.conventions),
         cycle_time=cycle_time,
+        events=happened,
     )
     columns = _columns(path, found)
     for remark in dict.fromkeys(text for axis in found for text in axis.remarks):

@@ -3,53 +3,18 @@
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, final
-
-import equinox as eqx
 
 from ...data.files import write_atomically
 from ...data.lists import ListFile, Value, new_list
-from ...models import (
-    Backlash,
-    Conventions,
-    Cross,
-    Crosstalk,
-    FrictionCompensation,
-    FrictionTable,
-    Leadscrew,
-    LegacyCrosstalk,
-    Plane,
-    TemperatureLine,
-)
-from . import _axis_list
-from ._controller import Reading, model_of
-from ._cross import cross_master, entries_of_cross
-from ._crosstalk import entries_of_crosstalk
+from ...models import Conventions
+from ..kinds import kind, kinds
+from ._controller import model_of
 from ._errors import ExchangeError
-from ._friction import entries_of_friction
 from ._identity import Increments
-from ._leadscrew import entries_of_leadscrew
-from ._machine_lists import PREFIXES, machine_lists
+from ._machine_lists import Reading, entries_of_activation, machine_lists
 from ._modulo import Ranges
-from ._plane import entries_of_plane
-
-_NOTHING: Mapping[str, Any] = MappingProxyType({})
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class ModelUnit:
-    """The unit of the values of a model, where it is not that of the library.
-
-    Attributes:
-        name: ``"mm"``, ``"deg"``, ``"list"``, ``"A"``, ``"Nm"`` …
-        size: What one unit of the list is in it: for currents the rated current times the
-            share of it that one unit of ``out`` is. None where nobody said.
-    """
-
-    name: str
-    size: float | None = None
+from ._units import ModelUnit
 
 
 @final
@@ -103,116 +68,49 @@ class AxisModels(Mapping[str, Any]):
         rules = conventions or Conventions()
         compensation: dict[str, Value] = {}
         machine: dict[str, Value] = {}
-        tables = [name for name in self.models if name in PREFIXES]
-        machine |= _axis_list.entries_of_activation(tables)
-        screw = self.models.get("leadscrew")
-        if isinstance(screw, Leadscrew) and screw.bilateral:
-            if "backlash" in self.models:
-                raise ExchangeError(
-                    where=_axis_list.ACTIVATION["backlash"],
-                    found="a backlash beside a leadscrew table for both directions",
-                    expected="one of the two: the table contains the backlash",
-                )
-            machine[_axis_list.ACTIVATION["backlash"]] = 0
-        options: dict[str, Any] = {"existing": existing, "build": build}
+        self._refuse_unknown()
+        every = {each.name: each for each in kinds() if each.name in self.models}
+        tables = [n for n in self.models if every[n].holder == "compensation"]
+        machine |= entries_of_activation(tables)
+        for name in tables:
+            machine |= every[name].entries.beside(self.models[name], self.models.keys())
         for name in sorted(self.models):
-            model = self._in_list_units(name, rules)
-            if isinstance(model, Cross):
-                (master,) = self._masters(name, 1)
-                compensation |= entries_of_cross(model, master, **options)
-            elif isinstance(model, Plane):
-                first, second = self._masters(name, 2)
-                pair = first, second
-                compensation |= entries_of_plane(model, pair, rules, **options)
-            elif isinstance(model, Leadscrew):
-                compensation |= entries_of_leadscrew(model, **options)
-            elif isinstance(model, FrictionCompensation):
-                compensation |= entries_of_friction(model, **options)
-            elif isinstance(model, Backlash):
-                machine |= _axis_list.entries_of_backlash(model, rules)
-            elif isinstance(model, TemperatureLine):
-                machine |= _axis_list.entries_of_temperature(model)
-            else:
-                masters = self.masters.get(name, ())
-                compensation |= entries_of_crosstalk(model, masters)
-        return compensation, machine
-
-    def _masters(self, name: str, count: int) -> tuple[int, ...]:
-        masters = self.masters.get(name, ())
-        if len(masters) != count:
-            raise ExchangeError(
-                where=f"masters of {name}",
-                found=f"{len(masters)} axis numbers",
-                expected=f"{count}: masters={{'{name}': (…)}}",
+            entries = every[name].entries.to_list(
+                self._in_list_units(name, rules),
+                self.masters.get(name, ()),
+                rules,
+                existing=existing,
+                build=build,
             )
-        return masters
+            (compensation if name in tables else machine).update(entries)
+        return compensation, machine
 
     def _in_list_units(self, name: str, rules: Conventions) -> Any:
         """Return a model whose values and sign are those of the list, or raise."""
-        kind = _KINDS.get(name)
-        model: Any = self.models[name]
-        if kind is None or type(model) not in kind.models:
-            known = ", ".join(
-                f"{k} ({v.models[0].__name__})" for k, v in _KINDS.items()
-            )
-            raise ExchangeError(
-                where=f"axis {self.axis}",
-                found=f"a {type(model).__name__} as {name}",
-                expected=f"one of {known}",
-            )
+        model, entries = self.models[name], kind(name).entries
         sign = float(getattr(rules, f"{name}_sign", 0.0))
         if sign and model.sign != sign:
             raise ExchangeError(
-                where=kind.key,
+                where=entries.value,
                 found=f"a model with sign {model.sign:+g}",
                 expected=f"sign {sign:+g}, as the controller applies entries"
                 f" (conventions.{name}_sign)",
             )
-        usual = "no stated unit" if name == "friction" else kind.units[0]
-        given = self.units.get(name, usual)
+        given = self.units.get(name)
         unit = ModelUnit(given) if isinstance(given, str) else given
-        if unit.name in kind.units:
-            return model
-        if name == "friction" and unit.size and isinstance(model.law, FrictionTable):
-            scaling = model.law.scaling / unit.size
-            return eqx.tree_at(lambda friction: friction.law.scaling, model, scaling)
-        expected = f"values in {' or '.join(kind.units)}"
-        if name == "friction":
-            expected = (
-                "currents in units of the list (units={'friction': 'list'}), which are"
-                " shares of the rated torque, or what one of them is:"
-                f" ModelUnit({unit.name!r}, size=rated current · share)"
-            )
-        raise ExchangeError(kind.key, f"values in {unit.name}", expected)
+        return entries.in_list_units(model, unit)
 
-
-@dataclasses.dataclass(frozen=True)
-class _Kind:
-    models: tuple[type, ...]
-    key: str
-    """Entry that holds the values, for messages."""
-    units: tuple[str, ...]
-    """Units that its values may have as they stand, the usual one first."""
-
-
-_LENGTH = ("mm", "deg")
-_KINDS = {
-    name: _Kind(models, f"{PREFIXES[name]}.{key}", units)
-    for name, models, key, units in (
-        ("cross", (Cross,), "table[].correction", _LENGTH),
-        ("plane", (Plane,), "table[][].correction", _LENGTH),
-        ("leadscrew", (Leadscrew,), "table[].pos", _LENGTH),
-        ("crosstalk", (Crosstalk, LegacyCrosstalk), "position[]", _LENGTH),
-        ("friction", (FrictionCompensation,), "table[].out", ("list",)),
-    )
-} | {
-    "backlash": _Kind((Backlash,), _axis_list.WIDTH, _LENGTH),
-    "temperature": _Kind((TemperatureLine,), "lr_param.temp_comp_offset_0", ("mm",)),
-}
-_STALE = {name: ("table[",) for name in PREFIXES} | {
-    "crosstalk": ("table[", "position[", "max_points", "master_", "last_index")
-}
-"""Entries of a list that go before new ones are written, by their beginnings."""
+    def _refuse_unknown(self) -> None:
+        """Raise at a model that is none of the compensation that it stands for."""
+        known = {each.name: each.entries.models for each in kinds()}
+        for name in sorted(self.models):
+            if not isinstance(self.models[name], known.get(name, ())):
+                each = ", ".join(f"{k} ({v[0].__name__})" for k, v in known.items())
+                raise ExchangeError(
+                    where=f"axis {self.axis}",
+                    found=f"a {type(self.models[name]).__name__} as {name}",
+                    expected=f"one of {each}",
+                )
 
 
 def models_from_lists(
@@ -247,13 +145,15 @@ def models_from_lists(
     reading = Reading(rules, increment, modulo or {})
     models: dict[str, Any] = {}
     masters: dict[str, tuple[int, ...]] = {}
+    units: dict[str, ModelUnit | str] = {}
     for one in machine.in_use(rules):
+        entries = one.kind.entries
         models[one.name] = model_of(one, reading)
-        if one.name in ("plane", "crosstalk"):
-            masters[one.name] = one.masters
-        elif one.name == "cross":
-            masters[one.name] = (cross_master(one.listing),)
-    return AxisModels(numbers[0], models, masters, {"friction": "list"})
+        if one.kind.adds_current:
+            units[one.name] = entries.units[0]
+        if named := entries.named_masters(one.listing):
+            masters[one.name] = named
+    return AxisModels(numbers[0], models, masters, units)
 
 
 def load_model(
@@ -336,10 +236,10 @@ def _with_entries(
         what = f"Compensation list of axis {axis}, written by axcomp"
         return new_list(head | dict(entries), comment=(what,))
     begin = tuple(
-        f"{prefix}.{part}"
-        for kind, prefix in PREFIXES.items()
-        if any(name.startswith(f"{prefix}.") for name in entries)
-        for part in _STALE[kind]
+        f"{each.prefix}.{part}"
+        for each in kinds()
+        if any(name.startswith(f"{each.prefix}.") for name in entries)
+        for part in each.entries.stale
     )
     there = [entry.name for entry in existing.entries if entry.name.startswith(begin)]
     gone = [name for name in there if name not in entries] if begin else []

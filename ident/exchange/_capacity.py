@@ -2,6 +2,7 @@
 
 import re
 
+from ...data.lists import ListFile
 from ._errors import ExchangeError
 
 FIRST_WITH_MAX_POINTS = (3, 1, 3079, 6)
@@ -30,10 +31,10 @@ def max_points_entry(
     name: str,
     fits_default: bool,
     wanted: int | None,
-    existing: int | None,
+    existing: ListFile | None,
     build: str | None,
-) -> int | None:
-    """Return the ``max_points`` to write, or None where the entry stays as it is.
+) -> dict[str, int | str]:
+    """Return the entry ``max_points`` to write; none where it stays as it is.
 
     It is written only where it must be: its change asks for a restart.
 
@@ -42,7 +43,7 @@ def max_points_entry(
         name: Of the entry, for the message.
         fits_default: Whether the table fits without the entry, in every build.
         wanted: What the user asked for, or None.
-        existing: What the list says already, or None; 0 stands for the default.
+        existing: List that will be edited; 0 in it stands for the default.
         build: Of the controller, or None for the newest.
 
     Raises:
@@ -53,20 +54,21 @@ def max_points_entry(
         raise ExchangeError(
             where=name, found=str(wanted), expected=f"at least {needed} for this table"
         )
+    stated = None if existing is None else existing.integer(name)
     if wanted is None:
-        if existing:
-            wanted = None if existing >= needed else needed
+        if stated:
+            wanted = None if stated >= needed else needed
         elif not fits_default:
             wanted = needed
-    if wanted is None or wanted == existing:
-        return None
+    if wanted is None or wanted == stated:
+        return {}
     if build is not None and build_number(build) < FIRST_WITH_MAX_POINTS:
         raise ExchangeError(
             where=name,
             found=f"a table that needs {needed} on build {build}",
             expected="a table within the fixed size (max_points: V3.1.3079.06 on)",
         )
-    return wanted
+    return {name: wanted}
 
 
 _MOST = 4_000_000

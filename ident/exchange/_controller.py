@@ -8,31 +8,20 @@ from ...data.lists import ListFile
 from ...models import (
     AxisCompensations,
     Conventions,
-    Coupled,
     PositionController,
     TemperatureLine,
 )
-from ._axis_list import backlash_from_list, reversal_cycles, temperature_from_list
-from ._cross import cross_from_list
-from ._crosstalk import crosstalk_from_list
 from ._errors import ExchangeError
-from ._friction import friction_from_list
-from ._identity import Increments, flag, optional
-from ._leadscrew import leadscrew_from_list
-from ._machine_lists import PREFIXES, InUse, MachineLists, axes_in_use, machine_lists
+from ._identity import Increments
+from ._machine_lists import (
+    InUse,
+    MachineLists,
+    Reading,
+    axes_in_use,
+    machine_lists,
+    reversal_cycles,
+)
 from ._modulo import Ranges
-from ._plane import plane_from_list
-
-
-@dataclasses.dataclass(frozen=True)
-class Reading:
-    """How lists are read; see `controller_from_lists`."""
-
-    conventions: Conventions
-    increment: Increments = None
-    modulo: Ranges = dataclasses.field(default_factory=dict)
-    lines: Mapping[int, TemperatureLine] = dataclasses.field(default_factory=dict)
-    commanded: bool = False
 
 
 def controller_from_lists(
@@ -80,9 +69,7 @@ def controller_of(
     Raises:
         ExchangeError: As `controller_from_lists`.
     """
-    for one in used:
-        _refuse_unknown(one, numbers)
-    columns = {number: k for k, number in enumerate(numbers)}
+    columns = columns_of(used, numbers)
     return PositionController(
         axes=tuple(
             _axis(
@@ -97,16 +84,32 @@ def controller_of(
     )
 
 
-def _refuse_unknown(one: InUse, numbers: Sequence[int]) -> None:
-    for axis in (one.axis, *one.masters):
-        if axis not in numbers:
-            role = "axis" if axis == one.axis else "master axis"
-            known = ", ".join(map(str, numbers))
-            raise ExchangeError(
-                where=f"{one.listing.source}: {one.name}",
-                found=f"{role} {axis}, which the machine lacks",
-                expected=f"one of its axes, {known}",
-            )
+def columns_of(used: Sequence[InUse], numbers: Sequence[int]) -> dict[int, int]:
+    """Return the column of each axis.
+
+    Raises:
+        ExchangeError: If a compensation names an axis that has none.
+    """
+    for one in used:
+        for axis in (one.axis, *one.masters):
+            if axis not in numbers:
+                role = "axis" if axis == one.axis else "master axis"
+                known = ", ".join(map(str, numbers))
+                raise ExchangeError(
+                    where=f"{one.listing.source}: {one.name}",
+                    found=f"{role} {axis}, which the machine lacks",
+                    expected=f"one of its axes, {known}",
+                )
+    return {number: k for k, number in enumerate(numbers)}
+
+
+def model_of(one: InUse, reading: Reading) -> Any:
+    """Return the model of a compensation that lists hold; its masters left out.
+
+    Raises:
+        ExchangeError: If its entries make none.
+    """
+    return one.kind.entries.model(one.listing, one.axis, reading)
 
 
 def _axis(
@@ -119,61 +122,14 @@ def _axis(
     parts: dict[str, Any] = {}
     for one in used:
         masters = tuple(columns[master] for master in one.masters)
-        parts[one.name] = _law(one, masters, reading)
-        if one.name == "leadscrew":
-            parts["leadscrew_alone"] = flag(
-                one.listing, f"{PREFIXES['leadscrew']}.set_pos_without_comp"
-            )
+        model = model_of(one, reading)
+        parts |= one.kind.entries.installed(model, masters, one.listing)
+    own = {field.name for field in dataclasses.fields(AxisCompensations)}
+    further = {name: parts.pop(name) for name in parts.keys() - own}
     manual = () if reading.commanded else tuple(o.name for o in used if o.manual)
     return AxisCompensations(
-        **parts, reversal_cycles=reversal_cycles(machine), manual=manual
+        **parts,
+        further=further,
+        reversal_cycles=reversal_cycles(machine),
+        manual=manual,
     )
-
-
-def _law(one: InUse, masters: tuple[int, ...], reading: Reading) -> object:
-    model = model_of(one, reading)
-    if one.name in ("cross", "plane"):
-        return Coupled(model, masters, _switching(one.listing, PREFIXES[one.name]))
-    return Coupled(model, masters) if one.name == "crosstalk" else model
-
-
-def model_of(one: InUse, reading: Reading) -> Any:
-    """Return the model of a compensation that lists hold; its masters left out.
-
-    Raises:
-        ExchangeError: If its entries make none.
-    """
-    rules, increment, ranges = reading.conventions, reading.increment, reading.modulo
-    listing = one.listing
-    if one.name == "cross":
-        return cross_from_list(listing, rules, increment, modulo=ranges)
-    if one.name == "plane":
-        return plane_from_list(listing, rules, increment, modulo=ranges)
-    if one.name == "crosstalk":
-        return crosstalk_from_list(listing, rules)
-    if one.name == "leadscrew":
-        return leadscrew_from_list(
-            listing, rules, increment, modulo=ranges.get(one.axis)
-        )
-    if one.name == "friction":
-        return friction_from_list(listing, rules)
-    if one.name == "backlash":
-        return backlash_from_list(listing, rules)
-    if one.axis in ranges:
-        raise ExchangeError(
-            where=f"{listing.source}: lr_param.temp_comp_coefficient",
-            found=f"temperature compensation of the rotary axis {one.axis}",
-            expected="a linear axis: the manuals give no unit for a rotary one",
-        )
-    return reading.lines.get(one.axis) or temperature_from_list(listing, rules)
-
-
-def _switching(listing: ListFile, prefix: str) -> int:
-    cycles = optional(listing, f"{prefix}.n_cycles")
-    if cycles < 0:
-        raise ExchangeError(
-            where=f"{listing.source}: {prefix}.n_cycles",
-            found=str(cycles),
-            expected="0 or more",
-        )
-    return cycles

@@ -7,62 +7,13 @@ from jaxtyping import Array, Float
 
 from ...models import Conventions, Motion as ControllerMotion
 from ._errors import ExchangeError
-from ._machine_lists import InUse
-from ._modulo import Ranges
+from ._machine_lists import Reading
 from ._motion import Motion, direction_of_motion, unwrapped
 from ._nodes import as_array
 
 
-def missing_for(
-    one: InUse, motion: Motion, conventions: Conventions, ranges: Ranges
-) -> str | None:
-    """Return what the motion lacks to compute a compensation at all, in words.
-
-    Geometric tables need positions, and a motion without one is refused; velocities and
-    accelerations may be missing where there is no time to derive them from.
-    """
-
-    def span(axis: int) -> float | None:
-        return _span(ranges, axis)
-
-    if one.name == "friction" and motion.velocity(one.axis, span(one.axis)) is None:
-        return _lacks(one.axis, "velocity", motion)
-    if one.name == "crosstalk":
-        master = one.masters[0]
-        if motion.acceleration(master, span(master)) is None:
-            return _lacks(master, "acceleration", motion)
-        mover = one.axis if conventions.crosstalk_velocity == "slave" else master
-        if motion.velocity(mover, span(mover)) is None:
-            return _lacks(mover, "velocity", motion)
-    return None
-
-
-def _lacks(axis: int, kind: str, motion: Motion) -> str:
-    if motion.time is None:
-        return f"there is neither A{axis}.{kind} nor time"
-    return f"there is neither A{axis}.{kind} nor A{axis}.position"
-
-
-def _span(ranges: Ranges, axis: int) -> float | None:
-    return ranges[axis][1] - ranges[axis][0] if axis in ranges else None
-
-
-def needed_positions(one: InUse, motion: Motion) -> tuple[int, ...]:
-    """Return the axes whose positions a compensation looks at."""
-    if one.name == "crosstalk":
-        return one.masters[1:]
-    if one.name == "backlash" and one.axis in motion.directions:
-        return ()
-    if one.name == "friction" and motion.time is None:
-        return ()
-    return one.masters
-
-
 def controller_motion(
-    motion: Motion,
-    numbers: Sequence[int],
-    conventions: Conventions,
-    ranges: Ranges,
+    motion: Motion, numbers: Sequence[int], reading: Reading
 ) -> ControllerMotion:
     """Return the motion as the controller takes it, a column per axis.
 
@@ -78,8 +29,8 @@ def controller_motion(
     ) -> Float[Array, "t a"]:
         return as_array(np.stack([none if c is None else c for c in columns], axis=1))
 
-    spans = [_span(ranges, n) for n in numbers]
-    pairs = list(zip(numbers, spans, strict=True))
+    conventions = reading.conventions
+    pairs = [(n, reading.span(n)) for n in numbers]
     actual = _actuals(motion, numbers, conventions)
     velocities: Float[Array, "t a"] | None = None
     accelerations: Float[Array, "t a"] | None = None
@@ -94,7 +45,7 @@ def controller_motion(
         temperature=(
             table(list(motion.temperatures.values())) if motion.temperatures else None
         ),
-        direction=_directions(motion, numbers, conventions, ranges),
+        direction=_directions(motion, numbers, reading),
         actual=actual,
         actual_velocity=velocities,
         actual_acceleration=accelerations,
@@ -102,19 +53,19 @@ def controller_motion(
 
 
 def _directions(
-    motion: Motion, numbers: Sequence[int], conventions: Conventions, ranges: Ranges
+    motion: Motion, numbers: Sequence[int], reading: Reading
 ) -> Float[Array, "t a"] | None:
     """Return the directions where the controller cannot tell them by positions."""
-    if not motion.directions and not ranges:
+    if not motion.directions and not reading.modulo:
         return None
     places = motion.positions
-    if conventions.direction_source == "actual":
+    if reading.conventions.direction_source == "actual":
         places = motion.actuals
     columns = []
     for axis in numbers:
         found = motion.directions.get(axis)
         if found is None and motion.time is not None and axis in places:
-            found = direction_of_motion(unwrapped(places[axis], _span(ranges, axis)), 0)
+            found = direction_of_motion(unwrapped(places[axis], reading.span(axis)), 0)
         columns.append(np.zeros(motion.rows) if found is None else found.astype(float))
     return as_array(np.stack(columns, axis=1))
 

@@ -11,18 +11,16 @@ from ...models import (
     Conventions,
     ExternalCompensation,
     ExternalLimits,
-    Leadscrew,
     OffsetPart,
     OffsetStack,
 )
-from ._cross import cross_from_list
+from ..kinds import kinds
+from ._controller import columns_of, model_of
 from ._errors import ExchangeError
-from ._identity import Increments, flag, optional
-from ._leadscrew import leadscrew_from_list
-from ._machine_lists import PREFIXES, InUse, axes_in_use, machine_lists
+from ._identity import Increments, optional
+from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
 from ._modulo import Ranges
 from ._nodes import as_array
-from ._plane import plane_from_list
 from ._units import LIST_UNITS, round_to_list
 
 INTERFACE_UNITS = 10**8
@@ -30,7 +28,6 @@ INTERFACE_UNITS = 10**8
 
 _EXTERNAL = "lr_param.ext_comp"
 _UNS32 = (0, 2**32 - 1)
-_ORDER = ("cross", "plane", "leadscrew")
 _LARGEST = 2.0**62
 
 
@@ -82,50 +79,34 @@ def external_from_lists(
             `axes`, or has a table for each direction of motion.
     """
     machine = machine_lists(lists)
-    used = [one for one in machine.in_use(conventions) if one.name in _ORDER]
-    numbers = tuple(axes) if axes is not None else axes_in_use(used, machine)
-    columns = {number: k for k, number in enumerate(numbers)}
-    parts = [
-        _part(one, columns, conventions, increment, modulo or {})
-        for one in sorted(used, key=lambda one: _ORDER.index(one.name))
-    ]
-    return ExternalCompensation(OffsetStack(tuple(parts), axes=len(numbers)))
+    used = machine.in_use(conventions)
+    tables = [one for each in kinds() for one in used if _is_table(one, each.name)]
+    numbers = tuple(axes) if axes is not None else axes_in_use(tables, machine)
+    columns = columns_of(tables, numbers)
+    reading = Reading(conventions, increment, modulo or {})
+    parts = tuple(_part(one, columns, reading) for one in tables)
+    return ExternalCompensation(OffsetStack(parts, axes=len(numbers)))
 
 
-def _part(
-    one: InUse,
-    columns: Mapping[int, int],
-    conventions: Conventions,
-    increment: Increments,
-    ranges: Ranges,
-) -> OffsetPart:
-    for axis in (one.axis, *one.masters):
-        if axis not in columns:
-            raise ExchangeError(
-                where=f"{one.listing.source}: {one.name}",
-                found=f"axis {axis}, which the machine lacks",
-                expected=f"one of its axes, {', '.join(map(str, columns))}",
-            )
-    masters = tuple(columns[master] for master in one.masters)
-    listing, column = one.listing, columns[one.axis]
-    if one.name == "cross":
-        cross = cross_from_list(listing, conventions, increment, modulo=ranges)
-        return OffsetPart(cross, column, masters)
-    if one.name == "plane":
-        plane = plane_from_list(listing, conventions, increment, modulo=ranges)
-        return OffsetPart(plane, column, masters)
-    screw: Leadscrew = leadscrew_from_list(
-        listing, conventions, increment, modulo=ranges.get(one.axis)
-    )
-    if screw.bilateral:
+def _is_table(one: InUse, name: str) -> bool:
+    return one.name == name and one.kind.entries.is_table
+
+
+def _part(one: InUse, columns: Mapping[int, int], reading: Reading) -> OffsetPart:
+    model = model_of(one, reading)
+    entries = one.kind.entries
+    if entries.turns(model):
         raise ExchangeError(
-            where=f"{listing.source}: {PREFIXES['leadscrew']}.bilateral",
+            where=f"{one.listing.source}: {one.kind.prefix}.bilateral",
             found="1, a table for each direction of motion",
             expected="0: an external compensation knows positions only",
         )
-    alone = flag(listing, f"{PREFIXES['leadscrew']}.set_pos_without_comp")
-    sees = not alone and conventions.leadscrew_input == "all"
-    return OffsetPart(screw, column, masters, compensated=sees)
+    return OffsetPart(
+        model,
+        columns[one.axis],
+        tuple(columns[master] for master in one.masters),
+        compensated=entries.sees_offsets(one.listing, reading.conventions),
+    )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,6 +10,8 @@ from ._units import LIST_UNITS
 Increments = float | Mapping[int, float] | None
 """mm (or °) per encoder increment: one for all axes, by axis number, or not known."""
 
+MOST_CYCLES = 19
+"""For a reversal and for the temperature: fewer than 20 (S-25, S-44)."""
 _TABLES = ("table[]", "table[][]", "position[]")
 _REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,2})?")
 _LONGEST = 60
@@ -63,6 +65,32 @@ def optional(listing: ListFile, name: str) -> int:
     if value is not None:
         return value
     return 0 if listing.get(name) is None else required(listing, name)
+
+
+def not_negative(listing: ListFile, name: str) -> int:
+    """Return an integer entry, 0 where the list leaves it out.
+
+    Raises:
+        ExchangeError: If it stands there and is unreadable or below 0.
+    """
+    value = optional(listing, name)
+    if value < 0:
+        raise ExchangeError(
+            where=f"{listing.source}: {name}", found=str(value), expected="0 or more"
+        )
+    return value
+
+
+def refuse_many(cycles: int, name: str) -> None:
+    """Raise where a reversal or a temperature line takes more cycles than it may.
+
+    Raises:
+        ExchangeError: Naming the entry.
+    """
+    if cycles > MOST_CYCLES:
+        raise ExchangeError(
+            where=name, found=str(cycles), expected=f"at most {MOST_CYCLES} cycles"
+        )
 
 
 def flag(listing: ListFile, name: str) -> bool:

@@ -4,32 +4,39 @@ import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 
 from ...data.lists import ListFile
-from ...models import Conventions
-from ._axis_list import is_activated
-from ._cross import PREFIX as CROSS, cross_axes, has_cross
-from ._crosstalk import PREFIX as CROSSTALK, crosstalk_masters, has_crosstalk
+from ...models import Conventions, TemperatureLine
+from ..kinds import Kind, kind, kinds
 from ._errors import ExchangeError
-from ._friction import PREFIX as FRICTION, has_friction
-from ._identity import axis_number, flag
-from ._leadscrew import PREFIX as SCREW, has_leadscrew
-from ._plane import PREFIX as PLANE, has_plane, plane_masters
+from ._identity import Increments, axis_number, not_negative
+from ._modulo import Ranges
 
-PREFIXES = {
-    "cross": CROSS,
-    "plane": PLANE,
-    "crosstalk": CROSSTALK,
-    "leadscrew": SCREW,
-    "friction": FRICTION,
-}
-"""Structure of the compensation list by compensation."""
+REVERSAL_CYCLES = "lr_param.n_backlash_cyc"
+"""Entry of the axis list: cycles of a reversal, of the backlash and of a leadscrew table."""
 
-_HOLDS = {
-    "cross": has_cross,
-    "plane": has_plane,
-    "crosstalk": has_crosstalk,
-    "leadscrew": has_leadscrew,
-    "friction": has_friction,
-}
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """How lists are read.
+
+    Attributes:
+        conventions: Rules of the controller.
+        increment: Worth of an encoder increment for lists with ``unit 0``.
+        modulo: Range in ° by axis, for the axes that turn.
+        lines: Temperature lines as a PLC makes them, by axis, instead of those that
+            stand in the axis list.
+        commanded: What waits for COMP ON is taken as switched on.
+    """
+
+    conventions: Conventions
+    increment: Increments = None
+    modulo: Ranges = dataclasses.field(default_factory=dict)
+    lines: Mapping[int, TemperatureLine] = dataclasses.field(default_factory=dict)
+    commanded: bool = False
+
+    def span(self, axis: int) -> float | None:
+        """Return the length of the modulo range of an axis; None: it has none."""
+        found = self.modulo.get(axis)
+        return None if found is None else found[1] - found[0]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -50,6 +57,11 @@ class InUse:
     masters: tuple[int, ...]
     listing: ListFile
     manual: bool = False
+
+    @property
+    def kind(self) -> Kind:
+        """What is known of the compensation."""
+        return kind(self.name)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,40 +92,42 @@ class MachineLists:
                 tables of two lists act on one axis.
         """
         found: dict[tuple[int, str], InUse] = {}
+        every = kinds()
         for number, listing in self.compensation.items():
-            for name, holds in _HOLDS.items():
-                if not holds(listing):
+            for each in every:
+                if each.holder != "compensation" or not each.entries.is_in(listing):
                     continue
-                one = _in_list(number, name, listing, conventions)
-                if not self._on(one.axis, name):
+                one = _in_list(number, each, listing, conventions)
+                key = one.axis, one.name
+                if not self._on(one.axis, each):
                     continue
-                if (one.axis, name) in found:
-                    other = found[one.axis, name].listing.source
+                if key in found:
                     raise ExchangeError(
                         where=listing.source,
-                        found=f"a second {name} table for axis {one.axis} beside"
-                        f" {other}",
+                        found=f"a second {one.name} table for axis {one.axis} beside"
+                        f" {found[key].listing.source}",
                         expected="one per axis",
                     )
-                found[one.axis, name] = one
+                found[key] = one
         for number in set(heated) - set(self.machine):
-            nowhere = ListFile.parse(b"", f"temperature line of axis {number}")
-            found[number, "temperature"] = InUse(
-                number, "temperature", (number,), nowhere
-            )
-        for number, machine in self.machine.items():
-            for name in ("temperature", "backlash"):
-                if is_activated(machine, name):
-                    manual = name == "temperature" and flag(
-                        machine, "lr_param.temp_comp_manual_activation"
+            for each in every:
+                if each.by_plc:
+                    words = f"{each.name} line of axis {number}"
+                    nowhere = ListFile.parse(b"", words)
+                    found[number, each.name] = _in_list(
+                        number, each, nowhere, conventions
                     )
-                    one = InUse(number, name, (number,), machine, manual)
-                    found[number, name] = one
+        for number, machine in self.machine.items():
+            for each in every:
+                if each.holder == "axis" and each.entries.is_in(machine):
+                    found[number, each.name] = _in_list(
+                        number, each, machine, conventions
+                    )
         return tuple(found[key] for key in sorted(found))
 
-    def _on(self, axis: int, name: str) -> bool:
+    def _on(self, axis: int, one: Kind) -> bool:
         machine = self.machine.get(axis)
-        return machine is None or is_activated(machine, name)
+        return machine is None or one.entries.is_activated(machine)
 
 
 def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
@@ -132,15 +146,15 @@ def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
             )
         if listing.kind == "startup":
             continue
-        number, kind = axis_number(listing), listing.kind
-        if number in found[kind]:
+        number, holder = axis_number(listing), listing.kind
+        if number in found[holder]:
             raise ExchangeError(
                 where=listing.source,
-                found=f"a second {kind} list of axis {number} beside"
-                f" {found[kind][number].source}",
+                found=f"a second {holder} list of axis {number} beside"
+                f" {found[holder][number].source}",
                 expected="one per axis",
             )
-        found[kind][number] = listing
+        found[holder][number] = listing
     return MachineLists(found["compensation"], found["axis"])
 
 
@@ -150,18 +164,35 @@ def axes_in_use(used: Sequence[InUse], lists: MachineLists) -> tuple[int, ...]:
     return tuple(sorted(named | set(lists.compensation) | set(lists.machine)))
 
 
+def is_activated(machine: ListFile, compensation: str) -> bool:
+    """Return whether an axis list switches a compensation on.
+
+    Raises:
+        ExchangeError: If its entry is unreadable.
+    """
+    return kind(compensation).entries.is_activated(machine)
+
+
+def entries_of_activation(compensations: Iterable[str]) -> dict[str, int | str]:
+    """Return the entries of an axis list that switch tables and lines on.
+
+    Raises:
+        ExchangeError: If backlash is among them: its entry says how, too
+            (`entries_of_backlash`).
+    """
+    entries: dict[str, int | str] = {}
+    for name in compensations:
+        entries |= kind(name).entries.activation()
+    return entries
+
+
+def reversal_cycles(machine: ListFile | None) -> int:
+    """Return over how many cycles an axis list spreads a reversal (P-AXIS-00243)."""
+    return 0 if machine is None else not_negative(machine, REVERSAL_CYCLES)
+
+
 def _in_list(
-    number: int, name: str, listing: ListFile, conventions: Conventions
+    number: int, one: Kind, listing: ListFile, conventions: Conventions
 ) -> InUse:
-    axis = number
-    masters: tuple[int, ...] = (number,)
-    if name == "cross":
-        axis, master = cross_axes(listing, conventions)
-        masters = (master,)
-    elif name == "plane":
-        masters = plane_masters(listing)
-    elif name == "crosstalk":
-        masters = crosstalk_masters(listing)
-    # Friction has no such entry.
-    manual = name != "friction" and flag(listing, f"{PREFIXES[name]}.manual_activation")
-    return InUse(axis, name, masters, listing, manual)
+    axis, masters = one.entries.axes(listing, number, conventions)
+    return InUse(axis, one.name, masters, listing, one.entries.is_manual(listing))

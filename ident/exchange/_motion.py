@@ -149,11 +149,23 @@ class Motion:
     def acceleration(
         self, axis: int, span: float | None
     ) -> Float[np.ndarray, " t"] | None:
-        """Return the acceleration in mm/s² or °/s², likewise."""
+        """Return the acceleration in mm/s² or °/s², likewise.
+
+        How an axis that moves from the first row on came to its velocity is not known:
+        the first rows have the first acceleration that can be told.
+        """
         if axis in self.accelerations:
             return self.accelerations[axis]
         velocity = self.velocity(axis, span)
-        return None if self.time is None or velocity is None else self._rate(velocity)
+        if self.time is None or velocity is None:
+            return None
+        return self._change(velocity, given=axis in self.velocities)
+
+    def lacks(self, axis: int, quantity: str) -> str:
+        """Return in words what a ``velocity`` or ``acceleration`` cannot be had from."""
+        if self.time is None:
+            return f"there is neither A{axis}.{quantity} nor time"
+        return f"there is neither A{axis}.{quantity} nor A{axis}.position"
 
     def actual_rates(
         self, axis: int, span: float | None
@@ -169,7 +181,17 @@ class Motion:
         if self.time is None or axis not in self.actuals:
             return self.velocity(axis, span), self.acceleration(axis, span)
         velocity = self._rate(unwrapped(self.actuals[axis], span))
-        return velocity, self._rate(velocity)
+        return velocity, self._change(velocity, given=False)
+
+    def _change(
+        self, velocity: Float[np.ndarray, " t"], *, given: bool
+    ) -> Float[np.ndarray, " t"]:
+        """Return the acceleration to a velocity, one that is derived from row 1 on."""
+        first = 1 if given else 2
+        found = self._rate(velocity)
+        moving = found.size > first and velocity[first - 1] != 0.0
+        found[:first] = found[first] if moving else 0.0
+        return found
 
     def _rate(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         assert self.time is not None

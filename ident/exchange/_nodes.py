@@ -147,3 +147,17 @@ def nodes_of_model(nodes: AbstractNodes, name: str) -> ListNodes:
     if isinstance(nodes, EquidistantNodes):
         return grid_nodes(float(nodes.start), float(nodes.interval), nodes.count, name)
     return point_nodes(np.asarray(nodes.positions, dtype=float), name)
+
+
+def refuse_unordered(points: Float[np.ndarray, " n"], name: str) -> None:
+    """Raise where setpoints are none or do not ascend."""
+    if len(points) == 0:
+        raise ExchangeError(where=name, found="no points", expected="at least one")
+    falling = np.flatnonzero(np.diff(points) <= 0)
+    if falling.size:
+        at = int(falling[0])
+        raise ExchangeError(
+            where=name,
+            found=f"{points[at + 1]:g} after {points[at]:g} (index {at + 1})",
+            expected="ascending setpoints",
+        )

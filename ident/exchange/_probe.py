@@ -9,25 +9,19 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
-from ...data.lists import ListFile, new_list
-from ...models import BilinearGrid, Conventions, Cross, Crosstalk, Leadscrew, Plane
-from ._axis_list import ACTIVATION, CYCLES, WIDTH
-from ._cross import entries_of_cross
-from ._crosstalk import entries_of_crosstalk
+from ...data.lists import ListFile, Value, new_list
+from ...models import Conventions
+from ..kinds import kind
 from ._errors import ExchangeError
-from ._leadscrew import entries_of_leadscrew
-from ._machine_lists import PREFIXES
-from ._nodes import GridNodes, PointNodes, as_array
-from ._plane import entries_of_plane
+from ._nodes import GridNodes
 from ._units import LIST_UNITS
 
 HEIGHT = 0.01
 """Height of a plateau: 10 µm, or 0.01° of a rotary axis."""
 FIRST, SECOND = (2, 4), (6, 8)
 """Tenths of the travel where a plateau begins and ends: two places, told apart."""
-QUADRANTS = (0.010, 0.008, 0.006, 0.004)
-"""Crosstalk in mm, one height per quadrant, in the order of the list's entries."""
 DEFAULT_ACCELERATION = 1000
 """mm/s² at which a crosstalk table reaches its values, where no list says it."""
 
@@ -73,9 +67,9 @@ class ProbeAxis:
         return GridNodes(start, step, _TENTHS + 1)
 
     @property
-    def slope(self) -> int:
-        """Whole µm/m of a temperature line that rises by 10 µm over the travel."""
-        return max(1, int(HEIGHT * 1e6 / (self.at(float(_TENTHS)) - self.at(0.0))))
+    def height_text(self) -> str:
+        """The height of a plateau, for people."""
+        return "0.01°" if self.rotary else "10 µm"
 
     def at(self, tenths: float) -> float:
         """Return a position in mm or °, counted in tenths of the travel."""
@@ -98,6 +92,21 @@ class Probed:
     name: str
     masters: tuple[int, ...]
     acceleration: int = DEFAULT_ACCELERATION
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """One thing that may be seen, and what follows from it.
+
+    Attributes:
+        seen: In words, with units.
+        means: In words.
+        conventions: What it settles, by name of the convention.
+    """
+
+    seen: str
+    means: str
+    conventions: Mapping[str, int | str] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,18 +158,22 @@ def make_probe(
     for number in sorted({one.axis for one in tables}):
         mine = [one for one in tables if one.axis == number]
         old = (existing or {}).get(number)
-        entries: dict[str, int | str] = {}
+        entries: dict[str, Value] = {}
         for one in mine:
-            entries |= _entries(one, axes, conventions)
-            entries |= _kept_sizes(one, old)
-        head: dict[str, int | str] = {"kopf.achs_nr": number}
+            entries |= kind(one.name).probe.entries(one, axes, conventions)
+            entries |= _kept_size(one, old)
+        head: dict[str, Value] = {"kopf.achs_nr": number}
         head["kopf.log_achs_name"] = axes[number].name
         title = f"Probe list of {axes[number].name}: 10 um plateaus, not for machining."
         if entries:
             lists[number] = dataclasses.replace(
                 new_list(head | entries, comment=(title,)), source=f"achskw{number}.lis"
             )
-        added = {"kopf.achs_nr": number} | _additions(mine, axes[number])
+        added: dict[str, Value] = {"kopf.achs_nr": number}
+        for one in mine:
+            found = kind(one.name)
+            own = found.probe.additions(axes[number])
+            added |= own or found.entries.activation()
         additions[number] = dataclasses.replace(
             new_list(added, comment=("Add these entries to the axis list.",)),
             source=f"achsmds{number}.add.lis",
@@ -168,70 +181,46 @@ def make_probe(
     return Probe(dict(axes), tuple(tables), lists, additions)
 
 
-def _kept_sizes(one: Probed, old: ListFile | None) -> dict[str, int | str]:
-    name = f"{PREFIXES.get(one.name, '')}.max_points"
-    if old is None or one.name in ("crosstalk", "temperature", "backlash"):
+def _kept_size(one: Probed, old: ListFile | None) -> dict[str, int | str]:
+    found = kind(one.name)
+    name = f"{found.prefix}.max_points"
+    if old is None or not found.probe.plateaus:
         return {}
     size = old.integer(name)
     return {name: size} if size else {}
 
 
-def _plateau(between: tuple[int, int]) -> np.ndarray:
+def plateau(between: tuple[int, int]) -> Float[np.ndarray, " n"]:
+    """Return a plateau at the nodes of an axis, in mm or °.
+
+    Args:
+        between: Tenths of the travel where it begins and ends.
+    """
     tenths = np.arange(_TENTHS + 1)
     return np.where((tenths >= between[0]) & (tenths <= between[1]), HEIGHT, 0.0)
 
 
-def _entries(
-    one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
-) -> dict[str, int | str]:
-    """Return the entries of a probe table; they are 10 µm whatever sign they get."""
-    if one.name == "crosstalk":
-        rate = float(one.acceleration)
-        crosstalk = Crosstalk(
-            surface=BilinearGrid((), (0,)),
-            values=as_array(np.array(QUADRANTS)[:, None]),
-            acceleration=as_array(rate),
-            deceleration=as_array(-rate),
-        )
-        return entries_of_crosstalk(crosstalk, one.masters)
-    grids = [axes[master].grid for master in one.masters]
-    if one.name == "cross":
-        points = PointNodes(grids[0].integers)
-        cross = Cross(nodes=points.model(), values=as_array(_plateau(SECOND)))
-        return entries_of_cross(cross, one.masters[0])
-    if one.name == "plane":
-        values = np.outer(_plateau(SECOND), _plateau(FIRST)) / HEIGHT
-        plane = Plane(grids[0].model(), grids[1].model(), as_array(values))
-        first, second = one.masters
-        return entries_of_plane(plane, (first, second), conventions)
-    if one.name == "leadscrew":
-        turns = axes[one.axis].modulo
-        screw = Leadscrew(
-            nodes=grids[0].model(),
-            pos=as_array(_plateau(FIRST)),
-            modulo=axes[one.axis].travel if turns else None,
-        )
-        # The input without other offsets: the plateau stays where it is (S-23).
-        alone = {"kw.ssfk.set_pos_without_comp": 1}
-        return entries_of_leadscrew(screw) | alone
-    return {}
+def both_signs(axis: ProbeAxis, convention: str, entry: str) -> tuple[Outcome, Outcome]:
+    """Return what either sign of a table looks like, the expected one first.
+
+    Args:
+        axis: The one that moves.
+        convention: Name of the rule.
+        entry: What an entry of its table is by default, ``offset`` or ``error``.
+    """
+    kept = f"entries are offsets: {axis.name} moves by what stands in the list"
+    turned = f"entries are errors: the controller subtracts them from {axis.name}"
+    plus = Outcome(f"+{axis.height_text}", kept, {convention: 1})
+    minus = Outcome(f"−{axis.height_text}", turned, {convention: -1})
+    assert getattr(Conventions, convention) == (1 if entry == "offset" else -1)
+    return (plus, minus) if entry == "offset" else (minus, plus)
 
 
-def _additions(mine: Sequence[Probed], axis: ProbeAxis) -> dict[str, int | str]:
-    """Return what the axis list needs: activation, and what only stands there."""
-    entries: dict[str, int | str] = {}
-    units = round(HEIGHT * LIST_UNITS)
-    for one in mine:
-        if one.name == "backlash":
-            entries |= {ACTIVATION["backlash"]: 1, WIDTH: units, CYCLES: 10}
-        elif one.name == "temperature":
-            entries |= {
-                ACTIVATION["temperature"]: 1,
-                "lr_param.temp_comp_position_0": axis.grid.start,
-                "lr_param.temp_comp_offset_0": units,
-                "lr_param.temp_comp_coefficient": axis.slope,
-                "lr_param.temp_comp_n_cycles": 10,
-            }
-        else:
-            entries[ACTIVATION[one.name]] = 1
-    return entries
+def number_text(value: float) -> str:
+    """Return a position without needless digits."""
+    return f"{value:.10g}"
+
+
+def places_text(places: Mapping[str, float]) -> str:
+    """Return positions by axis as they are read aloud."""
+    return ", ".join(f"{name} {number_text(value)}" for name, value in places.items())

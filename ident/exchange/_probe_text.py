@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from ._probe import Probe
-from ._probe_steps import number_text, probe_steps
+from ._probe import Probe, number_text
+from ._probe_steps import probe_steps
 
 
 def probe_text(probe: Probe) -> str:

@@ -16,18 +16,16 @@ from ...models import (
     PositionController,
     TemperatureLine,
 )
-from ._controller import Reading, controller_of
-from ._controller_motion import controller_motion, missing_for, needed_positions
+from ..kinds import kinds
+from ._controller import controller_of
+from ._controller_motion import controller_motion
 from ._errors import ExchangeError
+from ._events import ControllerEvent, Windows, homed_rows, selected_rows
 from ._identity import Increments
-from ._machine_lists import InUse, axes_in_use, machine_lists
+from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
 from ._modulo import Ranges
 from ._motion import Motion
 
-ORDER = ("cross", "plane", "leadscrew", "temperature", "backlash", "crosstalk")
-"""Position offsets, in the order of their columns."""
-
-_NAMES = {"leadscrew": "the leadscrew table", "cross": "the cross table"}
 _SMALLEST = 256
 """Motions are padded to powers of two from here on: few shapes to compile."""
 
@@ -64,6 +62,8 @@ def simulate(
     lines: Mapping[int, TemperatureLine] | None = None,
     cycle_time: float | None = None,
     only: Callable[[InUse], bool] | None = None,
+    events: Sequence[ControllerEvent] | None = None,
+    windows: Windows | None = None,
 ) -> tuple[AxisOffsets, ...]:
     """Return what the controller adds to each axis along a motion.
 
@@ -81,18 +81,20 @@ def simulate(
         cycle_time: Of the controller in s, to hold the time step of the motion against.
         only: Which compensations are computed; None: all. Axes that have none of them are
             left out.
+        events: COMP commands, homing and program end in the order of their rows (see
+            `simulate_events`); None: everything has been on and homed for long.
+        windows: In which rows a table is loaded, by axis and name; else in all.
 
     Raises:
         ExchangeError: If a list makes no table, an axis has two lists, or the motion
             lacks an axis or has bad values.
     """
     motion.check(cycle_time)
-    ranges = modulo or {}
     machine = machine_lists(lists)
     used = machine.in_use(conventions, lines or ())
     if only is not None:
         used = tuple(one for one in used if only(one))
-    own = {one.axis for one in used if one.name in ("temperature", "backlash")}
+    own = {one.axis for one in used if one.kind.holder == "axis"}
     if not machine.compensation and not own:
         names = ", ".join(one.source for one in lists)
         raise ExchangeError(
@@ -100,62 +102,77 @@ def simulate(
             found="no compensation list",
             expected="at least one (kopf.*, kw.*)",
         )
-    why = {one: missing_for(one, motion, conventions, ranges) for one in used}
+    reading = Reading(
+        conventions, increment, modulo or {}, lines or {}, commanded=events is None
+    )
+    why = {one: one.kind.entries.lacks(one, motion, reading) for one in used}
     computed = [one for one in used if why[one] is None]
     for one in computed:
-        for axis in needed_positions(one, motion):
-            name = _NAMES.get(one.name, f"the {one.name}")
-            motion.position(axis, f"for {name} of A{one.axis}")
+        for axis in one.kind.entries.looks_at(one, motion):
+            motion.position(axis, f"for {one.kind.noun} of A{one.axis}")
     numbers = axes_in_use(used, machine)
-    reading = Reading(conventions, increment, ranges, lines or {}, commanded=True)
     controller = controller_of(computed, machine, numbers, reading)
-    found = _run(controller, motion, numbers, reading)
+    whole = controller_motion(motion, numbers, reading)
+    if events is not None:
+        whole = _with_events(whole, controller, events, numbers, windows or {})
+    found = _run(controller, whole, settled=motion.time is None)
     listed = set(machine.compensation) if only is None else set[int]()
     shown = sorted({one.axis for one in used} | listed)
     return tuple(
-        _axis(axis, numbers.index(axis), found, {o: w for o, w in why.items()
-                                                 if o.axis == axis}, motion)
+        _axis(
+            axis,
+            numbers.index(axis),
+            found,
+            {one: reason for one, reason in why.items() if one.axis == axis},
+            motion,
+            waiting=events is not None,
+        )
         for axis in shown
-    )  # fmt: skip
+    )
+
+
+def _with_events(
+    motion: ControllerMotion,
+    controller: PositionController,
+    events: Sequence[ControllerEvent],
+    numbers: Sequence[int],
+    windows: Windows,
+) -> ControllerMotion:
+    """Return the motion with what is homed, switched on and loaded in each row."""
+    rows = motion.cycles
+    homed = homed_rows(events, numbers, rows)
+    active = selected_rows(controller, events, numbers, rows, windows)
+    return dataclasses.replace(motion, homed=homed, active=active)
 
 
 def _run(
-    controller: PositionController,
-    motion: Motion,
-    numbers: Sequence[int],
-    reading: Reading,
+    controller: PositionController, motion: ControllerMotion, *, settled: bool
 ) -> dict[str, np.ndarray]:
     """Return each compensation of all axes, shape ``(t, a)``."""
-    rows = motion.rows
+    rows = motion.cycles
     if rows == 0:
-        return {name: np.zeros((0, len(numbers))) for name in controller.installed}
-    whole = _padded(
-        controller_motion(motion, numbers, reading.conventions, reading.modulo)
-    )
+        none = np.zeros(motion.position.shape)
+        return {name: none for name in controller.installed}
+    whole = _padded(motion)
     offsets: Offsets
-    if motion.time is None:
+    if settled:
         offsets = controller.settled(whole)
     else:
         offsets, _ = controller.run(controller.start(), whole)
     return {
-        name: np.asarray(getattr(offsets, name))[:rows] for name in controller.installed
+        name: np.asarray(offsets.part(name))[:rows] for name in controller.installed
     }
 
 
 def _padded(motion: ControllerMotion) -> ControllerMotion:
     """Return the motion with its last row repeated: the axes stand, as they would."""
     size = max(_SMALLEST, 1 << max(motion.cycles - 1, 0).bit_length())
-    more = ((0, size - motion.cycles), (0, 0))
+    more = ((0, size - motion.cycles), (0, 0), (0, 0))
     longer: ControllerMotion = jax.tree.map(
-        lambda rows: jnp.pad(rows, more, mode="edge"), motion
+        lambda rows: jnp.pad(rows, more[: rows.ndim], mode="edge"), motion
     )
-    still = (jnp.pad(motion.velocity, more), jnp.pad(motion.acceleration, more))
-    return ControllerMotion(
-        longer.position, *still, longer.temperature,
-        direction=longer.direction, actual=longer.actual,
-        actual_velocity=longer.actual_velocity,
-        actual_acceleration=longer.actual_acceleration,
-    )  # fmt: skip
+    still = jnp.pad(motion.velocity, more[:2]), jnp.pad(motion.acceleration, more[:2])
+    return dataclasses.replace(longer, velocity=still[0], acceleration=still[1])
 
 
 def _axis(
@@ -164,13 +181,18 @@ def _axis(
     found: Mapping[str, np.ndarray],
     why: Mapping[InUse, str | None],
     motion: Motion,
+    *,
+    waiting: bool,
 ) -> AxisOffsets:
     here = {one.name for one, reason in why.items() if reason is None}
-    parts = {
-        name: np.ascontiguousarray(found[name][:, column])
-        for name in ORDER
-        if name in here
-    }
+    parts, currents = {}, []
+    for each in kinds():
+        if each.name in here:
+            rows = np.ascontiguousarray(found[each.name][:, column])
+            if each.adds_current:
+                currents.append(rows)
+            else:
+                parts[each.name] = rows
     remarks = [
         f"A{axis}: {one.name} stands in the list and is not computed: {reason}"
         for one, reason in why.items()
@@ -180,7 +202,7 @@ def _axis(
         f"A{axis}: {one.name} waits for COMP ON in the NC program"
         " (manual_activation 1); it is computed as switched on"
         for one, reason in why.items()
-        if one.manual and reason is None
+        if one.manual and reason is None and not waiting
     ]
     if here and not motion.is_even:
         remarks.append(
@@ -192,6 +214,6 @@ def _axis(
         parts=parts,
         total=sum(parts.values(), np.zeros(motion.rows)),
         left_out=tuple(one.name for one, reason in why.items() if reason is not None),
-        current=found["friction"][:, column] if "friction" in here else None,
+        current=sum(currents[1:], currents[0]) if currents else None,
         remarks=tuple(remarks),
     )

@@ -8,16 +8,19 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.lists import ListFile
-from ...models import Conventions, Cross, Leadscrew, Plane
+from ...data.lists import ListFile, Value
+from ...models import AbstractLookup, Conventions
 from ..fit import TableLayout
-from ._evaluate import offset_at
+from ..kinds import Kind
+from ._errors import ExchangeError
+from ._evaluate import offset_at, offsets_at
 from ._identity import Increments
+from ._machine_lists import Reading
 from ._nodes import ListNodes, nodes_of_model
-from ._stencils import offsets_at
-from ._units import SGN32, from_list_units, round_to_list
+from ._units import LIST_UNITS, SGN32, from_list_units, round_to_list
 
-Model = Plane | Cross | Leadscrew
+Model = AbstractLookup
+"""A plane, a cross or a leadscrew table as the controller applies it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,27 +42,40 @@ class AbstractTable(abc.ABC):
     conventions: Conventions
     periodic: bool = False
 
-    compensation: ClassVar[str]
-    """As in the job file."""
-    prefix: ClassVar[str]
-    """Structure in the compensation list."""
-    activation: ClassVar[str]
-    """Entry of the axis list that switches it on."""
-    keyword: ClassVar[str]
-    """Of the NC command ``COMP`` and of `prog_movement_requires_compensations`."""
+    kind: ClassVar[Kind]
+    """What is known of the compensation."""
     branch_names: ClassVar[tuple[str, ...]] = ("",)
     value_bounds: ClassVar[tuple[int, int]] = SGN32
 
     @property
-    @abc.abstractmethod
+    def compensation(self) -> str:
+        """As in the job file."""
+        return self.kind.name
+
+    @property
+    def prefix(self) -> str:
+        """Structure in the compensation list."""
+        return self.kind.prefix
+
+    @property
+    def activation(self) -> str:
+        """Entry of the axis list that switches it on."""
+        return self.kind.activation
+
+    @property
+    def keyword(self) -> str:
+        """Of the NC command ``COMP`` and of `prog_movement_requires_compensations`."""
+        return self.kind.keyword
+
+    @property
     def sign(self) -> int:
         """Offset = sign · entry."""
+        return int(getattr(self.conventions, f"{self.kind.name}_sign"))
 
     @abc.abstractmethod
     def model(self, integers: Int[np.ndarray, "..."]) -> Model:
         """Return the model that the controller makes of integer entries."""
 
-    @abc.abstractmethod
     def entries(
         self,
         integers: Int[np.ndarray, "..."],
@@ -67,20 +83,39 @@ class AbstractTable(abc.ABC):
         existing: ListFile | None = None,
         max_points: int | None = None,
         build: str | None = None,
-    ) -> dict[str, int | str]:
+    ) -> Mapping[str, Value]:
         """Return the list entries for integer values shaped like `layout`."""
+        return self.kind.entries.to_list(
+            self.model(integers),
+            self.masters,
+            self.conventions,
+            existing=existing,
+            max_points=max_points,
+            build=build,
+        )
 
-    @abc.abstractmethod
     def is_in(self, listing: ListFile) -> bool:
         """Whether a list holds a table of this compensation."""
+        return self.kind.entries.is_in(listing)
 
-    @abc.abstractmethod
     def read(self, listing: ListFile, increments: Increments = None) -> Model:
         """Return the model of the table that a list holds."""
+        ranges = {} if self.modulo is None else {self.masters[0]: self.modulo}
+        reading = Reading(self.conventions, increments, ranges)
+        found: Model = self.kind.entries.model(listing, self.axis, reading)
+        return found
 
-    @abc.abstractmethod
     def masters_in(self, listing: ListFile) -> tuple[int, ...]:
         """Return the masters of the table that a list holds."""
+        return self.kind.entries.named_masters(listing) or (self.axis,)
+
+    def refuse_other_form(self, old: Model, source: str) -> None:
+        """Raise where the table cannot continue one of another form.
+
+        Raises:
+            ExchangeError: Naming what differs.
+        """
+        return None
 
     @property
     def branches(self) -> int:
@@ -176,12 +211,9 @@ def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:
     Raises:
         ExchangeError: If a position is no multiple of a list unit.
     """
-    if isinstance(model, Plane):
-        return (
-            nodes_of_model(model.nodes1, f"{name} master 1"),
-            nodes_of_model(model.nodes2, f"{name} master 2"),
-        )
-    return (nodes_of_model(model.nodes, name),)
+    ways = model.ways
+    names = [name] if len(ways) == 1 else [f"{name} master {k}" for k in (1, 2)]
+    return tuple(nodes_of_model(*pair) for pair in zip(ways, names, strict=True))
 
 
 def by_branch(table: AbstractTable, values: np.ndarray) -> Mapping[str, np.ndarray]:
@@ -189,3 +221,26 @@ def by_branch(table: AbstractTable, values: np.ndarray) -> Mapping[str, np.ndarr
     if table.branches == 1:
         return {table.branch_names[0]: values}
     return dict(zip(table.branch_names, values, strict=True))
+
+
+def refuse_lost_nodes(table: AbstractTable, old: Model, source: str) -> None:
+    """Raise where a table that continues an old one lacks some of its nodes.
+
+    Only on the old nodes, or on more, is old + residual a table again.
+
+    Raises:
+        ExchangeError: Naming the nodes that are missing.
+    """
+    table.refuse_other_form(old, source)
+    for master, mine, theirs in zip(table.masters, table.nodes, old.ways, strict=True):
+        had = np.rint(np.asarray(theirs.positions, dtype=float) * LIST_UNITS)
+        lost = sorted(set(had.astype(np.int64).tolist()) - set(mine.integers))
+        if lost:
+            shown = ", ".join(f"{k / LIST_UNITS:g}" for k in lost[:5])
+            more = f" and {len(lost) - 5} more" if len(lost) > 5 else ""
+            raise ExchangeError(
+                where=f"{source}: {table.prefix}",
+                found=f"nodes of axis {master} at {shown}{more} in the table that was"
+                " active while measuring, but not in the new one",
+                expected="the old nodes or more of them",
+            )

@@ -1,5 +1,8 @@
 """List units: integers of 0.1 µm or 0.0001°, and what fits into them."""
 
+import dataclasses
+from typing import final
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -12,6 +15,22 @@ SGN16 = (-(2**15), 2**15 - 2)
 SGN32 = (-(2**31), 2**31 - 2)
 SGN64 = (-(2**63), 2**63 - 2)
 """Smallest and largest integer of each type; the manuals exclude the upper end."""
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class ModelUnit:
+    """The unit of the values of a model, where it is not that of the library.
+
+    Attributes:
+        name: ``"mm"``, ``"deg"``, ``"list"``, ``"A"``, ``"Nm"`` …
+        size: What one unit of the list is in it: for currents the rated current times the
+            share of it that one unit of ``out`` is. None where nobody said.
+    """
+
+    name: str
+    size: float | None = None
+
 
 _EXACT = 1e-5
 """Distance to an integer in list units that is floating point noise (1 pm)."""

@@ -5,13 +5,12 @@ from collections.abc import Sequence
 
 from ...data.lists import ListFile, new_list
 from ..exchange import (
-    ACTIVATION,
-    PREFIXES,
     Increments,
     InUse,
     Ranges,
     entries_of_activation,
 )
+from ..kinds import kinds
 from ..proof.axis import Loaded
 from ._draft import AbstractDraft, AxisLists
 from ._lists import AxisFiles
@@ -114,7 +113,7 @@ def adds_nothing(one: InUse) -> bool:
         values = [entry.value.strip("+-0.") for entry in entries if entry is not None]
         return not any(values)
     fields = _VALUES.get(one.name, ())
-    tables = [one.listing.table(PREFIXES[one.name], field) for field in fields]
+    tables = [one.listing.table(one.kind.prefix, field) for field in fields]
     return bool(tables) and not any(any(table.values()) for table in tables)
 
 
@@ -141,6 +140,6 @@ def _with_all_on(fragment: ListFile, before: Loaded) -> ListFile:
     What the axis list itself says nobody knows: all that the compensation list holds is
     taken to act.
     """
-    known = {name for name in ACTIVATION if fragment.get(ACTIVATION[name]) is not None}
+    known = {one.name for one in kinds() if fragment.get(one.activation) is not None}
     tables = [name for name in before.used if name not in known]
     return fragment.merge(entries_of_activation(tables))

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.measurements import DirectionUnknown, Measurement, explain_direction
-from ..exchange import ACTIVATION, ExchangeError, Motion
+from ..exchange import ExchangeError, Motion
+from ..kinds import kind
 from ..proof.axis import Loaded
 from ._acting import acting_alone, acting_before, adds_nothing
 from ._draft import AbstractDraft, AxisLists, Beside, Leftovers
@@ -48,7 +49,7 @@ def leftovers(job: Job, plans: Plans) -> Leftovers:
                     raise _unclear(
                         job, source, fit, name, before,
                         f'active = ["{name}"] with a measurement while it was on: fits of'
-                        f" a group do not take it off; or {ACTIVATION[name]} 0",
+                        f" a group do not take it off; or {kind(name).activation} 0",
                     )  # fmt: skip
                 words = f"the {name} of {before.used[name].listing.source}"
                 left.add(index, source, _Acting(job, fit.axis, name, before, words))
@@ -150,7 +151,7 @@ def _refuse_unclear(
             f"found no axis list (machine_data), while {before.used[name].listing.source}"
             f" holds a {name} over the same axis as the {fit.compensation} fit, which was"
             f" off while {source!r} was measured: where it acts, both correct the same"
-            f" error; expected machine_data = the axis list, whose {ACTIVATION[name]}"
+            f" error; expected machine_data = the axis list, whose {kind(name).activation}"
             f' says whether it acts, or active = ["{name}"] in [measurements.{source}]'
             " with a measurement while it was on",
         )
@@ -169,6 +170,6 @@ def _unclear(
     return job.error(
         ("measurements", source, "active"),
         f"found no {name}, which {machine} switches on over the same axis as the"
-        f" {fit.compensation} fit of {fit.axis} ({ACTIVATION[name]}): where it was off"
+        f" {fit.compensation} fit of {fit.axis} ({kind(name).activation}): where it was off"
         f" while measuring, both would correct the same error; expected {expected}",
     )

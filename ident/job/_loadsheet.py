@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from ..diagnosis import OBJECTS, SCOPE
 from ._draft import AbstractDraft
 from ._job_result import LoadStep
 from ._lists import AxisFiles
@@ -247,7 +248,9 @@ def _watching(
                 "See that it works",
                 f"Read {', '.join(shown)} at a few positions and compare with axcomp"
                 " simulate. Displays have the compensation removed; the positions on the"
-                " drive bus contain it.",
+                f" drive bus contain it. {SCOPE} records what {OBJECTS} lists: complete the"
+                " positions in TwinCAT Scope, move, export as text; axcomp verify --log"
+                " judges the export as it is.",
             )
         )
     if currents:

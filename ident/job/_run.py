@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ..proof import GateCheck
 from ._beside import hand_on, leftovers
 from ._clocks import ClockState
+from ._diagnosis import DIAGNOSIS, write_diagnosis
 from ._draft import AbstractDraft
 from ._errors import UntoldError
 from ._fit_schema import FitSpec, TemperatureSpec
@@ -226,7 +227,7 @@ def _hashes(job: Job) -> dict[str, str]:
 
 def _names(job: Job) -> list[str]:
     """Return every name that a job may write."""
-    names = ["result.json", "report.html", "hochlauf.add.lis"]
+    names = ["result.json", "report.html", "hochlauf.add.lis", *DIAGNOSIS]
     for fit in job.spec.fits:
         number = job.spec.axes[fit.axis].number
         names += [
@@ -370,6 +371,7 @@ def _write(
     else:
         name = "hochlauf.add.lis"
         retired.append((name, folder.retire(name)))
+    write_diagnosis(job, folder, files, failed)
     moved = [
         Remark(
             "warning",

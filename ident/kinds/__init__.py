@@ -3,26 +3,31 @@
 `Kind` (`_kind`) holds the facts; the other modules of a folder are its parts, each imported on
 first use (`Kind.part`):
 
-* ``effect``: what is fitted, through `axcomp.models` and the estimator.
+* ``effect``: what is fitted, through `axcomp.models` and the estimator;
+* ``entries``: between its list and its model (`_protocol.AbstractEntries`);
+* ``channel``: what a log shows of it (`proof.verify.AbstractChannel`);
+* ``probe``: its step of a probe (`_protocol.AbstractProbe`).
 
-A compensation is added by a folder and by its name in `NAMES`.
+A compensation is added by a folder and by its name in `NAMES`. Entries that the registry of
+`data.lists` does not have stand in ``parameters.toml`` of the folder.
 """
 
 import functools
 import importlib
+import pathlib
 
 from ._kind import Kind as Kind
 
-NAMES = (
-    "backlash",
-    "temperature",
+NAMES: tuple[str, ...] = (
     "cross",
     "plane",
     "leadscrew",
-    "friction",
+    "temperature",
+    "backlash",
     "crosstalk",
+    "friction",
 )
-"""All compensations, in the order in which the controller adds them up."""
+"""All compensations, in the order in which they are listed."""
 
 
 @functools.cache
@@ -34,7 +39,13 @@ def kind(name: str) -> Kind:
     """
     if name not in NAMES:
         raise KeyError(name)
-    found: Kind = importlib.import_module(f".{name}", __name__).KIND
+    folder = importlib.import_module(f".{name}", __name__)
+    found: Kind = folder.KIND
+    own = pathlib.Path(folder.__path__[0], "parameters.toml")
+    if own.is_file():
+        from ...data.lists import add_parameters
+
+        add_parameters(own)
     return found
 
 

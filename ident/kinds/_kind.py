@@ -1,9 +1,14 @@
 """The facts of one compensation: what is special about it, as data."""
 
 import dataclasses
+import functools
 import importlib
 from types import ModuleType
-from typing import Literal, final
+from typing import TYPE_CHECKING, Literal, final
+
+if TYPE_CHECKING:
+    from ..proof.verify import AbstractChannel
+    from ._protocol import AbstractEntries, AbstractProbe
 
 
 @final
@@ -27,6 +32,14 @@ class Kind:
         demanded: Whether P-AXIS-00465 can demand it in automatic mode.
         adds_current: It adds to the current of the motor, and not to a position.
         conventions: Beginnings of the names of the rules that its sign and owner rest on.
+        noun: How a sentence calls it: ``the cross table``.
+        manual: Entry that makes it wait for COMP ON; None: it has none.
+        owner: Rule that says in whose list it stands, its own axis's or its master's; None:
+            in that of its own axis.
+        by_plc: A PLC may make its law instead of the axis list.
+        adds: What the controller does with its entries, in a sentence.
+        raw_tables: Names of its tables that are shown with their entries as they stand.
+        unseen: Why readings at standstill do not show it, in words; empty: they do.
     """
 
     name: str
@@ -42,7 +55,32 @@ class Kind:
     resized: int | None = None
     demanded: bool = True
     adds_current: bool = False
+    noun: str = ""
+    manual: str | None = None
+    owner: str | None = None
+    by_plc: bool = False
+    adds: str = ""
+    raw_tables: tuple[str, ...] = ()
+    unseen: str = ""
 
     def part(self, name: str) -> ModuleType:
         """Return a module of its folder (``entries``, ``page``), imported on first use."""
         return importlib.import_module(f".{self.name}.{name}", __package__)
+
+    @functools.cached_property
+    def entries(self) -> "AbstractEntries":
+        """Between its list and its model."""
+        found: AbstractEntries = self.part("entries").ENTRIES
+        return found
+
+    @property
+    def log_channel(self) -> "type[AbstractChannel]":
+        """What a log shows of it."""
+        found: type[AbstractChannel] = self.part("channel").CHANNEL
+        return found
+
+    @functools.cached_property
+    def probe(self) -> "AbstractProbe":
+        """Its step of a probe."""
+        found: AbstractProbe = self.part("probe").PROBE
+        return found

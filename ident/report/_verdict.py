@@ -1,7 +1,7 @@
 """The headline of a fit: its verdict in one sentence, ready to act on."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from ..job import AbstractResult, Code, ErrorFigures, Reason, Verdict
 from ._scale import Scale, percent
@@ -54,6 +54,43 @@ def short_verdict(verdict: Verdict, *, assumed: bool) -> str:
         Verdict.UNDETERMINED: "not determined",
         Verdict.REJECTED: "do not load",
     }[verdict]
+
+
+@dataclasses.dataclass(frozen=True)
+class Front:
+    """What the page says first of the whole job.
+
+    Attributes:
+        level: good, warn or bad: the worst of its fits.
+        verdicts: Each verdict in words, worst first, and the fits that have it.
+        unproven: Rules of the controller that written lists rest on and that no
+            measurement has settled; empty where all are.
+    """
+
+    level: str
+    verdicts: tuple[tuple[str, str], ...]
+    unproven: str
+
+
+def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Front:
+    """Return what the page says first; ``fits`` are pairs of a heading and a result."""
+    verdicts: dict[str, list[str]] = {}
+    unproven: dict[str, None] = {}
+    order = list(Verdict)
+    for heading, fit in sorted(
+        fits, key=lambda one: -order.index(one[1].judgement.verdict)
+    ):
+        judged = fit.judgement
+        words = short_verdict(judged.verdict, assumed=judged.has(Code.ASSUMED))
+        if judged.has(Code.VERIFIED):
+            words = "verified"
+        verdicts.setdefault(words.capitalize(), []).append(heading)
+        for reason in judged.reasons:
+            if reason.code is Code.ASSUMED:
+                unproven |= dict.fromkeys(reason.fields["conventions"])
+    level, _ = _LOOK[worst]
+    found = tuple((words, "; ".join(names)) for words, names in verdicts.items())
+    return Front(level, found, ", ".join(name.replace("_", " ") for name in unproven))
 
 
 def _gate(fit: AbstractResult, scale: Scale, reason: Reason) -> str:

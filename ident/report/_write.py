@@ -14,6 +14,7 @@ from ._group_section import GroupSection, group_section
 from ._overview import overview_plot
 from ._plot import Plot
 from ._section import Section, section_of, summary_row
+from ._verdict import front_of
 
 _TEMPLATE = "report.html.jinja"
 _LEVELS = {"error": 0, "warning": 1, "info": 2}
@@ -78,6 +79,7 @@ def _render(
     )
     return environment.from_string(source).render(
         job=result,
+        front=front_of([(one.heading, one.fit) for one in sections], result.verdict),
         overview=overview,
         groups=groups,
         sections=sections,

@@ -217,21 +217,21 @@ def make_job(*fits: TableResult, **changes: object) -> JobResult:
     return dataclasses.replace(job, **changes)  # type: ignore[arg-type]
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def leadscrew() -> Callable[..., TableResult]:
     return make_leadscrew
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def cross() -> Callable[..., TableResult]:
     return make_cross
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def plane() -> Callable[..., TableResult]:
     return make_plane
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def job() -> Callable[..., JobResult]:
     return make_job

@@ -61,11 +61,10 @@ LISTS = [
 
 
 def test_every_compensation_of_an_axis_by_hand() -> None:
-    time = np.array([0.0, 0.1, 0.2])
+    time = np.array([0.0, 0.1, 0.2, 0.3])
     # X from rest to 50 mm/s in a step: 500 mm/s² once; Y moves down at 6 mm/s.
-    motion = Motion(
-        {1: np.array([0.0, 5.0, 10.0]), 2: np.array([50.0, 49.4, 48.8])}, {}, time
-    )
+    below = np.array([50.0, 50.0, 49.4, 48.8])
+    motion = Motion({1: np.array([0.0, 0.0, 5.0, 10.0]), 2: below}, {}, time)
     (found,) = simulate(LISTS, motion, RULES)
     assert found.axis == 2
     names = ("cross", "leadscrew", "temperature", "backlash", "crosstalk")
@@ -73,13 +72,13 @@ def test_every_compensation_of_an_axis_by_hand() -> None:
     # 2000 list units per 100 mm of X; −1000 per 100 mm of Y with the offsets of the
     # others; 3 µm; 6 µm on the way down; 20 list units for half the acceleration.
     parts = {
-        "cross": [0.0, 0.01, 0.02],
-        "temperature": [0.003, 0.003, 0.003],
-        "backlash": [0.0, -0.006, -0.006],
-        "crosstalk": [0.0, 0.002, 0.0],
+        "cross": [0.0, 0.0, 0.01, 0.02],
+        "temperature": [0.003] * 4,
+        "backlash": [0.0, 0.0, -0.006, -0.006],
+        "crosstalk": [0.0, 0.0, 0.002, 0.0],
     }
     others = np.sum(list(parts.values()), axis=0)
-    place = np.array([50.0, 49.4, 48.8]) + others
+    place = below + others
     parts["leadscrew"] = list(-0.1 * place / 100)
     for name in names:
         np.testing.assert_allclose(
@@ -90,7 +89,7 @@ def test_every_compensation_of_an_axis_by_hand() -> None:
     )
     # 6 mm/s is halfway from 1 to 11: 100, against the motion up; at rest nothing.
     assert found.current is not None
-    np.testing.assert_allclose(found.current, [0.0, -100.0, -100.0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.current, [0.0, 0.0, -100.0, -100.0], atol=1e-9)
 
 
 def test_rows_without_time_stand_for_themselves() -> None:

@@ -46,7 +46,7 @@ def test_tables_of_lists_become_one_compensation_by_hand() -> None:
 
 def test_axis_that_the_machine_lacks_is_named() -> None:
     with pytest.raises(
-        ExchangeError, match="kw1: cross: found axis 3, which the machine"
+        ExchangeError, match="kw1: cross: found master axis 3, which the machine"
     ):
         external_from_lists(LISTS, RULES, axes=(1, 2))
 

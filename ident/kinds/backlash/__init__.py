@@ -14,4 +14,5 @@ KIND = Kind(
     conventions=("backlash_", "direction_source"),
     cycles=None,
     resized=None,
+    noun="the backlash",
 )

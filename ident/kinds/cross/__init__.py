@@ -14,4 +14,8 @@ KIND = Kind(
     conventions=("cross_",),
     cycles=("kw.crosscomp.n_cycles", 20),
     resized=110639,
+    noun="the cross table",
+    manual="kw.crosscomp.manual_activation",
+    owner="cross_list",
+    adds="The controller adds the entry to the command position of the axis as it stands.",
 )

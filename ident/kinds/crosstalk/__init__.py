@@ -15,4 +15,11 @@ KIND = Kind(
     cycles=None,
     resized=None,
     demanded=False,
+    noun="the crosstalk",
+    manual="kw.crosstalk.manual_activation",
+    adds="The controller adds the value to the command position of the axis while the master"
+    " accelerates.",
+    raw_tables=("position", "table"),
+    unseen="it acts while another axis accelerates, and readings at standstill do not show"
+    " it; compare a log of the controller (axcomp verify)",
 )

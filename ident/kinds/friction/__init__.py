@@ -16,4 +16,10 @@ KIND = Kind(
     resized=None,
     demanded=False,
     adds_current=True,
+    noun="the friction",
+    adds="The controller adds sign(v) times the value over the velocity to the motor current,"
+    " scaled by scaling_factor (0.1 %).",
+    raw_tables=("table",),
+    unseen="it adds current and no position; compare quadrant spikes of a circle, or a log of"
+    " the controller (axcomp verify)",
 )

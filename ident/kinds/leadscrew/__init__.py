@@ -14,4 +14,8 @@ KIND = Kind(
     conventions=("leadscrew_", "direction_source", "start_direction"),
     cycles=None,
     resized=110638,
+    noun="the leadscrew table",
+    manual="kw.ssfk.manual_activation",
+    adds="The entry is the error of the axis (actual minus setpoint); the controller adds its"
+    " negative to the command position.",
 )

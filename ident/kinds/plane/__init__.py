@@ -14,4 +14,7 @@ KIND = Kind(
     conventions=("plane_",),
     cycles=("kw.crosscomp2.n_cycles", 20),
     resized=110640,
+    noun="the plane",
+    manual="kw.crosscomp2.manual_activation",
+    adds="The controller adds the entry to the command position of the axis as it stands.",
 )

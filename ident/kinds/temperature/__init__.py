@@ -14,4 +14,7 @@ KIND = Kind(
     conventions=("temperature_",),
     cycles=("lr_param.temp_comp_n_cycles", 19),
     resized=None,
+    noun="the temperature",
+    manual="lr_param.temp_comp_manual_activation",
+    by_plc=True,
 )

@@ -5,7 +5,7 @@ lists, by the controller itself), `_workspace` (all of it over the travel) and `
 (all of it on the readings of a measurement).
 """
 
-from ._loaded import POSITIONS as POSITIONS, Loaded as Loaded
+from ._loaded import Loaded as Loaded
 from ._switching import (
     MOST_CYCLES as MOST_CYCLES,
     check_switching as check_switching,

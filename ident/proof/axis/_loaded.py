@@ -19,9 +19,7 @@ from ...exchange import (
     model_of,
     simulate,
 )
-
-POSITIONS = ("cross", "plane", "leadscrew", "temperature", "backlash", "crosstalk")
-"""Compensations that add to a position; friction adds to the current of the drive."""
+from ...kinds import kinds
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +52,8 @@ class Loaded:
         """
         found = machine_lists(self.lists).in_use(self.conventions, self.lines)
         mine = {one.name: one for one in found if one.axis == self.axis}
-        return {name: mine[name] for name in POSITIONS if name in mine}
+        places = [each.name for each in kinds() if not each.adds_current]
+        return {name: mine[name] for name in places if name in mine}
 
     @property
     def reading(self) -> Reading:
@@ -65,7 +64,8 @@ class Loaded:
 
     def inputs(self, name: str) -> tuple[int, ...]:
         """Return the axes over whose positions a compensation acts at standstill."""
-        return () if name in ("backlash", "crosstalk") else self.used[name].masters
+        one = self.used[name]
+        return one.kind.entries.inputs(one.masters)
 
     @functools.cached_property
     def models(self) -> Mapping[str, object]:
@@ -104,17 +104,15 @@ class Loaded:
 
     def _is_told(self, one: InUse, motion: Motion) -> bool:
         """Return whether it adds to this axis, and a motion has what it looks at."""
-        if one.axis != self.axis or one.name not in POSITIONS:
+        if one.axis != self.axis or one.kind.adds_current:
             return False
-        if one.name == "temperature" and self.axis in self.lines:
+        if one.kind.by_plc and self.axis in self.lines:
             if not motion.temperatures:
                 return False
             if self._has_no_slope:
                 return True
-        if one.name == "backlash":
-            return self.axis in {*motion.directions, *motion.positions}
-        needed = one.masters[1:] if one.name == "crosstalk" else one.masters
-        return all(axis in motion.positions for axis in needed)
+        looks_at = one.kind.entries.looks_at(one, motion)
+        return all(axis in motion.positions for axis in looks_at)
 
     @property
     def _has_no_slope(self) -> bool:

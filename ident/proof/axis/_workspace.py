@@ -4,11 +4,11 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from ....models import AbstractLookup
 from ...exchange import Motion, reversal_cycles
 from .._dynamics import GateTable
 from .._gate import GateCheck, GateLimits, gate_check, judge
@@ -95,7 +95,7 @@ def _parts(loaded: Loaded) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
     """Return which compensations look at the same axes, and at which."""
     found: list[tuple[tuple[int, ...], tuple[str, ...]]] = []
     for name in loaded.used:
-        if name == "crosstalk":
+        if loaded.used[name].kind.unseen:
             continue  # 0 where no axis accelerates
         axes = loaded.inputs(name) or (loaded.axis,)
         names: tuple[str, ...] = (name,)
@@ -122,9 +122,10 @@ def _judged(
     others = {axis for name in loaded.used for axis in loaded.inputs(name)} - set(axes)
     count = len(places[axes[0]])
     places |= {axis: np.full(count, _middle(travel, axis)) for axis in others}
-    screw: Any = loaded.models.get("leadscrew")
-    turns = "backlash" in names or ("leadscrew" in names and screw.bilateral)
-    ways = (1, -1) if turns else (1,)
+    turns = (
+        loaded.used[name].kind.entries.turns(loaded.models[name]) for name in names
+    )
+    ways = (1, -1) if any(turns) else (1,)
     bounds, lines = (0.0, 0.0), dict[str, GateCheck]()
     jumps = dict.fromkeys(names, 0.0)
     for warm in travel.warmth:
@@ -180,16 +181,13 @@ def _nodes(
     """Return the nodes of all tables over one axis, and the ends of its travel."""
     found = [np.asarray(travel.spans.get(axis, ()), dtype=float)]
     for name in names:
-        model: Any = loaded.models[name]
-        over = loaded.inputs(name)
-        if name == "plane":
+        model = loaded.models[name]
+        if isinstance(model, AbstractLookup):
             found += [
                 np.asarray(own.positions)
-                for master, own in zip(over, (model.nodes1, model.nodes2), strict=True)
+                for master, own in zip(loaded.inputs(name), model.ways, strict=True)
                 if master == axis
             ]
-        elif name in ("cross", "leadscrew") and axis in over:
-            found.append(np.asarray(model.nodes.positions))
     rows = np.unique(np.concatenate(found))
     if axis in travel.closed:
         low, high = travel.spans[axis]

@@ -17,14 +17,6 @@ from ._words import sentence_of
 SURE = 0.99
 """Probability from which on a verdict is given."""
 
-_BLIND = {
-    "friction": "it adds current and no position; compare quadrant spikes of a circle, or"
-    " a log of the controller (axcomp verify)",
-    "crosstalk": "it acts while another axis accelerates, and readings at standstill do"
-    " not show it; compare a log of the controller (axcomp verify)",
-}
-"""Compensations that measurements at standstill do not show, and why."""
-
 _FEWEST = 4
 """Places that an axis must have been measured at, both times."""
 
@@ -91,9 +83,7 @@ def diagnose(
             was measured both times.
     """
     used = [
-        one
-        for one in machine_lists(lists).in_use(conventions)
-        if one.name not in _BLIND
+        one for one in machine_lists(lists).in_use(conventions) if not one.kind.unseen
     ]
     both = sorted({one.axis for one in before} & {one.axis for one in after})
     changes: dict[int, Difference] = {}
@@ -156,9 +146,9 @@ def not_judged(
     """Return a line for each list whose effect no such measurement shows, and why."""
     known = names or {}
     return tuple(
-        f"{known.get(one.axis, f'A{one.axis}')} {one.name}: not judged: {_BLIND[one.name]}"
+        f"{known.get(one.axis, f'A{one.axis}')} {one.name}: not judged: {one.kind.unseen}"
         for one in machine_lists(lists).in_use(conventions)
-        if one.name in _BLIND
+        if one.kind.unseen
     )
 
 

@@ -6,13 +6,19 @@ well they explain what was logged, the noise being estimated, and what each cost
 length); the judge puts the best into words.
 
 Read `_verify` (the whole), `_reports` and `_target` (what is to be explained), `_lists` with
-`_channel`, `_tables`, `_steps`, `_dynamic` (the channels), `_hypothesis`, `_scan` and
-`_search`, `_judge`, `_words`; `_owner` and `_total` for logs that show more than one axis or
-sums only.
+`_channel` and `_tables` (the channels; each compensation has its own in `kinds`), `_hypothesis`,
+`_scan` and `_search`, `_judge`, `_words`; `_owner` and `_total` for logs that show more than one
+axis or sums only.
 """
 
-from ._channel import AbstractChannel as AbstractChannel, Change as Change
+from ._channel import (
+    AbstractChannel as AbstractChannel,
+    Change as Change,
+    Parts as Parts,
+    Way as Way,
+)
 from ._judge import Verdict as Verdict
 from ._lists import channel_of as channel_of
 from ._motion import LogMotion as LogMotion
+from ._tables import TableChannel as TableChannel, ways_of as ways_of
 from ._verify import Verification as Verification, verify_log as verify_log

@@ -2,12 +2,14 @@
 
 import abc
 import dataclasses
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ....models import Conventions
+from ...exchange import Increments, InUse, Reading, model_of
 from ._motion import LogMotion
 
 Edge = Literal["held", "zero", "line"]
@@ -76,14 +78,19 @@ class Parts:
     change: Float[np.ndarray, " r"] | None = None
 
 
+@dataclasses.dataclass(eq=False)
 class AbstractChannel(abc.ABC):
     """One compensation of one axis along the motion of a log.
 
     Attributes:
-        axis: Logical number of the compensated axis.
-        compensation: As in a job file.
+        one: The compensation, and where it stands.
         motion: Of the log.
         conventions: As they are assumed.
+        increment: Worth of an encoder increment for lists with ``unit 0``.
+        reversal: Cycles over which a reversal is spread (P-AXIS-00243).
+        others: Channels of the same axis, whose offsets may enter its look-up.
+        axis: Logical number of the compensated axis.
+        compensation: As in a job file.
         masters: Logical numbers of the axes that it looks at.
         ways: Extent of the table per master, the last ones; empty where there is none.
         swaps: Masters that a controller could take instead.
@@ -91,19 +98,38 @@ class AbstractChannel(abc.ABC):
         listed: Length that a list states for a filter that acts on switching alone.
         unit: ``mm``, ``°``, or empty where it is that of the drive.
         relevant: Names of the conventions that it depends on, beside sign and edge.
+        edge_rule: Name of the convention that says what happens beyond its table; empty:
+            the last value is held.
     """
 
-    axis: int
-    compensation: str
+    one: InUse
     motion: LogMotion
     conventions: Conventions
-    masters: tuple[int, ...]
-    ways: tuple[Way, ...] = ()
-    swaps: tuple[tuple[int, ...], ...] = ()
-    cycles: int = 0
-    listed: int = 0
-    unit: str = "mm"
-    relevant: tuple[str, ...] = ()
+    increment: Increments = None
+    reversal: int = 0
+    others: "Mapping[str, AbstractChannel]" = dataclasses.field(default_factory=dict)
+    ways: tuple[Way, ...] = dataclasses.field(default=(), init=False)
+    swaps: tuple[tuple[int, ...], ...] = dataclasses.field(default=(), init=False)
+    cycles: int = dataclasses.field(default=0, init=False)
+    listed: int = dataclasses.field(default=0, init=False)
+    relevant: tuple[str, ...] = dataclasses.field(default=(), init=False)
+
+    unit: ClassVar[str] = "mm"
+    edge_rule: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        self.axis, self.compensation = self.one.axis, self.one.name
+        self.masters = self.one.masters
+        self._laws: dict[Conventions, Any] = {}
+        self.prepare()
+
+    @abc.abstractmethod
+    def prepare(self) -> None:
+        """Find the attributes that follow from list and motion.
+
+        Raises:
+            ExchangeError: If the list makes no model, or the log lacks what it looks at.
+        """
 
     @abc.abstractmethod
     def parts(
@@ -121,9 +147,17 @@ class AbstractChannel(abc.ABC):
                 shift of the change.
         """
 
+    def law(self, conventions: Conventions) -> Any:
+        """Return the model that the list makes under some conventions."""
+        if conventions not in self._laws:
+            reading = Reading(conventions, self.increment, self.motion.ranges)
+            self._laws[conventions] = model_of(self.one, reading)
+        return self._laws[conventions]
+
     def edge(self, conventions: Conventions) -> Edge:
         """Return what conventions say of the rows beyond the table."""
-        return "held"
+        zero = self.edge_rule and getattr(conventions, self.edge_rule) == "zero"
+        return "zero" if zero else "held"
 
     def cycles_under(self, conventions: Conventions) -> int:
         """Return the length of the filter under some conventions."""

@@ -225,10 +225,10 @@ def settled(
     if sign in known:
         own = int(known[sign].value)
         rule(sign, {one: own if one.scale > 0 else -own for one in every})
-    if channel.compensation == "cross":
+    if channel.edge_rule:
         words = {"held": "hold", "zero": "zero"}
         rule(
-            "cross_edge",
+            channel.edge_rule,
             {
                 one: words.get(
                     one.change.edge or channel.edge(one.change.conventions), "other"

@@ -8,6 +8,7 @@ from ....data.lists import ListFile
 from ....data.measurements import ControllerLog, LoggedOffset
 from ....models import Conventions
 from ...exchange import ExchangeError, Increments
+from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._judge import SETTLED
 from ._lists import channels_of
@@ -19,51 +20,52 @@ from ._target import Target
 _CHOICES = ("slave", "master")
 
 
-def cross_owner(
+def owners(
     lists: Sequence[ListFile],
     log: ControllerLog,
     names: Mapping[str, int],
     motion: LogMotion,
     conventions: Conventions,
     increment: Increments,
-) -> tuple[Conventions, bool]:
-    """Return the conventions with the axis that fits, and whether the log settles it.
+) -> tuple[Conventions, dict[str, str]]:
+    """Return the conventions with the axes that fit, and the rules that the log settles.
 
     A controller that reports what it adds to an axis says with it which one of the two
     axes of a table is compensated. Where both readings explain the log as well, that
-    which is assumed stays.
+    which is assumed stays. Rules are by compensation.
     """
-    reported = {
-        number_of(one.axis, names, str(log.source)): one
-        for one in log.offsets
-        if one.compensation == "cross" and one.axis is not None
-    }
-    has_table = any(one.table("kw.crosscomp", "setpoint") for one in lists)
-    if not reported or not has_table:
-        return conventions, False
-    scores: dict[str, float] = {}
-    for owner in _CHOICES:
-        rules = _with_owner(conventions, owner)
-        try:
-            channels = channels_of(lists, motion, rules, increment)
-        except ExchangeError:
-            continue  # the log lacks a position, or an axis has two tables
-        parts = {axis: own.get("cross") for axis, own in channels.items()}
-        scores[owner] = sum(
-            _left(parts.get(axis), one, motion) for axis, one in reported.items()
-        )
-    assumed = conventions.cross_list
-    best = min(scores, key=lambda owner: scores[owner], default=assumed)
-    if len(scores) < len(_CHOICES):
-        return conventions, False
-    margin = max(scores.values()) - scores[best]
-    if margin < SETTLED:
-        return conventions, False
-    return _with_owner(conventions, best), True
+    settled: dict[str, str] = {}
+    for each in kinds():
+        reported = {
+            number_of(one.axis, names, str(log.source)): one
+            for one in log.offsets
+            if one.compensation == each.name and one.axis is not None
+        }
+        held = any(each.entries.is_in(one) for one in lists)
+        if each.owner is None or not reported or not held:
+            continue
+        scores: dict[str, float] = {}
+        for owner in _CHOICES:
+            rules = _with(conventions, each.owner, owner)
+            try:
+                channels = channels_of(lists, motion, rules, increment)
+            except ExchangeError:
+                break  # the log lacks a position, or an axis has two tables
+            parts = {axis: own.get(each.name) for axis, own in channels.items()}
+            scores[owner] = sum(
+                _left(parts.get(axis), one, motion) for axis, one in reported.items()
+            )
+        if len(scores) < len(_CHOICES):
+            continue
+        best = min(scores, key=lambda owner: scores[owner])
+        if max(scores.values()) - scores[best] >= SETTLED:
+            conventions = _with(conventions, each.owner, best)
+            settled[each.name] = each.owner
+    return conventions, settled
 
 
-def _with_owner(conventions: Conventions, owner: str) -> Conventions:
-    return conventions.from_dict({**conventions.to_dict(), "cross_list": owner})
+def _with(conventions: Conventions, rule: str, choice: str) -> Conventions:
+    return conventions.from_dict({**conventions.to_dict(), rule: choice})
 
 
 def _left(

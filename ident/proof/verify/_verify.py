@@ -8,12 +8,13 @@ from ....data.measurements import ControllerLog, LoggedOffset
 from ....models import COMPENSATIONS, Conventions
 from ...exchange import ExchangeError, Increments, Ranges
 from ...fit import one_blas_thread
+from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._clock import clock_cost, clock_of, worth
 from ._judge import Verdict, judge_found
 from ._lists import at_clock, channels_of, unfiltered
 from ._motion import LogMotion
-from ._owner import cross_owner
+from ._owner import owners
 from ._reports import axis_names, motion_of, number_of, reports_of
 from ._search import search
 from ._target import Target
@@ -77,16 +78,17 @@ def _verify(
 ) -> Verification:
     names = axis_names(lists)
     motion = motion_of(log, names, ranges)
-    assumed = conventions.cross_list
-    conventions, owned = cross_owner(lists, log, names, motion, conventions, increment)
+    assumed = conventions
+    conventions, owned = owners(lists, log, names, motion, conventions, increment)
     channels = channels_of(lists, motion, conventions, increment)
     reports, remarks = reports_of(log, names, channels)
-    if conventions.cross_list != assumed:
-        remarks.append(
-            "Cross tables stand in the list of the"
-            f" {'master' if assumed == 'slave' else 'slave'} axis"
-            f" (cross_list = {conventions.cross_list})."
-        )
+    for name, rule in owned.items():
+        choice = getattr(conventions, rule)
+        if choice != getattr(assumed, rule):
+            remarks.append(
+                f"{name.capitalize()} tables stand in the list of the {choice} axis"
+                f" ({rule} = {choice})."
+            )
     targets = {
         key: Target.of(one.values, step=one.step) for key, one in reports.items()
     }
@@ -130,10 +132,8 @@ def _verify(
             " A3.drive_position",
         )
     found_all = _summary(verdicts, channels, driven, conventions, remarks)
-    if owned:
-        settled = found_all.settled | {"cross_list"}
-        found_all = dataclasses.replace(found_all, settled=settled)
-    return found_all
+    settled = found_all.settled | set(owned.values())
+    return dataclasses.replace(found_all, settled=settled)
 
 
 def _channel(
@@ -167,15 +167,15 @@ def _sums(
         if one.compensation == "offset"
         and (one.axis is None or number_of(one.axis, names, str(log.source)) == axis)
     ]
+    # A current is no position.
+    parts = {n: one for n, one in parts.items() if not one.one.kind.adds_current}
     unknown = {
-        name: one for name, one in parts.items()
-        if (axis, name) not in known and name != "friction"
+        name: one for name, one in parts.items() if (axis, name) not in known
     }  # fmt: skip
     if drive is None:
         if whole and unknown:
-            summed = {name: one for name, one in parts.items() if name != "friction"}
-            found = search_total(summed, Target.of(whole[0].values, step=whole[0].step))
-            told = [judge_found(summed[name], found[name]) for name in unknown]
+            found = search_total(parts, Target.of(whole[0].values, step=whole[0].step))
+            told = [judge_found(parts[name], found[name]) for name in unknown]
             return told, False
         return [], False
     place = motion.position(axis, "beside its drive_position")
@@ -186,7 +186,6 @@ def _sums(
             f" after A{axis}.position; that is allowed for."
         )
     parts = {name: at_clock(one, part) for name, one in parts.items()}
-    parts.pop("friction", None)  # a current, and no position
     found = search_total(parts, target)
     return [judge_found(parts[name], one) for name, one in found.items()], True
 
@@ -238,8 +237,9 @@ def _summary(
             f"{which}: a log of offsets cannot tell with which sign they reach the"
             " drive; log drive_position as well, or read a dial gauge."
         )
+    order = (*COMPENSATIONS, *(each.name for each in kinds()))
     verdicts = sorted(
-        verdicts, key=lambda one: (one.axis, COMPENSATIONS.index(one.compensation))
+        verdicts, key=lambda one: (one.axis, order.index(one.compensation))
     )
     return Verification(
         tuple(verdicts),

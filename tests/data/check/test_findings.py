@@ -88,7 +88,7 @@ def test_friction_that_is_switched_off_may_lack_its_size(
             "lr_param.prog_movement_requires_compensations WARP",
             [("error", "P-AXIS-00465", None)],
         ),
-        ("lr_param.prog_movement_requires_compensations 0x1F", []),
+        ("lr_param.prog_movement_requires_compensations 0x4", []),
         ("some.other.parameter of_the_axis", []),
     ],
 )

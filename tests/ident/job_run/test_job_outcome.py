@@ -36,6 +36,7 @@ def test_fragment_names_no_whole_list(tmp_path: Path) -> None:
     run_job(screw_job(tmp_path), tmp_path / "out")
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"achskw1.lis", "achsmds1.add.lis", "hochlauf.add.lis"} <= names
+    assert {"cnc_objects.csv", "compensations.tcscopex"} <= names
     assert "achsmds1.lis" not in names
     assert "hochlauf.lis" not in names
 

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+
 from axcomp.ident.kinds import NAMES, kind, kinds
 
 

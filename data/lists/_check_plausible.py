@@ -1,0 +1,168 @@
+"""Values that the kernel takes and that no sound machine needs: likely a slip.
+
+The limits stand in the registry, in units of 0.1 µm or 0.0001° where a list may also count in
+increments; those are judged where their length is known.
+"""
+
+from collections.abc import Mapping
+
+from ._check_values import surely_allowed
+from ._check_view import ListView, read_value
+from ._entry import Rows
+from ._names import full_name
+from ._parameter import Change, Interval, Parameter
+from ._registry import registry
+
+_LIST_UNIT = 1e-4
+"""mm or degrees of one unit of a metric list."""
+
+Values = Mapping[tuple[int, ...], tuple[int, int | float]]
+"""Row and value by index, of the entries that count and are allowed."""
+
+
+def check_plausible(view: ListView) -> None:
+    """Report values, steps along a column and jumps between columns that are too large."""
+    known = registry().by_key
+    for key, rows in view.columns.items():
+        row = known.get(key)
+        if row is None or not (row.plausible or row.step or row.jump):
+            continue
+        unit = _unit(view, row)
+        if unit is None or _is_narrow(row, rows, unit):
+            continue
+        values = _values(row, rows)
+        if not values:
+            continue
+        if row.plausible is not None:
+            _check_sizes(view, rows, row, row.plausible, values, unit)
+        if row.step is not None:
+            _check_steps(view, rows, row, row.step, values, unit)
+        if row.jump is not None:
+            _check_jumps(view, rows, row, row.jump, values, unit)
+
+
+def _unit(view: ListView, row: Parameter) -> float | None:
+    """Return how many metric list units an entry's unit is worth; None: not known."""
+    if "increments" not in row.unit[0]:
+        return 1.0
+    functions = registry().functions
+    unit = next(each.unit for each in functions if each.structure == row.structure)
+    if unit is None or view.integer(unit) == 1:
+        return 1.0
+    return None if view.increment is None else view.increment / _LIST_UNIT
+
+
+def _is_narrow(row: Parameter, rows: Rows, unit: float) -> bool:
+    """Return whether a whole column is plausible at a glance: most are, and are long."""
+    numbers = [value for value in rows.integers if value is not None]
+    if row.jump is not None or not row.is_integer or not numbers:
+        return False
+    low, high = min(numbers) * unit, max(numbers) * unit
+    is_inside = row.plausible is None or row.plausible.holds(low, high)
+    return is_inside and (row.step is None or high - low <= row.step.largest)
+
+
+def _values(row: Parameter, rows: Rows) -> Values:
+    """Return what counts and has no finding of its own."""
+    read = [read_value(row, text) for text in rows.texts]
+    return {
+        index: (at, value)
+        for index, at in rows.last.items()
+        if isinstance(value := read[at], int | float) and surely_allowed(row, value)
+    }
+
+
+def _check_sizes(
+    view: ListView,
+    rows: Rows,
+    row: Parameter,
+    plausible: Interval,
+    values: Values,
+    unit: float,
+) -> None:
+    view.add_rows(
+        "warning",
+        rows,
+        sorted(
+            at
+            for at, value in values.values()
+            if not plausible.holds(value * unit, value * unit)
+        ),
+        lambda text: (
+            f"{row.key} = {text} is allowed, and beyond what a sound machine needs"
+        ),
+        parameter=row,
+        expected=f"{plausible} {_unit_text(row)}".rstrip(),
+    )
+
+
+def _check_steps(
+    view: ListView,
+    rows: Rows,
+    row: Parameter,
+    step: Change,
+    values: Values,
+    unit: float,
+) -> None:
+    """Report neighbours of a column that differ too much, in each direction of it."""
+    for index, (at, value) in values.items():
+        for place in range(len(index)):
+            before = (*index[:place], index[place] - 1, *index[place + 1 :])
+            if before not in values:
+                continue
+            other = values[before][1]
+            if abs(value - other) * unit > step.largest:
+                pair = full_name(row.key, before), full_name(row.key, index)
+                _report(view, rows, row, step, at, pair, (other, value))
+                return
+
+
+def _check_jumps(
+    view: ListView,
+    rows: Rows,
+    row: Parameter,
+    jump: Change,
+    values: Values,
+    unit: float,
+) -> None:
+    """Report an entry that differs too much from its partner in another column."""
+    other_rows = view.rows(jump.against or "")
+    flag = f"{row.structure}.{jump.when}"
+    if other_rows is None or (jump.when and not view.integer(flag)):
+        return
+    partner = registry().by_key[other_rows.key]
+    others = _values(partner, other_rows)
+    for index, (at, value) in values.items():
+        if index not in others:
+            continue
+        other = others[index][1]
+        if abs(value - other) * unit > jump.largest:
+            pair = full_name(row.key, index), full_name(partner.key, index)
+            _report(view, rows, row, jump, at, pair, (value, other))
+            return
+
+
+def _report(
+    view: ListView,
+    rows: Rows,
+    row: Parameter,
+    change: Change,
+    at: int,
+    names: tuple[str, str],
+    values: tuple[int | float, int | float],
+) -> None:
+    found = f"{names[0]} = {values[0]}, {names[1]} = {values[1]}"
+    view.add(
+        "warning",
+        f"{found}: {abs(values[1] - values[0])} apart, more than a sound machine needs",
+        view.value_place(rows, at),
+        parameter=row,
+        number=change.number,
+        found=found,
+        expected=f"at most {change.largest} {_unit_text(row)}".rstrip(),
+    )
+
+
+def _unit_text(row: Parameter) -> str:
+    """Return the unit that a plausible limit stands in."""
+    return row.unit[0].removesuffix(" or increments")

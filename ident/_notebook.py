@@ -1,0 +1,150 @@
+"""How fits show themselves in a notebook: a table in HTML, and plots."""
+
+import html
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from ..models import AbstractFriction, AbstractNodes, Cross, Leadscrew, Plane
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ._library import Fit, FittedEffect
+
+_COLORS = ("#0072B2", "#D55E00")
+"""Of positive and negative direction (Okabe-Ito)."""
+
+
+def table_html(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return a table; every cell is escaped."""
+
+    def line(tag: str, cells: Iterable[object]) -> str:
+        inner = "".join(f"<{tag}>{html.escape(str(one))}</{tag}>" for one in cells)
+        return f"<tr>{inner}</tr>"
+
+    body = "".join(line("td", row) for row in rows)
+    return f"<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>"
+
+
+def fit_html(fit: "Fit") -> str:
+    """Return what a fit found: effects, noise by axis, what is not determined."""
+    rows = [(name, *_summary(one)) for name, one in fit.items()]
+    parts = [table_html(("effect", "values", "largest", "largest σ", "readings"), rows)]
+    noise = ", ".join(f"{axis} {value:.3g}" for axis, value in fit.noise.items())
+    parts.append(f"<p>Scatter of one reading: {html.escape(noise)}.</p>")
+    parts += [
+        f"<p>Not determined: {html.escape(one if isinstance(one, str) else one.sentence)}</p>"
+        for one in fit.undetermined
+    ]
+    if not fit.converged:
+        parts.append("<p><b>The iterations did not reach their tolerance.</b></p>")
+    return "".join(parts)
+
+
+def _summary(one: "FittedEffect") -> tuple[str, ...]:
+    values, deviations = _numbers(one.model), _numbers(one.standard_deviation)
+    known = deviations[np.isfinite(deviations)]
+    largest = f"{np.abs(values).max(initial=0.0):.4g}"
+    spread = f"{known.max(initial=0.0):.2g}" if known.size else "unknown"
+    return str(values.size), largest, spread, str(int(np.max(one.support, initial=0)))
+
+
+def _numbers(tree: Any) -> np.ndarray:
+    """Return the values of a model one behind the other, without its nodes."""
+    leaves = jax.tree.leaves(tree, is_leaf=lambda one: isinstance(one, AbstractNodes))
+    values = [np.ravel(one) for one in leaves if not isinstance(one, AbstractNodes)]
+    return np.concatenate([np.zeros(0), *values])
+
+
+def plot_effect(one: "FittedEffect", name: str, axes: "Axes | None") -> "Axes":
+    """Draw the values of an effect with two standard deviations, and return the axes."""
+    if axes is None:
+        import matplotlib.pyplot as plt
+
+        _, axes = plt.subplots(layout="constrained")
+    model, spread = one.model, one.standard_deviation
+    match model:
+        case Leadscrew():
+            _line(
+                axes,
+                model.nodes.positions,
+                model.pos,
+                spread.pos,
+                "moving +",
+                _COLORS[0],
+            )
+            if model.neg is not None:
+                _line(
+                    axes,
+                    model.nodes.positions,
+                    model.neg,
+                    spread.neg,
+                    "moving −",
+                    _COLORS[1],
+                )
+                axes.legend()
+            axes.set(xlabel="position of the axis", ylabel="error in mm or °")
+        case Cross():
+            _line(
+                axes, model.nodes.positions, model.values, spread.values, "", _COLORS[0]
+            )
+            axes.set(xlabel="position of the master", ylabel="offset in mm or °")
+        case Plane():
+            first, second = (
+                np.asarray(n.positions) for n in (model.nodes1, model.nodes2)
+            )
+            drawn = axes.pcolormesh(
+                first, second, np.asarray(model.values), cmap="RdBu_r"
+            )
+            axes.figure.colorbar(drawn, ax=axes, label="offset in mm or °")
+            axes.set(xlabel="position of master 1", ylabel="position of master 2")
+        case AbstractFriction():
+            speed = np.linspace(-100.0, 100.0, 801)
+            axes.plot(speed, np.asarray(model(speed)), color=_COLORS[0])
+            axes.set(xlabel="velocity in mm/s or °/s", ylabel="current")
+        case _:
+            values, sigma = _numbers(model), _numbers(spread)
+            sigma = np.where(np.isfinite(sigma), sigma, np.nan)
+            places = np.arange(values.size)
+            _line(
+                axes, places, values, np.resize(sigma, values.size), "", _COLORS[0], "o"
+            )
+            axes.set(
+                xlabel="value, in the order of the model", ylabel="mm or °, or per °C"
+            )
+    axes.set_title(name)
+    return axes
+
+
+def _line(
+    axes: "Axes",
+    places: Any,
+    values: Any,
+    spread: Any,
+    label: str,
+    color: str,
+    mark: str = "o-",
+) -> None:
+    sigma = np.asarray(spread, float)
+    # What no reading tells has no bar.
+    bars = np.where(np.isfinite(sigma), 2.0 * sigma, 0.0)
+    axes.errorbar(
+        np.asarray(places), np.asarray(values), bars, fmt=mark, color=color,
+        label=label, markersize=3, capsize=2,
+    )  # fmt: skip
+
+
+def plot_fit(effects: "Mapping[str, FittedEffect]") -> "tuple[Axes, ...]":
+    """Draw every effect of a fit into a panel of its own, and return the axes."""
+    import matplotlib.pyplot as plt
+
+    count = max(len(effects), 1)
+    figure, panels = plt.subplots(
+        count, 1, squeeze=False, figsize=(6.4, 2.8 * count), layout="constrained"
+    )
+    for axes, (name, one) in zip(panels.flat, effects.items(), strict=False):
+        plot_effect(one, name, axes)
+    return tuple(figure.axes[: len(effects)])

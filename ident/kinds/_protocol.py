@@ -1,0 +1,239 @@
+"""What a compensation says of itself to lists, controller, proofs, verify and probe.
+
+A colleague who adds a compensation writes its model in `axcomp.models` (or, as an
+`AbstractOffset`, beside the parts) and in its folder:
+
+* ``entries.py`` with ``ENTRIES``, an `AbstractEntries`;
+* ``channel.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel`;
+* ``probe.py`` with ``PROBE``, an `AbstractProbe`; what adds current needs none.
+"""
+
+import abc
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ...data.lists import ListFile, Value
+from ...models import AbstractLookup, Conventions, Coupled
+from ..exchange._errors import ExchangeError
+from ..exchange._identity import flag, not_negative
+from ..exchange._machine_lists import InUse, Reading
+from ..exchange._motion import Motion
+from ..exchange._probe import Outcome, ProbeAxis, Probed
+from ..exchange._units import ModelUnit
+from ._kind import Kind
+
+if TYPE_CHECKING:
+    pass
+
+
+class AbstractEntries(abc.ABC):
+    """One compensation between its list, in logical axis numbers, and its model.
+
+    Attributes:
+        kind: Its facts.
+        models: Classes of its model, the usual one first.
+        value: Entry that holds its values, for messages.
+        units: Units that values of its model may have as they stand, the usual one first.
+        stale: Entries of its structure that go before new ones are written, by their
+            beginnings.
+        comes_last: It may look up the position with what the others add.
+    """
+
+    kind: Kind
+    models: tuple[type, ...]
+    value: str
+    units: tuple[str, ...] = ("mm", "deg")
+    stale: tuple[str, ...] = ("table[",)
+    comes_last: bool = False
+
+    # ------------------------------------------------------------------ where it stands
+
+    @abc.abstractmethod
+    def is_in(self, listing: ListFile) -> bool:
+        """Whether a list of its holder holds it (compensation list) or has it on."""
+
+    def is_activated(self, machine: ListFile) -> bool:
+        """Whether an axis list switches it on.
+
+        Raises:
+            ExchangeError: If its entry is unreadable.
+        """
+        return flag(machine, self.kind.activation)
+
+    def activation(self) -> dict[str, int | str]:
+        """Return the entry of an axis list that switches it on."""
+        return {self.kind.activation: 1}
+
+    def is_manual(self, listing: ListFile) -> bool:
+        """Whether it waits for COMP ON in the NC program."""
+        return self.kind.manual is not None and flag(listing, self.kind.manual)
+
+    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
+        """Return the axes that a list names as its masters; none: it looks at its own."""
+        return ()
+
+    def axes(
+        self, listing: ListFile, number: int, conventions: Conventions
+    ) -> tuple[int, tuple[int, ...]]:
+        """Return the axis that it acts on, and the axes that it looks at.
+
+        Args:
+            listing: Where it stands.
+            number: Of the axis that the list belongs to.
+            conventions: Rules of the controller.
+        """
+        return number, self.named_masters(listing) or (number,)
+
+    # ---------------------------------------------------------------------- list ↔ model
+
+    @abc.abstractmethod
+    def model(self, listing: ListFile, axis: int, reading: Reading) -> Any:
+        """Return the model that a list makes.
+
+        Raises:
+            ExchangeError: If its entries make none.
+        """
+
+    @abc.abstractmethod
+    def to_list(
+        self,
+        model: Any,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        *,
+        existing: ListFile | None = None,
+        max_points: int | None = None,
+        build: str | None = None,
+    ) -> Mapping[str, Value]:
+        """Return the entries of the list that holds it, rounded to list units.
+
+        Args:
+            model: One of `models`.
+            masters: Logical numbers, in the order of the list.
+            conventions: Rules of the controller.
+            existing: Compensation list that will be edited.
+            max_points: Wanted size of the memory, or None to write it only where needed.
+            build: Of the controller, or None for the newest.
+
+        Raises:
+            ExchangeError: If something does not fit.
+        """
+
+    def beside(self, model: Any, others: Collection[str]) -> dict[str, int | str]:
+        """Return what else the axis list needs, beside these other compensations."""
+        return {}
+
+    def exactly(self, masters: tuple[int, ...], count: int) -> tuple[int, ...]:
+        """Return the masters, so many of them.
+
+        Raises:
+            ExchangeError: If there are more or fewer.
+        """
+        if len(masters) != count:
+            raise ExchangeError(
+                where=f"masters of {self.kind.name}",
+                found=f"{len(masters)} axis numbers",
+                expected=f"{count}: masters={{'{self.kind.name}': (…)}}",
+            )
+        return masters
+
+    def in_list_units(self, model: Any, unit: ModelUnit | None) -> Any:
+        """Return the model with its values in a unit of the list; None: the usual one.
+
+        Raises:
+            ExchangeError: If they have another unit.
+        """
+        if unit is None or unit.name in self.units:
+            return model
+        expected = f"values in {' or '.join(self.units)}"
+        raise ExchangeError(self.value, f"values in {unit.name}", expected)
+
+    # ---------------------------------------------------------------- in the controller
+
+    def installed(
+        self, model: Any, masters: tuple[int, ...], listing: ListFile
+    ) -> dict[str, Any]:
+        """Return it as `AxisCompensations` takes it, by the names of fields.
+
+        What is none of these fields becomes one of its `further` compensations.
+
+        Args:
+            model: Of the list.
+            masters: Columns of the axes that it looks at.
+            listing: Where it stands.
+        """
+        cycles = self.kind.cycles
+        spread = 0 if cycles is None else not_negative(listing, cycles[0])
+        return {self.kind.name: Coupled(model, masters, spread)}
+
+    def sees_offsets(self, listing: ListFile, conventions: Conventions) -> bool:
+        """Whether it looks up the position with what the others add (S-23)."""
+        return False
+
+    def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
+        """Return what a motion lacks to compute it at all, in words; None: nothing.
+
+        Positions are not looked for here (`looks_at`): a motion without one is refused.
+        """
+        return None
+
+    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+        """Return the axes whose positions it takes from a motion."""
+        return one.masters
+
+    # --------------------------------------------------------------------- for the proofs
+
+    @property
+    def is_table(self) -> bool:
+        """Whether its model is a table over positions."""
+        return issubclass(self.models[0], AbstractLookup)
+
+    def inputs(self, masters: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the axes over whose positions it acts at standstill."""
+        return masters
+
+    def turns(self, model: Any) -> bool:
+        """Whether the direction of motion changes what it adds."""
+        return False
+
+
+class AbstractProbe(abc.ABC):
+    """The step of a probe for one compensation: a plateau that cannot be overlooked.
+
+    Attributes:
+        moving: It acts only while an axis accelerates.
+        plateaus: Tenths of the travel of each master where its plateau begins and ends;
+            none: it is no table. The memory that a list reserves for a table stays.
+    """
+
+    moving: bool = False
+    plateaus: tuple[tuple[int, int], ...] = ()
+
+    def probed(self, one: InUse) -> Probed:
+        """Return what of it is probed."""
+        return Probed(one.axis, one.name, one.masters)
+
+    def entries(
+        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+    ) -> Mapping[str, Value]:
+        """Return the entries of the compensation list, 10 µm whatever sign they get."""
+        return {}
+
+    def additions(self, axis: ProbeAxis) -> dict[str, int | str]:
+        """Return what only stands in the axis list; else it is switched on there."""
+        return {}
+
+    def places(
+        self, axis: ProbeAxis, masters: Sequence[ProbeAxis]
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """Return where nothing is added and where the plateau is, by axis name."""
+        middles = [0.5 * sum(between) for between in self.plateaus]
+        there = zip(masters, middles or [10.0] * len(masters), strict=True)
+        start = {one.name: one.at(0.0) for one in masters}
+        return start, {one.name: one.at(middle) for one, middle in there}
+
+    @abc.abstractmethod
+    def outcomes(
+        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
+    ) -> tuple[Outcome, ...]:
+        """Return what may be seen, and what follows from it."""

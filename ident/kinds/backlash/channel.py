@@ -1,0 +1,35 @@
+"""What a log shows of the backlash."""
+
+from typing import final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...proof.verify import AbstractChannel, Change, Parts
+
+
+@final
+class BacklashChannel(AbstractChannel):
+    """An offset that steps where the axis reverses (S-45)."""
+
+    def prepare(self) -> None:
+        self.cycles = self.law(self.conventions).cycles
+        self.relevant = ("backlash_reference", "filter_delay")
+        if self.told_by_actual():
+            self.relevant = (*self.relevant, "direction_source")
+
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        del shift
+        count = len(self.motion.position(self.axis, "for its backlash")[rows])
+        law = self.law(change.conventions)
+        ways = np.asarray(law.offset(jnp.array([1.0, -1.0])))
+        return Parts(np.full(count, ways[0]), np.full(count, ways[1] - ways[0]))
+
+
+CHANNEL = BacklashChannel

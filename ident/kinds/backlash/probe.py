@@ -1,0 +1,45 @@
+"""The step of a probe for the backlash."""
+
+from collections.abc import Sequence
+from typing import final
+
+from ...exchange._machine_lists import REVERSAL_CYCLES
+from ...exchange._probe import HEIGHT, Outcome, ProbeAxis, Probed
+from ...exchange._units import LIST_UNITS
+from .._protocol import AbstractProbe
+from . import KIND
+from .entries import WIDTH
+
+
+@final
+class BacklashProbe(AbstractProbe):
+    """A lost motion of 10 µm."""
+
+    def additions(self, axis: ProbeAxis) -> dict[str, int | str]:
+        width = round(HEIGHT * LIST_UNITS)
+        return {KIND.activation: 1, WIDTH: width, REVERSAL_CYCLES: 10}
+
+    def places(
+        self, axis: ProbeAxis, masters: Sequence[ProbeAxis]
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        # Down, against the direction in which nothing is added.
+        return {axis.name: axis.at(6.0)}, {axis.name: axis.at(5.0)}
+
+    def outcomes(
+        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
+    ) -> tuple[Outcome, ...]:
+        return (
+            Outcome(
+                f"−{axis.height_text}, and nothing when it is done coming from below",
+                "moving up is the reference; moving down the backlash is taken off",
+                {"backlash_reference": 1},
+            ),
+            Outcome(
+                f"nothing, and +{axis.height_text} when it is done coming from below",
+                "moving down is the reference",
+                {"backlash_reference": -1},
+            ),
+        )
+
+
+PROBE = BacklashProbe()

@@ -1,0 +1,21 @@
+"""What a log shows of a cross table."""
+
+from typing import final
+
+from ...proof.verify import TableChannel
+
+
+@final
+class CrossChannel(TableChannel):
+    """A table over one master."""
+
+    edge_rule = "cross_edge"
+
+    def prepare(self) -> None:
+        super().prepare()
+        known = sorted(self.motion.path.positions)
+        self.swaps = tuple((axis,) for axis in known if (axis,) != self.masters)
+        self.relevant = ("table_filter",) if self.listed > 1 else ()
+
+
+CHANNEL = CrossChannel

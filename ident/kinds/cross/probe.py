@@ -1,0 +1,61 @@
+"""The step of a probe for a cross table."""
+
+from collections.abc import Mapping, Sequence
+from typing import final
+
+from ....models import Conventions, Cross
+from ...exchange._nodes import PointNodes, as_array
+from ...exchange._probe import (
+    SECOND,
+    Outcome,
+    ProbeAxis,
+    Probed,
+    both_signs,
+    number_text,
+    plateau,
+)
+from .._protocol import AbstractProbe
+from .entries import entries_of_cross
+
+
+@final
+class CrossProbe(AbstractProbe):
+    """A plateau along the master."""
+
+    plateaus = (SECOND,)
+
+    def entries(
+        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+    ) -> dict[str, int | str]:
+        points = PointNodes(axes[one.masters[0]].grid.integers)
+        cross = Cross(nodes=points.model(), values=as_array(plateau(SECOND)))
+        return entries_of_cross(cross, one.masters[0])
+
+    def outcomes(
+        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
+    ) -> tuple[Outcome, ...]:
+        (master,) = masters
+        between = [master.at(float(tenths)) for tenths in SECOND]
+        there = f"{number_text(between[0])} to {number_text(between[1])}"
+        if axis.at(0.0) <= between[0] and between[1] <= axis.at(10.0):
+            seen = (
+                f"nothing on {axis.name}, but {master.name} moves by {axis.height_text} when"
+                f" {axis.name} stands at {there}"
+            )
+        else:
+            seen = (
+                f"nothing on {axis.name}, which does not reach {there}, and a list of"
+                f" {master.name} with the number of {axis.name} as its master acts on"
+                f" {axis.name}"
+            )
+        return (
+            *both_signs(axis, "cross_sign", entry="offset"),
+            Outcome(
+                seen,
+                "the list belongs to the master axis and names its slave",
+                {"cross_list": "master"},
+            ),
+        )
+
+
+PROBE = CrossProbe()

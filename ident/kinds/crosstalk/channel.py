@@ -1,0 +1,76 @@
+"""What a log shows of crosstalk."""
+
+from typing import final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....models import Crosstalk
+from ...proof.verify import AbstractChannel, Change, Parts, Way
+
+
+@final
+class CrosstalkChannel(AbstractChannel):
+    """An offset over the acceleration of another axis."""
+
+    def prepare(self) -> None:
+        self.relevant = (
+            "crosstalk_accelerate",
+            "crosstalk_velocity",
+            "crosstalk_above",
+            "filter_delay",
+        )
+        law = self.law(self.conventions)
+        self.cycles = law.cycles
+        dynamic, *places = self.masters
+        if isinstance(law, Crosstalk):
+            points = np.asarray(law.surface.points)
+            self.ways = tuple(_way(column) for column in points.T)
+            if not law.velocity_dependent:
+                self.relevant = (*self.relevant, "crosstalk_undirected")
+            if places:
+                self.relevant = (*self.relevant, "crosstalk_outside")
+            if len(places) == 2:
+                self.relevant = (*self.relevant, "crosstalk_surface")
+        timed = self.motion.cycle is not None
+        if timed and self.motion.has_actual(dynamic, self.axis):
+            self.relevant = (*self.relevant, "crosstalk_input")
+        known = sorted(self.motion.path.positions)
+        swaps = [(number, *places) for number in known if number != dynamic]
+        if len(places) == 2:
+            swaps.insert(0, (dynamic, places[1], places[0]))
+        self.swaps = tuple(swaps)
+        _ = self.parts(self.plain, slice(0, 1))  # a log without a master is refused
+
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        why = f"for the crosstalk of A{self.axis}"
+        dynamic, *places = change.masters or self.masters
+        actual = change.conventions.crosstalk_input == "actual"
+        velocity, acceleration = self.motion.rates(dynamic, why, actual)
+        if change.conventions.crosstalk_velocity == "slave":
+            velocity = self.motion.rates(self.axis, why, actual)[0]
+        law = self.law(change.conventions)
+        columns = [self.motion.position(axis, why)[rows] for axis in places]
+        where: Float[np.ndarray, "r k"] | None = None
+        if columns:
+            where = np.stack(columns, axis=1)
+            if shift is not None:
+                where = where - shift
+            elif change.is_shifted:
+                where = where - np.asarray(change.shift)
+        found = law.offset(acceleration[rows], velocity[rows], where)
+        return Parts(np.asarray(found))
+
+
+def _way(points: Float[np.ndarray, " p"]) -> Way:
+    places = np.unique(points)
+    step = float(np.min(np.diff(places))) if len(places) > 1 else 1.0
+    return Way(float(places[0]), float(places[-1]), step, ends=False)
+
+
+CHANNEL = CrosstalkChannel

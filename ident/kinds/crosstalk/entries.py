@@ -1,0 +1,314 @@
+"""Crosstalk compensation: ``kw.crosstalk`` in a list ↔ `Crosstalk`, old form read."""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.lists import ListFile
+from ....models import (
+    AbstractSurface,
+    Conventions,
+    Crosstalk,
+    DelaunaySurface,
+    LegacyCrosstalk,
+    Setpoints,
+    ThinPlateSurface,
+    surface_through,
+)
+from ...exchange._capacity import refuse_huge
+from ...exchange._errors import ExchangeError
+from ...exchange._identity import column, flag, not_negative, optional, required
+from ...exchange._machine_lists import InUse, Reading
+from ...exchange._motion import Motion
+from ...exchange._nodes import as_array
+from ...exchange._units import (
+    SGN32,
+    SGN64,
+    exact_in_list,
+    from_list_units,
+    round_to_list,
+)
+from .._protocol import AbstractEntries
+from . import KIND
+from ._older import as_mode_1
+
+PREFIX = KIND.prefix
+MOST_TESTS = 14
+"""One manual wants fewer than 15 tests, another up to 15 (S-39)."""
+MOST_CYCLES = 20
+VALUES = (
+    "correction_accelerate_dir_pos",
+    "correction_accelerate_dir_neg",
+    "correction_decelerate_dir_pos",
+    "correction_decelerate_dir_neg",
+)
+"""Entries of a test, in the order of the rows of `Crosstalk.values`."""
+
+_OLD = ("master_ax_nr", "last_index", "table[].acceleration", "table[].correction")
+
+
+def has_crosstalk(listing: ListFile) -> bool:
+    """Whether the list holds a crosstalk table of either form."""
+    return _is_old(listing) or any(listing.table(PREFIX, name) for name in VALUES)
+
+
+def crosstalk_masters(listing: ListFile) -> tuple[int, ...]:
+    """Return the axis that accelerates, then the adaptation axes."""
+    if _is_old(listing):
+        return (required(listing, f"{PREFIX}.master_ax_nr"),)
+    names = ["master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr"]
+    return tuple(
+        required(listing, f"{PREFIX}.{name}") for name in names[: _mode(listing)]
+    )
+
+
+def crosstalk_from_list(
+    listing: ListFile, conventions: Conventions
+) -> Crosstalk | LegacyCrosstalk:
+    """Return the crosstalk compensation that a list describes, in mm and mm/s².
+
+    Args:
+        listing: List of the slave axis.
+        conventions: Sign, which entry acts when, and the surface between tests.
+
+    Raises:
+        ExchangeError: If an entry is missing or makes no table, or both forms are mixed.
+    """
+    if _is_old(listing):
+        return _old_from_list(listing, conventions)
+    mode = _mode(listing)
+    count = 1 if mode == 1 else _tests(listing)
+    columns = [column(listing, PREFIX, f"ax_{k}") for k in range(1, mode)]
+    # What the list leaves out is 0 in the controller.
+    points = np.array(
+        [[given.get(k, 0) for given in columns] for k in range(count)], dtype=np.int64
+    ).reshape(count, mode - 1)
+    values = [column(listing, PREFIX, name) for name in VALUES]
+    table = np.array([[given.get(k, 0) for k in range(count)] for given in values])
+    rates = {name: required(listing, f"{PREFIX}.{name}") for name in _RATES}
+    for name, sign in _RATES.items():
+        if rates[name] * sign <= 0:
+            raise ExchangeError(
+                where=f"{listing.source}: {PREFIX}.{name}",
+                found=f"{rates[name]} mm/s²",
+                expected=f"{'more' if sign > 0 else 'less'} than 0 (70659)",
+            )
+    return Crosstalk(
+        surface=_surface(from_list_units(points), conventions, listing.source),
+        values=as_array(from_list_units(table)),
+        acceleration=as_array(float(rates["acceleration"])),
+        deceleration=as_array(float(rates["deceleration"])),
+        velocity_dependent=flag(listing, f"{PREFIX}.velocity_dependent"),
+        cycles=not_negative(listing, f"{PREFIX}.n_cycles"),
+        **conventions.of_crosstalk,
+    )
+
+
+_RATES = {"acceleration": 1, "deceleration": -1}
+
+
+def _surface(
+    points: Float[np.ndarray, "p k"], conventions: Conventions, source: str
+) -> AbstractSurface:
+    kind = conventions.crosstalk_surface
+    try:
+        if points.shape[1] == 2 and kind == "triangles":
+            return DelaunaySurface.through(points)
+        if points.shape[1] == 2 and kind == "thin_plate":
+            return ThinPlateSurface.through(points)
+        return surface_through(points)
+    except ValueError as error:
+        raise ExchangeError(
+            where=f"{source}: {PREFIX}.position[]",
+            found=str(error).rstrip("."),
+            expected="tests that a surface can go through (70660)",
+        ) from None
+
+
+def _is_old(listing: ListFile) -> bool:
+    old = [name for name in _OLD if f"{PREFIX}.{name}" in listing.columns]
+    new = [f"position[].{name}" for name in VALUES]
+    new = [
+        name
+        for name in (*new, "mode", *_RATES)
+        if f"{PREFIX}.{name}" in listing.columns
+    ]
+    if old and new:
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}",
+            found=f"{old[0]} beside {new[0]}",
+            expected="the older or the present form of the list, not both",
+        )
+    return bool(old)
+
+
+def _mode(listing: ListFile) -> int:
+    given = listing.get(f"{PREFIX}.mode") is not None
+    mode = required(listing, f"{PREFIX}.mode") if given else 1
+    if mode not in (1, 2, 3):
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.mode", found=str(mode), expected="1 to 3"
+        )
+    return mode
+
+
+def _tests(listing: ListFile) -> int:
+    count = optional(listing, f"{PREFIX}.max_points")
+    if not count:
+        # The manuals' own example leaves it out: then all tests that stand there (S-40).
+        used = [column(listing, PREFIX, name) for name in VALUES]
+        count = 1 + max(max(given, default=-1) for given in used)
+    refuse_huge(count, f"{listing.source}: {PREFIX}.max_points")
+    return count
+
+
+def _old_from_list(listing: ListFile, conventions: Conventions) -> LegacyCrosstalk:
+    count = optional(listing, f"{PREFIX}.last_index") + 1
+    refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
+    rates = column(listing, PREFIX, "acceleration")
+    values = column(listing, PREFIX, "correction")
+    nodes = np.array([rates.get(k, 0) for k in range(count)], dtype=np.int64)
+    if count < 1 or (np.diff(nodes) <= 0).any():
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.table[].acceleration",
+            found=", ".join(map(str, nodes[:8].tolist())) or "no entry",
+            expected="ascending accelerations (70659)",
+        )
+    table = np.array([values.get(k, 0) for k in range(count)], dtype=np.int64)
+    return LegacyCrosstalk(
+        nodes=Setpoints(as_array(nodes.astype(float))),
+        values=as_array(from_list_units(table)),
+        cycles=not_negative(listing, f"{PREFIX}.n_cycles"),
+        sign=float(conventions.crosstalk_sign),
+    )
+
+
+def entries_of_crosstalk(
+    crosstalk: Crosstalk | LegacyCrosstalk, masters: Sequence[int]
+) -> dict[str, int | str]:
+    """Return the list entries of a crosstalk compensation, rounded to list units.
+
+    Always in the present form and with ``velocity_dependent 1``: what is the same for
+    both directions, or for acceleration and deceleration, is written twice (S-35).
+
+    Args:
+        crosstalk: In mm and mm/s²; accelerations and positions must be multiples of a
+            list unit. One of the older form must be two straight lines through 0.
+        masters: The axis that accelerates, then the adaptation axes.
+
+    Raises:
+        ExchangeError: If something does not fit into a list.
+    """
+    model = (
+        as_mode_1(crosstalk) if isinstance(crosstalk, LegacyCrosstalk) else crosstalk
+    )
+    points = np.asarray(model.surface.points)
+    count, axes = points.shape
+    if len(masters) != axes + 1:
+        raise ExchangeError(
+            where=f"{PREFIX} masters",
+            found=str(len(masters)),
+            expected=f"{axes + 1}: the axis that accelerates and {axes} adaptation axes",
+        )
+    if count > MOST_TESTS:
+        raise ExchangeError(
+            where=f"{PREFIX}.max_points",
+            found=f"{count} tests",
+            expected=f"at most {MOST_TESTS}",
+        )
+    if model.cycles > MOST_CYCLES:
+        raise ExchangeError(
+            where=f"{PREFIX}.n_cycles",
+            found=str(model.cycles),
+            expected=f"at most {MOST_CYCLES}",
+        )
+    entries: dict[str, int | str] = {f"{PREFIX}.mode": axes + 1}
+    names = ("master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr")
+    entries |= {f"{PREFIX}.{n}": k for n, k in zip(names, masters, strict=False)}
+    if axes:
+        entries[f"{PREFIX}.max_points"] = count
+    entries |= {
+        f"{PREFIX}.n_cycles": model.cycles,
+        f"{PREFIX}.velocity_dependent": 1,
+        **{f"{PREFIX}.{name}": _rate(getattr(model, name), name) for name in _RATES},
+    }
+    places = exact_in_list(points, f"{PREFIX}.position[].ax_1 and ax_2", SGN64)
+    values = round_to_list(_four(model), f"{PREFIX}.position[].{VALUES[0]} …", SGN64)
+    # Ordered along ax_1, then ax_2: the only order that no manual refuses (70660).
+    order = np.lexsort(places.T[::-1]) if axes else np.zeros(1, dtype=np.int64)
+    for k, test in enumerate(order):
+        at = f"{PREFIX}.position[{k}]"
+        entries |= {f"{at}.ax_{j + 1}": int(places[test, j]) for j in range(axes)}
+        entries |= {f"{at}.{n}": int(values[b, test]) for b, n in enumerate(VALUES)}
+    return entries
+
+
+def _four(model: Crosstalk) -> Float[np.ndarray, "4 p"]:
+    """Return the entries that act, row by row of `VALUES`."""
+    values = np.asarray(model.values)
+    if model.velocity_dependent:
+        return values
+    slow = values[2] if model.own_deceleration else values[0]
+    return np.stack([values[0], values[0], slow, slow])
+
+
+def _rate(value: object, name: str) -> int:
+    number = float(np.asarray(value))
+    if number != round(number) or not SGN32[0] <= number <= SGN32[1]:
+        raise ExchangeError(
+            where=f"{PREFIX}.{name}",
+            found=f"{number:.10g} mm/s²",
+            expected="a whole number of mm/s²",
+        )
+    return round(number)
+
+
+@final
+class CrosstalkEntries(AbstractEntries):
+    """``kw.crosstalk`` ↔ `Crosstalk`."""
+
+    kind = KIND
+    models = (Crosstalk, LegacyCrosstalk)
+    value = f"{PREFIX}.position[]"
+    stale = ("table[", "position[", "max_points", "master_", "last_index")
+
+    def is_in(self, listing: ListFile) -> bool:
+        return has_crosstalk(listing)
+
+    def named_masters(self, listing: ListFile) -> tuple[int, ...]:
+        return crosstalk_masters(listing)
+
+    def model(
+        self, listing: ListFile, axis: int, reading: Reading
+    ) -> Crosstalk | LegacyCrosstalk:
+        return crosstalk_from_list(listing, reading.conventions)
+
+    def to_list(
+        self,
+        model: Crosstalk | LegacyCrosstalk,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        **options: Any,
+    ) -> dict[str, int | str]:
+        return entries_of_crosstalk(model, masters)
+
+    def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
+        master = one.masters[0]
+        if motion.acceleration(master, reading.span(master)) is None:
+            return motion.lacks(master, "acceleration")
+        by_slave = reading.conventions.crosstalk_velocity == "slave"
+        mover = one.axis if by_slave else master
+        if motion.velocity(mover, reading.span(mover)) is None:
+            return motion.lacks(mover, "velocity")
+        return None
+
+    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+        return one.masters[1:]
+
+    def inputs(self, masters: tuple[int, ...]) -> tuple[int, ...]:
+        return ()
+
+
+ENTRIES = CrosstalkEntries()

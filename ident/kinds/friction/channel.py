@@ -1,0 +1,46 @@
+"""What a log shows of the friction compensation."""
+
+from typing import final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...proof.verify import AbstractChannel, Change, Parts
+
+
+@final
+class FrictionChannel(AbstractChannel):
+    """A current over the speed of the axis."""
+
+    unit = ""
+
+    def prepare(self) -> None:
+        self.relevant = (
+            "friction_below",
+            "friction_above",
+            "friction_rest",
+            "friction_build_up",
+            "friction_decay",
+        )
+        if self.law(self.conventions).delay_cycles:
+            self.relevant = (*self.relevant, "friction_delay")
+        _ = self.motion.rates(self.axis, "for its friction compensation")
+
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        del shift
+        why = "for its friction compensation"
+        velocity, _ = self.motion.rates(self.axis, why)
+        law = self.law(change.conventions)
+        if self.motion.cycle is None:
+            return Parts(np.asarray(law.current(velocity))[rows])
+        place = self.motion.position(self.axis, why)
+        current, _ = law.run(law.start(), place, velocity)
+        return Parts(np.asarray(current)[rows])
+
+
+CHANNEL = FrictionChannel

@@ -1,0 +1,353 @@
+"""Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
+
+import dataclasses
+import functools
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....data.lists import ListFile
+from ....models import Conventions, FrictionCompensation, FrictionTable, Setpoints
+from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._errors import ExchangeError
+from ...exchange._identity import column, not_negative, optional, required
+from ...exchange._machine_lists import InUse, Reading
+from ...exchange._motion import Motion
+from ...exchange._nodes import as_array
+from ...exchange._units import LIST_UNITS, SGN32, ModelUnit, round_to_list
+from .._protocol import AbstractEntries
+from . import KIND
+
+PREFIX = KIND.prefix
+VELOCITY_UNITS = 1000
+"""µm/s per mm/s, or 0.001°/s per °/s."""
+DEFAULT_COUNT = 19
+"""Entries without ``max_points``: one manual asks for fewer than its 20 (S-33)."""
+BY_SPEED = 3
+"""The only mode that does anything: additive current by commanded velocity."""
+
+_PER_MILLE = 1000
+_FASTEST_ENTRY = 2**31 - 2
+_MOST = {"position_delay": 10, "reversal_lookahead": 4, "delay_cycles": 248}
+
+
+@dataclasses.dataclass(frozen=True)
+class FrictionNumbers:
+    """What a friction list says, before it is rounded.
+
+    Attributes:
+        speeds: Of the entries in mm/s or °/s, ascending.
+        currents: Of the entries in list units, held at both ends.
+        position_delay: In mm or °.
+        reversal_lookahead: In cycles.
+        delay_cycles: In cycles.
+    """
+
+    speeds: Float[np.ndarray, " p"]
+    currents: Float[np.ndarray, " p"]
+    position_delay: float = 0.0
+    reversal_lookahead: int = 0
+    delay_cycles: int = 0
+
+
+def has_friction(listing: ListFile) -> bool:
+    """Whether the list holds a friction table that is not switched off by its mode."""
+    return (
+        bool(listing.table(PREFIX, "out")) and optional(listing, f"{PREFIX}.mode") != 0
+    )
+
+
+def friction_from_list(
+    listing: ListFile, conventions: Conventions
+) -> FrictionCompensation:
+    """Return the friction compensation that a list describes.
+
+    Args:
+        listing: List of the axis.
+        conventions: What happens between, below and above the entries, at rest and at
+            reversals.
+
+    Raises:
+        ExchangeError: If an entry is missing, or the velocities do not ascend from 0.
+    """
+    found: FrictionCompensation = jax.tree.map(
+        as_array, read_friction(listing, conventions)
+    )
+    return found
+
+
+def read_friction(listing: ListFile, conventions: Conventions) -> FrictionCompensation:
+    """Return what `friction_from_list` does, its numbers as NumPy has them.
+
+    For what looks at the numbers alone: to make arrays of them that JAX can compute with
+    takes longer than to read the list.
+    """
+    mode = required(listing, f"{PREFIX}.mode")
+    if mode != BY_SPEED:
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.mode", found=str(mode), expected="3"
+        )
+    count = required(listing, f"{PREFIX}.table_entries")
+    refuse_huge(count, f"{listing.source}: {PREFIX}.table_entries")
+    # A missing entry is 0 in the controller.
+    speeds = column(listing, PREFIX, "in")
+    currents = column(listing, PREFIX, "out")
+    knots = np.array([speeds.get(k, 0) for k in range(count)], dtype=np.int64)
+    if count < 1 or (knots < 0).any() or (np.diff(knots) <= 0).any():
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.table[].in",
+            found=", ".join(map(str, knots[:8].tolist())) or "no entry",
+            expected="ascending velocities, none below 0 (110591)",
+        )
+    scale = listing.integer(f"{PREFIX}.scaling_factor")
+    if scale is None:
+        stated = listing.get(f"{PREFIX}.scaling_factor") is not None
+        scale = required(listing, f"{PREFIX}.scaling_factor") if stated else _PER_MILLE
+    delay, ahead, late = (not_negative(listing, f"{PREFIX}.{name}") for name in _MOST)
+    numbers = (
+        knots / VELOCITY_UNITS,
+        np.array([currents.get(k, 0) for k in range(count)], float),
+        scale / _PER_MILLE,
+        delay / LIST_UNITS,
+    )
+    found: FrictionCompensation = jax.tree.unflatten(
+        _structure(conventions, ahead, late), [np.asarray(each) for each in numbers]
+    )
+    return found
+
+
+@functools.lru_cache(maxsize=64)
+def _structure(
+    conventions: Conventions, reversal_lookahead: int, delay_cycles: int
+) -> Any:
+    """Return all of a compensation but its numbers, for any number of entries.
+
+    The numbers are speeds, currents, scaling and position delay, in this order. To put
+    them in is a tenth of the work of making a compensation anew.
+    """
+    one, entry = as_array(1.0), as_array(np.ones(1))
+    return jax.tree.structure(
+        FrictionCompensation(
+            law=FrictionTable(
+                nodes=Setpoints(entry),
+                values=entry,
+                scaling=one,
+                held_below=conventions.friction_below == "hold",
+                held_above=conventions.friction_above == "hold",
+            ),
+            reversal_lookahead=reversal_lookahead,
+            position_delay=one,
+            delay_cycles=delay_cycles,
+            sign=float(conventions.friction_sign),
+            first_builds_up=conventions.friction_build_up != "reversal",
+            restart_builds_up=conventions.friction_build_up == "start",
+            decays_to_zero=conventions.friction_decay == "zero",
+            weights_multiply=conventions.friction_overlap == "product",
+            delays_all=conventions.friction_delay == "all",
+            held_at_rest=conventions.friction_rest == "hold",
+        )
+    )
+
+
+def entries_of_friction(
+    friction: FrictionCompensation | FrictionNumbers,
+    *,
+    fastest: float = 0.0,
+    existing: ListFile | None = None,
+    max_points: int | None = None,
+    build: str | None = None,
+) -> dict[str, int | str]:
+    """Return the list entries of a friction compensation, rounded to list units.
+
+    Written so that open points cannot matter: the table begins at 1 µm/s and ends with
+    a flat segment, entries for which are added where they are missing; what they say is
+    what is held there anyway. ``scaling_factor`` is 1000, the knob of the commissioning
+    engineer; the scaling of the model goes into the entries.
+
+    Args:
+        friction: Its law must be a table whose ends are held; or just its numbers.
+        fastest: Velocity in mm/s or °/s that the table must reach.
+        existing: List that will be edited.
+        max_points: Wanted size of the memory, or None to write it only where needed.
+        build: Of the controller, or None for the newest.
+
+    Raises:
+        ExchangeError: If something does not fit into a list.
+    """
+    if isinstance(friction, FrictionCompensation):
+        friction = _numbers_of(friction)
+    speeds, currents = _with_ends(friction, fastest)
+    entries = max_points_entry(
+        len(speeds) + 1,
+        name=f"{PREFIX}.max_points",
+        fits_default=len(speeds) <= DEFAULT_COUNT,
+        wanted=max_points,
+        existing=existing,
+        build=build,
+    )
+    delay = round_to_list(
+        np.asarray(friction.position_delay), f"{PREFIX}.position_delay", (0, 10)
+    )
+    numbers = {
+        "position_delay": int(delay),
+        "reversal_lookahead": friction.reversal_lookahead,
+        "delay_cycles": friction.delay_cycles,
+    }
+    for name, number in numbers.items():
+        if number > _MOST[name]:
+            raise ExchangeError(
+                where=f"{PREFIX}.{name}",
+                found=str(number),
+                expected=f"0 to {_MOST[name]}",
+            )
+    entries |= {
+        f"{PREFIX}.mode": BY_SPEED,
+        f"{PREFIX}.table_entries": len(speeds),
+        **{f"{PREFIX}.{name}": number for name, number in numbers.items()},
+        f"{PREFIX}.scaling_factor": _PER_MILLE,
+    }
+    for k, (speed, current) in enumerate(
+        zip(speeds.tolist(), currents.tolist(), strict=True)
+    ):
+        entries[f"{PREFIX}.table[{k}].in"] = speed
+        entries[f"{PREFIX}.table[{k}].out"] = current
+    return entries
+
+
+def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
+    table = friction.law
+    if not isinstance(table, FrictionTable):
+        raise ExchangeError(
+            where=PREFIX,
+            found=f"a {type(table).__name__}",
+            expected="a friction table (sample_friction makes one of a law)",
+        )
+    if not (table.held_below and table.held_above):
+        raise ExchangeError(
+            where=PREFIX,
+            found="a table that is not held at its ends",
+            expected="one that is held: only the list can say what happens there",
+        )
+    return FrictionNumbers(
+        speeds=np.asarray(table.nodes.points),
+        currents=np.asarray(table.scaling) * np.asarray(table.values),
+        position_delay=float(friction.position_delay),
+        reversal_lookahead=friction.reversal_lookahead,
+        delay_cycles=friction.delay_cycles,
+    )
+
+
+def _with_ends(
+    friction: FrictionNumbers, fastest: float
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Return velocities and currents in list units, from 1 µm/s to a flat end."""
+    knots, level = friction.speeds, friction.currents
+    speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))
+    if (np.diff(speeds) <= 0).any():
+        at = int(np.argmax(np.diff(speeds) <= 0))
+        raise ExchangeError(
+            where=f"{PREFIX}.table[].in",
+            found=f"{knots[at]:.6g} and {knots[at + 1]:.6g} mm/s",
+            expected="velocities that differ by 0.001 mm/s or more (110591)",
+        )
+    currents = _round(level, f"{PREFIX}.table[].out", (SGN32[0] + 1, SGN32[1]))
+    if speeds[0] != 1:
+        # At rest there is no current: an entry for 0 stands for the slowest motion.
+        slow = np.interp(1.0, knots * VELOCITY_UNITS, level)
+        start = _round(np.array([slow]), f"{PREFIX}.table[].out", SGN32)
+        keep = speeds > 1
+        speeds = np.concatenate([[1], speeds[keep]])
+        currents = np.concatenate([start, currents[keep]])
+    end = max(int(np.ceil(round(fastest * VELOCITY_UNITS, 6))), int(speeds[-1]) + 1)
+    flat = len(speeds) > 1 and currents[-1] == currents[-2] and end == speeds[-1] + 1
+    if not flat:
+        if end > _FASTEST_ENTRY:
+            raise ExchangeError(
+                where=f"{PREFIX}.table[].in",
+                found=f"{end / VELOCITY_UNITS:.6g} mm/s",
+                expected=f"at most {_FASTEST_ENTRY / VELOCITY_UNITS:.10g}",
+            )
+        speeds = np.append(speeds, end)
+        currents = np.append(currents, currents[-1])
+    return speeds, currents
+
+
+def _round(
+    values: Float[np.ndarray, " n"], name: str, bounds: tuple[int, int]
+) -> Int[np.ndarray, " n"]:
+    """Round what is in units of its own (µm/s, current) to integers that fit."""
+    rounded = np.rint(values)
+    bad = ~((rounded >= bounds[0]) & (rounded <= bounds[1]))
+    if bad.any():
+        raise ExchangeError(
+            where=name,
+            found=f"{values[bad][0]:.6g}",
+            expected=f"a number from {bounds[0]} to {bounds[1]}",
+        )
+    return np.asarray(rounded, dtype=np.int64)
+
+
+@final
+class FrictionEntries(AbstractEntries):
+    """``frict_comp`` ↔ `FrictionCompensation`."""
+
+    kind = KIND
+    models = (FrictionCompensation,)
+    value = f"{PREFIX}.table[].out"
+    units = ("list",)
+
+    def is_in(self, listing: ListFile) -> bool:
+        return has_friction(listing)
+
+    def model(
+        self, listing: ListFile, axis: int, reading: Reading
+    ) -> FrictionCompensation:
+        return friction_from_list(listing, reading.conventions)
+
+    def to_list(
+        self,
+        model: FrictionCompensation,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        **options: Any,
+    ) -> dict[str, int | str]:
+        return entries_of_friction(model, **options)
+
+    def in_list_units(
+        self, model: FrictionCompensation, unit: ModelUnit | None
+    ) -> FrictionCompensation:
+        # A current has no unit unless somebody says it.
+        unit = unit or ModelUnit("no stated unit")
+        if unit.name in self.units:
+            return model
+        if unit.size and isinstance(model.law, FrictionTable):
+            scaling = model.law.scaling / unit.size
+            found: FrictionCompensation = eqx.tree_at(
+                lambda friction: friction.law.scaling, model, scaling
+            )
+            return found
+        expected = (
+            "currents in units of the list (units={'friction': 'list'}), which are"
+            " shares of the rated torque, or what one of them is:"
+            f" ModelUnit({unit.name!r}, size=rated current · share)"
+        )
+        raise ExchangeError(self.value, f"values in {unit.name}", expected)
+
+    def installed(
+        self, model: FrictionCompensation, masters: tuple[int, ...], listing: ListFile
+    ) -> dict[str, Any]:
+        return {KIND.name: model}
+
+    def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
+        if motion.velocity(one.axis, reading.span(one.axis)) is None:
+            return motion.lacks(one.axis, "velocity")
+        return None
+
+    def looks_at(self, one: InUse, motion: Motion) -> tuple[int, ...]:
+        return () if motion.time is None else one.masters
+
+
+ENTRIES = FrictionEntries()

@@ -1,0 +1,51 @@
+"""What a log shows of a leadscrew table."""
+
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ....models import Conventions, Leadscrew
+from ...proof.verify import Change, TableChannel, ways_of
+from .entries import PREFIX
+
+
+@final
+class LeadscrewChannel(TableChannel):
+    """A table over the position of the axis itself, with what the others add (S-23)."""
+
+    def prepare(self) -> None:
+        super().prepare()
+        listing = self.one.listing
+        screw: Leadscrew = self.law(self.conventions)
+        self.ways = ways_of(screw, ends=not screw.modulo)
+        self.cycles = self.reversal if screw.bilateral else 0
+        alone = listing.boolean(f"{PREFIX}.set_pos_without_comp")
+        self._added: Float[np.ndarray, " t"] | None = None
+        if self.others and not alone:
+            self._added = sum(
+                (
+                    other.column(other.plain)
+                    for other in self.others.values()
+                    if not other.one.kind.adds_current
+                ),
+                np.zeros(self.motion.rows),
+            )
+        matters = {
+            "leadscrew_input": self._added is not None,
+            "filter_delay": self.cycles > 1,
+            "direction_source": screw.bilateral and self.told_by_actual(),
+        }
+        self.relevant = tuple(name for name, on in matters.items() if on)
+
+    def cycles_under(self, conventions: Conventions) -> int:
+        return self.cycles
+
+    def positions(self, change: Change) -> Float[np.ndarray, "t d"]:
+        places = super().positions(change)
+        if self._added is None or change.conventions.leadscrew_input == "none":
+            return places
+        return np.asarray(places + self._added[:, None])
+
+
+CHANNEL = LeadscrewChannel

@@ -1,0 +1,321 @@
+"""Leadscrew error compensation: ``kw.ssfk`` in a list ↔ `Leadscrew`."""
+
+import dataclasses
+import functools
+from collections.abc import Collection
+from typing import Any, ClassVar, final
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....data.lists import ListFile
+from ....models import Conventions, EquidistantNodes, Leadscrew, Setpoints
+from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._errors import ExchangeError
+from ...exchange._identity import (
+    Increments,
+    axis_number,
+    column,
+    flag,
+    optional,
+    required,
+    scaled,
+    unit_size,
+)
+from ...exchange._machine_lists import Reading
+from ...exchange._nodes import (
+    GridNodes,
+    as_array,
+    equidistant,
+    nodes_of_model,
+    refuse_unordered,
+)
+from ...exchange._table import AbstractTable, Model
+from ...exchange._units import SGN16, from_list_units, round_to_list
+from .. import kind
+from .._protocol import AbstractEntries
+from . import KIND
+
+PREFIX = KIND.prefix
+DEFAULT_COUNT = 1499
+"""Entries without ``max_points``: ``kw_nr_max`` must stay below 1500."""
+
+
+def has_leadscrew(listing: ListFile) -> bool:
+    """Whether the list holds a leadscrew table."""
+    return bool(listing.table(PREFIX, "pos"))
+
+
+def leadscrew_from_list(
+    listing: ListFile,
+    conventions: Conventions,
+    increment: Increments = None,
+    *,
+    modulo: tuple[float, float] | None = None,
+) -> Leadscrew:
+    """Return the leadscrew table that a list describes, in mm or °.
+
+    Args:
+        listing: List of the axis.
+        conventions: Sign and edge rules.
+        increment: Worth of an encoder increment for lists with ``unit 0``.
+        modulo: Range of the axis, for a modulo table; first to last point where it is
+            not given (S-20).
+
+    Raises:
+        ExchangeError: If an entry is missing or the setpoints do not ascend.
+    """
+    found: Leadscrew = jax.tree.map(
+        as_array, read_leadscrew(listing, conventions, increment, modulo=modulo)
+    )
+    return found
+
+
+def read_leadscrew(
+    listing: ListFile,
+    conventions: Conventions,
+    increment: Increments = None,
+    *,
+    modulo: tuple[float, float] | None = None,
+) -> Leadscrew:
+    """Return what `leadscrew_from_list` does, its entries as NumPy has them.
+
+    For what looks at the numbers alone: to make arrays of them that JAX can compute with
+    takes longer than to read the list.
+    """
+    size = unit_size(listing, PREFIX, axis_number(listing), increment)
+    count = required(listing, f"{PREFIX}.kw_nr_max")
+    if count < 1:
+        raise ExchangeError(
+            where=f"{listing.source}: {PREFIX}.kw_nr_max",
+            found=str(count),
+            expected="1 or more",
+        )
+    refuse_huge(count, f"{listing.source}: {PREFIX}.kw_nr_max")
+    # Missing values are 0 in the controller.
+    columns = [column(listing, PREFIX, "pos")]
+    if flag(listing, f"{PREFIX}.bilateral"):
+        columns.append(column(listing, PREFIX, "neg"))
+    values = np.array(
+        [[scaled(given.get(k, 0), size) for k in range(count)] for given in columns]
+    )
+    # An interval of 0, its default, asks for setpoints.
+    interval = optional(listing, f"{PREFIX}.interval")
+    nodes: EquidistantNodes | Setpoints
+    if interval > 0:
+        start = optional(listing, f"{PREFIX}.kw_startpos")
+        nodes = equidistant(scaled(start, size), scaled(interval, size), count)
+    else:
+        given = column(listing, PREFIX, "setpoint")
+        points = np.array([scaled(given.get(k, 0), size) for k in range(count)])
+        refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
+        nodes = Setpoints(as_array(points))
+    wraps = None
+    if flag(listing, f"{PREFIX}.modulo"):
+        ends = np.asarray(nodes.positions)
+        wraps = modulo or (float(ends[0]), float(ends[-1]))
+    return leadscrew_of(nodes, values, wraps, conventions)
+
+
+def leadscrew_of(
+    nodes: EquidistantNodes | Setpoints,
+    branches: Float[np.ndarray, "b n"],
+    modulo: tuple[float, float] | None,
+    conventions: Conventions,
+) -> Leadscrew:
+    """Return a leadscrew table over some nodes, its entries as NumPy has them.
+
+    Args:
+        nodes: Of the table.
+        branches: Its entries in mm or °: one row for both directions, or one for each.
+        modulo: Range of the axis where the table goes round.
+        conventions: Sign rule.
+    """
+    places, kind = jax.tree.flatten(nodes)
+    if isinstance(nodes, EquidistantNodes):
+        places = [np.asarray(place) for place in places]
+    structure = _structure(
+        kind, len(branches), modulo, float(conventions.leadscrew_sign)
+    )
+    found: Leadscrew = jax.tree.unflatten(structure, [*places, *branches])
+    return found
+
+
+@functools.lru_cache(maxsize=256)
+def _structure(
+    kind: Any, branches: int, modulo: tuple[float, float] | None, sign: float
+) -> Any:
+    """Return all of a table but its numbers: those of the nodes, then the entries.
+
+    To put them in is a tenth of the work of making a table anew.
+    """
+    nodes = jax.tree.unflatten(kind, [np.ones(1)] * kind.num_leaves)
+    entries = as_array(np.ones(nodes.count))
+    neg = entries if branches == 2 else None
+    return jax.tree.structure(Leadscrew(nodes, entries, neg, modulo, sign))
+
+
+def entries_of_leadscrew(
+    screw: Leadscrew,
+    *,
+    existing: ListFile | None = None,
+    max_points: int | None = None,
+    build: str | None = None,
+) -> dict[str, int | str]:
+    """Return the list entries of a leadscrew table, rounded to list units.
+
+    A bilateral table carries ``set_pos_without_comp 1``: the values of other
+    compensations cannot then turn its direction (S-23). Values must fit SGN16,
+    since one manual says so (S-22).
+
+    Args:
+        screw: Table in mm or °; its nodes must be multiples of a list unit.
+        existing: List that will be edited.
+        max_points: Wanted size of the memory, or None to write it only where needed.
+        build: Of the controller, or None for the newest.
+
+    Raises:
+        ExchangeError: If something does not fit into a list.
+    """
+    branches = {
+        name: round_to_list(np.asarray(branch), f"{PREFIX}.table[].{name}", SGN16)
+        for name, branch in (("pos", screw.pos), ("neg", screw.neg))
+        if branch is not None
+    }
+    nodes, modulo = nodes_of_model(screw.nodes, PREFIX), screw.modulo is not None
+    count = len(nodes.integers)
+    entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
+    entries |= max_points_entry(
+        count + 1,
+        name=f"{PREFIX}.max_points",
+        fits_default=count <= DEFAULT_COUNT,
+        wanted=max_points,
+        existing=existing,
+        build=build,
+    )
+    entries |= {
+        f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
+        f"{PREFIX}.kw_startpos": nodes.integers[0],
+        f"{PREFIX}.kw_nr_max": count,
+        f"{PREFIX}.bilateral": int("neg" in branches),
+        f"{PREFIX}.modulo": int(modulo),
+    }
+    if "neg" in branches:
+        entries[f"{PREFIX}.set_pos_without_comp"] = 1
+    if not isinstance(nodes, GridNodes):
+        for k, point in enumerate(nodes.integers):
+            entries[f"{PREFIX}.table[{k}].setpoint"] = point
+    for name, values in branches.items():
+        if modulo and values[0] != values[-1]:
+            raise ExchangeError(
+                where=f"{PREFIX}.table[].{name}",
+                found=f"{values[0]} at the start and {values[-1]} at the end",
+                expected="equal values at both ends of a modulo table",
+            )
+        for k, value in enumerate(values.tolist()):
+            entries[f"{PREFIX}.table[{k}].{name}"] = value
+    return entries
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class LeadscrewTable(AbstractTable):
+    """A leadscrew table: the offset over the position of the axis itself.
+
+    Attributes:
+        bilateral: One value per direction of motion.
+    """
+
+    bilateral: bool = False
+
+    kind = KIND
+    branch_names: ClassVar[tuple[str, ...]] = ("pos", "neg")
+    value_bounds: ClassVar[tuple[int, int]] = SGN16
+
+    @property
+    def branches(self) -> int:
+        return 2 if self.bilateral else 1
+
+    def model(self, integers: Int[np.ndarray, "..."]) -> Leadscrew:
+        return leadscrew_of(
+            self.nodes[0].model(),
+            np.atleast_2d(from_list_units(integers)),
+            self.modulo,
+            self.conventions,
+        )
+
+    def read(self, listing: ListFile, increments: Increments = None) -> Leadscrew:
+        return read_leadscrew(listing, self.conventions, increments, modulo=self.modulo)
+
+    def refuse_other_form(self, old: Model, source: str) -> None:
+        assert isinstance(old, Leadscrew)
+        for name, was, will in (
+            ("bilateral", old.bilateral, self.bilateral),
+            ("modulo", old.modulo is not None, self.periodic),
+        ):
+            # A table for both directions may become one per direction, not vice versa.
+            if was != will and (was or name == "modulo"):
+                raise ExchangeError(
+                    where=f"{source}: {PREFIX}.{name}",
+                    found=f"{int(was)} in the table that was active while measuring",
+                    expected=f"{name} = {str(was).lower()} in the fit as well",
+                )
+
+
+@final
+class LeadscrewEntries(AbstractEntries):
+    """``kw.ssfk`` ↔ `Leadscrew`."""
+
+    kind = KIND
+    models = (Leadscrew,)
+    value = f"{PREFIX}.table[].pos"
+    comes_last = True
+
+    def is_in(self, listing: ListFile) -> bool:
+        return has_leadscrew(listing)
+
+    def model(self, listing: ListFile, axis: int, reading: Reading) -> Leadscrew:
+        return leadscrew_from_list(
+            listing,
+            reading.conventions,
+            reading.increment,
+            modulo=reading.modulo.get(axis),
+        )
+
+    def to_list(
+        self,
+        model: Leadscrew,
+        masters: tuple[int, ...],
+        conventions: Conventions,
+        **options: Any,
+    ) -> dict[str, int | str]:
+        return entries_of_leadscrew(model, **options)
+
+    def beside(self, model: Leadscrew, others: Collection[str]) -> dict[str, int | str]:
+        if not model.bilateral:
+            return {}
+        play = kind("backlash")
+        if play.name in others:
+            raise ExchangeError(
+                where=play.activation,
+                found="a backlash beside a leadscrew table for both directions",
+                expected="one of the two: the table contains the backlash",
+            )
+        return {play.activation: 0}
+
+    def installed(
+        self, model: Leadscrew, masters: tuple[int, ...], listing: ListFile
+    ) -> dict[str, Any]:
+        alone = flag(listing, f"{PREFIX}.set_pos_without_comp")
+        return {KIND.name: model, "leadscrew_alone": alone}
+
+    def sees_offsets(self, listing: ListFile, conventions: Conventions) -> bool:
+        alone = flag(listing, f"{PREFIX}.set_pos_without_comp")
+        return not alone and conventions.leadscrew_input == "all"
+
+    def turns(self, model: Leadscrew) -> bool:
+        return model.bilateral
+
+
+ENTRIES = LeadscrewEntries()

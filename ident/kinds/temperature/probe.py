@@ -1,0 +1,50 @@
+"""The step of a probe for the temperature."""
+
+from collections.abc import Sequence
+from typing import final
+
+from ...exchange._probe import HEIGHT, Outcome, ProbeAxis, Probed
+from ...exchange._units import LIST_UNITS
+from .._protocol import AbstractProbe
+from . import KIND
+
+
+@final
+class TemperatureProbe(AbstractProbe):
+    """A line that stands 10 µm high and rises by as much over the travel."""
+
+    def additions(self, axis: ProbeAxis) -> dict[str, int | str]:
+        line = {
+            "position_0": axis.grid.start,
+            "offset_0": round(HEIGHT * LIST_UNITS),
+            "coefficient": _slope(axis),
+            "n_cycles": 10,
+        }
+        stated = {f"{KIND.prefix}_{name}": value for name, value in line.items()}
+        return {KIND.activation: 1, **stated}
+
+    def outcomes(
+        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
+    ) -> tuple[Outcome, ...]:
+        rise = 1e-3 * _slope(axis) * (axis.at(10.0) - axis.at(0.0))
+        return (
+            Outcome(
+                f"+{10 + rise:.3g} µm (10 of the offset, {rise:.2g} of the slope)",
+                "the line is added as it stands; the coefficient is in µm/m",
+                {"temperature_sign": 1},
+            ),
+            Outcome(
+                f"−{10 + rise:.3g} µm",
+                "the line is subtracted",
+                {"temperature_sign": -1},
+            ),
+            Outcome("10 µm and something else", "the coefficient has another unit"),
+        )
+
+
+def _slope(axis: ProbeAxis) -> int:
+    """Return whole µm/m of a line that rises by 10 µm over the travel."""
+    return max(1, int(HEIGHT * 1e6 / (axis.at(10.0) - axis.at(0.0))))
+
+
+PROBE = TemperatureProbe()

@@ -1,0 +1,123 @@
+"""README and docs: every block of code runs, every key and rule stands in its page."""
+
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import pytest
+import typer
+from pydantic import TypeAdapter
+
+from axcomp.ident.cli import main
+from axcomp.ident.cli._app import app
+from axcomp.ident.job import _document
+from axcomp.ident.job._schema import JobFile
+from axcomp.models import Conventions
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+COMPENSATIONS = sorted((DOCS / "compensations").glob("*.md"))
+pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="needs the source tree")
+
+
+def blocks(page: Path) -> Iterator[tuple[str, str]]:
+    """Language and text of each block of code."""
+    for found in re.finditer(
+        r"^```(\w*)\n(.*?)^```", page.read_text("utf-8"), re.M | re.S
+    ):
+        yield found[1], found[2]
+
+
+def commands(text: str) -> Iterator[list[str]]:
+    for line in text.splitlines():
+        words = shlex.split(line, comments=True)
+        if words[:1] == ["axcomp"]:
+            yield words[1:]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_command_of_a_page_is_understood(page: Path) -> None:
+    known = typer.main.get_command(app)
+    for language, text in blocks(page):
+        if language not in ("", "sh"):
+            continue
+        for words in commands(text):
+            command = known.get_command(None, words[0])  # type: ignore[attr-defined, arg-type]
+            assert command is not None, words
+            command.make_parser(typer.Context(command)).parse_args(words[1:])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_job_of_a_page_follows_the_schema(page: Path) -> None:
+    for language, text in blocks(page):
+        if language == "toml":
+            job: dict[str, Any] = tomllib.loads(text)
+            # A page may show the part that it is about.
+            job.setdefault("axes", {"X": {"number": 1}})
+            job.setdefault("measurements", {"laser": {"file": "laser.csv"}})
+            JobFile.model_validate(job, strict=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", COMPENSATIONS, ids=lambda page: page.stem)
+def test_the_job_of_a_compensation_makes_a_list(page: Path, files: Path) -> None:
+    (job,) = (text for language, text in blocks(page) if language == "toml")
+    (files / "job.toml").write_text(job, "utf-8")
+    assert main(["fit", "job.toml"]) == 0
+    assert list((files / "axcomp-out").glob("achs*.lis"))
+
+
+@pytest.mark.slow
+def test_the_worked_examples_of_the_readme_run(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = "kopf.achs_nr 1\nkw.ssfk.unit 1\nkw.ssfk.kw_nr_max 2\n"
+    rows = ((0, 0, 0), (8000000, 0, 0))
+    for k, values in enumerate(rows):
+        for name, value in zip(("setpoint", "pos", "neg"), values, strict=True):
+            old += f"kw.ssfk.table[{k}].{name} {value}\n"
+    (files / "achskw1.lis").write_text(old + "End\n", "ascii")
+    (files / "after.toml").write_text(
+        '[axes.X]\nnumber = 1\nlist = "axcomp-out/achskw1.lis"\n[measurements.laser]\n'
+        'file = "laser_after.csv"\naxis = "X"\nactive = ["leadscrew"]\ndatum = { at = 0.0 }\n',
+        "utf-8",
+    )
+    for language, text in blocks(ROOT / "README.md"):
+        if language == "toml":
+            (files / "job.toml").write_text(text, "utf-8")
+        elif language == "python":
+            exec(compile(text, "README.md", "exec"), {})
+        elif language == "sh":
+            for words in commands(text):
+                status = main(words)
+                assert status == 0, (words, capsys.readouterr())
+
+
+def test_job_reference_and_its_schema_are_up_to_date() -> None:
+    # Renew with: python -m axcomp.ident.job._document docs
+    assert (DOCS / "job.md").read_text("utf-8") == _document.document()
+    assert (DOCS / "job.schema.json").read_text("utf-8") == _document.schema()
+
+
+def test_every_key_of_the_job_says_what_it_is_and_its_example_is_valid() -> None:
+    for part in _document.parts(JobFile):
+        for name, field in part.model_fields.items():
+            meaning, example = _document.described(part, name)
+            assert meaning, f"{part.__name__}.{name}"
+            if example and name != "compensation":  # each fit has its own
+                kind: Any = field.annotation
+                for limit in field.metadata:
+                    kind = Annotated[kind, limit]
+                TypeAdapter(kind).validate_python(
+                    tomllib.loads(f"it = {example}")["it"]
+                )
+
+
+def test_every_rule_of_the_controller_stands_in_its_page() -> None:
+    page = (DOCS / "conventions.md").read_text("utf-8")
+    for rule in Conventions().listing():
+        assert f"| `{rule.name}` | `{rule.value}` |" in page

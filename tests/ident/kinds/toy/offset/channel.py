@@ -1,0 +1,28 @@
+"""What a log shows of the offset."""
+
+from typing import final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from axcomp.ident.proof.verify import AbstractChannel, Change, Parts
+
+
+@final
+class OffsetChannel(AbstractChannel):
+    """The same in every row."""
+
+    def prepare(self) -> None:
+        self.law(self.conventions)
+
+    def parts(
+        self,
+        change: Change,
+        rows: Int[np.ndarray, " r"] | slice,
+        shift: Float[np.ndarray, "r k"] | None = None,
+    ) -> Parts:
+        count = len(np.arange(self.motion.rows)[rows])
+        return Parts(np.full(count, float(self.law(change.conventions).value)))
+
+
+CHANNEL = OffsetChannel

@@ -1,0 +1,28 @@
+"""The step of a probe for the offset."""
+
+from collections.abc import Mapping, Sequence
+from typing import final
+
+from axcomp.ident.exchange import Outcome, ProbeAxis, Probed
+from axcomp.ident.kinds._protocol import AbstractProbe
+from axcomp.models import Conventions
+
+from .entries import VALUE
+
+
+@final
+class OffsetProbe(AbstractProbe):
+    """10 µm everywhere."""
+
+    def entries(
+        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+    ) -> dict[str, int | str]:
+        return {VALUE: 100}
+
+    def outcomes(
+        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
+    ) -> tuple[Outcome, ...]:
+        return (Outcome(f"+{axis.height_text}", "the value is added as it stands"),)
+
+
+PROBE = OffsetProbe()
