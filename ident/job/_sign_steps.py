@@ -41,7 +41,7 @@ def sign_steps(
         expected = result.expectation
         if expected is not None:
             start = "" if switch.adds_current else " Or, with the new lists in place: "
-            words += start + _move(axis.name or draft.axis, switch, expected, unit)
+            words += start + _move(job.spec.nc_word(draft.axis), switch, expected, unit)
         steps.append(
             LoadStep(
                 f"Settle the sign first: {draft.compensation} of {draft.axis}", words

@@ -14,5 +14,6 @@ KIND = Kind(
     conventions=("backlash_", "direction_source"),
     cycles=None,
     resized=None,
+    shows_init=False,
     noun="the backlash",
 )
