@@ -1,10 +1,10 @@
 """From measurement to list, in floors of which each rests only on those below.
 
 `core` (the estimator: readings and a stack of effects in, a posterior out) → `fit` (tables, logs
-in pieces, joint fits), `kinds` (temperature, backlash, crosstalk), `friction` → `discover` →
-`exchange` (list ↔ model) → `diagnosis` (what shows the lists at work on the controller), `proof`
-(read back, held-out prediction, gate) → `job` (job file, run) → `report` → `cli`; `machine` is
-the virtual machine beside `proof`. Import the floor that you need.
+in pieces, joint fits), `volumetric` (errors over three axes), `kinds` (temperature, backlash,
+crosstalk), `friction` → `discover` → `exchange` (list ↔ model) → `diagnosis` (what shows the lists
+at work on the controller), `proof` (read back, held-out prediction, gate) → `job` (job file, run)
+→ `report` → `cli`; `machine` is the virtual machine beside `proof`. Import the floor that you need.
 
 What `axcomp` itself offers stands beside them, in this order: the effects of `fit.joint`,
 `_readings` (`read`, to the record of `_recording`; `Friction`), `_library` (`fit`) with

@@ -6,6 +6,8 @@ The library at a glance; each name is loaded when it is first used:
   (`Leadscrew`, `Cross`, `Plane`, `Backlash`, `Temperature`, `Crosstalk`, `Friction`).
 * `fit_model`: any equinox module, by optimistix or IPOPT; `fit_linear`: a linear stack,
   differentiable to any order.
+* `fit_volumetric`: errors over the volume of three axes (`Geometry`, the 21 errors of a
+  machine; `Volumetric`, a grid) from measured `Points`.
 * `load_model`, `write`: lists of the controller ↔ models (`AxisModels`, `ModelUnit`).
 
 Three parts, imported by their own names so that a command which only reads lists never
@@ -39,6 +41,12 @@ if TYPE_CHECKING:
         Plane as Plane,
         Temperature as Temperature,
     )
+    from .ident.volumetric import (
+        Geometry as Geometry,
+        Points as Points,
+        Volumetric as Volumetric,
+        fit_volumetric as fit_volumetric,
+    )
 
     write = write_lists
 
@@ -54,6 +62,7 @@ _HOME = {
         "Backlash", "Cross", "Crosstalk", "Leadscrew", "Plane", "Temperature",
     ),
     "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write", "write_lists"),
+    "ident.volumetric": ("Geometry", "Points", "Volumetric", "fit_volumetric"),
 }  # fmt: skip
 _OTHERWISE = {"write": "write_lists"}
 _MODULES = {name: module for module, names in _HOME.items() for name in names}

@@ -29,11 +29,13 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "axcomp convert axcomp-out/achskw1.lis screw.comp",
         "axcomp convert screw.comp converted.lis --axis 1",
     ),
+    "objects": ("axcomp objects axcomp-out/achskw1.lis --out watch",),
     "probe": ("axcomp probe job.toml",),
     "simulate": (
         "axcomp simulate axcomp-out/achskw1.lis --motion motion.csv --out offsets.csv",
     ),
     "verify": ("axcomp verify axcomp-out/achskw1.lis --log log.csv",),
+    "export-external": ("axcomp export-external axcomp-out --out external",),
     "doctor": (
         "axcomp doctor axcomp-out/achskw1.lis --before job.toml --after after.toml",
     ),

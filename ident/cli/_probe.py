@@ -37,6 +37,14 @@ def probe(
             " job nor lists say it; may be given several times.",
         ),
     ] = None,
+    word: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A1=X",
+            help="Word of an axis in NC programs, for lists without a job (which says"
+            " nc_name); left out: A1. May be given several times.",
+        ),
+    ] = None,
     increment: Annotated[
         float | None,
         typer.Option(help="mm (or °) per encoder increment, for lists with unit 0."),
@@ -57,7 +65,7 @@ def probe(
         message = f"found {increment:g}, expected more than 0"
         raise typer.BadParameter(message, param_hint="--increment")
     own = dict(_travel(text) for text in travel or ())
-    given = _inputs(files, own, increment)
+    given = _inputs(files, own, dict(_word(text) for text in word or ()), increment)
     found = make_probe(given.axes, given.tables, given.conventions, given.existing)
     contents = {
         listing.source: listing.dumps()
@@ -98,21 +106,21 @@ class _Given:
 def _inputs(
     files: Sequence[Path],
     travel: Mapping[int, tuple[float, float]],
+    words: Mapping[int, str],
     increment: float | None,
 ) -> _Given:
     """Return what is to be probed, from a job file or from lists."""
     from ...data.lists import ListFile
     from ...models import Conventions
-    from ..exchange import ProbeAxis, machine_lists, names_in, probed_in, travel_in
+    from ..exchange import ProbeAxis, machine_lists, probed_in, travel_in
 
     if len(files) == 1 and files[0].suffix.lower() == ".toml":
         return _of_job(files[0], travel)
     conventions = Conventions()
     lists = [ListFile.read(file) for file in dict.fromkeys(files)]
-    names = names_in(lists)
     known = {**travel_in(lists, conventions, increment), **travel}
     axes = {
-        number: ProbeAxis(number, names.get(number, f"A{number}"), between)
+        number: ProbeAxis(number, words.get(number, f"A{number}"), between)
         for number, between in known.items()
     }
     tables = probed_in(lists, conventions)
@@ -135,7 +143,7 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
         if between is not None:
             axes[axis.number] = ProbeAxis(
                 axis.number,
-                axis.name or name,
+                spec.nc_word(name),
                 (float(between[0]), float(between[1])),
                 rotary=axis.kind != "linear",
                 modulo=axis.modulo is not None and axis.number not in travel,
@@ -165,6 +173,17 @@ def _json(probe: "Probe", files: Sequence[str]) -> dict[str, object]:
         for step in probe_steps(probe)
     ]
     return {"files": list(files), "steps": steps}
+
+
+_WORD = re.compile(r"A?(\d{1,5})=([A-Za-z][A-Za-z0-9_]*)")
+
+
+def _word(text: str) -> tuple[int, str]:
+    match = _WORD.fullmatch(text)
+    if match is None:
+        message = f"found {text!r}, expected an axis and its word as in A1=X"
+        raise typer.BadParameter(message, param_hint="--word")
+    return int(match[1]), match[2]
 
 
 _TRAVEL = re.compile(r"A?(\d{1,5})=([^:]+):([^:]+)")

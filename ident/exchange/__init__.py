@@ -87,7 +87,6 @@ from ._probe import (
     make_probe as make_probe,
 )
 from ._probe_inputs import (
-    names_in as names_in,
     probed_in as probed_in,
     travel_in as travel_in,
 )

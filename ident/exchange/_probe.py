@@ -86,12 +86,14 @@ class Probed:
         name: Of the compensation.
         masters: Logical numbers of the axes that it looks at.
         acceleration: Of a crosstalk table in mm/s², where the values are reached.
+        kept: Entries of the list that is loaded now, where they are probed at a low level.
     """
 
     axis: int
     name: str
     masters: tuple[int, ...]
     acceleration: int = DEFAULT_ACCELERATION
+    kept: Mapping[str, Value] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,6 +156,14 @@ def make_probe(
                     expected=(f"one of {known}, or " if known else "")
                     + f"its limits in the job, or --travel A{axis}=0:500",
                 )
+    names = [axis.name.upper() for axis in axes.values()]
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        raise ExchangeError(
+            where="names of axes",
+            found=f"{', '.join(sorted(twice))} twice",
+            expected="a word of its own for each (nc_name in the job)",
+        )
     lists, additions = {}, {}
     for number in sorted({one.axis for one in tables}):
         mine = [one for one in tables if one.axis == number]

@@ -18,7 +18,8 @@ Travel = tuple[float, float]
 def probed_in(lists: Sequence[ListFile], conventions: Conventions) -> list[Probed]:
     """Return what lists hold and can be probed; tables whether active or not.
 
-    Friction is left out: a current that nobody measured must not be put on a drive.
+    Friction is probed where a list holds it, at a low level of it: a current that nobody
+    measured must not be put on a drive.
 
     Raises:
         ExchangeError: If an axis has two lists, or a table does not name its master.
@@ -26,22 +27,7 @@ def probed_in(lists: Sequence[ListFile], conventions: Conventions) -> list[Probe
     machine = machine_lists(lists)
     tables = dataclasses.replace(machine, machine={}).in_use(conventions)
     lines = dataclasses.replace(machine, compensation={}).in_use(conventions)
-    return [
-        one.kind.probe.probed(one)
-        for one in (*tables, *lines)
-        if not one.kind.adds_current
-    ]
-
-
-def names_in(lists: Sequence[ListFile]) -> dict[int, str]:
-    """Return the name of each axis that a list gives one (``kopf.log_achs_name``)."""
-    machine = machine_lists(lists)
-    found = {}
-    for number, listing in (*machine.machine.items(), *machine.compensation.items()):
-        name = listing.text("kopf.log_achs_name")
-        if name is not None:
-            found[number] = name
-    return found
+    return [one.kind.probe.probed(one) for one in (*tables, *lines)]
 
 
 def travel_in(

@@ -18,6 +18,8 @@ class ProbeStep:
         end: Positions by axis name where the plateau is.
         keyword: Of the NC command COMP.
         moving: It acts only while an axis accelerates.
+        steady: It is seen while an axis moves slowly at a steady speed.
+        checks: What to look at before, in words.
         readings: Names of the logged values that show the same.
         outcomes: What may be seen.
     """
@@ -28,6 +30,8 @@ class ProbeStep:
     end: Mapping[str, float]
     keyword: str
     moving: bool
+    steady: bool
+    checks: tuple[str, ...]
     readings: tuple[str, ...]
     outcomes: tuple[Outcome, ...]
 
@@ -36,6 +40,12 @@ class ProbeStep:
         """What to do, in words."""
         logged = " or ".join(self.readings)
         on = f"{self.axis}[COMP ON {self.keyword}]"
+        if self.steady:
+            return (
+                f"{self.axis}, {self.compensation}: {' '.join(self.checks)} Then switch it on"
+                f" ({on}), go slowly and at a steady speed from {places_text(self.start)} to"
+                f" {places_text(self.end)} and back, and log {logged} with the velocity."
+            )
         if self.moving:
             return (
                 f"{self.axis}, {self.compensation}: switch it on ({on}), go from"
@@ -70,10 +80,15 @@ def _step(one: Probed, axes: Mapping[int, ProbeAxis]) -> ProbeStep:
         end=end,
         keyword=found.keyword,
         moving=found.probe.moving,
+        steady=found.probe.steady,
+        checks=found.probe.checks,
         readings=tuple(name for name in shown if name is not None),
         outcomes=(
             *found.probe.outcomes(one, axis, masters),
-            Outcome("ten times as much, or a tenth of it", unit),
+            *(
+                [Outcome("ten times as much, or a tenth of it", unit)]
+                * found.probe.lengths
+            ),
             Outcome(
                 "nothing at all",
                 "not active: look at the activation in the axis list, and at homing",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from ..kinds import kinds
 from ._probe import Probe, number_text
 from ._probe_steps import probe_steps
 
@@ -33,6 +34,8 @@ def probe_text(probe: Probe) -> str:
 def probe_program(probe: Probe, feed: float = 1000.0) -> str:
     """Return an NC program that goes through all of it, resting for a second each time.
 
+    At its end every compensation is on or off as it was before.
+
     Args:
         probe: The probe.
         feed: In mm/min.
@@ -42,17 +45,31 @@ def probe_program(probe: Probe, feed: float = 1000.0) -> str:
     for step in probe_steps(probe):
         blocks += [f"; {step.axis}: {step.compensation}", f"{step.axis}[COMP OFF_ALL]"]
         on = f"{step.axis}[COMP ON {step.keyword}]"
-        way = "G00" if step.moving else "G01"
+        way, before = "G00" if step.moving else "G01", step.moving or step.steady
         rest = "G04 1"
         blocks += [_block("G01", step.start, feed), rest]
-        if step.moving:
+        if before:
             blocks += [on]
         blocks += [_block(way, step.end, feed), rest]
-        if not step.moving:
+        if not before:
             blocks += [on, rest]
         blocks += [_block(way, step.start, feed), rest]
+    words = dict.fromkeys(step.axis for step in probe_steps(probe))
+    was = {
+        (word, one.keyword): f"V.L.WAS_{word}_{one.keyword}".upper()
+        for word in words
+        for one in kinds()
+    }
+    lines += ["#VAR", *(f"{memory} = 0" for memory in was.values()), "#ENDVAR"]
+    before_all = [
+        f"{memory} = V.A.{keyword}_COMP_ACTIVE.{word}"
+        for (word, keyword), memory in was.items()
+    ]
+    after_all = ["; As it was", *(f"{word}[COMP OFF_ALL]" for word in words)]
+    for (word, keyword), memory in was.items():
+        after_all += [f"$IF {memory} == 1", f"{word}[COMP ON {keyword}]", "$ENDIF"]
     number = 10
-    for block in (*blocks, "M30"):
+    for block in (*before_all, *blocks, *after_all, "M30"):
         if block.startswith(";"):
             lines.append(block)
             continue

@@ -27,7 +27,16 @@ def _controller(job: JobFile) -> Iterator[Fault]:
 
 def _axes(job: JobFile) -> Iterator[Fault]:
     owners: dict[int, str] = {}
+    words: dict[tuple[int, str], str] = {}
     for name, axis in job.axes.items():
+        word = (axis.channel, job.nc_word(name).upper())
+        if word in words:
+            yield (
+                ("axes", name, "nc_name"),
+                f"found {word[1]!r}, the word of axis {words[word]!r} in channel {word[0]},"
+                " expected a word of its own, or another channel",
+            )
+        words[word] = name
         if axis.number in owners:
             yield (
                 ("axes", name, "number"),

@@ -4,11 +4,19 @@ from collections.abc import Iterator, Sequence
 
 from ..diagnosis import OBJECTS, SCOPE
 from ._draft import AbstractDraft
+from ._first_run import first_run_programs, nameless
 from ._job_result import LoadStep
 from ._lists import AxisFiles
 from ._load import Job
 from ._result import AbstractResult, Expectation
 from ._verdict import Code
+
+_SYNCHRONISED = (
+    "After: drives on, axes referenced, and in each channel #CHANNEL INIT [CMDPOS] first:"
+    " until it has asked for its positions, start no program in quick succession and"
+    " exchange no axis."
+)
+"""What [001] p.27 asks for after start-up and reload."""
 
 
 def load_sheet(
@@ -44,6 +52,7 @@ def load_sheet(
     for one in let_out:
         steps += _files_of(job, one)
     steps += _loading(job, let_out)
+    steps += _first_run(job, let_out, drafts)
     for one in let_out:
         steps += _switching(job, one, drafts)
     steps += _watching(job, let_out, drafts)
@@ -104,14 +113,17 @@ def _loading(job: Job, files: Sequence[AxisFiles]) -> list[LoadStep]:
     """Return the one restart or reload that takes over the lists of all axes."""
     reasons = [f"{one.axis}: {one.restart}." for one in files if one.restart]
     if reasons:
-        return [LoadStep("Restart the controller", " ".join(reasons))]
+        return [LoadStep("Restart the controller", " ".join([*reasons, _SYNCHRONISED]))]
     changed = [
         one for one in files if any(name not in one.same for name, _ in one.lists)
     ]
     if not changed:
         return []
     axes = ", ".join(one.axis for one in changed)
-    detail = f"No size of a table of {axes} changes."
+    detail = (
+        f"No size of a table of {axes} changes. Before: end all NC programs, stop all"
+        f" axes, drives off. {_SYNCHRONISED}"
+    )
     by_hand = [
         one.machine_name
         for one in changed
@@ -189,11 +201,35 @@ def _for_the_plc(job: Job, one: AxisFiles, name: str) -> LoadStep:
     )
 
 
+def _first_run(
+    job: Job, files: Sequence[AxisFiles], drafts: Sequence[AbstractDraft]
+) -> list[LoadStep]:
+    """Return the programs that go through the compensations of each channel."""
+    steps = [
+        LoadStep(
+            f"Start {name}",
+            "Alone in its channel, axes referenced. It checks that each compensation is"
+            " initialised and active, switches it off and on with NO_MOVE, waits at each"
+            " M00, and leaves it as it was. Read it first: its axis words are those of"
+            " the job (nc_name, or the key).",
+        )
+        for name in first_run_programs(job, files, drafts, ())
+    ]
+    return steps + [
+        LoadStep(
+            f"Give {axis} a word",
+            f"No NC program understands {job.spec.nc_word(axis)!r}: set nc_name in"
+            f" [axes.{axis}], and a first run goes through its compensations too.",
+        )
+        for axis in nameless(job, [one.axis for one in files])
+    ]
+
+
 def _switching(
     job: Job, one: AxisFiles, drafts: Sequence[AbstractDraft]
 ) -> list[LoadStep]:
     """Return how the compensations of an axis are switched on, one by one."""
-    name = job.spec.axes[one.axis].name or one.axis
+    name = job.spec.nc_word(one.axis)
     steps = []
     for draft in drafts:
         if draft.axis != one.axis or not draft.written:
@@ -226,7 +262,7 @@ def _watching(
         kind = draft.kind
         if kind.demanded:
             words.setdefault(draft.axis, []).append(kind.keyword)
-        name = job.spec.axes[draft.axis].name or draft.axis
+        name = job.spec.nc_word(draft.axis)
         own = currents if kind.adds_current else shown
         own.append(f"{kind.variable}.{name}")
     demands = "; ".join(f"{axis}: {' | '.join(own)}" for axis, own in words.items())
@@ -287,9 +323,8 @@ def sign_steps(
         expected = result.expectation
         if expected is not None:
             start = "" if kind.adds_current else " Or, with the new lists in place: "
-            words += start + _move(
-                axis.name or draft.axis, kind.keyword, expected, unit
-            )
+            word = job.spec.nc_word(draft.axis)
+            words += start + _move(word, kind.keyword, expected, unit)
         steps.append(
             LoadStep(
                 f"Settle the sign first: {draft.compensation} of {draft.axis}", words

@@ -16,6 +16,7 @@ from ._clocks import ClockState
 from ._diagnosis import DIAGNOSIS, write_diagnosis
 from ._draft import AbstractDraft, Written
 from ._errors import UntoldError
+from ._first_run import program_names, write_first_run
 from ._gating import limits_of
 from ._job_result import JobResult, WholeAxis
 from ._json import result_json
@@ -109,6 +110,7 @@ def begin_job(
     failed = _failed(drafts, gates, files)
     second, lost = plan_second(job, after, out, files, failed)
     written, moved = _write(job, folder, files, failed)
+    write_first_run(job, folder, files, drafts, failed)
     results: list[AbstractResult] = []
     for one, gate in zip(drafts, gates, strict=True):
         own = next(each for each in files if each.axis == one.axis)
@@ -221,13 +223,13 @@ def input_hashes(path: Path) -> dict[str, str]:
 
 
 def _hashes(job: Job) -> dict[str, str]:
-    files = (job.path, *job.inputs)
-    return {str(_relative(job, file)): sha256(file) for file in files}
+    return {str(_relative(job, file)): sha256(file) for file in (job.path, *job.inputs)}
 
 
 def _names(job: Job) -> list[str]:
     """Return every name that a job may write."""
     names = ["result.json", "report.html", "hochlauf.add.lis", *DIAGNOSIS]
+    names += program_names(job)
     for fit in job.spec.fits:
         number = job.spec.axes[fit.axis].number
         names += [
@@ -364,8 +366,7 @@ def _write(
     if fragment is not None:
         folder.write("hochlauf.add.lis", fragment.dumps())
     else:
-        name = "hochlauf.add.lis"
-        retired.append((name, folder.retire(name)))
+        retired.append(("hochlauf.add.lis", folder.retire("hochlauf.add.lis")))
     write_diagnosis(job, folder, files, failed)
     moved = [
         Remark.warning(

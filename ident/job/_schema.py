@@ -63,6 +63,10 @@ class Axis(JobPart, frozen=True):
     name: Annotated[str, Field(min_length=1), AfterValidator(_plain)] | None = None
     """Name of the axis in its list (`kopf.log_achs_name`), for people only; left out:
     the key. Example: `"Z_ACHSE"`."""
+    nc_name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] | None = None
+    """Word of the axis in NC programs; left out: the key. Example: `"X1"`."""
+    channel: Annotated[int, Field(ge=1)] = 1
+    """Channel of the controller whose NC programs move the axis. Example: `2`."""
     kind: Literal["linear", "rotary", "spindle"] = Field("linear", alias="type")
     """What moves: mm or °. Example: `"rotary"`."""
     limits: Range | None = None
@@ -258,6 +262,10 @@ class JobFile(JobPart, frozen=True):
     """Limits that a list must keep to be written."""
     verify: Verify | None = None
     """The second measurement."""
+
+    def nc_word(self, axis: str) -> str:
+        """Return the word of an axis in NC programs: ``nc_name``, or its key."""
+        return self.axes[axis].nc_name or axis
 
     def resolved(self) -> dict[str, Any]:
         """Return the job with its defaults filled in, for the record."""

@@ -29,6 +29,7 @@ class Kind:
             it has none.
         resized: Error number of the controller when its table changes its size after
             start-up; None: it has no such number.
+        shows_init: Whether ``V.A.…_COMP_INIT`` tells that it is initialised.
         demanded: Whether P-AXIS-00465 can demand it in automatic mode.
         adds_current: It adds to the current of the motor, and not to a position.
         follows: What it acts over: ``position``, ``direction``, ``velocity`` or
@@ -63,6 +64,7 @@ class Kind:
     conventions: tuple[str, ...]
     cycles: tuple[str, int] | None = None
     resized: int | None = None
+    shows_init: bool = True
     demanded: bool = True
     adds_current: bool = False
     follows: frozenset[str] = frozenset()

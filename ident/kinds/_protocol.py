@@ -5,7 +5,7 @@ A colleague who adds a compensation writes its model in `axcomp.models` (or, as 
 
 * ``entries.py`` with ``ENTRIES``, an `AbstractEntries`;
 * ``channel.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel`;
-* ``probe.py`` with ``PROBE``, an `AbstractProbe`; what adds current needs none.
+* ``probe.py`` with ``PROBE``, an `AbstractProbe`.
 """
 
 import abc
@@ -214,11 +214,17 @@ class AbstractProbe(abc.ABC):
 
     Attributes:
         moving: It acts only while an axis accelerates.
+        steady: It is seen while an axis moves slowly at a steady speed.
+        lengths: It adds mm or °, whose unit the step can settle.
+        checks: What to look at before, in words.
         plateaus: Tenths of the travel of each master where its plateau begins and ends;
             none: it is no table. The memory that a list reserves for a table stays.
     """
 
     moving: bool = False
+    steady: bool = False
+    lengths: bool = True
+    checks: tuple[str, ...] = ()
     plateaus: tuple[tuple[int, int], ...] = ()
 
     def probed(self, one: InUse) -> Probed:

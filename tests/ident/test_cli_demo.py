@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,11 @@ from axcomp.ident.cli._demo_files import (
 )
 from axcomp.ident.exchange import read_conventions
 from axcomp.ident.job import load_job
+from axcomp.ident.kinds import kind
 from axcomp.ident.machine import LASER, PROBE, STRAIGHTEDGE, example_machine
 from axcomp.models import Conventions
+
+from .nc_machine import KEYWORDS, Machine
 
 
 @pytest.fixture(scope="module")
@@ -224,3 +228,26 @@ def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     path.write_text("x")
     with pytest.raises(FolderError, match="a file of that name"):
         claim_folder(path)
+
+
+@pytest.mark.slow
+def test_the_programs_of_the_first_run_leave_the_machine_as_it_was(demo: Path) -> None:
+    job = tomllib.loads((demo / "job.toml").read_text("utf-8"))
+    words = {axis.get("nc_name", name) for name, axis in job["axes"].items()}
+    programs = list((demo / "result").glob("first_run_*.nc"))
+    assert programs
+    every = {(word, keyword) for word in words for keyword in KEYWORDS}
+    for before in (set(), every, {("X", "LEAD")}):
+        machine = Machine(words, every, set(before))
+        for program in programs:
+            machine.run(program.read_text("ascii"))
+        assert machine.active == before
+        assert not machine.moved
+        assert not machine.messages
+        assert machine.halts > 2
+        # Each compensation of the job was off and on in between.
+        fitted = {
+            (fit["axis"], kind(fit["compensation"]).keyword) for fit in job["fits"]
+        }
+        seen = {(word, keyword) for _, word, keyword in machine.switched}
+        assert seen == fitted

@@ -28,6 +28,8 @@ from axcomp.ident.exchange import (
 )
 from axcomp.models import AbstractLookup, Conventions
 
+from .nc_machine import KEYWORDS, Machine
+
 RULES = Conventions()
 AXES = {
     1: ProbeAxis(1, "X", (-12.5, 803.2)),
@@ -224,7 +226,7 @@ def test_command_makes_lists_of_lists_and_never_writes_onto_them(
     monkeypatch.chdir(tmp_path)
     raw = PROBE.lists[2].dumps()
     Path("achskw2.lis").write_bytes(raw)
-    command = ["probe", "achskw2.lis", "--travel", "A2=0:400"]
+    command = ["probe", "achskw2.lis", "--travel", "A2=0:400", "--word", "A2=Y"]
     assert main([*command, "--out", "."]) == 2
     assert "achskw2.lis is what the probe is made from" in capsys.readouterr().err
     assert Path("achskw2.lis").read_bytes() == raw
@@ -233,3 +235,69 @@ def test_command_makes_lists_of_lists_and_never_writes_onto_them(
     assert Path("axcomp-probe/achskw2.lis").is_file()
     assert main(["probe", "achskw2.lis", "--travel", "2=5"]) == 2
     assert "expected an axis and its travel" in capsys.readouterr().err
+    assert main(["probe", "achskw2.lis", "--word", "Y"]) == 2
+    assert "expected an axis and its word" in capsys.readouterr().err
+
+
+def test_program_names_axes_of_the_job_once_and_leaves_all_as_it_was() -> None:
+    words = {axis.name for axis in AXES.values()}
+    every = {(word, keyword) for word in words for keyword in KEYWORDS}
+    before = set(sorted(every)[::2])
+    machine = Machine(words, every, set(before))
+    machine.run(probe_program(PROBE))
+    assert machine.active == before
+    assert {word for _, word, _ in machine.switched} == {
+        s.axis for s in probe_steps(PROBE)
+    }
+
+
+def test_two_axes_of_one_name_are_refused() -> None:
+    axes = {1: ProbeAxis(1, "X", (0.0, 500.0)), 2: ProbeAxis(2, "x", (0.0, 500.0))}
+    with pytest.raises(
+        ExchangeError, match="found X twice, expected a word of its own"
+    ):
+        make_probe(axes, [Probed(1, "cross", (2,))], RULES)
+
+
+FRICTION = """kopf.achs_nr 1
+kopf.log_achs_name SPINDEL
+frict_comp.mode 3
+frict_comp.table_entries 2
+frict_comp.scaling_factor 1000
+frict_comp.table[0].in 100
+frict_comp.table[0].out 40
+frict_comp.table[1].in 90000
+frict_comp.table[1].out 60
+"""
+
+
+def test_friction_is_probed_at_a_low_level_of_what_is_loaded() -> None:
+    loaded = ListFile.parse(FRICTION.encode(), "achskw1.lis")
+    (one,) = probed_in([loaded], RULES)
+    found = make_probe({1: ProbeAxis(1, "X", (0.0, 500.0))}, [one], RULES)
+    listing = found.lists[1]
+    assert listing.integer("frict_comp.scaling_factor") == 150
+    assert listing.table("frict_comp", "out") == loaded.table("frict_comp", "out")
+    assert found.additions[1].integer("lr_param.frict_comp") == 1
+    (step,) = probe_steps(found)
+    for word in (
+        "S-0-0081",
+        "S-0-0084",
+        "60B2",
+        "6077",
+        "slowly",
+        "V.A.FRICT_COMP_CURR.X",
+    ):
+        assert word in step.sentence
+    assert [dict(each.conventions) for each in step.outcomes[:2]] == [
+        {"friction_sign": 1}, {"friction_sign": -1},
+    ]  # fmt: skip
+    # Nobody looks for micrometres in a current.
+    assert not any("µm" in each.means for each in step.outcomes)
+    machine = Machine({"X"}, {("X", "FRICT")}, set())
+    machine.run(probe_program(found))
+    assert machine.active == set()
+    assert "SPINDEL" not in probe_program(found)
+    coarse = ListFile.parse(FRICTION.replace("1000", "4").encode(), "achskw1.lis")
+    with pytest.raises(ExchangeError, match="scaling_factor: found 4, expected 10 or"):
+        probed_in([coarse], RULES)

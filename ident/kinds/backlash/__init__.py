@@ -14,5 +14,6 @@ KIND = Kind(
     conventions=("backlash_", "direction_source"),
     follows=frozenset({"direction"}),
     fitted_first=True,
+    shows_init=False,
     noun="the backlash",
 )

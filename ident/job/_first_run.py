@@ -1,0 +1,128 @@
+"""The NC program of a first run: what a person at the machine starts after the reload.
+
+One program per channel. It checks that each compensation is initialised and active ([001]
+p.95), switches it off and on (p.94), waits in between, and leaves it as it was; nothing moves
+by itself. The text stands in ``first_run.nc.jinja``. `#VAR`, ``V.L.`` and ``#CHANNEL INIT`` are
+those of the programming manual of TF5200.
+"""
+
+import dataclasses
+import functools
+import re
+from collections.abc import Sequence
+from importlib import resources
+
+import jinja2
+
+from ._draft import AbstractDraft
+from ._lists import AxisFiles
+from ._load import Job
+from ._output import OutFolder
+
+_TEMPLATE = "first_run.nc.jinja"
+_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_STEP = 10
+
+
+@dataclasses.dataclass(frozen=True)
+class _State:
+    """One compensation in the program; `memory` is the variable of its former state."""
+
+    word: str
+    name: str
+    keyword: str
+    init: bool
+    memory: str
+
+
+def program_name(channel: int) -> str:
+    """Return the name of the program of a channel."""
+    return f"first_run_{channel}.nc"
+
+
+def program_names(job: Job) -> tuple[str, ...]:
+    """Return the names of all programs that a job may write."""
+    channels = {job.spec.axes[fit.axis].channel for fit in job.spec.fits}
+    return tuple(program_name(channel) for channel in sorted(channels))
+
+
+def first_run_programs(
+    job: Job,
+    files: Sequence[AxisFiles],
+    drafts: Sequence[AbstractDraft],
+    failed: Sequence[str],
+) -> dict[str, str]:
+    """Return the programs of a job in ASCII, by name of the file.
+
+    Axes whose lists failed have no part in them, nor have axes without a word that an NC
+    program understands (`nameless`).
+    """
+    let_out = [one.axis for one in files if one.axis not in failed and one.lists]
+    wordless = nameless(job, let_out)
+    channels: dict[int, list[_State]] = {}
+    for draft in drafts:
+        if not draft.written or draft.axis not in let_out or draft.axis in wordless:
+            continue
+        found, word = draft.kind, job.spec.nc_word(draft.axis)
+        state = _State(
+            word=word,
+            name=found.name,
+            keyword=found.keyword,
+            init=found.shows_init,
+            memory=f"WAS_{word}_{found.keyword}".upper(),
+        )
+        channels.setdefault(job.spec.axes[draft.axis].channel, []).append(state)
+    title = job.spec.title or job.path.stem
+    return {
+        program_name(channel): _program(channel, states, title)
+        for channel, states in sorted(channels.items())
+    }
+
+
+def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
+    """Return those axes whose word no NC program understands."""
+    return tuple(axis for axis in axes if not _WORD.fullmatch(job.spec.nc_word(axis)))
+
+
+def write_first_run(
+    job: Job,
+    folder: OutFolder,
+    files: Sequence[AxisFiles],
+    drafts: Sequence[AbstractDraft],
+    failed: Sequence[str],
+) -> None:
+    """Write the programs; those of an earlier run that have none now go."""
+    programs = first_run_programs(job, files, drafts, failed)
+    for name in program_names(job):
+        if name in programs:
+            folder.accept(name, programs[name].encode("ascii"))
+        else:
+            folder.retire(name)
+
+
+def _program(channel: int, states: Sequence[_State], title: str) -> str:
+    plain = title.encode("ascii", "replace").decode()
+    text = _template().render(
+        channel=channel,
+        states=states,
+        words=list(dict.fromkeys(state.word for state in states)),
+        title="".join(sign if sign.isprintable() else " " for sign in plain),
+    )
+    lines, number = [], _STEP
+    for line in text.splitlines():
+        if line.startswith("N "):
+            line, number = f"N{number}{line[1:]}", number + _STEP
+        lines.append(line)
+    return "\n".join([*lines, ""])
+
+
+@functools.cache
+def _template() -> jinja2.Template:
+    folder = resources.files("axcomp.ident.job")
+    environment = jinja2.Environment(
+        autoescape=False,  # no HTML; words are checked, the title stands in a comment
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.from_string(folder.joinpath(_TEMPLATE).read_text("utf-8"))

@@ -1,0 +1,78 @@
+"""The step of a probe for friction: the table that is loaded, at a low level."""
+
+from collections.abc import Mapping, Sequence
+from typing import final
+
+from ....data.lists import Value
+from ....models import Conventions
+from ...exchange._errors import ExchangeError
+from ...exchange._machine_lists import InUse
+from ...exchange._probe import Outcome, ProbeAxis, Probed
+from .._protocol import AbstractProbe
+from .entries import PREFIX
+
+LEVEL = 0.15
+"""Share of the loaded currents: 10 to 20 % shows the sign and harms no drive."""
+
+
+@final
+class FrictionProbe(AbstractProbe):
+    """The currents of the loaded list, scaled down; a list without any is not probed."""
+
+    steady = True
+    lengths = False
+    checks = (
+        "the drive needs a torque interface, and its cyclic telegram the additive torque:"
+        " SERCOS S-0-0081 (additive torque command value) and S-0-0084 (torque feedback"
+        " value), CANopen 60B2 (torque offset) and 6077 (torque actual value).",
+    )
+
+    def probed(self, one: InUse) -> Probed:
+        kept: dict[str, Value] = {}
+        for entry in one.listing.entries:
+            value = one.listing.integer(entry.name)
+            if entry.name.startswith(f"{PREFIX}.") and value is not None:
+                kept[entry.name] = value
+        full = one.listing.integer(f"{PREFIX}.scaling_factor")
+        full = 1000 if full is None else full
+        low = round(LEVEL * full)
+        if not 0.1 <= low / max(full, 1) <= 0.2:
+            raise ExchangeError(
+                where=f"{one.listing.source}: {PREFIX}.scaling_factor",
+                found=str(full),
+                expected="10 or more, of which 10 to 20 % can be written",
+            )
+        return Probed(
+            one.axis,
+            one.name,
+            one.masters,
+            kept=kept | {f"{PREFIX}.scaling_factor": low},
+        )
+
+    def entries(
+        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+    ) -> Mapping[str, Value]:
+        return one.kept
+
+    def outcomes(
+        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
+    ) -> tuple[Outcome, ...]:
+        return (
+            Outcome(
+                f"a current of the sign of the entries while {axis.name} moves positive",
+                "entries are added as they stand",
+                {"friction_sign": 1},
+            ),
+            Outcome(
+                "the other sign",
+                "entries are subtracted in positive motion",
+                {"friction_sign": -1},
+            ),
+            Outcome(
+                f"what the controller asks {axis.name} for beside it rises with it on",
+                "the table works against the motion: take it out",
+            ),
+        )
+
+
+PROBE = FrictionProbe()

@@ -1,0 +1,146 @@
+"""What a volumetric fit is asked for: the 21 errors of a machine, or a grid."""
+
+import abc
+import dataclasses
+from functools import cached_property
+from typing import Any, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ...models import EquidistantNodes, GeometricErrors, VolumetricGrid
+from ...models._geometric import FUNCTIONS, SQUARENESS
+from ._blocks import (
+    AbstractBlock,
+    Frame,
+    Function,
+    Squareness,
+    Touched,
+)
+from ._lattice import Table
+
+Triple = tuple[float, float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class AbstractVolumetric(abc.ABC):
+    """An error over the positions of three axes; nodes X first, in mm.
+
+    Attributes:
+        start: First node along X, Y and Z.
+        interval: Distance of nodes.
+        points: Number of nodes.
+    """
+
+    start: Triple
+    interval: Triple
+    points: tuple[int, int, int]
+
+    @cached_property
+    @abc.abstractmethod
+    def model(self) -> Any:
+        """The model, all values 0."""
+
+    @abc.abstractmethod
+    def blocks(self, tools_vary: bool) -> tuple[AbstractBlock, ...]:
+        """Return its unknowns, those that the frame of the readings adds last."""
+
+    @abc.abstractmethod
+    def to_model(self, values: dict[str, Float[np.ndarray, " _n"]], sign: float) -> Any:
+        """Return the model with values of its blocks by name; those without one are NaN."""
+
+    @property
+    def nodes(self) -> tuple[EquidistantNodes, EquidistantNodes, EquidistantNodes]:
+        """Nodes along X, Y and Z."""
+        x, y, z = (
+            EquidistantNodes(jnp.asarray(first), jnp.asarray(step), count)
+            for first, step, count in zip(
+                map(float, self.start),
+                map(float, self.interval),
+                self.points,
+                strict=True,
+            )
+        )
+        return x, y, z
+
+    @property
+    def volume(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Lowest and highest position in mm."""
+        low = np.array(self.start, float)
+        return low, low + np.array(self.interval) * (np.array(self.points) - 1)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Geometry(AbstractVolumetric):
+    """The 21 geometric errors of a machine with three linear axes.
+
+    Attributes:
+        chain: The axes in their order from the workpiece to the tool.
+        reference: Position of X, Y and Z in mm about which angles act.
+    """
+
+    chain: str = "XYZ"
+    reference: Triple = (0.0, 0.0, 0.0)
+
+    @cached_property
+    def model(self) -> GeometricErrors:
+        """See `AbstractVolumetric`."""
+        return GeometricErrors.of(self.nodes, {}, self.chain, self.reference)
+
+    def blocks(self, tools_vary: bool) -> tuple[AbstractBlock, ...]:
+        """See `AbstractVolumetric`; what only tools show is left out where none vary."""
+        touched = Touched(self.model)
+        functions = [
+            Function(touched, axis, row)
+            for axis, names in enumerate(FUNCTIONS)
+            for row in range(len(names))
+        ]
+        return (
+            *(each for each in functions if tools_vary or not each.by_tools),
+            *(Squareness(touched, k) for k in range(len(SQUARENESS))),
+            Frame(self.reference),
+        )
+
+    def to_model(
+        self, values: dict[str, Float[np.ndarray, " _n"]], sign: float
+    ) -> GeometricErrors:
+        """See `AbstractVolumetric`."""
+        del sign  # entries are errors
+        row = [
+            values.get(name, np.full(nodes.count, np.nan))
+            for nodes, names in zip(self.nodes, FUNCTIONS, strict=True)
+            for name in names
+        ]
+        angles = [values[name] for name in SQUARENESS]
+        return self.model.with_numbers(np.concatenate([*row, *angles]))
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Volumetric(AbstractVolumetric):
+    """Errors of X, Y and Z on a regular grid over the volume; densely solved.
+
+    Up to some 1 000 nodes are a matter of seconds.
+    """
+
+    @cached_property
+    def model(self) -> VolumetricGrid:
+        """See `AbstractVolumetric`."""
+        shape = (3, *reversed(self.points))
+        return VolumetricGrid(self.nodes, jnp.zeros(shape))
+
+    def blocks(self, tools_vary: bool) -> tuple[AbstractBlock, ...]:
+        """See `AbstractVolumetric`."""
+        del tools_vary  # a grid is made for one tool
+        touched = Touched(self.model)
+        return tuple(Table(touched, axis) for axis in range(3))
+
+    def to_model(
+        self, values: dict[str, Float[np.ndarray, " _n"]], sign: float
+    ) -> VolumetricGrid:
+        """See `AbstractVolumetric`: entries are offsets, against the errors."""
+        shape = tuple(reversed(self.points))
+        tables = np.stack([sign * values[axis].reshape(shape) for axis in "XYZ"])
+        return VolumetricGrid(self.nodes, tables)

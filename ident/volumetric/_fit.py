@@ -1,0 +1,224 @@
+"""The fit of a volumetric error: points in, model with uncertainty out."""
+
+import dataclasses
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..core import Estimate, FitError, Stack, estimate, memory, one_blas_thread
+from ..fit._table import floor_of
+from ._blocks import AbstractBlock, Frame, Zeros
+from ._effects import AbstractVolumetric
+from ._freedoms import Freedoms, Gauge, Undetermined, dense
+from ._points import Points
+
+_SAME_TOOL = 1e-3
+"""Difference in mm up to which a tool is the one that was measured with."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Prediction:
+    """Error at other points.
+
+    Attributes:
+        error: In X, Y and Z in mm.
+        standard_deviation: Of it, without the noise of a reading; inf where the points of the
+            fit do not tell it.
+    """
+
+    error: Float[np.ndarray, "t 3"]
+    standard_deviation: Float[np.ndarray, "t 3"]
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class VolumetricFit:
+    """A fitted volumetric error.
+
+    Attributes:
+        effect: As it was stated.
+        points: As they were given.
+        stack: Blocks of unknowns.
+        freedoms: Rules of the gauge, and what the points do not tell.
+        result: Of the estimator.
+    """
+
+    effect: AbstractVolumetric
+    points: Points
+    stack: Stack
+    freedoms: Freedoms
+    result: Estimate
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of one reading, wild ones left out, in mm."""
+        return self.result.noise
+
+    @property
+    def converged(self) -> bool:
+        """Whether the iterations reached their tolerance."""
+        return self.result.converged
+
+    @property
+    def gauges(self) -> tuple[Gauge, ...]:
+        """What no measurement tells apart, and what was set to zero for it."""
+        return self.freedoms.gauges
+
+    @cached_property
+    def undetermined(self) -> tuple[Undetermined, ...]:
+        """What these points do not tell: no value of it may be relied on."""
+        left_out = [
+            Undetermined(
+                ((block.name, ("offset", "slope", "curve")),), block.size, True
+            )
+            for block in self._left_out
+        ]
+        return (*self.freedoms.undetermined, *left_out)
+
+    @property
+    def _blocks(self) -> tuple[AbstractBlock, ...]:
+        return tuple(
+            each for each in self.stack.effects if isinstance(each, AbstractBlock)
+        )
+
+    @cached_property
+    def _left_out(self) -> list[AbstractBlock]:
+        """Blocks that only other tools would show."""
+        names = {block.name for block in self._blocks}
+        everything = self.effect.blocks(tools_vary=True)
+        return [block for block in everything if block.name not in names]
+
+    @cached_property
+    def values(self) -> Float[np.ndarray, " n"]:
+        """All unknowns under the rules, as errors."""
+        return self.freedoms.project(self.result.values)
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "n n"]:
+        """Covariance of all unknowns under the rules, where the points tell them."""
+        post = self.result.posterior
+        half = self.freedoms.project(post.factor.border_inverse)
+        return np.asarray(post.variance * self.freedoms.project(half.T))
+
+    @cached_property
+    def _deviations(self) -> Float[np.ndarray, " n"]:
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def _by_name(
+        self, values: Float[np.ndarray, " n"]
+    ) -> dict[str, Float[np.ndarray, " _n"]]:
+        return {
+            block.name: values[self.stack.here(number)]
+            for number, block in enumerate(self._blocks)
+        }
+
+    @cached_property
+    def model(self) -> Any:
+        """The model whose offsets take the error off; errors that nothing shows are 0."""
+        return self.effect.to_model(self._padded(self.values, 0.0), -1.0)
+
+    @cached_property
+    def standard_deviation(self) -> Any:
+        """Standard deviations, shaped like the model; inf where the points tell no value."""
+        values = np.where(self.freedoms.lost, np.inf, self._deviations)
+        return self.effect.to_model(self._padded(values, np.inf), 1.0)
+
+    @cached_property
+    def support(self) -> dict[str, Int[np.ndarray, " _n"]]:
+        """Readings that touch each value, by name of the block."""
+        return self._by_name(self.result.posterior.problem.sums.support)
+
+    @property
+    def frame(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]] | None:
+        """Shift in mm and rotation in rad of the readings' frame, with its deviations.
+
+        No error of the machine: a work offset takes it up. None for a grid, which holds it.
+        """
+        for number, block in enumerate(self._blocks):
+            if isinstance(block, Frame):
+                here = self.stack.here(number)
+                spread = np.where(self.freedoms.lost, np.inf, self._deviations)[here]
+                return self.values[here], spread
+        return None
+
+    def predict(
+        self,
+        position: Float[np.ndarray, "t 3"],
+        tool: Float[np.ndarray, "*t 3"] | None = None,
+        frame: bool = True,
+    ) -> Prediction:
+        """Return the error at positions in mm, in the frame of the readings.
+
+        Args:
+            position: X, Y and Z in mm.
+            tool: As in `Points`.
+            frame: With the shift and rotation of the frame, as further readings would show it;
+                without, what the model takes off.
+        """
+        where = Points(position, np.zeros(np.shape(position)), tool=tool).readings
+        rows = dense(self.stack, where)
+        for number, block in enumerate(self._blocks):
+            if isinstance(block, Zeros) or (isinstance(block, Frame) and not frame):
+                rows[:, self.stack.here(number)] = 0.0
+        variance = np.einsum("tn,tn->t", rows @ self.covariance, rows)
+        deviation = np.sqrt(np.maximum(variance, 0.0))
+        deviation[~self.freedoms.shown(rows)] = np.inf
+        if self._left_out:
+            other = np.abs(where.inputs["tool"] - self.points.tools[0]).max(axis=1)
+            deviation[other > _SAME_TOOL] = np.inf
+        return Prediction((rows @ self.values).reshape(-1, 3), deviation.reshape(-1, 3))
+
+    def _padded(
+        self, values: Float[np.ndarray, " n"], empty: float
+    ) -> dict[str, Float[np.ndarray, " _n"]]:
+        """Return values by name, those of blocks that were left out too."""
+        full = {block.name: np.full(block.size, empty) for block in self._left_out}
+        return full | self._by_name(values)
+
+
+def fit_volumetric(
+    effect: AbstractVolumetric, points: Points, *, loss: str = "student"
+) -> VolumetricFit:
+    r"""Fit a volumetric error to measured points.
+
+    Readings are $e = \sum_k A_k \theta_k + \varepsilon$ over the stencil of the model: tables as
+    Gaussian fields, their smoothness by evidence, robust by pseudo-readings, as in `axcomp.fit`.
+    The 21 errors stand beside the frame of the readings (shift and rotation), which is no error
+    of the machine. What may be moved between them is fixed by rules (`VolumetricFit.gauges`):
+    functions have mean zero over their nodes, straightness no slope, and the angles between the
+    axes keep what is left. What the points do not tell is named (`VolumetricFit.undetermined`).
+
+    Args:
+        effect: `Geometry` or `Volumetric`.
+        points: Measured.
+        loss: ``"student"`` and ``"huber"`` resist wild readings, ``"gauss"`` does not.
+
+    Raises:
+        FitError: If there are too few readings, or the loss is unknown.
+    """
+    readings = points.readings
+    tools = readings.inputs["tool"]
+    blocks = effect.blocks(bool(np.ptp(tools, axis=0).any()))
+    runs = int(readings.inputs["run"].max()) + 1
+    if runs > 1:
+        blocks = (*blocks, Zeros(runs, points.direction is None))
+    stack = Stack(blocks, banded=False)
+    with one_blas_thread():
+        freedoms = Freedoms.of(blocks, readings, effect.volume)
+        if len(readings) <= freedoms.free:
+            msg = (
+                f"found {len(readings)} readings, expected more than {freedoms.free}: so many "
+                "numbers rest on them alone"
+            )
+            raise FitError(msg)
+        found = estimate(
+            stack,
+            memory(stack, readings),
+            loss=loss,
+            floor=floor_of(readings.value),
+            pins=freedoms.pins,
+        )
+    return VolumetricFit(effect, points, stack, freedoms, found)

@@ -1,0 +1,128 @@
+"""Measured points in the volume of a machine."""
+
+import dataclasses
+from typing import final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...data.measurements import Measurement
+from ..core import FitError, Readings
+
+_AXES = "XYZ"
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Points:
+    """Errors measured at positions of three axes.
+
+    Attributes:
+        position: Commanded X, Y and Z in mm, shape ``(t, 3)``.
+        error: Actual − commanded place of the tool in mm: as vectors, shape ``(t, 3)``, NaN
+            where a component was not measured; or along `direction`, shape ``(t,)``.
+        direction: Of each reading along a line (laser, ball bar), any length but 0; None for
+            vectors.
+        tool: From the point that positions name to the measured one in mm, for all alike or one
+            a point; None: no tool.
+        run: Number or name of the set-up of each point, each of which has its own unknown
+            zero; None: all have the same.
+    """
+
+    position: Float[np.ndarray, "t 3"]
+    error: Float[np.ndarray, "t *c"]
+    direction: Float[np.ndarray, "t 3"] | None = None
+    tool: Float[np.ndarray, "*t 3"] | None = None
+    run: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the arrays belong together.
+
+        Raises:
+            FitError: If they do not.
+        """
+        count = len(self.position)
+        shape = (count, 3) if self.direction is None else (count,)
+        if self.error.shape != shape:
+            msg = (
+                f"error: found shape {self.error.shape}, expected {shape} "
+                f"({'vectors' if self.direction is None else 'along the direction'})"
+            )
+            raise FitError(msg)
+        for name in ("direction", "tool", "run"):
+            values = getattr(self, name)
+            single = name == "tool" and values is not None and np.shape(values) == (3,)
+            if values is not None and len(values) != count and not single:
+                msg = (
+                    f"{name}: found {len(values)} rows, expected {count}, one per point"
+                )
+                raise FitError(msg)
+
+    @classmethod
+    def of(cls, data: Measurement) -> "Points":
+        """Return the points of a measurement: ``X.position`` … ``Z.error`` and ``run``.
+
+        Raises:
+            MissingRole: If a position or an error is missing.
+        """
+        full = data.with_gaps()
+        position, error = (
+            np.column_stack(
+                [full.require(f"{axis}.{kind}", "for a volume") for axis in _AXES]
+            )
+            for kind in ("position", "error")
+        )
+        return cls(position, error, run=full.get("run"))
+
+    @property
+    def tools(self) -> Float[np.ndarray, "t 3"]:
+        """The tool of each point."""
+        tool = np.zeros(3) if self.tool is None else np.asarray(self.tool, float)
+        return np.array(np.broadcast_to(tool, self.position.shape))
+
+    @property
+    def runs(self) -> Int[np.ndarray, " t"]:
+        """Number of the set-up of each point, from 0."""
+        if self.run is None:
+            return np.zeros(len(self.position), np.int64)
+        return np.unique(self.run, return_inverse=True)[1].astype(np.int64)
+
+    @property
+    def readings(self) -> Readings:
+        """One reading per number that was measured; see `readings_at` for the inputs."""
+        if self.direction is not None:
+            length = np.linalg.norm(self.direction, axis=1)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                along = np.asarray(self.direction, float) / length[:, None]
+            place = readings_at(self.position, along, self.tools, self.runs)
+            value = np.asarray(self.error, float)
+        else:
+            rows = np.repeat(np.arange(len(self.position)), 3)
+            along = np.tile(np.eye(3), (len(self.position), 1))
+            place = readings_at(
+                self.position[rows], along, self.tools[rows], self.runs[rows]
+            )
+            value = np.asarray(self.error, float).reshape(-1)
+        good = np.isfinite(value)
+        for values in place.inputs.values():
+            good &= np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        if not good.any():
+            msg = "found no point with a position and an error"
+            raise FitError(msg)
+        return Readings(value, place.inputs).take(good)
+
+
+def readings_at(
+    position: Float[np.ndarray, "t 3"],
+    along: Float[np.ndarray, "t 3"],
+    tool: Float[np.ndarray, "t 3"],
+    run: Int[np.ndarray, " t"],
+) -> Readings:
+    """Return readings of the value 0 with the inputs that volumetric effects know."""
+    inputs = {
+        "position": np.asarray(position, float),
+        "along": along,
+        "tool": tool,
+        "run": run,
+    }
+    return Readings(np.zeros(len(along)), inputs)

@@ -1,0 +1,43 @@
+"""What a volumetric fit found, in sentences."""
+
+from ._freedoms import Gauge, Undetermined
+
+_NAMED = 6
+"""Blocks that are named with their shapes; more are named alone."""
+
+
+def undetermined_sentence(found: Undetermined) -> str:
+    """Return what points do not tell, and what to measure."""
+    if found.tools:
+        return (
+            f"No point shows {_and(found.names)}: only tools of different offsets do. For the "
+            "tool that was measured with it makes no difference."
+        )
+    few = len(found.shapes) <= _NAMED
+    named = [f"{n} ({', '.join(s)})" if few else n for n, s in found.shapes]
+    if len(named) == 1:
+        return (
+            f"These points do not show {named[0]}: measure at more positions of the axes, off "
+            "the line or plane of these points."
+        )
+    number = "one mixture" if found.directions == 1 else f"{found.directions} mixtures"
+    return (
+        f"These points show only sums of {_and(named)} ({number} of them not at all): measure "
+        "at positions off the lines or planes of these points, in all directions."
+    )
+
+
+def gauge_sentence(gauge: Gauge) -> str:
+    """Return what may be moved between errors without any effect, and how it was fixed."""
+    others = [_shape(each) for each in gauge.among if each != gauge.zero]
+    return f"The {_shape(gauge.zero)} is zero by rule: it acts like the {_and(others)}."
+
+
+def _shape(named: tuple[str, str]) -> str:
+    block, label = named
+    return f"{label} of {'the frame' if block == 'frame' else block}"
+
+
+def _and(names: list[str] | tuple[str, ...]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
