@@ -177,7 +177,7 @@ def _refuse_missing(files: Sequence[_File], spec: MeasurementSpec) -> None:
 
 def _offset(name: str, first: _File, other: _File) -> ClockState:
     """Return the offset of a file, from the first pair of signals that tells it."""
-    pairs = _pairs(first, other)
+    pairs = [*_pairs(first, other)]
     if not pairs:
         msg = (
             "found no column that both hold, no position of one axis in both, and no"
