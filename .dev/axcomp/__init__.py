@@ -9,6 +9,7 @@ The library at a glance; each name is loaded when it is first used:
 * `fit_volumetric`: errors over the volume of three axes (`Geometry`, the 21 errors of a
   machine; `Volumetric`, a grid) from measured `Points`.
 * `load_model`, `write`: lists of the controller ↔ models (`AxisModels`, `ModelUnit`).
+  `export_external`: models as C of an external compensation.
 
 Three parts, imported by their own names so that a command which only reads lists never
 pays for what only a fit needs:
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
         load_model as load_model,
         write_lists as write_lists,
     )
+    from .ident.external import export_external as export_external
     from .ident.fit.joint import (
         Backlash as Backlash,
         Cross as Cross,
@@ -58,6 +60,7 @@ _HOME = {
     "ident._library": ("Fit", "fit"),
     "ident._model_fit": ("ModelFit",),
     "ident._readings": ("Friction", "read"),
+    "ident.external": ("export_external",),
     "ident.fit.joint": (
         "Backlash", "Cross", "Crosstalk", "Leadscrew", "Plane", "Temperature",
     ),

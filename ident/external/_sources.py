@@ -89,7 +89,7 @@ def list_source(
         OSError: If a file cannot be read.
     """
     job = _Job.read(paths[0]) if len(paths) == 1 and _is_result(paths[0]) else _Job()
-    lists = [ListFile.read(path) for path in job.lists or paths]
+    lists = [ListFile.read(path) for path in (job.lists if job.result else paths)]
     rules = conventions or job.conventions
     machine = machine_lists(lists)
     used = machine.in_use(rules)
@@ -164,8 +164,9 @@ class _Job:
             numbers = {one["number"]: one for one in axes}
             fits, files = tree["fits"], tree["files"]
             bad = [fit for fit in fits if fit["verdict"] == "rejected"]
-            rules = [rule for fit in fits for rule in fit["conventions"]]
-            values = {rule["name"]: rule["value"] for rule in rules}
+            stated = [rule for fit in fits for rule in fit["conventions"]]
+            rules = _conventions({rule["name"]: rule["value"] for rule in stated})
+            lists = [name for name in files if name.endswith(".lis")]
             known = tuple((fit["axis"], fit["compensation"]) for fit in fits)
         except (ValueError, KeyError, TypeError, AttributeError):
             raise ExchangeError(
@@ -181,14 +182,13 @@ class _Job:
             )
         unproven = sorted({fit["axis"] for fit in fits if fit["verdict"] == "unproven"})
         remark = f"Signs of {', '.join(unproven)} are assumed: no measurement has shown them."
-        lists = [name for name in files if name.endswith(".lis")]
         return cls(
             lists=tuple(
                 file.parent / name
                 for name in lists
                 if not name.endswith(".add.lis") and "/" not in name
             ),
-            conventions=_conventions(values),
+            conventions=rules,
             axes=tuple(sorted(numbers)),
             limits=_ranges(numbers, "limits"),
             modulo=_ranges(numbers, "modulo"),

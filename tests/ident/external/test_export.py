@@ -1,5 +1,6 @@
 """What an export writes beside the code, from models, lists and jobs; and what it refuses."""
 
+import doctest
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -255,3 +256,10 @@ def test_a_job_is_exported_by_its_own_rules_and_limits(
     (job / "result.json").write_text("[]")
     with pytest.raises(ExchangeError, match="found no result of a job"):
         list_source([job])
+
+
+def test_the_recipe_of_the_document_runs_as_it_stands() -> None:
+    page = Path(__file__).parents[3] / "docs" / "external.md"
+    found = doctest.testfile(str(page), module_relative=False)
+    assert found.attempted > 5
+    assert found.failed == 0
