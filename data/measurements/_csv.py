@@ -69,9 +69,10 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
     if read is None:
         body, foot = without_foot(layout, text)
         body, blocks = without_headings(layout, body)
-        odd = foot or blocks
-        read = (odd and _read_fast(layout, body)) or _read_slow(path, layout, body)
-        read = (read[0], read[1], [*read[2], *foot])
+        if foot or blocks:
+            read = _read_fast(layout, body)
+        columns, lines, skipped = read or _read_slow(path, layout, body)
+        read = columns, lines, [*skipped, *foot]
     columns, lines, skipped = read
     if not lines.size:
         reason = "found no rows, expected at least one line of numbers"
@@ -333,7 +334,8 @@ def _slow_column(
         return _text_column(name, tuple(cells))
     values = np.array([np.nan if v is None else v for v in parsed], dtype=np.float64)
     wrong = np.flatnonzero(~np.isfinite(values))
-    bad = BadCell(lines[wrong[0]], cells[wrong[0]]) if wrong.size else None
+    first = int(wrong[0]) if wrong.size else None
+    bad = None if first is None else BadCell(lines[first], cells[first])
     return number_column(name, values, bad)
 
 
