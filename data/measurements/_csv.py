@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int
 
+from ._aside import columns_of_blocks, without_foot, without_headings
 from ._errors import LineError, MeasurementError
-from ._header import DIRECTIONS, Name
-from ._layout import Layout, find_layout
+from ._header import DIRECTIONS, Name, parse_name
+from ._layout import Layout, find_layout, is_unit_row
 from ._meaning import with_meaning
 from ._table import BadCell, Column, Lines, Skipped, Table, TextForm
 
@@ -29,12 +30,6 @@ _NULLS = [
     *("", "nan", "NaN", "NAN", "-nan"),
     *("NA", "N/A", "n/a", "#N/A", "null", "NULL", "-"),
 ]
-_FOOT = 30
-"""Lines at the end of a text that may be no rows."""
-_SUMMARY = re.compile(
-    r"(?i)(mean|average|avg|mittel\w*|max\w*|min\w*|sum\w*|std\w*|sigma|range|spannweite"
-    r"|total|result\w*|ergebnis\w*|standardabweichung|end|ende|eof|\[end\])\b.*"
-)
 
 
 def read_csv(
@@ -70,14 +65,24 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
         MeasurementError: As `read_csv`.
     """
     read = _read_short(layout, text) or _read_fast(layout, text)
+    blocks: list[tuple[int, str]] = []
     if read is None:
-        body, foot = _without_foot(layout, text)
-        read = (foot and _read_fast(layout, body)) or _read_slow(path, layout, body)
-        read = (read[0], read[1], [*read[2], *foot])
+        body, foot = without_foot(layout, text)
+        body, blocks = without_headings(layout, body)
+        if foot or blocks:
+            read = _read_fast(layout, body)
+        columns, lines, skipped = read or _read_slow(path, layout, body)
+        read = columns, lines, [*skipped, *foot]
     columns, lines, skipped = read
     if not lines.size:
         reason = "found no rows, expected at least one line of numbers"
         raise MeasurementError(str(path), reason)
+    if blocks:
+        blocks = [*layout.titles[-1:], *blocks]
+        added = list(columns_of_blocks(blocks, lines))
+        names = (*layout.names, *(parse_name(column.name) for column in added))
+        layout = dataclasses.replace(layout, names=names)
+        columns = [*columns, *added]
     return table_of(path, layout, columns, lines, skipped, encoding)
 
 
@@ -276,45 +281,6 @@ def _lines_of_rows(body: bytes, rows: int) -> Int[np.ndarray, " t"]:
     return np.flatnonzero(ends > starts)
 
 
-def _without_foot(layout: Layout, text: str) -> tuple[str, list[Skipped]]:
-    """Return a text without the lines of words below its rows, and these lines.
-
-    A row that was cut off is no such line: it begins like a row.
-    """
-    tail = text[layout.body :].rstrip("\n").rsplit("\n", _FOOT)
-    foot = len(tail)
-    for at in range(len(tail) - 1, 0, -1):
-        if tail[at].strip():
-            if not _is_foot(layout, tail[at], after_gap=not tail[at - 1].strip()):
-                break
-            foot = at
-    if foot == len(tail):
-        return text, []
-    whole = text[: layout.body] + "\n".join(tail[:foot])
-    line = whole.count("\n") + 1 - text[: layout.body].count("\n") + layout.body_line
-    skipped = [
-        Skipped(line + k, "below the rows")
-        for k, words in enumerate(tail[foot:])
-        if words.strip()
-    ]
-    return whole, skipped
-
-
-def _is_foot(layout: Layout, line: str, *, after_gap: bool) -> bool:
-    dialect = layout.dialect
-    cells = dialect.split(line)
-    filled = [cell for cell in cells if cell]
-    if not filled or dialect.number(filled[0]) is not None:
-        return False
-    if layout.header and tuple(cells) == layout.header[: len(cells)]:
-        return False
-    numbers = any(map(dialect.is_number, filled))
-    words = after_gap or not numbers or _SUMMARY.fullmatch(filled[0]) is not None
-    if layout.numeric[0]:
-        return words and filled[0][0] not in "+-.,0123456789"
-    return after_gap or (len(filled) == 1 and _SUMMARY.fullmatch(filled[0]) is not None)
-
-
 def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
     """Read line by line; the place where a wrong line or cell is found and named."""
     dialect, width = layout.dialect, len(layout.names)
@@ -333,6 +299,9 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
             cells.pop()
         if layout.header and tuple(cells) == layout.header[:width]:
             skipped.append(Skipped(number, "the header line again"))
+            continue
+        if len(cells) == width and layout.units_line and is_unit_row(cells, width):
+            skipped.append(Skipped(number, "the units again"))
             continue
         if len(cells) != width:
             last = " in the last line" if not _more(text, layout, at) else ""
@@ -365,7 +334,8 @@ def _slow_column(
         return _text_column(name, tuple(cells))
     values = np.array([np.nan if v is None else v for v in parsed], dtype=np.float64)
     wrong = np.flatnonzero(~np.isfinite(values))
-    bad = BadCell(lines[wrong[0]], cells[wrong[0]]) if wrong.size else None
+    first = int(wrong[0]) if wrong.size else None
+    bad = None if first is None else BadCell(lines[first], cells[first])
     return number_column(name, values, bad)
 
 

@@ -8,6 +8,8 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
+from ._dates import is_instant
+
 _NUMBER = {
     ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"),
     ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
@@ -40,6 +42,7 @@ _NO_NUMBER = re.compile(
 _LONGEST = 400
 """Characters of the longest number; converting a longer run of digits takes forever."""
 _BLANKS = re.compile(r"[ \t]+")
+_UNIT_IN_BRACKETS = re.compile(r"\s+(?=[\[(][^\])]*[\])])")
 _COMMENT = re.compile(r"\s*(?:#|%|//|!)")
 _CANDIDATES = (
     ("\t", "."),
@@ -86,6 +89,24 @@ class Dialect:
             )
             return [cell.strip() for cell in row]
         return [cell.strip() for cell in line.split(self.separator)]
+
+    def header(self, line: str, width: int) -> list[str] | None:
+        """Return the names that a line gives to so many columns, or None.
+
+        Between blanks, names and units may hold blanks themselves.
+        """
+        ways = [self.split(line)]
+        if self.separator == " ":
+            text = line.strip()
+            ways.append(re.split(r"\s{2,}|\t", text))
+            joined = _UNIT_IN_BRACKETS.sub("\0", text)
+            ways.append([cell.replace("\0", " ") for cell in joined.split()])
+        for cells in ways:
+            if len(cells) == width + 1 and cells[-1] == "":
+                cells = cells[:-1]
+            if len(cells) == width:
+                return cells
+        return None
 
     def number(self, cell: str) -> float | None:
         """Return the number in a cell (NaN where it says so), or None for text."""
@@ -186,7 +207,10 @@ def _score(dialect: Dialect, lines: Sequence[str]) -> tuple[bool, float, bool, i
     first = first_row_of_numbers(dialect, rows, width)
     body = [row for row in rows[first:] if len(row) == width]
     cells = [cell for row in body for cell in row]
-    share = len(body) / len(rows[first:]) * dialect.count_numbers(cells) / len(cells)
+    numbers = dialect.count_numbers(cells)
+    if numbers < len(cells):
+        numbers = sum(dialect.number(c) is not None or is_instant(c) for c in cells)
+    share = len(body) / len(rows[first:]) * numbers / len(cells)
     # A header that splits like the rows settles "1,5" against "1" and "5"; and several
     # columns that are mostly whole beat a single one, or one short line of few would
     # hide itself.

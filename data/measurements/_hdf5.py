@@ -38,7 +38,9 @@ def read_hdf5(path: Path) -> Table:
     try:
         with h5py.File(path, "r") as file:
             found = [
-                each for key in file for each in _arrays(h5py, file[key], key, matlab)
+                each
+                for key in map(str, file)
+                for each in _arrays(h5py, file[key], key, matlab)
             ]
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         words = str(error).splitlines()[0][:80] if str(error) else "unreadable"

@@ -3,14 +3,16 @@
 import dataclasses
 import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ._roles import find_role
 from ._units import find_unit
 
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
 _SLASHED = re.compile(r"(?P<name>[^/]+?)\s+(?:/|in)\s+(?P<unit>\S+)")
+_COLON = re.compile(r"(?P<name>[^:]+?)\s*:\s*(?P<unit>[^:\s]+)")
 _ENDING = re.compile(r"(?P<name>.+)_(?P<unit>[A-Za-z0-9.%µμ°]+)")
+_FORMAT = re.compile(r"(?i)[hmsdytj]{1,4}(?:[:./ -]+[hmsdytj]{1,4})+|±\s?1|-+|1")
 # Units that files use and the library does not convert; a default would be wrong.
 _FOREIGN = frozenset(
     ("in", "inch", "inches", "zoll", '"', "mil", "thou", "ft", "f", "°f", "degf")
@@ -41,12 +43,12 @@ _BARE_ROLES = {
         *("direction", "dir", "richtung", "fahrtrichtung", "anfahrrichtung"),
         *("verfahrrichtung", "approach", "approach direction"),
     ),
-    "time": ("time", "zeit", "t"),
+    "time": ("time", "zeit", "t", "elapsed", "elapsed time", "laufzeit"),
 }
 _BY_NAME = {name: role for role, names in _BARE_ROLES.items() for name in names}
 CLOCKS = {
     "date": ("date", "datum", "day", "tag"),
-    "time": ("time", "zeit", "uhrzeit", "clock"),
+    "time": ("time", "zeit", "uhrzeit", "clock", "elapsed", "elapsed time", "laufzeit"),
     "both": ("timestamp", "time stamp", "zeitstempel", "datetime", "date time"),
 }
 """Names of columns of instants: the date, the time of day, and both together."""
@@ -54,7 +56,7 @@ _FILLERS = frozenset(("nr", "no", "nummer", "number", "num", "axis", "achse", "i
 _AXIS_WORD = r"[xyzabcuvw]\d?"
 _BEFORE = re.compile(rf"(?P<axis>{_AXIS_WORD}) (?P<kind>.+)")
 _BEHIND = re.compile(rf"(?P<kind>.+) (?P<axis>{_AXIS_WORD})")
-_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{_AXIS_WORD})")
+_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{_AXIS_WORD})|e(?P<of>[xyz])[xyz]")
 
 DIRECTIONS = {
     **dict.fromkeys(
@@ -123,7 +125,7 @@ class Heading:
 def parse_name(header: str) -> Name:
     """Return name and unit of ``x [mm]``, ``x (mm)``, ``x / mm`` or ``dz_um``."""
     text = header.strip()
-    for pattern in (_BRACKETED, _SLASHED):
+    for pattern in (_BRACKETED, _SLASHED, _COLON):
         match = pattern.fullmatch(text)
         if match is None or not match["name"].strip():
             continue
@@ -145,6 +147,11 @@ def parse_name(header: str) -> Name:
     return Name(text, exact, exact is not None, match["name"] if exact else text, text)
 
 
+def is_format(cell: str) -> bool:
+    """Whether a cell of a row of units says how a time is written, or that there is none."""
+    return _FORMAT.fullmatch(cell.strip()) is not None
+
+
 def unit_in(cell: str) -> str | None:
     """Return the unit that a cell of a row of units names, or None."""
     text = cell.strip().strip("[]() ")
@@ -162,7 +169,22 @@ def plain(text: str) -> str:
 
 def bare_role(name: Name) -> str | None:
     """Return the kind of role that a name without an axis stands for, or None."""
-    return _BY_NAME.get(name.stem.strip().casefold()) or _BY_NAME.get(plain(name.stem))
+    words = re.sub(r"[\s_.:#/=-]+", " ", name.stem.casefold()).strip()
+    kind = _BY_NAME.get(words)
+    # "Run No." is a run, and "Pos. No." counts the positions.
+    return kind or (
+        None if (kind := _BY_NAME.get(plain(words))) == "position" else kind
+    )
+
+
+def is_clock(name: Name, text: str) -> bool:
+    """Whether a name says date, time or both, as the text is a key of `CLOCKS`."""
+    words = plain(name.stem)
+    if text != "both":
+        return words in CLOCKS[text]
+    parts = set(words.split())
+    each = (parts & set(CLOCKS["date"]), parts & set(CLOCKS["time"]))
+    return words in CLOCKS["both"] or (all(each) and len(parts) == 2)
 
 
 def roles_of(names: Sequence[Name]) -> tuple[list[str | None], bool]:
@@ -213,7 +235,7 @@ def _axis_role(name: Name) -> str | None:
     if re.fullmatch(_AXIS_WORD, text):
         return f"{text.upper()}.position"
     if match := _DELTA.fullmatch(text):
-        return f"{match['axis'].upper()}.error"
+        return f"{(match['axis'] or match['of']).upper()}.error"  # EYX: in Y, along X
     for pattern in (_BEFORE, _BEHIND):
         match = pattern.fullmatch(text)
         kind = _BY_NAME.get(match["kind"]) if match else None
@@ -232,7 +254,7 @@ def heading(text: str) -> Heading | None:
     words: set[int] = set()
     signs: set[int] = set()
     kind: str | None = None
-    named = False
+    named = axis = False
     for token in _TOKENS.findall(text):
         if token in DIRECTIONS and token not in _NO_HEADING:
             (signs if token in "+-−" else words).add(DIRECTIONS[token])
@@ -242,16 +264,29 @@ def heading(text: str) -> Heading | None:
             named = True
         elif _BY_NAME.get(token) in ("error", "actual"):
             kind = _BY_NAME[token]
-        elif _BY_NAME.get(token) == "direction" or token in _FILLERS:
-            continue
-        else:
+        elif re.fullmatch("[xyzabcuvw]", token):
+            axis = True
+        elif _BY_NAME.get(token) != "direction" and token not in _FILLERS:
             return None
     directions = words or signs  # "Lauf 1 - hin" holds a dash and no sign
     if len(directions) > 1 or (run is None and not directions):
         return None
+    if axis and not (named or words):
+        return None  # "B 1" and "X+" are names of axes and of their ends
     return Heading(
         run, next(iter(directions), None), kind, named or bool(directions) or bool(kind)
     )
+
+
+def numbered(found: Mapping[int, Heading]) -> dict[int, Heading]:
+    """Return headings with a run each; those without are counted per direction."""
+    seen: dict[int | None, int] = {}
+    numbered = {}
+    for at, item in found.items():
+        seen[item.direction] = seen.get(item.direction, 0) + 1
+        run = seen[item.direction] if item.run is None else item.run
+        numbered[at] = dataclasses.replace(item, run=run)
+    return numbered
 
 
 def looks_like_names(cells: Sequence[str]) -> bool:

@@ -165,10 +165,11 @@ def _readings(
 
 def is_centroid(head: str) -> bool:
     """Whether a text is a count and a number, and below as many lines of numbers."""
-    lines = [line.split() for line in head.split("\n") if line.strip()]
-    if len(lines) < 3 or len(lines[0]) != 2 or not _WHOLE.fullmatch(lines[0][0]):
+    top = head.lstrip().partition("\n")[0].split()
+    if len(top) != 2 or not _WHOLE.fullmatch(top[0]):
         return False
-    if not _WHOLE.fullmatch(lines[0][1]) or int(lines[0][0]) < 2:
+    lines = [line.split() for line in head.split("\n") if line.strip()]
+    if not _WHOLE.fullmatch(top[1]) or int(top[0]) < 2:
         return False
     below = lines[1:]
     whole = sum(len(line) == 1 and bool(_WHOLE.fullmatch(line[0])) for line in below)
@@ -224,7 +225,9 @@ def is_addresses(head: str) -> bool:
 
 
 def _keys_of(head: str) -> tuple[str, ...] | None:
-    lines = [line for line in head.split("\n")[:_LOOK] if line.strip()]
+    lines = [line for line in head.split("\n", _LOOK)[:_LOOK] if line.strip()]
+    if 2 * sum(line.lstrip()[0].isalpha() for line in lines) <= len(lines):
+        return None
     found = [_address_keys(line) for line in lines]
     keys = max(set(found), key=found.count, default=None)
     if keys is None or found.count(keys) < 2 or 2 * found.count(keys) <= len(lines):

@@ -1,13 +1,22 @@
 """Where titles, header, units and rows of a text table lie, and what the columns are called."""
 
 import dataclasses
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from ._dialect import Dialect, first_row_of_numbers, sniff, usual_width
 from ._errors import LineError, MeasurementError
-from ._header import Name, heading, looks_like_names, parse_name, unit_in
+from ._header import (
+    Name,
+    bare_role,
+    heading,
+    is_format,
+    looks_like_names,
+    parse_name,
+    unit_in,
+)
 from ._table import Lines, Skipped
 
 _SAMPLE = 400
@@ -20,7 +29,6 @@ _LONGEST_HEADER = 10_000
 _MOST_HEADERS = 4
 _AS_SHOWN = Lines()
 _ANY_NUMBER = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
-_UNIT_IN_BRACKETS = re.compile(r"\s+(?=[\[(][^\])]*[\])])")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -171,25 +179,21 @@ def _first_row(head: _Head, wanted: Lines) -> int:
         reason = f"found no row from line {least} on, as the job has it, expected some"
         raise MeasurementError(str(head.path), reason)
     if least:
-        units = wanted.rows is None and _is_unit_row(head.rows[index], head.width)
+        units = wanted.rows is None and is_unit_row(head.rows[index], head.width)
         return index + units if index + units < len(head.rows) else index
     first = first_row_of_numbers(head.dialect, head.rows, head.width)
     if first == 0 and not _any_number(head.dialect, head.rows[:1]):
-        return _first_of_words(head)
+        # A table of words: below what can only be a header.
+        return int(len(head.rows) > 1 and looks_like_names(head.rows[0]))
     # A row of numbers with a word among them belongs to the body.
     while first > 0 and _is_damaged_row(head, first - 1):
         first -= 1
     return first
 
 
-def _first_of_words(head: _Head) -> int:
-    """Return the first row of a table of words: below what can only be a header."""
-    return int(len(head.rows) > 1 and looks_like_names(head.rows[0]))
-
-
 def _is_damaged_row(head: _Head, index: int) -> bool:
     cells = head.rows[index]
-    if len(cells) != head.width or _is_unit_row(cells, head.width):
+    if len(cells) != head.width or is_unit_row(cells, head.width):
         return False
     known = heading(cells[0]) is not None or looks_like_names(cells[:1]) or not cells[0]
     return not known and any(map(head.dialect.is_number, cells))
@@ -200,7 +204,7 @@ def _header_above(
 ) -> tuple[list[int], int | None]:
     """Return the indices of the header lines above a body, and of the units."""
     at, units = first - 1, None
-    if at >= 0 and _is_unit_row(head.rows[at], head.width):
+    if at >= 0 and is_unit_row(head.rows[at], head.width):
         at, units = at - 1, at
     if wanted.header is not None:
         missing = [line for line in wanted.header if line not in head.lines]
@@ -219,7 +223,7 @@ def _header_above(
 
 def _is_header(head: _Head, index: int) -> bool:
     """Whether a line names the columns: words above numbers, as many as there are cells."""
-    cells = header_cells(head.dialect, head.texts[index], head.width)
+    cells = head.dialect.header(head.texts[index], head.width)
     if cells is None:
         _refuse_other_width(head, index)
         return False
@@ -232,7 +236,7 @@ def _is_header(head: _Head, index: int) -> bool:
 
 def _is_upper_header(head: _Head, index: int) -> bool:
     """Whether a line above a header names groups of columns."""
-    cells = header_cells(head.dialect, head.texts[index], head.width)
+    cells = head.dialect.header(head.texts[index], head.width)
     if cells is None:
         return False
     filled = [at for at, cell in enumerate(cells) if cell]
@@ -243,22 +247,6 @@ def _is_upper_header(head: _Head, index: int) -> bool:
     return known and (wide or (fills and len(filled) > 1))
 
 
-def header_cells(dialect: Dialect, line: str, width: int) -> list[str] | None:
-    """Return the names that a line gives to so many columns, or None."""
-    ways = [dialect.split(line)]
-    if dialect.separator == " ":
-        text = line.strip()
-        ways.append(re.split(r"\s{2,}|\t", text))
-        joined = _UNIT_IN_BRACKETS.sub("\0", text)
-        ways.append([cell.replace("\0", " ") for cell in joined.split()])
-    for cells in ways:
-        if len(cells) == width + 1 and cells[-1] == "":
-            cells = cells[:-1]
-        if len(cells) == width:
-            return cells
-    return None
-
-
 def _refuse_other_width(head: _Head, index: int) -> None:
     """Raise where a line is meant as the header and has more or fewer names.
 
@@ -266,6 +254,10 @@ def _refuse_other_width(head: _Head, index: int) -> None:
         LineError: That it is.
     """
     cells = [cell for cell in head.rows[index] if cell]
+    if head.dialect.separator == "," and head.width == 2 * len(cells) > 2:
+        found = f"{len(cells)} names above {head.width} cells between commas"
+        expected = "semicolons between cells, or quotes, where decimals have commas"
+        raise head.error(index, found, expected, "header = [], with columns by number")
     if head.dialect.separator == " " or len(cells) < 2 or 2 * len(cells) <= head.width:
         return
     if any(map(head.dialect.is_number, cells)) or any(":" in cell for cell in cells):
@@ -298,7 +290,7 @@ def _names(head: _Head, top: Sequence[int]) -> list[Name]:
     if not top:
         return []
     rows = [
-        header_cells(head.dialect, head.texts[at], head.width) or list(head.rows[at])
+        head.dialect.header(head.texts[at], head.width) or list(head.rows[at])
         for at in top
     ]
     if len({len(row) for row in rows}) > 1:
@@ -308,10 +300,24 @@ def _names(head: _Head, top: Sequence[int]) -> list[Name]:
     for row in rows[:-1]:  # the name of a group stands above its first column
         for at in range(1, len(row)):
             row[at] = row[at] or row[at - 1]
-    return [
-        parse_name(" ".join(dict.fromkeys(cell for cell in column if cell)))
-        for column in zip(*rows, strict=True)
+    return [_name(column) for column in zip(*rows, strict=True)]
+
+
+def _name(cells: Sequence[str]) -> Name:
+    """Return the name of a column from its cells in all header lines."""
+    parts = list(dict.fromkeys(cell for cell in cells if cell))
+    if len(parts) < 2:
+        return parse_name("".join(parts))
+    # "Run" and "Direction" in front of their rows are no part of the name below.
+    labels = [
+        bare_role(parse_name(part)) in ("run", "direction") for part in parts[:-1]
     ]
+    parts = [*itertools.compress(parts, [not label for label in labels]), parts[-1]]
+    units = [unit for part in parts[1:] if (unit := unit_in(part)) is not None]
+    name = parse_name(" ".join(part for part in parts if part and not unit_in(part)))
+    if not units or name.unit is not None:
+        return parse_name(" ".join(parts))
+    return dataclasses.replace(name, unit=units[0], doubtful=False)
 
 
 def is_plain(text: str) -> bool:
@@ -345,7 +351,7 @@ def _plain_layout(text: str) -> Layout | None:
         return None
     if any(dialect.number(cell) is not None for cell in header):
         return None
-    if not any(map(str.isalpha, top)) or _is_unit_row(header, width):
+    if not any(map(str.isalpha, top)) or is_unit_row(header, width):
         return None
     return Layout(
         dialect=dialect,
@@ -360,8 +366,9 @@ def _plain_layout(text: str) -> Layout | None:
     )
 
 
-def _is_unit_row(cells: Sequence[str], width: int) -> bool:
-    named = [cell for cell in cells if cell.strip("[]()- ")]
+def is_unit_row(cells: Sequence[str], width: int) -> bool:
+    """Whether a line holds units, and nothing else, for so many columns."""
+    named = [cell for cell in cells if cell.strip("[]()- ") and not is_format(cell)]
     return len(cells) == width and bool(named) and all(map(unit_in, named))
 
 
@@ -380,7 +387,7 @@ def _names_from_comment(
     """Return names from the last comment if that is a header, else column numbers."""
     comments = [line.strip() for line in above if line.strip()]
     if comments:
-        cells = header_cells(dialect, comments[-1].lstrip("#%/!; "), width)
+        cells = dialect.header(comments[-1].lstrip("#%/!; "), width)
         if cells is not None and looks_like_names(cells):
             return [parse_name(cell) for cell in cells]
     return [Name(str(at + 1), None, False, str(at + 1), "") for at in range(width)]

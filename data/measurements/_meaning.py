@@ -9,24 +9,35 @@ import numpy as np
 from ._dates import is_instant
 from ._errors import LineError
 from ._header import (
-    CLOCKS,
     DIRECTIONS,
     Heading,
     Name,
     bare_role,
     heading,
-    plain,
+    is_clock,
+    numbered,
     roles_of,
 )
 from ._table import Column, Table
 from ._units import find_unit
 
-_PAIR = re.compile(r"\W*(?P<key>[^:=;\t|]+?)\s*[:=;\t|]+\s*(?P<value>[^;\t|]+?)[\s;|]*")
-_KEYS = {
-    "direction": ("direction", "richtung", "fahrtrichtung", "verfahrrichtung"),
-    "unit": ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit"),
-}
-_AXIS = re.compile(r"(?i:\b(?:axis|achse))\s*[:=;\t ]\s*(?P<axis>[A-Z]\d?)\b")
+_PAIR = re.compile(
+    r"\W*(?P<key>[^:=;,\t|]+?)\s*[:=;,\t|]+\s*(?P<value>[^;,\t|]+?)[\s;,|]*"
+)
+_UNIT_WORDS = frozenset(
+    ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit")
+)
+_SIDE_WORDS = frozenset(("direction", "richtung", "fahrtrichtung", "verfahrrichtung"))
+_AXIS = re.compile(r"(?i:\b(?:axis|achse))\s*[:=;,\t ]+\s*(?P<axis>[A-Z]\d?)\b")
+_STRAIGHT = re.compile(r"(?i)straightness|geradheit")
+_DEVIATES = re.compile(
+    r"(?i:\b(?:in|of|straightness|geradheit|abweichung|error|deviation))\s+"
+    r"(?P<axis>[XYZ])\b"
+)
+_MOVES = re.compile(
+    r"(?i:\b(?:über|ueber|over|along|entlang|axis|achse|vs|against))\.?[\s:=;,]+"
+    r"(?P<axis>[XYZ])\b"
+)
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -178,18 +189,7 @@ def _wide(table: Table, names: Sequence[Name]) -> Table | None:
         found = {at: item for at, item in found.items() if item.named}
     if len(found) < 2 or {"error", "actual"} & set(kinds):
         return None
-    return _with_runs(table, target, _numbered(found))
-
-
-def _numbered(found: Mapping[int, Heading]) -> dict[int, Heading]:
-    """Return headings with a run each: those without are counted per direction."""
-    seen: dict[int | None, int] = {}
-    numbered = {}
-    for at, item in found.items():
-        seen[item.direction] = seen.get(item.direction, 0) + 1
-        run = seen[item.direction] if item.run is None else item.run
-        numbered[at] = dataclasses.replace(item, run=run)
-    return numbered
+    return _with_runs(table, target, numbered(found))
 
 
 def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table:
@@ -206,10 +206,14 @@ def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table
     )
     kind = stated or ("actual" if follows else "error")
     columns[target] = dataclasses.replace(columns[target], role="position")
+    names = [columns[at].name for at in found]
     for at, item in found.items():
         columns[at] = dataclasses.replace(
             columns[at], role=kind, run=item.run, direction=item.direction
         )
+        if names.count(columns[at].name) > 1:
+            name = f"{columns[at].name} (run {item.run})"
+            columns[at] = dataclasses.replace(columns[at], name=name, header=name)
     runs = len({item.run for item in found.values()})
     both = len({item.direction for item in found.values()} - {None})
     words = {"actual": "actual positions", "error": "errors"}[kind]
@@ -234,14 +238,16 @@ def _with_clock(table: Table, names: Sequence[Name]) -> Table:
     if any(column.role == "time" and column.text is None for column in columns):
         return table
     texts = {
-        at: plain(name.stem)
+        at: name
         for at, name in enumerate(names)
         if (text := columns[at].text) is not None and is_instant(text[0].strip())
     }
-    day = next((at for at, text in texts.items() if text in CLOCKS["date"]), None)
-    hour = next((at for at, text in texts.items() if text in CLOCKS["time"]), None)
-    both = next((at for at, text in texts.items() if text in CLOCKS["both"]), None)
-    one = next((at for at in (both, hour, day) if at is not None), None)
+    day, hour, both = (
+        next((at for at, name in texts.items() if is_clock(name, kind)), None)
+        for kind in ("date", "time", "both")
+    )
+    bare = [at for at, name in texts.items() if not name.header]
+    one = next((at for at in (both, hour, day, *bare) if at is not None), None)
     if one is None:
         return table
     if both is None and day is not None and hour is not None and day != hour:
@@ -269,42 +275,101 @@ def _has_date(cell: str) -> bool:
 
 def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
     """Return the table with what the lines above its header say: axis, unit, direction."""
-    said: dict[str, tuple[int, str]] = {}
+    table = _straight(table, " \n ".join(titles.values()))
     for line, text in titles.items():
-        if (named := _AXIS.search(text)) is not None:
-            said.setdefault("axis", (line, named["axis"]))
-        match = _PAIR.fullmatch(text)
-        for kind, words in _KEYS.items():
-            if match and match["key"].strip().casefold() in words:
-                said.setdefault(kind, (line, match["value"].strip()))
-    remarks = list(table.remarks)
-    columns = list(table.columns)
-    axis = table.axis
-    if "axis" in said:
-        axis = said["axis"][1]
-        remarks.append(f"Line {said['axis'][0]} says that the axis is {axis}.")
-    kinds = {column.role for column in columns}
-    if "unit" in said and (unit := find_unit(said["unit"][1])) is not None:
-        for at, column in enumerate(columns):
-            if column.role in ("error", "actual") and column.unit is None:
-                columns[at] = dataclasses.replace(
-                    column, unit=unit.name, doubtful_unit=False
-                )
-                remarks.append(
-                    f"Column '{column.name}' is in {unit.name}, as line"
-                    f" {said['unit'][0]} says."
-                )
-    if "direction" in said and "position" in kinds and "direction" not in kinds:
-        side = DIRECTIONS.get(said["direction"][1].casefold())
-        if side is not None and all(column.direction is None for column in columns):
-            values = np.full(table.rows, float(side))
-            columns.append(
-                Column("direction", "direction", None, values, header="direction")
-            )
-            remarks.append(
-                f"Line {said['direction'][0]} says '{said['direction'][1]}': direction"
-                f" {side:+d} in all rows."
-            )
+        if (named := _AXIS.search(text)) is not None and table.axis is None:
+            remark = f"Line {line} says that the axis is {named['axis']}."
+            table = _noted(table, table.columns, remark, named["axis"])
+        pair = _PAIR.fullmatch(text)
+        if pair is not None and pair["key"].strip().casefold() in _UNIT_WORDS:
+            table = _in_unit(table, line, pair["value"])
+        elif pair is not None and pair["key"].strip().casefold() in _SIDE_WORDS:
+            table = _in_direction(table, line, pair["value"])
+    return table
+
+
+def _noted(
+    table: Table, columns: Sequence[Column], remark: str, axis: str | None = None
+) -> Table:
     return dataclasses.replace(
-        table, columns=tuple(columns), remarks=tuple(remarks), axis=axis
+        table,
+        columns=tuple(columns),
+        remarks=(*table.remarks, remark),
+        axis=axis or table.axis,
     )
+
+
+def _kind(column: Column) -> str:
+    return (column.role or "").rpartition(".")[2]
+
+
+def _in_unit(table: Table, line: int, text: str) -> Table:
+    """Return the table with a unit for readings that state none."""
+    unit = find_unit(text)
+    bare = [
+        column
+        for column in table.columns
+        if _kind(column) in ("error", "actual") and column.unit is None
+    ]
+    if unit is None and bare:
+        return _noted(
+            table, table.columns, f"Line {line} says '{text}': no known unit."
+        )
+    if unit is None or not bare:
+        return table
+    marked = set(map(id, bare))  # arrays in columns do not compare
+    columns = [
+        dataclasses.replace(column, unit=unit.name) if id(column) in marked else column
+        for column in table.columns
+    ]
+    names = ", ".join(f"'{column.name}'" for column in bare[:4])
+    names += f" and {len(bare) - 4} more" if len(bare) > 4 else ""
+    return _noted(table, columns, f"{names}: in {unit.name}, as line {line} says.")
+
+
+def _in_direction(table: Table, line: int, text: str) -> Table:
+    """Return the table with a direction for all rows, where it has none."""
+    kinds = set(map(_kind, table.columns))
+    side = DIRECTIONS.get(text.casefold())
+    stated = any(column.direction is not None for column in table.columns)
+    if side is None or stated or "position" not in kinds or "direction" in kinds:
+        return table
+    values = np.full(table.rows, float(side))
+    column = Column("direction", "direction", None, values, header="direction")
+    remark = f"Line {line} says '{text}': direction {side:+d} in all rows."
+    return _noted(table, (*table.columns, column), remark)
+
+
+def _straight(table: Table, titles: str) -> Table:
+    """Return a table of straightness with the axes that move and deviate, or no roles.
+
+    Its errors are across the motion: those of a laser table would be of the wrong axis.
+    """
+    names = " ".join(column.header for column in table.columns)
+    roles = [column.role for column in table.columns]
+    if not _STRAIGHT.search(f"{titles} {names}") or "position" not in roles:
+        return table
+    across, along = _DEVIATES.search(titles), _MOVES.search(titles)
+    known = across and along and across["axis"] != along["axis"]
+    axes = {}
+    if across and along and known:
+        axes = {"position": along["axis"], "error": across["axis"]}
+        remark = (
+            f"Straightness: the titles say that {axes['position']} moves and"
+            f" {axes['error']} deviates."
+        )
+    else:
+        remark = (
+            "Straightness: which axis moves and which deviates is not said; the job's"
+            ' columns say it, such as "X.position" and "Y.error".'
+        )
+    columns = tuple(
+        dataclasses.replace(
+            column,
+            role=f"{axes[column.role]}.{column.role}" if column.role in axes else None,
+        )
+        if column.role in ("position", "error", "actual")
+        else column
+        for column in table.columns
+    )
+    return dataclasses.replace(_noted(table, columns, remark), format="CSV")

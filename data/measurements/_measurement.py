@@ -218,6 +218,14 @@ def measurement(
                 reason += ", expected mm or ° per increment"
                 raise MeasurementError(source, reason)
         units[text] = library_unit(unit, angle=angle)
+        if (
+            column.unit is None
+            and spec.unit is None
+            and column.role in ("error", "actual")
+        ):
+            remarks.append(
+                f"Column '{column.name}' states no unit: it is taken in {unit.name}."
+            )
         if column.doubtful_unit and spec.unit is None and unit.name == column.unit:
             remarks.append(
                 f"Column '{column.name}' is taken in {unit.name} from its name."

@@ -38,10 +38,14 @@ def read_tdms(path: Path) -> Table:
                     alone = len(groups) == 1
                     name = channel.name if alone else f"{group.name}.{channel.name}"
                     found += _arrays(channel, name, first=not found)
+            cut = file.file_status.incomplete_final_segment
     except (OSError, ValueError, KeyError, IndexError, EOFError, struct.error) as error:
         words = str(error).splitlines()[0][:80] if str(error) else "unreadable"
         reason = f"found damaged TDMS data ({words}), expected a whole file"
         raise MeasurementError(str(path), reason) from error
+    if cut:
+        reason = "found a TDMS file that was cut off, expected a whole file"
+        raise MeasurementError(str(path), reason)
     return table_of_arrays(path, "TDMS", found, _EXPECTED)
 
 

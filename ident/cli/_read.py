@@ -202,8 +202,9 @@ def _form_words(form: "TextForm") -> str:
 
 
 def _numbers(lines: "tuple[int, ...]") -> str:
-    whole = len(lines) > 2 and lines == tuple(range(lines[0], lines[-1] + 1))
-    return f"{lines[0]} to {lines[-1]}" if whole else ", ".join(map(str, lines))
+    first, last = min(lines), max(lines)
+    whole = len(lines) > 2 and last - first == len(lines) - 1
+    return f"{first} to {last}" if whole else ", ".join(map(str, lines))
 
 
 def _every(column: "Column") -> str:

@@ -278,3 +278,19 @@ def test_iso230_takes_columns_that_do_not_name_themselves(
     assert "--column ROLE=COLUMN" in capsys.readouterr().err
     assert main(["iso230", str(other), "--column", "eror=dx"]) == 2
     assert "found 'eror=dx', expected ROLE=COLUMN" in capsys.readouterr().err
+
+
+def test_a_table_with_a_column_per_run_is_evaluated_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "wide.csv"
+    path.write_text(
+        "Achse: X\nSoll [mm];hin 1 [µm];rück 1 [µm];hin 2 [µm];rück 2 [µm]\n"
+        "0;0;4;2;6\n100;1;5;3;7\n",
+        encoding="utf-8",
+    )
+    assert main(["iso230", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    # Backward lies 4 µm above forward everywhere: to the bit of a µm in mm.
+    assert found["B"] == pytest.approx(0.004, abs=1e-12)
+    assert found["E"] == pytest.approx(0.005, abs=1e-12)

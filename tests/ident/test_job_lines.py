@@ -7,7 +7,7 @@ import pytest
 
 from axcomp.data.measurements import Measurement, MeasurementError
 from axcomp.ident.job import JobError, load_job
-from axcomp.ident.job._source import Tables, masters_of, measured_for
+from axcomp.ident.job._source import Tables, measured_for
 
 JOB = """
 [axes.X]
@@ -41,7 +41,7 @@ def measured(folder: Path, text: str, columns: str, keys: str = "") -> Measureme
     path.write_text(JOB.format(columns=columns, keys=keys))
     job = load_job(path)
     fit = job.spec.fits[0]
-    return measured_for(Tables(job), "laser", fit, masters_of(fit))
+    return measured_for(Tables(job), "laser", fit, ("X",))
 
 
 def test_columns_per_run_and_direction_become_one_reading_per_row(
@@ -94,7 +94,7 @@ def test_header_may_be_said_to_be_missing(tmp_path: Path) -> None:
     (tmp_path / "laser.csv").write_text("a,b,c\n0,1\n100,2\n200,3\n")
     job = load_job(path)
     fit = job.spec.fits[0]
-    found = measured_for(Tables(job), "laser", fit, masters_of(fit))
+    found = measured_for(Tables(job), "laser", fit, ("X",))
     assert found.require("X.error").tolist() == [1, 2, 3]
 
 
@@ -137,3 +137,15 @@ def test_columns_that_do_not_fit_together_are_named(
 ) -> None:
     with pytest.raises(MeasurementError, match=match):
         measured(tmp_path, ROWS, columns)
+
+
+def test_the_keys_in_the_documentation_are_those_of_a_job(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "instrument-files.md"
+    block = page.read_text(encoding="utf-8").split("```toml")[1].split("```")[0]
+    (tmp_path / "laser.csv").write_text(ROWS)
+    path = tmp_path / "job.toml"
+    fit = JOB.partition("[[fits]]")[2]
+    path.write_text(f"[axes.X]\nnumber = 1\n{block}\n[[fits]]{fit}", encoding="utf-8")
+    spec = load_job(path).spec.measurements["laser"]
+    assert (spec.skip, spec.header, spec.rows) == (3, [5, 6], [8, 28])
+    assert set(spec.columns) == {"X.position", "X.error"}

@@ -1,0 +1,198 @@
+"""What titles, headings and words of a table say of its columns, and how it is written."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.data.measurements import (
+    LineError,
+    Measurement,
+    MeasurementError,
+    measurement,
+    read_table,
+)
+
+
+def read(folder: Path, text: str | bytes, axis: str | None = "X") -> Measurement:
+    path = folder / "file.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return measurement(read_table(path), axis=axis)
+
+
+BODY = "0;0;1;0;1\n10;1;2;1;2\n20;2;3;2;3\n"
+
+
+@pytest.mark.parametrize(
+    "top",
+    [
+        "pos [mm];+1 [um];-1 [um];+2 [um];-2 [um]\n",
+        "Run;1;1;2;2\nDirection;+;-;+;-\nTarget [mm];um;um;um;um\n",
+        "Target;1;1;2;2\n;up;down;up;down\nmm;µm;µm;µm;µm\n",
+        "Ziel Nr.;;;;\nSoll [mm];hin1 [um];rueck1 [um];hin2 [um];rueck2 [um]\n",
+        "Soll [mm];↑ [µm];↓ [µm];↑ [µm];↓ [µm]\n",
+        "Position;Lauf 1 - hin;Lauf 1 - rück;Lauf 2 - hin;Lauf 2 - rück\n"
+        "[mm];[µm];[µm];[µm];[µm]\n",
+        "Unit:;um;;;\nTarget;Run 1 Forward;Run 1 Reverse;Run 2 Forward;Run 2 Reverse\n",
+    ],
+)
+def test_headings_give_runs_and_directions(tmp_path: Path, top: str) -> None:
+    found = read(tmp_path, top + BODY)
+    assert found.format == "run table (wide)"
+    errors = np.array([0, 1, 2, 3, 2, 1] * 2) / 1000.0
+    np.testing.assert_array_equal(found.require("X.error"), errors)
+    assert found.require("run").tolist() == [1] * 6 + [2] * 6
+    assert found.require("X.direction").tolist() == [1, 1, 1, -1, -1, -1] * 2
+
+
+@pytest.mark.parametrize(
+    ("words", "signs"),
+    [
+        ("vorwärts rückwärts", "+-"),
+        ("hin zurück", "+-"),
+        ("ab auf", "-+"),
+        ("↑ ↓", "+-"),
+        ("Forward Backward", "+-"),
+        ("DOWN UP", "-+"),
+        ("-> <-", "+-"),
+        ("− +", "-+"),
+    ],
+)
+def test_words_and_signs_are_directions(tmp_path: Path, words: str, signs: str) -> None:
+    one, two = words.split()
+    text = f"Soll;Ist;Richtung\n0;0,1;{one}\n10;10,1;{one}\n10;10,2;{two}\n"
+    found = read(tmp_path, text).require("X.direction").tolist()
+    assert found == [1 if signs[k] == "+" else -1 for k in (0, 0, 1)]
+
+
+def test_a_direction_that_is_none_is_named_with_its_line(tmp_path: Path) -> None:
+    found = read(tmp_path, "Soll;Ist;Richtung\n0;0,1;hin\n10;10,1;quer\n")
+    with pytest.raises(MeasurementError, match=r":3: column 'Richtung': found 'quer'"):
+        found.require("X.direction")
+
+
+@pytest.mark.parametrize(
+    ("text", "roles"),
+    [
+        ("Straightness of Y along X\nPosition;Error\n0;1\n9;2\n", "X.position Y.error"),
+        (
+            "Geradheit\nAchse;X;\nX;EYX;EZX\n0;1;2\n9;2;3\n",
+            "X.position Y.error Z.error",
+        ),
+        ("X [mm];Y [mm];dZ [µm]\n0;1;2\n9;2;3\n", "X.position Y.position Z.error"),
+        ("Z Soll;Z Ist\n0;0,1\n9;9,1\n", "Z.position Z.actual"),
+        ("Axis: Y\nTarget;Error\n0;1\n9;2\n", "Y.position Y.error"),
+    ],
+)
+def test_names_and_titles_say_the_axes(tmp_path: Path, text: str, roles: str) -> None:
+    assert " ".join(read(tmp_path, text, None).values) == roles
+
+
+def test_straightness_without_its_axes_is_not_taken_for_a_laser_table(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(MeasurementError, match="without a role, expected a mapping"):
+        read(tmp_path, "Straightness\nPosition;Error\n0;1\n9;2\n")
+
+
+def test_what_is_taken_for_granted_is_said(tmp_path: Path) -> None:
+    found = read(tmp_path, "Axis: Y\nRichtung: rück\nTarget;Error\n0;1\n9;2\n")
+    assert found.require("X.direction").tolist() == [-1, -1]
+    said = " ".join(found.remarks)
+    assert "Line 1 says that the axis is Y." in said
+    assert "The file is of axis Y, and is taken for X." in said
+    assert "Line 2 says 'rück': direction -1 in all rows." in said
+    assert "Column 'Error' states no unit: it is taken in mm." in said
+
+
+@pytest.mark.parametrize(
+    ("rows", "seconds"),
+    [
+        ("11/20/2026;10:15:00 AM\n11/20/2026;12:15:00 PM\n", [0.0, 7200.0]),
+        ("20.11.26;10:15:00,5\n20.11.26;10:15:01\n", [0.0, 0.5]),
+        ("2026-11-20;23:59:59\n2026-11-21;00:00:01\n", [0.0, 2.0]),
+    ],
+)
+def test_date_and_time_in_two_columns_are_one_clock(
+    tmp_path: Path, rows: str, seconds: list[float]
+) -> None:
+    rows = "".join(f"{row};1,5\n" for row in rows.splitlines())
+    found = read(tmp_path, f"Datum;Uhrzeit;T [°C]\n{rows}")
+    assert found.require("time").tolist() == seconds
+    assert found.require("temperature.t").tolist() == [1.5, 1.5]
+
+
+def test_times_alone_go_on_past_midnight(tmp_path: Path) -> None:
+    text = "Zeit;T [°C]\n23:59:50;1\n00:00:10;2\n00:00:40;2\n"
+    assert read(tmp_path, text).require("time").tolist() == [0.0, 20.0, 50.0]
+
+
+def test_a_unit_that_the_library_lacks_is_refused(tmp_path: Path) -> None:
+    found = "Target [in],Error [um]\n0,1\n1,2\n"
+    with pytest.raises(MeasurementError, match="found unit 'in', expected mm"):
+        read(tmp_path, found)
+
+
+def test_the_form_of_a_table_is_recorded(tmp_path: Path) -> None:
+    text = "Laser\n\nSoll;Abweichung\nmm;µm\n1.000,5;2,5\n2.000,5;3,5\n\nMittel;3,0\n"
+    found = read(tmp_path, text.encode("cp1252"))
+    form = found.form
+    assert form is not None
+    assert (form.separator, form.decimal, form.thousands) == (";", ",", ".")
+    assert (form.titles, form.header, form.units, form.first) == ((1,), (3,), 4, 5)
+    assert form.encoding == "cp1252"
+    assert [(s.line, s.reason) for s in found.skipped] == [
+        (1, "title"),
+        (8, "below the rows"),
+    ]
+    assert found.require("X.position").tolist() == [1000.5, 2000.5]
+
+
+def test_a_row_of_another_pattern_above_the_header_is_named(tmp_path: Path) -> None:
+    with pytest.raises(LineError, match=r"csv:1: found '0,1 0,2'.*skip = \[1\]"):
+        read(tmp_path, "0,1 0,2\nSoll;Ist\n0;0,1\n10;10,1\n20;20,1\n")
+
+
+@pytest.mark.parametrize("encoding", ["cp850", "cp1252", "utf-16-le", "utf-16"])
+def test_umlauts_of_all_systems_are_read(tmp_path: Path, encoding: str) -> None:
+    text = "Soll;Ist;Richtung\n0;0,1;rückwärts\n10;10,1;rückwärts\n"
+    found = read(tmp_path, text.encode(encoding))
+    assert found.require("X.direction").tolist() == [-1, -1]
+
+
+def test_blocks_below_one_another_are_runs(tmp_path: Path) -> None:
+    """Each with a line that names run and direction, its header and its units again."""
+    block = "{name}\nTarget;Error\nmm;um\n0;{k}\n10;{k}\n20;{k}\n\n"
+    names = ("Run 1 (forward)", "Run 1 (reverse)", "Run 2 (forward)", "Run 2 (reverse)")
+    text = "".join(block.format(name=name, k=k) for k, name in enumerate(names))
+    found = read(tmp_path, f"Laser\n\n{text}")
+    assert found.require("X.error").tolist() == [
+        k / 1000.0 for k in range(4) for _ in range(3)
+    ]
+    assert found.require("run").tolist() == [1] * 6 + [2] * 6
+    assert found.require("X.direction").tolist() == ([1] * 3 + [-1] * 3) * 2
+
+
+def test_decimal_commas_between_commas_are_not_guessed(tmp_path: Path) -> None:
+    with pytest.raises(
+        LineError, match=r"2 names above 4 cells .* expected semicolons"
+    ):
+        read(tmp_path, "Soll,Abweichung\n0,0,1,5\n10,0,2,5\n")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Zeit;T1\nhh:mm:ss;°C\n10:00:00;20,5\n10:00:30;20,5\n",
+        "DATUM:;ZEIT:;T1: °C\n20.11.26;10:15:00;+0020,5\n20.11.26;10:15:30;+0020,5\n",
+    ],
+)
+def test_loggers_say_units_in_their_own_ways(tmp_path: Path, text: str) -> None:
+    found = read(tmp_path, text)
+    assert found.require("time").tolist() == [0.0, 30.0]
+    assert found.require("temperature.t1").tolist() == [20.5, 20.5]
+
+
+def test_stamps_without_a_header_are_the_time(tmp_path: Path) -> None:
+    found = read(tmp_path, "2026-11-20 10:00:00;20,1\n2026-11-20 10:01:00;20,2\n")
+    assert found.require("time").tolist() == [0.0, 60.0]
