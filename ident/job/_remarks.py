@@ -69,14 +69,16 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> list[Remar
             )
         )
     if wild := counts.wild:
-        words = (
-            f"{wild} of {counts.readings} readings are wild: the fit leaves them out."
+        found.append(
+            Remark(
+                "warning" if wild > _MANY * counts.readings else "info",
+                f"{wild} of {counts.readings} readings are wild: the fit leaves them out."
+                " rms and max are given with and without them.",
+            )
         )
-        if counts.places:
-            words += f" They lie at {_listed(counts.places, _MOST_WILD)}."
-        words += " rms and max are given with and without them."
-        much = wild > _MANY * counts.readings
-        found.append(Remark("warning" if much else "info", words))
+    if counts.places:
+        words = f"Wild readings lie at {_listed(counts.places, _MOST_WILD)}."
+        found.append(Remark("info", words))
     if fit.suspect_nodes:
         words = _listed([_node(one, k) for k in fit.suspect_nodes], _MOST)
         found.append(
