@@ -61,14 +61,14 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> Iterator[R
             f"{counts.outside} readings lie outside the table, where its edge is held."
         )
     if wild := counts.wild:
-        words = (
+        yield Remark(
+            "warning" if wild > _MANY * counts.readings else "info",
             f"{wild} of {counts.readings} readings are wild: the fit leaves them out."
+            " rms and max are given with and without them.",
         )
-        if counts.places:
-            words += f" They lie at {_listed(counts.places, _MOST_WILD)}."
-        words += " rms and max are given with and without them."
-        much = wild > _MANY * counts.readings
-        yield Remark("warning" if much else "info", words)
+    if counts.places:
+        words = f"Wild readings lie at {_listed(counts.places, _MOST_WILD)}."
+        yield Remark.info(words)
     if fit.suspect_nodes:
         words = _listed([_node(one, k) for k in fit.suspect_nodes], _MOST)
         yield Remark.warning(f"Readings contradict their surroundings at {words}.")

@@ -21,7 +21,7 @@ from ...data.measurements import (
 _WORDS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
-        "lag": "following lag schlepp schleppfehler diff posdiff",
+        "lag": "following lag schlepp schleppfehler diff posdiff cont contour ffw",
         "error": "error err deviation dev fehler abweichung straightness geradheit",
         "current": "current strom iq torque moment drehmoment",
         "velocity": "velocity velo vel speed geschwindigkeit",
@@ -32,7 +32,7 @@ _WORDS: dict[str, frozenset[str]] = {
         "time": "time zeit timestamp",
         "actual": "laser interferometer reference measured tracker",
         "encoder": "actual act ist encoder enc feedback",
-        "position": "set soll command commanded cmd target nominal position pos",
+        "position": "set soll command commanded cmd des target nominal position pos",
     }.items()
 }
 """Words of each kind of role; an earlier kind goes before a later one."""
@@ -50,7 +50,7 @@ _DIMENSIONS = {
 }
 """Kind of role that a unit alone decides, by dimension."""
 _AXIS = re.compile(r"[xyzabcuvw]\d{0,2}", re.IGNORECASE)
-_NUMBERED = re.compile(r"(?:axis|achse)[\W_]*(\d+)", re.IGNORECASE)
+_NUMBERED = re.compile(r"(?:axis|achse)[\W_]*(\d+)|\|(\d+)$", re.IGNORECASE)
 _OFF = re.compile(r"d([xyz])", re.IGNORECASE)
 _PIECE = re.compile(r"[A-Za-z0-9À-ÿ]+")
 _CAMEL = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+")
@@ -144,6 +144,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
             unclear.append(_unclear(each.column, asks, options))
         else:
             roles.setdefault(options[0][0], []).append(options[0][1])
+    unclear = _joined(unclear)
     columns = {}
     for text, several in roles.items():
         if len(several) == 1:
@@ -251,7 +252,19 @@ def _named(column: Column) -> _Named | None:
         kind = "position" if axis and column.text is None else None
     if kind is None or (column.text is not None and kind not in _TEXTS):
         return None
+    if kind == "position" and axis is None and not _all_known(pieces):
+        return None  # the target of something else
     return _Named(column, kind, axis, "encoder" in kinds)
+
+
+def _all_known(pieces: Sequence[str]) -> bool:
+    """Whether a name consists of nothing but words for a position."""
+    known = _WORDS["position"] | _OWN
+    return all(
+        piece.casefold() in known or all(w.casefold() in known for w in split)
+        for piece in pieces
+        if (split := _CAMEL.findall(piece))
+    )
 
 
 def _words(*texts: str) -> set[str]:
@@ -268,7 +281,7 @@ def _axis_in(name: str, pieces: Sequence[str]) -> str | None:
     """Return the axis that a column names, X, Y and Z before letters of other meaning."""
     numbered = _NUMBERED.search(name)
     if numbered is not None:
-        return f"A{numbered[1]}"
+        return f"A{numbered[1] or numbered[2]}"
     found = [piece.upper() for piece in pieces if _AXIS.fullmatch(piece)]
     linear = [piece for piece in found if piece[0] in _LINEAR]
     if not linear and len(pieces) == 1 and pieces[0].islower():
@@ -329,6 +342,20 @@ def _unclear(
     column: Column, asks: set[str], choices: Sequence[tuple[str, ColumnSpec]]
 ) -> Unclear:
     return Unclear(column.name, frozenset(asks), tuple(choices), _largest(column))
+
+
+def _joined(unclear: Sequence[Unclear]) -> list[Unclear]:
+    """Return the questions, those of columns that would have the same role as one."""
+    found: dict[str, Unclear] = {}
+    for each in unclear:
+        role = each.choices[0][0]
+        if role in found:
+            first = found[role]
+            asks = first.asks | each.asks | {"column"}
+            choices = (*first.choices, *each.choices)
+            each = dataclasses.replace(first, asks=asks, choices=choices)
+        found[role] = each
+    return list(found.values())
 
 
 def _rivals(table: Table, text: str, several: Sequence[ColumnSpec]) -> Unclear:

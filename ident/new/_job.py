@@ -10,7 +10,7 @@ import numpy as np
 
 from ...data.errors import UsageError
 from ...data.lists import ListFile
-from ...data.measurements import find_role, read_table
+from ...data.measurements import MeasurementError, find_role, read_table
 from ...models import Conventions
 from ..exchange import axis_number
 from ..job import Job, JobFile, Observation, nodes_for, observe
@@ -18,6 +18,9 @@ from ._columns import meaning_of
 from ._fits import suggestions
 from ._text import JobPage, Question
 from ._write import Axis, Contents, Source, page_of, relative
+
+_SHOWN = 12
+"""Columns that a message names."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +56,7 @@ def new_job(
             error was measured where a file does not say.
 
     Raises:
-        MeasurementError: If a file holds nothing usable.
+        MeasurementError: If a file holds nothing usable, or no column names its role.
         UsageError: If a list belongs to no axis of the job.
     """
     given = dict(axes or {})
@@ -88,7 +91,16 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
                 break
             free = f"{name}_{k}"
         table = read_table(file)
-        found.append(Source(free, table, meaning_of(table, axes)))
+        source = Source(free, table, meaning_of(table, axes))
+        if not any(_of_axis(text) for text, _ in _roles(source)):
+            names = ", ".join(column.name for column in table.columns[:_SHOWN])
+            reason = (
+                f"found columns {names}, none of which names a role; expected a header"
+                " with names such as 'x [mm]' and 'dx [um]', or a job that states role ="
+                " column"
+            )
+            raise MeasurementError(str(file), reason)
+        found.append(source)
     return found
 
 
@@ -135,6 +147,12 @@ def _roles(source: Source) -> list[tuple[str, str | None]]:
     if columns:
         return [(text, each.unit) for text, each in columns.items()]
     return [(c.role, c.unit) for c in source.table.columns if c.role is not None]
+
+
+def _of_axis(text: str) -> bool:
+    """Whether a role, also one without its axis, is that of an axis."""
+    role = find_role(text)
+    return role is None or role.axis is not None
 
 
 def _owner(axes: Mapping[str, Axis], listing: ListFile) -> str:

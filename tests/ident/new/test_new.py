@@ -212,3 +212,24 @@ def test_a_mesh_names_its_columns_itself(tmp_path: Path) -> None:
     spec = load_job(job).spec
     assert spec.measurements["printer"].columns == {}
     assert (spec.fits[0].compensation, spec.fits[0].axis) == ("plane", "Z")
+
+
+def test_columns_that_name_no_role_are_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "trace.csv"
+    file.write_text("time [s],alpha,beta\n0,1,2\n1,2,3\n")
+    assert main(["new", str(file), "--out", str(tmp_path / "job.toml")]) == 1
+    shown = capsys.readouterr().err
+    assert "found columns time, alpha, beta, none of which names a role" in shown
+    assert shown.count("\n") == 1
+
+
+def test_columns_of_the_same_role_make_one_question(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{k / 500},{k * k / 9},{k % 3},{k % 5}\n" for k in range(50))
+    new(tmp_path, f"t [s],x [mm],x current [A],x torque [Nm]\n{rows}")
+    question = asked(tmp_path, capsys)[1]
+    assert question["words"] == "Which of these columns counts?"
+    assert str(question["answers"]).count("X.current") == 2

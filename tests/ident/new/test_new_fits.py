@@ -1,5 +1,7 @@
 """From the file of an instrument to a list: `axcomp new`, answers, `axcomp fit`."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -102,3 +104,11 @@ def test_a_log_in_motion_becomes_a_list_of_both_directions(fitted: Answered) -> 
     seen = both({"support": {"table": fit["support"]}}, "support") > 0
     off -= off[seen].mean()  # remove = "offset"
     assert within(off[seen], both(fit, "standard_deviations")[seen]) > SURE
+
+
+def test_the_place_of_a_wild_reading_is_told(
+    fitted: Answered, written: Callable[[str], Path]
+) -> None:
+    fitted("probe")
+    result = (written("probe").parent / "out" / "result.json").read_text()
+    assert "Wild readings lie at X = 400, Y = 100." in result
