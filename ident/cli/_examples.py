@@ -35,7 +35,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "axcomp simulate axcomp-out/achskw1.lis --motion motion.csv --out offsets.csv",
     ),
     "verify": ("axcomp verify axcomp-out/achskw1.lis --log log.csv",),
-    "export-external": ("axcomp export-external axcomp-out --out external",),
+    "export-external": ("axcomp export-external achskw3.lis --out external",),
     "doctor": (
         "axcomp doctor axcomp-out/achskw1.lis --before job.toml --after after.toml",
     ),

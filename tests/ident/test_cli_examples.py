@@ -16,6 +16,17 @@ kopf.achs_nr 1
 kopf.log_achs_name X
 Ende
 """
+BENT = """\
+kopf.achs_nr 3
+kw.crosscomp.unit 1
+kw.crosscomp.master_ax_nr 1
+kw.crosscomp.last_index 1
+kw.crosscomp.table[0].setpoint 0
+kw.crosscomp.table[0].correction 0
+kw.crosscomp.table[1].setpoint 4000000
+kw.crosscomp.table[1].correction 150
+Ende
+"""
 JOB = """
 [axes.X]
 number = 1
@@ -58,6 +69,7 @@ def prepared(folder: Path) -> None:
     laser(folder / "laser_x.csv", 1.0, 1)
     laser(folder / "laser_again.csv", 0.02, 2)
     (folder / "achskw1.lis").write_text(OLD)
+    (folder / "achskw3.lis").write_text(BENT)
     (folder / "machines").mkdir()
     plain = {"file": "laser_x.csv", "active": "[]"}
     (folder / "machines" / "a.toml").write_text(JOB.format(folder="../", **plain) + FIT)
