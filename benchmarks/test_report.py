@@ -38,7 +38,8 @@ def _job(folder: Path) -> Path:
 def test_report_of_six_axes(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
     result = run_job(_job(tmp_path), tmp_path / "out")
     files = benchmark.pedantic(write_report, args=(result, tmp_path / "out"), rounds=3)
+    assert benchmark.stats is not None
     size = files[0].stat().st_size
     benchmark.extra_info |= {"page_MB": size / 1e6}
     assert size <= 5e6
-    assert benchmark.stats.stats.min <= 5.0
+    assert min(benchmark.stats.stats.data) <= 5.0

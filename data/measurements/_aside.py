@@ -51,10 +51,13 @@ def _is_foot(layout: Layout, line: str, *, after_gap: bool) -> bool:
     if layout.header and tuple(cells) == layout.header[: len(cells)]:
         return False
     numbers = any(map(dialect.is_number, filled))
-    words = after_gap or not numbers or _SUMMARY.fullmatch(filled[0]) is not None
+    summary = _SUMMARY.fullmatch(filled[0]) is not None
+    if len(layout.names) == 1 and not after_gap:
+        return summary  # any other word is a bad cell of the only column
+    words = after_gap or not numbers or summary
     if layout.numeric[0]:
         return words and filled[0][0] not in "+-.,0123456789"
-    return after_gap or (len(filled) == 1 and _SUMMARY.fullmatch(filled[0]) is not None)
+    return after_gap or (len(filled) == 1 and summary)
 
 
 def without_headings(layout: Layout, text: str) -> tuple[str, list[tuple[int, str]]]:

@@ -144,7 +144,7 @@ def _print(table: "Table") -> None:
         console.width = 160  # a log or a pipe has no edge to wrap at
     console.print(f"{escape(str(table.path))}: {table.format}, {table.rows} rows")
     if table.form is not None:
-        console.print(escape(_form_words(table.form)))
+        console.print(escape(_form_words(table.form, several=len(table.columns) > 1)))
     clocked = any(column.sample_time is not None for column in table.columns)
     titles = ["column", "role", "unit", "first row", "last row", "smallest", "largest"]
     grid = Grid(*titles, *(["samples", "every"] if clocked else []))
@@ -179,15 +179,13 @@ def _print(table: "Table") -> None:
         console.print(f"… and {len(table.skipped) - 20} more (all of them with --json)")
 
 
-def _form_words(form: "TextForm") -> str:
+def _form_words(form: "TextForm", *, several: bool) -> str:
     """Return how a text table was found to be written, in a sentence."""
     from ...data.measurements import SEPARATORS
 
     mark = {".": "point", ",": "comma"}[form.decimal]
-    words = [
-        f"Cells separated by {SEPARATORS.get(form.separator, repr(form.separator))}",
-        f"decimal {mark}",
-    ]
+    cells = f"Cells separated by {SEPARATORS.get(form.separator, repr(form.separator))}"
+    words = [cells if several else "One column", f"decimal {mark}"]
     if form.thousands:
         words.append(f"digits in groups by '{form.thousands}'")
     words.append(

@@ -67,10 +67,11 @@ def schema() -> str:
     for part in parts(JobFile):
         # As pydantic calls it: the classes of all fits have the same name.
         long = f"{part.__module__}.{part.__qualname__}".replace(".", "__")
-        node = tree["$defs"].get(long) or tree["$defs"].get(part.__name__)
-        if part is JobFile:
-            node = tree
-        for name, field in part.model_fields.items() if node is not None else ():
+        places = tree["$defs"] | {JobFile.__name__: tree}
+        node = places.get(long) or places.get(part.__name__)
+        if node is None:  # what all fits share stands in each of them
+            continue
+        for name, field in part.model_fields.items():
             meaning, _ = described(part, name)
             node["properties"][field.alias or name]["description"] = meaning
     return json.dumps(tree, indent=1, ensure_ascii=False) + "\n"

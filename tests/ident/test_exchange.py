@@ -1,12 +1,13 @@
 """List ↔ model: tables come back as written, and what fits no list is refused."""
 
 import pickle
+from collections.abc import Mapping
 
 import jax
 import numpy as np
 import pytest
 
-from axcomp.data.lists import ListFile, check, new_list
+from axcomp.data.lists import ListFile, Value, check, new_list
 from axcomp.ident.exchange import (
     CrossTable,
     ExchangeError,
@@ -38,9 +39,9 @@ def parse(text: str, name: str = "achskw3.lis") -> ListFile:
     return ListFile.parse(text.encode(), name)
 
 
-def listed(entries: dict[str, int | str], axis: int = 3) -> ListFile:
+def listed(entries: Mapping[str, Value], axis: int = 3) -> ListFile:
     head: dict[str, int | str] = {"kopf.achs_nr": axis, "kopf.log_achs_name": "Z"}
-    return new_list(head | entries)
+    return new_list({**head, **entries})
 
 
 def faults(listing: ListFile) -> list[str]:

@@ -1,9 +1,11 @@
 """Tables over an axis that turns: wrapped, and without a jump at the transition."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
-from axcomp.data.lists import ListFile, new_list
+from axcomp.data.lists import ListFile, Value, new_list
 from axcomp.ident.exchange import (
     CrossTable,
     ExchangeError,
@@ -28,8 +30,8 @@ TURN = {4: (0.0, 360.0)}
 ROUNDING = 1e-15  # values below 1e-2
 
 
-def back(entries: dict[str, int | str]) -> ListFile:
-    listing = new_list({"kopf.achs_nr": 1} | entries)
+def back(entries: Mapping[str, Value]) -> ListFile:
+    listing = new_list({"kopf.achs_nr": 1, **entries})
     return ListFile.parse(listing.dumps(), "achskw1.lis")
 
 

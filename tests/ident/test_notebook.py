@@ -6,6 +6,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import axcomp
 from axcomp.data.lists import ListFile
@@ -38,7 +39,7 @@ def test_a_plot_holds_the_values_of_the_model_at_its_nodes(fit: axcomp.Fit) -> N
 
 
 def test_one_effect_is_drawn_into_the_axes_that_are_given(fit: axcomp.Fit) -> None:
-    own = mpl.figure.Figure().subplots()
+    own = Figure().subplots()
     assert fit["leadscrew"].plot(own) is own
 
 

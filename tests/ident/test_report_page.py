@@ -105,7 +105,7 @@ def test_first_screen_on_a_phone_says_verdict_and_next_step(
 def test_printed_pages_are_filled(browser: "Browser", report: str) -> None:
     page, _ = open_page(browser, report, 1200)
     with pypdfium2.PdfDocument(page.pdf(prefer_css_page_size=True)) as printed:
-        sheets = [one.render(scale=0.5).to_numpy().min(axis=2) for one in printed]
+        sheets = [one.render(scale=1).to_numpy().min(axis=2) for one in printed]
     filled = [np.flatnonzero(one.min(axis=1) < 250).max() / len(one) for one in sheets]
     # The last sheet ends where the report ends.
     assert min(filled[:-1]) > 0.25
