@@ -1,12 +1,13 @@
 """How fits show themselves in a notebook: a table in HTML, and plots."""
 
 import html
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 
+from ..data.html import table_html
 from ..models import AbstractFriction, AbstractNodes, Cross, Leadscrew, Plane
 
 if TYPE_CHECKING:
@@ -16,17 +17,6 @@ if TYPE_CHECKING:
 
 _COLORS = ("#0072B2", "#D55E00")
 """Of positive and negative direction (Okabe-Ito)."""
-
-
-def table_html(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    """Return a table; every cell is escaped."""
-
-    def line(tag: str, cells: Iterable[object]) -> str:
-        inner = "".join(f"<{tag}>{html.escape(str(one))}</{tag}>" for one in cells)
-        return f"<tr>{inner}</tr>"
-
-    body = "".join(line("td", row) for row in rows)
-    return f"<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>"
 
 
 def fit_html(fit: "Fit") -> str:

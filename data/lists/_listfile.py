@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
+from ..html import table_html
 from . import _edit
 from ._entry import Entry, Rows, TextRemark
 from ._grammar import read_line
@@ -47,14 +48,11 @@ class ListFile:
 
     def _repr_html_(self) -> str:
         """Return the entries as a table, for a notebook; of a long list the first ones."""
-        rows = "".join(
-            f"<tr><td>{html.escape(one.name)}</td><td>{html.escape(one.value)}</td></tr>"
-            for one in self.entries[:_SHOWN]
-        )
+        table = table_html((), [(e.name, e.value) for e in self.entries[:_SHOWN]])
         more = len(self.entries) - _SHOWN
         rest = f"<p>… and {more} more entries</p>" if more > 0 else ""
         head = f"<p><b>{html.escape(self.source)}</b>: {self.kind} list</p>"
-        return f"{head}<table>{rows}</table>{rest}"
+        return f"{head}{table}{rest}"
 
     @classmethod
     def parse(cls, raw: bytes, source: str = "<text>") -> "ListFile":

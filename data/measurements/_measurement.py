@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..html import table_html
 from ._align import on_one_clock
 from ._convert import as_direction, as_run, library_unit, unit_of
 from ._dates import seconds_of_dates
@@ -103,9 +104,7 @@ class Measurement:
 
     def _repr_html_(self) -> str:
         """Return the roles with their units and ranges, for a notebook."""
-        parts = [f"<p><b>{html.escape(self.name)}</b>: {self.rows} rows</p><table>"]
-        parts.append("<tr><th>role</th><th>unit</th><th>least</th><th>most</th></tr>")
-        seen = self.values.with_gaps()
+        seen, rows = self.values.with_gaps(), []
         for role in seen:
             bad = role in seen.unusable
             values = np.zeros(0) if bad else np.asarray(seen[role], float)
@@ -113,9 +112,9 @@ class Measurement:
             ends = (
                 [f"{known.min():.6g}", f"{known.max():.6g}"] if known.size else ["", ""]
             )
-            cells = [html.escape(role), html.escape(self.units.get(role, "")), *ends]
-            parts.append("<tr>" + "".join(f"<td>{one}</td>" for one in cells) + "</tr>")
-        parts.append("</table>")
+            rows.append([role, self.units.get(role, ""), *ends])
+        parts = [f"<p><b>{html.escape(self.name)}</b>: {self.rows} rows</p>"]
+        parts.append(table_html(("role", "unit", "least", "most"), rows))
         parts += [f"<p>{html.escape(remark)}</p>" for remark in self.remarks]
         return "".join(parts)
 

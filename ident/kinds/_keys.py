@@ -3,6 +3,7 @@
 Each compensation has its own in the part ``keys`` of its folder: a class ``Spec``.
 """
 
+import abc
 import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -131,9 +132,9 @@ class TableSpec(FitSpec, frozen=True):
     nodes_wanted: ClassVar[str] = "start, interval and points"
 
     @property
+    @abc.abstractmethod
     def nodes(self) -> tuple[Grid | list[float], ...]:
         """Nodes over each master, as grid or setpoints; empty: the job gives none."""
-        raise NotImplementedError
 
     def turns(self, axes: "Mapping[str, Axis]") -> bool:
         """Return whether its table goes round a modulo axis."""

@@ -201,22 +201,15 @@ class AbstractChannel(abc.ABC):
         """Return what is added per row, in mm or °."""
         return self.over_cycles(self.parts(change, slice(None)), change)
 
-    def column_at(
-        self, change: Change, rows: Int[np.ndarray, " r"]
-    ) -> Float[np.ndarray, " r"]:
-        """Return what is added at some rows, in mm or °; nothing lasts over cycles."""
-        parts = self.parts(change, rows)
-        if parts.change is None:
-            return parts.ahead
-        return np.asarray(parts.ahead + self.share(change)[rows] * parts.change)
-
     def columns_at(
         self,
         change: Change,
         shifts: Float[np.ndarray, "s k"],
         rows: Int[np.ndarray, " r"],
     ) -> Float[np.ndarray, "s r"]:
-        """Return the same for several places of the table, instead of that of the change.
+        """Return what is added at some rows, in mm or °, for several places of the table.
+
+        These are taken instead of that of the change; nothing lasts over cycles.
 
         All in one evaluation: a table takes longer to call than to look up.
         """
