@@ -1,6 +1,7 @@
 """Long text tables beside pyarrow alone: what recognising and checking them costs."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -37,12 +38,23 @@ def pyarrow_alone(path: Path) -> list[np.ndarray]:
 def test_read_table(benchmark: BenchmarkFixture, log: Path) -> None:
     table = benchmark.pedantic(read_table, (log,), rounds=3, warmup_rounds=1)
     assert table.rows == ROWS
-    spent = []
-    for read in (read_table, pyarrow_alone):
-        began = time.process_time()
-        read(log)
-        spent.append(time.process_time() - began)
-    benchmark.extra_info |= {"of_pyarrow_cpu": spent[0] / spent[1], "budget": 1.3}
+    # In turns, so that a busy machine is busy for both; the best of each counts.
+    ours, alone = (
+        np.min(spent, axis=0)
+        for spent in zip(
+            *((_spent(read_table, log), _spent(pyarrow_alone, log)) for _ in range(5)),
+            strict=True,
+        )
+    )
+    wall, cpu = (ours / alone).tolist()
+    benchmark.extra_info |= {"of_pyarrow": wall, "of_pyarrow_cpu": cpu, "budget": 1.3}
+
+
+def _spent(read: Callable[[Path], object], path: Path) -> tuple[float, float]:
+    """Return the wall time and the processor time of a call, in s."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    read(path)
+    return time.perf_counter() - wall, time.process_time() - cpu
 
 
 @pytest.mark.benchmark(group="table: read 10 million rows")
