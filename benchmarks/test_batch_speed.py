@@ -266,7 +266,7 @@ _STREAM = """
 import json, pathlib, resource, sys, time
 import numpy as np
 import pyarrow.parquet as pq
-from axcomp.data.measurements import log_parts
+from axcomp.data.measurements import open_large
 from axcomp.ident.batch import fit_log
 from axcomp.ident.fit import TableLayout
 
@@ -275,8 +275,8 @@ layout = TableLayout((nodes, nodes))
 small, path = map(pathlib.Path, sys.argv[1:])
 fit_log(small, layout, ("x", "y"), "e")  # compile outside the clock
 start = time.perf_counter()
-for part in log_parts(path, "xye", 8):
-    for columns in part.columns_of():
+for part in open_large(path).parts("xye", 8, 1 << 18):
+    for table in part.tables():
         pass
 read = time.perf_counter()
 fit_log(path, layout, ("x", "y"), "e")

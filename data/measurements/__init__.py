@@ -88,7 +88,6 @@ from ._roles import (
     find_role as find_role,
     role as role,
 )
-from ._stream import LogPart as LogPart, log_parts as log_parts
 from ._table import (
     MESH_FORMATS as MESH_FORMATS,
     SCOPE_FORMAT as SCOPE_FORMAT,

@@ -18,10 +18,11 @@ from ._errors import MeasurementError
 from ._layout import Layout, find_layout
 from ._parquet import damaged, table_of_arrow
 from ._read import is_special
-from ._stream import BUFFER
 from ._table import Table
 from ._text import decode
 
+_BUFFER = 1 << 20
+"""Bytes of each column of a Parquet file that are read at once."""
 _LOOK = 1000
 """Rows that show what a file holds."""
 _TEXT = 1 << 18
@@ -126,7 +127,7 @@ def _open_parquet(path: Path) -> LargeFile:
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(path, pre_buffer=False, buffer_size=BUFFER) as file:
+        with pq.ParquetFile(path, pre_buffer=False, buffer_size=_BUFFER) as file:
             rows = file.metadata.num_rows
             first: Any = next(file.iter_batches(_LOOK))
     except (pa.ArrowException, StopIteration) as error:
@@ -161,7 +162,7 @@ def _arrow_tables(part: TablePart) -> Iterator[Table]:
     row, names = part.start, list(part.columns)
     assert part.stop is not None  # a CSV file has none
     try:
-        with pq.ParquetFile(part.path, pre_buffer=False, buffer_size=BUFFER) as file:
+        with pq.ParquetFile(part.path, pre_buffer=False, buffer_size=_BUFFER) as file:
             groups = list(range(part.first, part.stop))
             for batch in file.iter_batches(part.rows, groups, columns=names):
                 table = pa.Table.from_batches([batch]).select(names)

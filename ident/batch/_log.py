@@ -8,13 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from ...data.measurements import LogPart, log_parts
+from ...data.measurements import (
+    BadCell,
+    MeasurementError,
+    Table,
+    TablePart,
+    open_large,
+)
 from ..fit import (
     Ahead,
     Apply,
-    FitError,
     Part,
     Samples,
     TableFit,
@@ -31,8 +35,6 @@ _ROWS = 1 << 18
 _APIECE = 4
 """Parts for each thread at least: else one of them ends long after the others."""
 
-_Columns = list[Float[np.ndarray, " t"]]
-
 
 @dataclasses.dataclass(frozen=True)
 class _Readings:
@@ -40,24 +42,33 @@ class _Readings:
 
     Attributes:
         part: Of the log.
+        positions: Headers of the input positions.
+        error: Header of the error.
         factor: mm or ° per unit of the error.
-        threads: Whether columns are read side by side.
     """
 
-    part: LogPart
+    part: TablePart
+    positions: tuple[str, ...]
+    error: str
     factor: float
-    threads: bool = False
 
     def __call__(self) -> Iterator[Samples]:
-        return map(self.samples, self.columns())
+        return map(self.samples, self.part.tables())
 
-    def columns(self, checked: bool = False) -> Iterator[_Columns]:
-        """Yield the columns of each piece as they come from the file."""
-        return self.part.columns_of(_ROWS, threads=self.threads, checked=checked)
+    def samples(self, table: Table) -> Samples:
+        """Return the readings of a piece.
 
-    def samples(self, columns: _Columns) -> Samples:
-        """Return the readings of a piece."""
-        *positions, error = columns
+        Raises:
+            CellError: If a cell holds no finite number.
+        """
+        columns = [table.column(name) for name in (*self.positions, self.error)]
+        for column in columns:
+            bad = column.bad
+            if column.text is not None:
+                bad = BadCell(int(table.lines[0]), column.text[0])
+            if bad is not None:
+                raise table.cell_error(column, bad, "a finite number")
+        *positions, error = (column.values for column in columns)
         return Samples(
             # Column after column: that is how they come, and how they are looked at.
             np.array(positions).T,
@@ -96,18 +107,19 @@ def fit_log(
         MeasurementError: If a column is missing or a cell holds no finite number.
         FitError: If the readings do not determine the table.
     """
+    log = open_large(path, 0)
+    if log is None:
+        reason = "found no table that can be read in pieces, expected CSV or Parquet"
+        raise MeasurementError(str(path), reason)
+    axes = tuple(log.head.column(name).header for name in positions)
+    value = log.head.column(error).header
     parts = [
-        _Readings(part, factor) for part in log_parts(path, (*positions, error), _PARTS)
+        _Readings(part, axes, value, factor)
+        for part in log.parts((*axes, value), _PARTS, _ROWS)
     ]
     with contextlib.ExitStack() as stack:
         own, apply = _shared(parts, scheduler, workers, stack)
-        try:
-            found = fit_streamed(
-                layout, own, smoothness=smoothness, loss=loss, apply=apply
-            )
-        except FitError:
-            _refuse_gaps(parts)
-            raise
+        found = fit_streamed(layout, own, smoothness=smoothness, loss=loss, apply=apply)
         return found.fit
 
 
@@ -130,16 +142,4 @@ def _shared(
     if threads > 1:
         # Neither reading nor summing holds the interpreter.
         return parts, stack.enter_context(ThreadPoolExecutor(threads)).map
-    parts = [dataclasses.replace(part, threads=True) for part in parts]
-    return [Ahead(part.columns, part.samples) for part in parts], map
-
-
-def _refuse_gaps(parts: Sequence[_Readings]) -> None:
-    """Name the first cell that holds no finite number, after a fit that met one.
-
-    Raises:
-        MeasurementError: If there is one.
-    """
-    for part in parts:
-        for _ in part.columns(checked=True):
-            pass
+    return [Ahead(part.part.tables, part.samples) for part in parts], map
