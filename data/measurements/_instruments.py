@@ -12,6 +12,7 @@ from ._csv import read_body
 from ._errors import CellError, LineError, MeasurementError
 from ._header import parse_name
 from ._layout import find_layout
+from ._matrix import is_matrix, read_matrix
 from ._table import Column, Skipped, Table
 
 _SECTION = re.compile(r"\s*(?P<name>[A-Z][A-Z0-9 -]*)::\s*")
@@ -268,6 +269,7 @@ def read_addresses(path: Path, text: str, encoding: str) -> Table:
 INSTRUMENTS = (
     TextFormat(is_renishaw, read_renishaw),
     TextFormat(is_centroid, read_centroid),
+    TextFormat(is_matrix, read_matrix),
     TextFormat(is_addresses, read_addresses),
 )
 """Formats in the order in which they are looked for."""

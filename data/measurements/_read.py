@@ -42,10 +42,11 @@ def read_table(
 ) -> Table:
     """Return what a measurement file holds, in the file's own units.
 
-    Text tables of many kinds, TwinCAT Scope text exports, Renishaw, LinuxCNC and
-    Centroid files, captures in JSON, MATLAB files, HDF5, TDMS, Parquet, ISO 230-2 run
-    tables, Klipper bed meshes and RepRapFirmware height maps are told apart by content,
-    not by the ending of the name; text and MATLAB files may be packed with gzip.
+    Text tables of many kinds, matrices of a surface, TwinCAT Scope text exports,
+    Renishaw, LinuxCNC and Centroid files, captures in JSON, MATLAB files, HDF5, TDMS,
+    Parquet, ISO 230-2 run tables, Klipper bed meshes and RepRapFirmware height maps are
+    told apart by content, not by the ending of the name; text and MATLAB files may be
+    packed with gzip.
 
     Args:
         path: The file.

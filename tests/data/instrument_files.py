@@ -143,6 +143,16 @@ def probe(template: str, top: Sequence[str] = (), foot: Sequence[str] = ()) -> b
     return ("\n".join([*top, *lines, *foot]) + "\n").encode("utf-8")
 
 
+def matrix() -> bytes:
+    """A probed table as a spreadsheet shows it: X along the top, Y down the side."""
+    rows = [
+        f"{25 * j}" + "".join(f";{1.5 * i - 2.5 * j:.1f}" for i in range(5))
+        for j in range(4)
+    ]
+    top = ["Ebenheit, Abweichung in µm", "Y [mm] \\ X [mm];0;40;80;120;160"]
+    return ("\n".join([*top, *rows]) + "\n").replace(".", ",").encode("utf-8")
+
+
 def thermal(
     top: Sequence[str], stamp: Callable[[int], str], separator: str = ";"
 ) -> bytes:
@@ -168,6 +178,9 @@ def scope_trace() -> bytes:
 
 TITLE = ["Laserinterferometer SIOS", "Maschine: Portal 7", "Datum: 20.11.2026"]
 FILES: dict[str, InstrumentFile] = {
+    "matrix of a surface": InstrumentFile(
+        matrix(), 20, ("X.position", "Y.position", "Z.error"), axis=""
+    ),
     "laser table, English": InstrumentFile(
         long_table(["Target (mm),Error (um),Run,Direction"], ",", False),
         66,

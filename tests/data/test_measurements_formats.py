@@ -296,3 +296,19 @@ def test_parquet_without_rows_is_refused(tmp_path: Path) -> None:
 def test_compressed_text_reads_as_it_is() -> None:
     table = read_table(real("friction/ur10e_jointwise_joint_1.csv.gz"))
     assert (len(table.columns), table.rows) == (31, 5889)
+
+
+def test_a_matrix_of_a_surface_is_read_cell_by_cell_without_empty_ones(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "plate.csv"
+    path.write_text("dz [um]\ny\\x,0,100\n-5,1.5,\n5,-2,3\n")
+    table = read_table(path)
+    found = {column.role: column.values.tolist() for column in table.columns}
+    assert found == {
+        "X.position": [0.0, 0.0, 100.0],
+        "Y.position": [-5.0, 5.0, 5.0],
+        "Z.error": [1.5, -2.0, 3.0],
+    }
+    assert [column.unit for column in table.columns] == ["mm", "mm", "um"]
+    assert table.skipped[-1].reason == "not probed: X 100, Y -5"
