@@ -26,26 +26,11 @@ from ._units import LIST_UNITS, round_to_list
 INTERFACE_UNITS = 10**8
 """Units of the interface per mm or °: its integers count 1e-8 of them."""
 
+EXTERNAL = "configuration.position_controller.enable_external_compensation_ifc"
+"""Entry of the start-up list that opens the interface (P-STUP-00110)."""
+
 _EXTERNAL = "lr_param.ext_comp"
 _UNS32 = (0, 2**32 - 1)
-_LARGEST = 2.0**62
-
-
-def to_interface(values: Float[np.ndarray, "..."], name: str) -> Int[np.ndarray, "..."]:
-    """Return positions or offsets in mm or ° as integers of the interface.
-
-    Raises:
-        ExchangeError: If a value is not finite or too large for 64 bits.
-    """
-    scaled = np.rint(np.asarray(values, dtype=float) * INTERFACE_UNITS)
-    bad = ~(np.abs(scaled) < _LARGEST)
-    if bad.any():
-        raise ExchangeError(
-            where=name,
-            found=f"{np.asarray(values)[bad].flat[0]:g}",
-            expected="a position that 64 bits of 1e-8 mm or ° hold",
-        )
-    return np.asarray(scaled, dtype=np.int64)
 
 
 def from_interface(values: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:

@@ -8,7 +8,6 @@ from axcomp.ident.exchange import (
     ExchangeError,
     external_from_lists,
     from_interface,
-    to_interface,
 )
 from axcomp.models import Conventions
 
@@ -59,12 +58,7 @@ def test_table_for_each_direction_is_refused() -> None:
 
 
 def test_interface_counts_in_1e_8_mm() -> None:
-    # The diagnostic data of [004] p.19: an input of 897556 and an output of −1503827.
-    np.testing.assert_array_equal(
-        to_interface(np.array([0.00897556, -0.01503827]), "offset"), [897556, -1503827]
-    )
+    # A position of the diagnostic data of [004] p.19.
     np.testing.assert_array_equal(
         from_interface(np.array([-1701406850])), [-17.0140685]
     )
-    with pytest.raises(ExchangeError, match="offset: found nan, expected a position"):
-        to_interface(np.array([1.0, np.nan]), "offset")
