@@ -25,7 +25,6 @@ from ._conventions_file import (
     read_conventions as read_conventions,
 )
 from ._convert import (
-    CONVERTIBLE as CONVERTIBLE,
     ExchangedTable as ExchangedTable,
     list_with as list_with,
     table_in as table_in,
