@@ -104,6 +104,7 @@ def simulate(
     """
     from ...data.lists import ListFile
     from ..exchange import (
+        Reading,
         StoredConventions,
         read_conventions,
         simulate_events,
@@ -125,10 +126,12 @@ def simulate(
     found = simulate_events(
         lists,
         path,
-        rules.conventions,
-        increment,
-        modulo=ranges,
-        lines=_lines(temperature or (), lists, path, rules.conventions),
+        Reading(
+            rules.conventions,
+            increment,
+            ranges,
+            _lines(temperature or (), lists, path, rules.conventions),
+        ),
         cycle_time=cycle_time,
         events=happened,
     )

@@ -17,9 +17,8 @@ from ...models import (
 from ..kinds import kinds
 from ._controller import columns_of, model_of
 from ._errors import ExchangeError
-from ._identity import Increments, optional
+from ._identity import optional
 from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
-from ._modulo import Ranges
 from ._nodes import as_array
 from ._units import LIST_UNITS, round_to_list
 
@@ -40,11 +39,9 @@ def from_interface(values: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
 
 def external_from_lists(
     lists: Sequence[ListFile],
-    conventions: Conventions,
-    increment: Increments = None,
+    reading: Reading,
     *,
     axes: Sequence[int] | None = None,
-    modulo: Ranges | None = None,
 ) -> ExternalCompensation:
     """Return the tables of a machine as one external compensation.
 
@@ -53,22 +50,19 @@ def external_from_lists(
 
     Args:
         lists: Compensation and axis lists in any order.
-        conventions: Rules of the controller.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
+        reading: How they are read.
         axes: Logical numbers, one per column of the positions; all that the lists name,
             ascending, where it is left out.
-        modulo: Range in ° by axis, for the axes that turn.
 
     Raises:
         ExchangeError: If a list makes no table, names an axis that is not among
             `axes`, or has a table for each direction of motion.
     """
     machine = machine_lists(lists)
-    used = machine.in_use(conventions)
+    used = machine.in_use(reading.conventions)
     tables = [one for each in kinds() for one in used if _is_table(one, each.name)]
     numbers = tuple(axes) if axes is not None else axes_in_use(tables, machine)
     columns = columns_of(tables, numbers)
-    reading = Reading(conventions, increment, modulo or {})
     parts = tuple(_part(one, columns, reading) for one in tables)
     return ExternalCompensation(OffsetStack(parts, axes=len(numbers)))
 

@@ -2,14 +2,15 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Float
 
-from ._channel import EDGES, AbstractChannel
+from ._channel import AbstractChannel
 from ._hypothesis import RULES, Hypothesis
-from ._search import EQUAL, Found, Rival
+from ._search import EQUAL, Found
 from ._words import joined, phrases
 
 SETTLED = 2.0 * math.log(1000.0)
@@ -17,6 +18,10 @@ SETTLED = 2.0 * math.log(1000.0)
 
 _BLOCK = 64
 """Rows over which noise is averaged out before what is left is called systematic."""
+
+_NO_VALUE = "other"
+_EDGE_VALUES = {"held": "hold", "zero": "zero", "line": _NO_VALUE}
+"""Value of the convention of an edge; a straight line onward is none."""
 
 _ROUGH = 0.25
 """Share of an offset that may be left unexplained before it is said not to agree."""
@@ -158,43 +163,25 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
 
 def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
     """Return what could be otherwise without being seen in this log."""
-    best = found.rivals[0]
-    change = best.hypothesis.change
-    told = set(best.hypothesis.words(channel))
-
-    def same(one: Rival) -> bool:
-        return one.misfit < best.misfit + EQUAL
-
-    result = []
-    near = [one for one in found.rivals[1:] if same(one)]
-    if "edge" not in told and any(
-        one.hypothesis == dataclasses.replace(
-            best.hypothesis, change=dataclasses.replace(change, edge=edge)
-        )
-        for one in near
-        for edge in EDGES
-        if edge != change.edge
-    ):  # fmt: skip
-        result.append("what happens beyond the table")
-    if len(channel.ways) == 2 and "swapped" not in told and any(
-        one.hypothesis.change.masters is not None
-        and dataclasses.replace(one.hypothesis.change, masters=None) == change
-        for one in near
-    ):  # fmt: skip
-        result.append("which master is which")
-    if "lag" not in told and any(
-        one.hypothesis.lag
-        and dataclasses.replace(one.hypothesis, lag=0) == best.hypothesis
-        for one in near
-    ):
-        result.append("how late it comes")
-    if channel.cycles_under(channel.conventions) > 1 and "filter" not in told and any(
-        one.hypothesis.change.cycles is not None
-        and dataclasses.replace(one.hypothesis.change, cycles=None) == change
-        for one in near
-    ):  # fmt: skip
-        result.append("the length of the filter")
-    return result
+    best, *others = found.rivals
+    told = best.hypothesis.words(channel)
+    near = [
+        best.hypothesis.apart(one.hypothesis)
+        for one in others
+        if one.misfit < best.misfit + EQUAL
+    ]
+    filtered = channel.cycles_under(channel.conventions) > 1
+    asked = {
+        "edge": ("edge", "what happens beyond the table", True),
+        "masters": ("swapped", "which master is which", len(channel.ways) == 2),
+        "lag": ("lag", "how late it comes", True),
+        "cycles": ("filter", "the length of the filter", filtered),
+    }
+    return [
+        text
+        for respect, (word, text, matters) in asked.items()
+        if matters and word not in told and {respect} in near
+    ]
 
 
 def settled(
@@ -202,42 +189,32 @@ def settled(
 ) -> tuple[dict[str, int | str], frozenset[str]]:
     """Return the conventions that fit, and which of them nothing settles."""
     best = found.rivals[0]
-    known = {one.name: one for one in channel.conventions.listing()}
+    reads: dict[str, Callable[[Hypothesis], int | str]] = {
+        name: operator.attrgetter(f"change.conventions.{name}")
+        for name in channel.relevant
+    }
+    sign = f"{channel.compensation}_sign"
+    if (own := channel.conventions.to_dict().get(sign)) is not None:
+        reads[sign] = lambda one: int(own) if one.scale > 0 else -int(own)
+    if channel.edge_rule:
+        reads[channel.edge_rule] = lambda one: _EDGE_VALUES[
+            one.change.edge or channel.edge(one.change.conventions)
+        ]
     values: dict[str, int | str] = {}
-    margins: dict[str, float] = {}
-
-    def rule(name: str, value: dict[Hypothesis, int | str]) -> None:
-        chosen = value[best.hypothesis]
+    doubtful: set[str] = set()
+    for name, read in reads.items():
+        chosen = read(best.hypothesis)
         others = [
             one.criterion
             for one in found.rivals
-            if value[one.hypothesis] not in (chosen, "other")
+            if read(one.hypothesis) not in (chosen, _NO_VALUE)
         ]
-        if chosen == "other" or not others:
-            return
+        if chosen == _NO_VALUE or not others:
+            continue
         values[name] = chosen
-        margins[name] = min(others) - best.criterion
-
-    every = [one.hypothesis for one in found.rivals]
-    for name in channel.relevant:
-        rule(name, {one: getattr(one.change.conventions, name) for one in every})
-    sign = f"{channel.compensation}_sign"
-    if sign in known:
-        own = int(known[sign].value)
-        rule(sign, {one: own if one.scale > 0 else -own for one in every})
-    if channel.edge_rule:
-        words = {"held": "hold", "zero": "zero"}
-        rule(
-            channel.edge_rule,
-            {
-                one: words.get(
-                    one.change.edge or channel.edge(one.change.conventions), "other"
-                )
-                for one in every
-            },
-        )
-    doubtful = frozenset(name for name, by in margins.items() if by < SETTLED)
-    return values, doubtful
+        if min(others) - best.criterion < SETTLED:
+            doubtful.add(name)
+    return values, frozenset(doubtful)
 
 
 def _named_rules(channel: AbstractChannel, best: Hypothesis) -> str:

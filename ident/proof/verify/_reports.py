@@ -62,7 +62,8 @@ def motion_of(
         actuals=columns.get("actual", {}),
         source=str(log.source),
     )
-    return LogMotion(path, log.cycle, ranges=ranges)
+    drives = columns.get("drive_position", {})
+    return LogMotion(path, log.cycle, ranges=ranges, drives=drives)
 
 
 def reports_of(

@@ -18,7 +18,7 @@ FILTERS = (*range(1, 21), 22, 25, 28, 30, 35, 40, 50, 60, 80, 100)
 _FEW_FILTERS = (1, 2, 3, 4, 5, 8, 12, 20, 40)
 """The same where the lists know of no filter."""
 
-_ROWS = 4096
+_ROWS = 2048
 """Rows that are enough to see where a table lies."""
 _TIMED_ROWS = 4096
 """Rows that are enough to see which lags and filters come into question."""
@@ -72,7 +72,10 @@ def scaled(
 def structures(channel: AbstractChannel) -> list[Change]:
     """Return every choice of masters, edge or rule, without shift, lag or filter."""
     plain = channel.plain
-    rules = [dataclasses.replace(plain, conventions=one) for one in channel.rules()]
+    rules = [
+        dataclasses.replace(plain, conventions=one)
+        for one in channel.rules(channel.conventions)
+    ]
     masters: list[Change] = [plain]
     masters += [dataclasses.replace(plain, masters=swap) for swap in channel.swaps]
     edges: list[Change] = []
@@ -196,28 +199,23 @@ def timed(channel: AbstractChannel, change: Change, target: Target) -> list[Scor
     rows = np.arange(motion.judged.start, motion.judged.stop)
     rows = rows[:: max(1, len(rows) // _TIMED_ROWS)]
     part = target.at(rows - motion.judged.start)
+    lags = np.arange(-motion.reach, motion.reach + 1)
     columns: dict[int, Float[np.ndarray, " t"]] = {}
     guesses: list[tuple[float, int, int]] = []
-    for cycles in dict.fromkeys((*tried, own)):
-        one = change if cycles == own else dataclasses.replace(change, cycles=cycles)
+    changes = {n: dataclasses.replace(change, cycles=n) for n in tried} | {own: change}
+    for cycles, one in changes.items():
         columns[cycles] = channel.over_cycles(parts, one)
-        lags = np.arange(-motion.reach, motion.reach + 1)
-        late = columns[cycles][rows - lags[:, None]]
-        least = least_squares(part, late).tolist()
-        guesses += [
-            (left, cycles, int(lag)) for left, lag in zip(least, lags, strict=True)
-        ]
+        least = least_squares(part, columns[cycles][rows - lags[:, None]])
+        guesses += zip(least.tolist(), itertools.repeat(cycles), lags.tolist())
+    guesses.sort()
+    # The best of all, and of those that keep the length, or the lag.
+    best = [
+        *guesses[:_TIMED],
+        *[one for one in guesses if one[1] == own][:_TIMED],
+        *[one for one in guesses if one[2] == 0][:_TIMED],
+    ]
     found: list[Scored] = []
-    for cycles, lag in _likely(guesses, own):
-        one = change if cycles == own else dataclasses.replace(change, cycles=cycles)
-        found += scaled(target, one, lag, lagged(columns[cycles], motion.judged, lag))
+    for cycles, lag in dict.fromkeys([(own, 0), *(one[1:] for one in best)]):
+        late = lagged(columns[cycles], motion.judged, lag)
+        found += scaled(target, changes[cycles], lag, late)
     return found
-
-
-def _likely(guesses: list[tuple[float, int, int]], own: int) -> list[tuple[int, int]]:
-    """Return the best lengths and lags, those among them that keep either, and both."""
-    guesses = sorted(guesses)
-    same = [one for one in guesses if one[1] == own]
-    soon = [one for one in guesses if one[2] == 0]
-    kept = [*guesses[:_TIMED], *same[:_TIMED], *soon[:_TIMED]]
-    return list(dict.fromkeys([(own, 0), *((cycles, lag) for _, cycles, lag in kept)]))
