@@ -19,8 +19,6 @@ _FORGOTTEN = 40.0
 """Time constants of the loop after which nothing is left of how it began."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
-_UNROLL = 4
-"""Cycles that the simulation takes at a time: faster, and compiled as soon."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -207,4 +205,4 @@ def _follow(
     place, speed = (jnp.full(2, motion[0, k]) for k in (0, 1))
     taken = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
     state = place, speed, rest, taken
-    return jax.lax.scan(cycle_of, state, (motion, added), unroll=_UNROLL)[1]
+    return jax.lax.scan(cycle_of, state, (motion, added))[1]

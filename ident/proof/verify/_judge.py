@@ -1,9 +1,10 @@
 """From what the search found to a verdict in the words of the interface."""
 
 import dataclasses
+import itertools
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +12,7 @@ from jaxtyping import Float
 from ._channel import AbstractChannel
 from ._hypothesis import RULES, Hypothesis
 from ._search import EQUAL, Found
-from ._words import joined, phrases
+from ._words import Phrase, joined, phrases
 
 SETTLED = 2.0 * math.log(1000.0)
 """Difference of criteria from which on a convention is settled: odds of 1000 to 1."""
@@ -79,61 +80,48 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
     left = systematic(found.residual)
     size = _size(found.column[channel.motion.judged])
     faults = phrases(best.hypothesis, channel)
-    rules = _named_rules(channel, best.hypothesis)
     if left > max(_ROUGH * size, 1e-4):
         rest, whole = _size_of(channel, left), _size_of(channel, size)
         text = f"not explained: {rest} of {whole} follow no rule that was tried"
         if faults:
-            text += f" (nearest: {joined([one.text for one in faults])})"
+            text += f" (nearest: {_said(faults)})"
         return dataclasses.replace(nothing, sentence=text)
+    rules = _named_rules(channel, best.hypothesis)
     others = _equals(channel, found)
     unseen = _unseen(channel, found)
     tail = f"; this log does not show {joined(unseen)}" if unseen else ""
     if not faults:
         within = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
         text = f"agrees within {_size_of(channel, within)}{rules}"
-        for one in others:
-            text += f"; as well explained: {one[1]}"
-        words = (
-            ("agrees",) if not others else tuple(w for one in others for w in one[0])
-        )
-        if others:
-            return verdict(("agrees", *words), (within, *[None] * len(words)), text)
-        return verdict(("agrees",), (within,), text + tail)
-    words = tuple(one.word for one in faults)
-    values = tuple(one.value for one in faults)
-    text = joined([one.text for one in faults]) + rules
-    for more, phrase, sizes in others:
-        text += f", or as well {phrase}"
-        for word, value in zip(more, sizes, strict=True):
-            if word not in words:
-                words, values = (*words, word), (*values, value)
-    alike = _looks_alike(channel, found, set(words))
-    return verdict(words, values, text + alike + tail)
+        text += "".join(f"; as well explained: {_said(one)}" for one in others)
+        words = [phrase.word for one in others for phrase in one]
+        value = (within, *[None] * len(words))
+        return verdict(("agrees", *words), value, text if others else text + tail)
+    text = _said(faults) + rules
+    text += "".join(f", or as well {_said(one)}" for one in others)
+    named: dict[str, float | None] = {}
+    for phrase in itertools.chain(faults, *others):
+        named.setdefault(phrase.word, phrase.value)
+    alike = _looks_alike(channel, found, set(named))
+    return verdict(tuple(named), tuple(named.values()), text + alike + tail)
 
 
-def _equals(
-    channel: AbstractChannel, found: Found
-) -> list[tuple[tuple[str, ...], str, tuple[float | None, ...]]]:
+def _said(parts: Sequence[Phrase]) -> str:
+    return joined([one.text for one in parts])
+
+
+def _equals(channel: AbstractChannel, found: Found) -> list[list[Phrase]]:
     """Return other faults that explain the log as well as the best ones."""
     best = found.rivals[0]
     seen = [set(best.hypothesis.words(channel))]
     result = []
     for one in found.rivals[1:]:
         words = set(one.hypothesis.words(channel))
-        if one.criterion > best.criterion + EQUAL:
+        if one.criterion > best.criterion + EQUAL or not words:
             continue
-        if not words or any(words >= known for known in seen):
-            continue
-        seen.append(words)
-        parts = phrases(one.hypothesis, channel)
-        result.append(
-            (
-                tuple(part.word for part in parts),
-                joined([part.text for part in parts]),
-                tuple(part.value for part in parts),
-            )
-        )
+        if not any(words >= known for known in seen):
+            seen.append(words)
+            result.append(phrases(one.hypothesis, channel))
     return result
 
 

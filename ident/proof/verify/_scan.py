@@ -31,41 +31,28 @@ _SHIFTS = 240
 """Most places of a table that are tried along one master."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Scored:
-    """A hypothesis and what it leaves.
-
-    Attributes:
-        hypothesis: The way it is applied.
-        squares: Sum of squares left over in mm².
-    """
-
-    hypothesis: Hypothesis
-    squares: float
-
-
 def scaled(
     target: Target, change: Change, lag: int, column: Float[np.ndarray, " t"]
-) -> list[Scored]:
-    """Return a column with every factor that a fault explains, and the best one.
+) -> dict[Hypothesis, float]:
+    """Return the squares that a column leaves, by every factor of a fault and the best.
 
     Factors far from the best one are left out: they cannot win.
     """
     inner, power = target.products(column)
     if power <= 1e-18 * len(column):
-        return [Scored(Hypothesis(change, lag), target.power)]
+        return {Hypothesis(change, lag): target.power}
     best = inner / power
     least = target.power - best * inner
     at = bisect.bisect(_SIZES, best)
     near = sorted(_SIZES[max(at - 2, 0) : at + 2], key=lambda size: abs(size - best))[
         :2
     ]
-    found = [
-        Scored(Hypothesis(change, lag, scale), least + (scale - best) ** 2 * power)
+    found = {
+        Hypothesis(change, lag, scale): least + (scale - best) ** 2 * power
         for scale in near
-    ]
+    }
     if abs(best - near[0]) > FREE_BAND * abs(near[0]):
-        found.append(Scored(Hypothesis(change, lag, best, is_free=True), least))
+        found[Hypothesis(change, lag, best, is_free=True)] = least
     return found
 
 
@@ -181,8 +168,10 @@ def _along(
     return [float(one) for one in moved(np.array([best]))[0]]
 
 
-def timed(channel: AbstractChannel, change: Change, target: Target) -> list[Scored]:
-    """Return every lag and length of the filter that may win, with factors that fit.
+def timed(
+    channel: AbstractChannel, change: Change, target: Target
+) -> dict[Hypothesis, float]:
+    """Return the squares that lags and lengths of the filter leave, with their factors.
 
     Args:
         channel: The compensation.
@@ -214,8 +203,8 @@ def timed(channel: AbstractChannel, change: Change, target: Target) -> list[Scor
         *[one for one in guesses if one[1] == own][:_TIMED],
         *[one for one in guesses if one[2] == 0][:_TIMED],
     ]
-    found: list[Scored] = []
+    found: dict[Hypothesis, float] = {}
     for cycles, lag in dict.fromkeys([(own, 0), *(one[1:] for one in best)]):
         late = lagged(columns[cycles], motion.judged, lag)
-        found += scaled(target, changes[cycles], lag, late)
+        found |= scaled(target, changes[cycles], lag, late)
     return found

@@ -1,7 +1,8 @@
 """The search for the hypothesis that explains a column of a log, and its rivals."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +10,7 @@ from scipy.optimize import minimize
 
 from ._channel import EDGES, AbstractChannel, Change, lagged
 from ._hypothesis import Hypothesis
-from ._scan import Scored, few_rows, place, scaled, structures, timed
+from ._scan import few_rows, place, scaled, structures, timed
 from ._target import RESOLUTION, Target
 
 _MOST_PLACES = 30
@@ -74,31 +75,16 @@ def search(
     """
     rows = channel.motion.judged
     judged = target.at(np.arange(rows.start, rows.stop))
-    scored: list[Scored] = []
+    left: dict[Hypothesis, float] = {}
     for change in _promising(channel, target):
-        scored += _closely(channel, change, judged)
-    for one in start:
-        scored.append(_again(channel, one, judged))
-    samples = float(len(judged.values))
-    best = min(scored, key=lambda one: _value(channel, judged, one, samples))
-    residual = judged.values - judged.free_of(_column(channel, best.hypothesis))
+        left |= _closely(channel, change, judged)
+    left |= _squares(channel, start, judged)
+    best = _ranked(channel, judged, left, float(len(judged.values)))[0].hypothesis
+    residual = judged.values - judged.free_of(_column(channel, best))
     samples = independent(residual)
-    best = min(scored, key=lambda one: _value(channel, judged, one, samples))
-    scored += [
-        _again(channel, one, judged) for one in neighbours(channel, best.hypothesis)
-    ]
-    unique = {one.hypothesis: one for one in scored}
-    rivals = sorted(
-        (
-            Rival(
-                one.hypothesis,
-                judged.criterion(one.squares, samples),
-                _value(channel, judged, one, samples),
-            )
-            for one in unique.values()
-        ),
-        key=lambda one: one.criterion,
-    )
+    best = _ranked(channel, judged, left, samples)[0].hypothesis
+    left |= _squares(channel, neighbours(channel, best), judged)
+    rivals = _ranked(channel, judged, left, samples)
     first = _plainest(channel, judged, rivals)
     column = channel.column(first.hypothesis.change)
     late = np.arange(len(column)) - first.hypothesis.lag
@@ -113,47 +99,58 @@ def search(
     )
 
 
+def _ranked(
+    channel: AbstractChannel,
+    judged: Target,
+    left: Mapping[Hypothesis, float],
+    samples: float,
+) -> list[Rival]:
+    """Return hypotheses, the best first, by the sum of squares that each leaves."""
+    found = []
+    for one, squares in left.items():
+        misfit = judged.criterion(squares, samples)
+        found.append(Rival(one, misfit, misfit + one.cost(channel, samples)))
+    return sorted(found, key=lambda one: one.criterion)
+
+
 def _promising(channel: AbstractChannel, target: Target) -> list[Change]:
     """Return masters, edges and shifts that may explain the values, best first."""
     rows = float(len(few_rows(channel.motion.judged)))
-    found: list[tuple[float, Change]] = []
-    for one in structures(channel):
-        for change, squares in place(channel, one, target):
-            cost = Hypothesis(change).cost(channel, rows)
-            found.append((target.criterion(squares * len(target.values), rows) + cost,
-                          change))  # fmt: skip
-    found.sort(key=lambda one: one[0])
-    kept = [change for _, change in found[:_KEPT]]
-    if channel.plain not in kept:
-        kept.append(channel.plain)
-    return kept
+    found = {
+        Hypothesis(change): squares * len(target.values)
+        for one in structures(channel)
+        for change, squares in place(channel, one, target)
+    }
+    best = _ranked(channel, target, found, rows)[:_KEPT]
+    kept = [one.hypothesis.change for one in best]
+    return kept if channel.plain in kept else [*kept, channel.plain]
 
 
-def _closely(channel: AbstractChannel, change: Change, judged: Target) -> list[Scored]:
+def _closely(
+    channel: AbstractChannel, change: Change, judged: Target
+) -> dict[Hypothesis, float]:
     """Return a structure with and without a lag, with and without another filter."""
     every = timed(channel, change, judged)
     if not change.is_shifted:
         return every
     # Of a table that lies elsewhere the best of each, its place refined with it.
-    best: dict[tuple[bool, bool], Scored] = {}
-    for one in sorted(every, key=lambda one: one.squares):
-        known = one.hypothesis
-        best.setdefault((bool(known.lag), known.change.cycles is None), one)
-    return [
-        one
-        for known in (scored.hypothesis for scored in best.values())
-        for one in _moved(channel, known.change, known.lag, judged)
-    ]
+    best: dict[tuple[bool, bool], Hypothesis] = {}
+    for one in sorted(every, key=every.__getitem__):
+        best.setdefault((bool(one.lag), one.change.cycles is None), one)
+    found: dict[Hypothesis, float] = {}
+    for one in best.values():
+        found |= _moved(channel, one.change, one.lag, judged)
+    return found
 
 
 def _moved(
     channel: AbstractChannel, change: Change, lag: int, judged: Target
-) -> list[Scored]:
+) -> dict[Hypothesis, float]:
     """Return a shifted table with its place refined on all rows, with its factors."""
     free = np.flatnonzero(change.shift)
     steps = 0.05 * np.array([channel.ways[k].step for k in free])
 
-    def left(away: Float[np.ndarray, " f"]) -> list[Scored]:
+    def left(away: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
         shift = np.array(change.shift)
         shift[free] += steps * away
         one = dataclasses.replace(change, shift=tuple(shift.tolist()))
@@ -161,12 +158,12 @@ def _moved(
 
     # Without derivatives: where an edge is a step, nothing is smooth.
     found = minimize(
-        lambda away: min(one.squares for one in left(away)),
+        lambda away: min(left(away).values()),
         np.zeros(len(free)),
         method="Nelder-Mead",
         options={
             "initial_simplex": np.eye(len(free) + 1, len(free), -1),
-            "xatol": 1e-3,
+            "xatol": 5e-3,
             "fatol": np.inf,
             "maxfev": _MOST_PLACES * len(free),
         },
@@ -174,9 +171,15 @@ def _moved(
     return left(found.x)
 
 
-def _again(channel: AbstractChannel, hypothesis: Hypothesis, judged: Target) -> Scored:
-    inner, power = judged.products(_column(channel, hypothesis))
-    return Scored(hypothesis, judged.power - 2.0 * inner + power)
+def _squares(
+    channel: AbstractChannel, hypotheses: Iterable[Hypothesis], judged: Target
+) -> dict[Hypothesis, float]:
+    """Return the sum of squares that each hypothesis leaves."""
+    found: dict[Hypothesis, float] = {}
+    for one in hypotheses:
+        inner, power = judged.products(_column(channel, one))
+        found[one] = judged.power - 2.0 * inner + power
+    return found
 
 
 def _column(
@@ -185,14 +188,6 @@ def _column(
     """Return what a hypothesis adds at the rows that are judged."""
     rows, column = channel.motion.judged, channel.column(hypothesis.change)
     return hypothesis.scale * lagged(column, rows, hypothesis.lag)
-
-
-def _value(
-    channel: AbstractChannel, judged: Target, one: Scored, samples: float
-) -> float:
-    return judged.criterion(one.squares, samples) + one.hypothesis.cost(
-        channel, samples
-    )
 
 
 def independent(residual: Float[np.ndarray, " r"]) -> float:
@@ -231,7 +226,7 @@ def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:
         dataclasses.replace(best, scale=scale, is_free=False)
         for scale in (1.0, -best.scale if not best.is_free else -1.0)
     ]
-    changes: list[dict[str, object]] = [
+    changes: list[dict[str, Any]] = [
         {"masters": swap} for swap in (None, *channel.swaps)
     ]
     if any(way.ends for way in channel.ways):
@@ -249,6 +244,6 @@ def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:
     changes += [{"shift": ()}] * change.is_shifted
     changes += [{"conventions": one} for one in channel.rules(change.conventions)]
     return found + [
-        dataclasses.replace(best, change=dataclasses.replace(change, **one))  # type: ignore[arg-type]
+        dataclasses.replace(best, change=dataclasses.replace(change, **one))
         for one in changes
     ]
