@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...exchange import InUse, Motion, Reading
-from ..verify import AbstractChannel, LogMotion, channel_of
+from ..verify import AbstractChannel, LogMotion
 from ._likelihood import BAND, Fitted, fit_changes, mean_likelihood
 from ._measured import Difference
 
@@ -105,7 +105,7 @@ class Scene:
             source="the measurements",
         )
         motion = LogMotion(path, ranges=self.reading.modulo)
-        return channel_of(use, motion, self.reading)
+        return use.kind.log_channel(use, motion, self.reading)
 
     def column(self, use: InUse, axis: int) -> Float[np.ndarray, " g"]:
         """Return what a compensation adds at these places."""

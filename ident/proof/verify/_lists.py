@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from ....data.lists import ListFile
 from ...exchange import (
     ExchangeError,
-    InUse,
     Reading,
     machine_lists,
     reversal_cycles,
@@ -35,7 +34,8 @@ def channels_of(
     for one in sorted(used, key=lambda one: (one.axis, one.kind.entries.comes_last)):
         parts = found.setdefault(one.axis, {})
         reversal = reversal_cycles(machine.machine.get(one.axis))
-        parts[one.name] = channel_of(one, motion, reading, reversal, dict(parts))
+        channel = one.kind.log_channel
+        parts[one.name] = channel(one, motion, reading, reversal, dict(parts))
     if not any(found.values()):
         names = ", ".join(one.source for one in lists)
         raise ExchangeError(
@@ -44,26 +44,6 @@ def channels_of(
             expected="at least one table, or an axis list with a compensation",
         )
     return {axis: parts for axis, parts in found.items() if parts}
-
-
-def channel_of(
-    one: InUse,
-    motion: LogMotion,
-    reading: Reading,
-    reversal: int = 0,
-    others: Mapping[str, AbstractChannel] | None = None,
-) -> AbstractChannel:
-    """Return the channel of one compensation along a motion.
-
-    Args:
-        one: The compensation, and where it stands.
-        motion: Of a log, or independent places.
-        reading: How its list is read.
-        reversal: Cycles over which a reversal is spread (P-AXIS-00243).
-        others: Channels of the same axis, whose offsets enter a leadscrew table.
-    """
-    channel = one.kind.log_channel
-    return channel(one, motion, reading, reversal, others or {})
 
 
 def unfiltered(channel: AbstractChannel) -> AbstractChannel:
