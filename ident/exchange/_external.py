@@ -60,15 +60,13 @@ def external_from_lists(
     """
     machine = machine_lists(lists)
     used = machine.in_use(reading.conventions)
-    tables = [one for each in kinds() for one in used if _is_table(one, each.name)]
+    order = [each.name for each in kinds()]
+    tables = [one for one in used if one.kind.entries.is_table]
+    tables.sort(key=lambda one: order.index(one.name))
     numbers = tuple(axes) if axes is not None else axes_in_use(tables, machine)
     columns = columns_of(tables, numbers)
     parts = tuple(_part(one, columns, reading) for one in tables)
     return ExternalCompensation(OffsetStack(parts, axes=len(numbers)))
-
-
-def _is_table(one: InUse, name: str) -> bool:
-    return one.name == name and one.kind.entries.is_table
 
 
 def _part(one: InUse, columns: Mapping[int, int], reading: Reading) -> OffsetPart:

@@ -106,15 +106,6 @@ def test_missing_master_is_named() -> None:
         simulate([parse(SCREW + CROSS, "a")], motion, Reading(RULES))
 
 
-def test_two_lists_of_one_axis_are_refused() -> None:
-    motion = Motion({1: np.array([5.0])}, {}, None)
-    lists = [parse(SCREW, "a.lis"), parse(SCREW, "b.lis")]
-    with pytest.raises(
-        ExchangeError, match=r"b.lis: found a second compensation list of"
-    ):
-        simulate(lists, motion, Reading(RULES))
-
-
 def test_axis_list_alone_is_refused() -> None:
     motion = Motion({1: np.array([5.0])}, {}, None)
     with pytest.raises(ExchangeError, match="found no compensation list, expected"):

@@ -158,17 +158,20 @@ def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
         for one in others
         if one.misfit < best.misfit + EQUAL
     ]
+    # Whatever factor and lag go with them.
+    changed = [one - {"lag", "scale", "is_free"} for one in near]
     filtered = channel.cycles_under(channel.conventions) > 1
     asked = {
-        "edge": ("edge", "what happens beyond the table", True),
-        "masters": ("swapped", "which master is which", len(channel.ways) == 2),
-        "lag": ("lag", "how late it comes", True),
-        "cycles": ("filter", "the length of the filter", filtered),
+        "edge": ("what happens beyond the table", {"edge"} in near),
+        "swapped": (
+            "which master is which",
+            {"masters"} in changed and len(channel.ways) == 2,
+        ),
+        "lag": ("how late it comes", {"lag"} in near),
+        "filter": ("the length of the filter", {"cycles"} in changed and filtered),
     }
     return [
-        text
-        for respect, (word, text, matters) in asked.items()
-        if matters and word not in told and {respect} in near
+        text for word, (text, is_open) in asked.items() if is_open and word not in told
     ]
 
 
