@@ -7,7 +7,6 @@ from pathlib import Path
 
 from ...data.lists import ListFile
 from ...models import Conventions
-from ..exchange import friction_from_list
 from ..job import (
     ErrorFigures,
     FrictionResult,
@@ -16,6 +15,7 @@ from ..job import (
     begin_job,
     write_atomically,
 )
+from ..kinds.friction.entries import friction_from_list
 from ..machine import VirtualMachine, example_drive, example_machine
 from ..proof import circular_test
 from ..report import write_report

@@ -10,9 +10,9 @@ from jaxtyping import Float
 from ...data.lists import ListFile
 from ...data.measurements import measurement, read_table, with_error, without_motion
 from ...models import Conventions, TemperatureLine
-from ..exchange import read_temperature_table
 from ..job import JobResult, TemperatureResult, run_job, write_atomically
 from ..kinds import kind
+from ..kinds.temperature._plc_table import read_temperature_table
 from ..machine.motion import (
     WorkingMachine,
     machine_with_everything,

@@ -40,25 +40,18 @@ def doctor(
     tell. Exit status 0 where all is right.
     """
     from ...data.lists import ListFile
-    from ..job import load_job, read_outside, use_compilation_cache
+    from ..job import load_job, read_outside, reading_of, use_compilation_cache
     from ..proof import diagnose, not_judged
 
     use_compilation_cache()
     old, new = (load_job(path, needs_fits=False) for path in (before, after))
     lists = [ListFile.read(file) for file in dict.fromkeys(files)]
-    axes = new.spec.axes
-    names = {axis.number: name for name, axis in axes.items()}
+    names = {axis.number: name for name, axis in new.spec.axes.items()}
     found = diagnose(
         lists,
         read_outside(old),
         read_outside(new),
-        new.conventions,
-        {a.number: a.increment for a in axes.values() if a.increment is not None},
-        modulo={
-            axis.number: (axis.modulo[0], axis.modulo[1])
-            for axis in axes.values()
-            if axis.modulo is not None
-        },
+        reading_of(new),
         names=names,
     )
     for line in not_judged(lists, new.conventions, names):

@@ -104,6 +104,7 @@ def simulate(
     """
     from ...data.lists import ListFile
     from ..exchange import (
+        Reading,
         StoredConventions,
         read_conventions,
         simulate_events,
@@ -125,10 +126,12 @@ def simulate(
     found = simulate_events(
         lists,
         path,
-        rules.conventions,
-        increment,
-        modulo=ranges,
-        lines=_lines(temperature or (), lists, path, rules.conventions),
+        Reading(
+            rules.conventions,
+            increment,
+            ranges,
+            _lines(temperature or (), lists, path, rules.conventions),
+        ),
         cycle_time=cycle_time,
         events=happened,
     )
@@ -171,7 +174,8 @@ def _lines(
     conventions: "Conventions",
 ) -> "dict[int, TemperatureLine]":
     """Return the temperature lines that a PLC would follow, by axis."""
-    from ..exchange import machine_lists, read_temperature_table
+    from ..exchange import machine_lists
+    from ..kinds.temperature._plc_table import read_temperature_table
 
     found = {}
     machines = machine_lists(lists).machine if texts else {}

@@ -74,7 +74,7 @@ def verify(
     """
     from ...data.lists import ListFile
     from ...data.measurements import read_log
-    from ..exchange import StoredConventions, read_conventions
+    from ..exchange import Reading, StoredConventions, read_conventions
     from ..external import read_snapshot, verify_external, verify_snapshot
     from ..job import use_compilation_cache
     from ..kinds import kinds
@@ -93,19 +93,18 @@ def verify(
     assumed = stored if conventions is None else read_conventions(conventions)
     lists = [ListFile.read(file) for file in dict.fromkeys(files)]
     rules = assumed.conventions
+    reading = Reading(rules, increment, ranges)
     snapshot = read_snapshot(log)
     if snapshot is not None:
-        outside = verify_snapshot(lists, snapshot, rules, increment, modulo=ranges)
+        outside = verify_snapshot(lists, snapshot, reading)
         found = Verification(outside, (), rules, frozenset())
     else:
         names = [one.name for one in kinds()]
         logged = read_log(log, increment, cycle_time, names)
-        outside, logged = verify_external(
-            lists, logged, rules, increment, modulo=ranges
-        )
+        outside, logged = verify_external(lists, logged, reading)
         found = Verification(outside, (), rules, frozenset())
         if logged.offsets or not outside:
-            found = verify_log(lists, logged, rules, increment, modulo=ranges)
+            found = verify_log(lists, logged, reading)
             every = (*outside, *found.verdicts)
             found = dataclasses.replace(found, verdicts=every)
     if as_json:

@@ -2,17 +2,13 @@
 
 Read `_units`, `_identity` and `_nodes` (integers of a list), then `_machine_lists` (which
 compensations the lists of a machine switch on) and `_controller` (the controller that has
-them); `kinds._protocol` is what each compensation says of itself, and its functions such as
-``plane_from_list`` and ``entries_of_plane`` are found here as well, loaded on first use.
+them); what each compensation says of itself is in ``kinds/<name>/entries.py``.
 `_table`: what a table fit writes, with its nodes and its sign. `_simulate` runs a machine
 (`_events` and `_reload`: with what happens at the controller meanwhile), `_probe` asks it for
 plateaus; `load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists`
-writes them back. `_startup`, `_conventions_file`: what else is read.
+writes them back. `_conventions_file`: the rules of one machine.
 """
 
-from typing import TYPE_CHECKING
-
-from .._lazy import importer
 from ._axis_models import (
     AxisModels as AxisModels,
     load_model as load_model,
@@ -29,7 +25,6 @@ from ._conventions_file import (
     read_conventions as read_conventions,
 )
 from ._convert import (
-    CONVERTIBLE as CONVERTIBLE,
     ExchangedTable as ExchangedTable,
     list_with as list_with,
     table_in as table_in,
@@ -48,13 +43,13 @@ from ._events import (
     parse_action as parse_action,
 )
 from ._external import (
+    EXTERNAL as EXTERNAL,
     ExternalAxis as ExternalAxis,
     entries_of_external_axis as entries_of_external_axis,
     external_axis_from_list as external_axis_from_list,
     external_from_lists as external_from_lists,
     external_limits as external_limits,
     from_interface as from_interface,
-    to_interface as to_interface,
 )
 from ._identity import (
     Increments as Increments,
@@ -94,12 +89,6 @@ from ._probe_steps import ProbeStep as ProbeStep, probe_steps as probe_steps
 from ._probe_text import probe_program as probe_program, probe_text as probe_text
 from ._reload import simulate_events as simulate_events
 from ._simulate import AxisOffsets as AxisOffsets, simulate as simulate
-from ._startup import (
-    EXTERNAL as EXTERNAL,
-    Startup as Startup,
-    entries_of_startup as entries_of_startup,
-    startup_from_list as startup_from_list,
-)
 from ._table import (
     AbstractTable as AbstractTable,
     Model as Model,
@@ -109,69 +98,3 @@ from ._table import (
 )
 from ._toml import TomlError as TomlError, read_toml as read_toml
 from ._units import LIST_UNITS as LIST_UNITS, ModelUnit as ModelUnit
-
-if TYPE_CHECKING:
-    from ..kinds.backlash.entries import (
-        backlash_from_list as backlash_from_list,
-        entries_of_backlash as entries_of_backlash,
-    )
-    from ..kinds.cross.entries import (
-        CrossTable as CrossTable,
-        cross_from_list as cross_from_list,
-        entries_of_cross as entries_of_cross,
-    )
-    from ..kinds.crosstalk.entries import (
-        crosstalk_from_list as crosstalk_from_list,
-        crosstalk_masters as crosstalk_masters,
-        entries_of_crosstalk as entries_of_crosstalk,
-        has_crosstalk as has_crosstalk,
-    )
-    from ..kinds.friction.entries import (
-        FrictionNumbers as FrictionNumbers,
-        entries_of_friction as entries_of_friction,
-        friction_from_list as friction_from_list,
-        has_friction as has_friction,
-        read_friction as read_friction,
-    )
-    from ..kinds.leadscrew.entries import (
-        LeadscrewTable as LeadscrewTable,
-        entries_of_leadscrew as entries_of_leadscrew,
-        leadscrew_from_list as leadscrew_from_list,
-    )
-    from ..kinds.plane.entries import (
-        PlaneTable as PlaneTable,
-        entries_of_plane as entries_of_plane,
-        plane_from_list as plane_from_list,
-    )
-    from ..kinds.temperature._plc_table import (
-        read_temperature_table as read_temperature_table,
-        temperature_line as temperature_line,
-    )
-    from ..kinds.temperature.entries import (
-        entries_of_temperature as entries_of_temperature,
-        temperature_from_list as temperature_from_list,
-    )
-
-_OF_KINDS = {
-    "backlash.entries": ("backlash_from_list", "entries_of_backlash"),
-    "cross.entries": ("CrossTable", "cross_from_list", "entries_of_cross"),
-    "crosstalk.entries": (
-        "crosstalk_from_list", "crosstalk_masters", "entries_of_crosstalk",
-        "has_crosstalk",
-    ),
-    "friction.entries": (
-        "FrictionNumbers", "entries_of_friction", "friction_from_list",
-        "has_friction", "read_friction",
-    ),
-    "leadscrew.entries": (
-        "LeadscrewTable", "entries_of_leadscrew", "leadscrew_from_list",
-    ),
-    "plane.entries": ("PlaneTable", "entries_of_plane", "plane_from_list"),
-    "temperature._plc_table": ("read_temperature_table", "temperature_line"),
-    "temperature.entries": ("entries_of_temperature", "temperature_from_list"),
-}  # fmt: skip
-
-__getattr__ = importer(
-    __name__,
-    {name: f".kinds.{home}" for home, names in _OF_KINDS.items() for name in names},
-)

@@ -7,12 +7,9 @@ from typing import Any
 from ...data.lists import ListFile
 from ...models import (
     AxisCompensations,
-    Conventions,
     PositionController,
-    TemperatureLine,
 )
 from ._errors import ExchangeError
-from ._identity import Increments
 from ._machine_lists import (
     InUse,
     MachineLists,
@@ -21,40 +18,29 @@ from ._machine_lists import (
     machine_lists,
     reversal_cycles,
 )
-from ._modulo import Ranges
 
 
 def controller_from_lists(
     lists: Sequence[ListFile],
-    conventions: Conventions,
-    increment: Increments = None,
+    reading: Reading,
     *,
     axes: Sequence[int] | None = None,
-    modulo: Ranges | None = None,
-    lines: Mapping[int, TemperatureLine] | None = None,
-    commanded: bool = False,
 ) -> PositionController:
     """Return the position controller of a machine with these lists loaded.
 
     Args:
         lists: Compensation and axis lists in any order.
-        conventions: Rules of the controller.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
+        reading: How they are read.
         axes: Logical numbers of the machine's axes, one per column of the motion; all
             that the lists name, ascending, where it is left out.
-        modulo: Range in ° by axis, for the axes that turn.
-        lines: Temperature lines as a PLC makes them, by axis, instead of those that
-            stand in the axis list.
-        commanded: What waits for COMP ON is taken as switched on.
 
     Raises:
         ExchangeError: If a list makes no table, an axis has two lists, or a list names
             an axis that the machine lacks.
     """
     machine = machine_lists(lists)
-    used = machine.in_use(conventions, lines or ())
+    used = machine.in_use(reading.conventions, reading.lines)
     numbers = axes_in_use(used, machine) if axes is None else tuple(axes)
-    reading = Reading(conventions, increment, modulo or {}, lines or {}, commanded)
     return controller_of(used, machine, numbers, reading)
 
 

@@ -2,20 +2,20 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float
 
 from ...data.lists import ListFile, new_list
-from ...models import Cross, EquidistantNodes, Leadscrew, Plane, Setpoints
+from ...models import EquidistantNodes, Setpoints
+from ..kinds import kind
 from ._axis_models import AxisModels, models_from_lists
 from ._errors import ExchangeError
 from ._units import LIST_UNITS
 
-CONVERTIBLE = ("leadscrew", "cross", "plane")
-"""Compensations that are tables over positions."""
-_MASTERS = {"leadscrew": 0, "cross": 1, "plane": 2}
+MASTERS = {"leadscrew": 0, "cross": 1, "plane": 2}
+"""Compensations that are tables over positions, and how many masters each has."""
 _GRID = 1e-3
 """mm or ° by which nodes may be off an even grid of whole list units."""
 
@@ -70,30 +70,22 @@ def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTab
         ExchangeError: If there is none, or several and none is named.
     """
     held = models_from_lists([listing])
-    names = [name for name in CONVERTIBLE if name in held]
+    names = [name for name in MASTERS if name in held]
     if compensation is not None:
         names = [name for name in names if name == compensation]
     if len(names) != 1:
         found = f"tables {', '.join(names)}" if names else "no such table"
-        expected = "one to convert: --compensation " + "|".join(CONVERTIBLE)
+        expected = "one to convert: --compensation " + "|".join(MASTERS)
         raise ExchangeError(listing.source, found, expected)
     model = held[names[0]]
-    nodes: tuple[Any, ...]
-    if isinstance(model, Plane):
-        nodes = (model.nodes1.positions, model.nodes2.positions)
-        entries = np.asarray(model.values)
-    elif isinstance(model, Cross):
-        nodes, entries = (model.nodes.positions,), np.asarray(model.values)[None]
-    else:
-        nodes = (model.nodes.positions,)
-        branches = [each for each in (model.pos, model.neg) if each is not None]
-        entries = np.stack([np.asarray(each) for each in branches])
+    nodes = tuple(np.asarray(way.positions) for way in model.ways)
+    rows = np.stack([np.asarray(values) for values in model.tables])
     return ExchangedTable(
         compensation=names[0],
         axis=held.axis,
         masters=held.masters.get(names[0], ()),
-        nodes=tuple(np.asarray(each) for each in nodes),
-        entries=entries,
+        nodes=nodes,
+        entries=rows[0] if len(nodes) == 2 else rows,
         modulo=bool(getattr(model, "modulo", None)),
     )
 
@@ -106,9 +98,9 @@ def list_with(table: ExchangedTable) -> tuple[ListFile, dict[str, int]]:
             hold the nodes.
     """
     name = table.compensation
-    if name not in CONVERTIBLE:
+    if name not in MASTERS:
         raise ExchangeError(
-            where="compensation", found=repr(name), expected=" or ".join(CONVERTIBLE)
+            where="compensation", found=repr(name), expected=" or ".join(MASTERS)
         )
     if table.axis is None:
         raise ExchangeError(
@@ -116,25 +108,19 @@ def list_with(table: ExchangedTable) -> tuple[ListFile, dict[str, int]]:
             found="no number",
             expected="--axis: the one that is compensated (kopf.achs_nr)",
         )
-    if len(table.masters) != _MASTERS[name]:
+    if len(table.masters) != MASTERS[name]:
         found = f"{len(table.masters)} masters of a {name} table"
-        expected = f"{_MASTERS[name]}: --master and the number of each axis"
+        expected = f"{MASTERS[name]}: --master and the number of each axis"
         raise ExchangeError(where="masters", found=found, expected=expected)
-    models = AxisModels(table.axis, {name: _model(table)}, {name: table.masters})
+    rows = [table.entries] if len(table.nodes) == 2 else table.entries
+    turning = {"modulo": True} if table.modulo else {}
+    nodes = [_nodes(each) for each in table.nodes]
+    model = kind(name).entries.models[0](*nodes, *rows, **turning)
+    models = AxisModels(table.axis, {name: model}, {name: table.masters})
     entries, machine = models.to_entries()
     comment = (f"Compensation list of axis {table.axis}, converted by axcomp",)
     listing = new_list({"kopf.achs_nr": table.axis} | entries, comment=comment)
     return listing, {key: int(value) for key, value in machine.items()}
-
-
-def _model(table: ExchangedTable) -> Leadscrew | Cross | Plane:
-    nodes = [_nodes(each) for each in table.nodes]
-    if table.compensation == "plane":
-        return Plane(nodes[0], nodes[1], table.entries)
-    if table.compensation == "cross":
-        return Cross(nodes[0], table.entries[0])
-    neg = table.entries[1] if len(table.entries) == 2 else None
-    return Leadscrew(nodes[0], table.entries[0], neg, modulo=table.modulo or None)
 
 
 def _nodes(positions: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:

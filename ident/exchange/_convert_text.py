@@ -7,6 +7,8 @@ a leadscrew entry is actual − nominal. Meshes hold heights: the error as it st
 negative is the offset that a plane holds.
 """
 
+import dataclasses
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.measurements import MESH_FORMATS, Table, find_unit, read_table
-from ._convert import ExchangedTable
+from ..kinds import kind
+from ._convert import MASTERS, ExchangedTable
 from ._errors import ExchangeError
 
 FORMATS = ("list", "csv", "linuxcnc", "bed-mesh", "height-map")
@@ -64,7 +67,7 @@ def text_of(table: ExchangedTable, form: str, *, trim: bool = False) -> str:
         return _csv(table)
     if form == "linuxcnc":
         return _linuxcnc(table, trim)
-    if table.compensation != "plane":
+    if MASTERS.get(table.compensation) != 2:
         raise ExchangeError(form, f"a {table.compensation} table", "a plane")
     steps = [np.diff(each) for each in table.nodes]
     if any(each.size and np.ptp(each) > _UNEVEN for each in steps):
@@ -100,16 +103,17 @@ def _csv(table: ExchangedTable) -> str:
     if table.masters:
         head += f" over {', '.join(map(str, table.masters))}"
     head += ", modulo" * table.modulo
+    names, entries = ["position"], list(table.entries)
     if len(table.nodes) == 2:
-        names = ["master 1", "master 2", "correction"]
-        first, second = np.meshgrid(*table.nodes)
-        columns = [first.ravel(), second.ravel(), table.entries.ravel()]
-    else:
-        ways = ["pos", "neg"] if table.compensation == "leadscrew" else ["correction"]
-        names = ["position", *ways[: len(table.entries)]]
-        columns = [table.nodes[0], *table.entries]
-    rows = [",".join(map(_number, row)) for row in zip(*columns, strict=True)]
-    return "\n".join([head, ",".join(f"{n} [mm]" for n in names), *rows]) + "\n"
+        names, entries = ["master 1", "master 2"], [table.entries.ravel()]
+    known = kind(table.compensation).entries.columns if table.compensation else ()
+    names += (known or ("correction",))[: len(entries)]
+    columns = [*(place.ravel() for place in np.meshgrid(*table.nodes)), *entries]
+    return _lines(
+        head,
+        ",".join(f"{name} [mm]" for name in names),
+        *(",".join(map(_number, row)) for row in zip(*columns, strict=True)),
+    )
 
 
 def _of_csv(table: Table) -> ExchangedTable:
@@ -118,19 +122,19 @@ def _of_csv(table: Table) -> ExchangedTable:
         head = _HEAD.match(file.readline())
     columns = [_lengths(table, k) for k in range(len(table.columns))]
     if len(columns) not in (2, 3):
-        found, expected = (
-            f"{len(columns)} columns",
-            "positions, then one or two of entries",
+        raise ExchangeError(
+            where=str(table.path),
+            found=f"{len(columns)} columns",
+            expected="positions, then one or two of entries",
         )
-        raise ExchangeError(str(table.path), found, expected)
     name = head["name"] if head else ""
     axis = int(head["axis"]) if head else None
     over = head["masters"] if head else None
     masters = tuple(map(int, over.split(", "))) if over else ()
+    on_grid = not name and table.columns[1].name.startswith("master")
+    if on_grid or MASTERS.get(name) == 2:
+        return dataclasses.replace(_of_grid(table, columns), axis=axis, masters=masters)
     modulo = bool(head and head["modulo"])
-    if name == "plane" or (not name and table.columns[1].name.startswith("master")):
-        nodes, entries = _grid(table, columns)
-        return ExchangedTable("plane", axis, masters, nodes, entries)
     rows = np.stack(columns[1:])
     return ExchangedTable(name, axis, masters, (columns[0],), rows, modulo)
 
@@ -149,7 +153,7 @@ def _lengths(table: Table, number: int) -> Float[np.ndarray, " t"]:
 
 
 def _linuxcnc(table: ExchangedTable, trim: bool) -> str:
-    if table.compensation != "leadscrew" or table.modulo:
+    if MASTERS.get(table.compensation) != 0 or table.modulo:
         found = f"a {table.compensation} table" + " that goes round" * table.modulo
         expected = "a leadscrew table of a linear axis"
         raise ExchangeError(where="linuxcnc", found=found, expected=expected)
@@ -159,25 +163,24 @@ def _linuxcnc(table: ExchangedTable, trim: bool) -> str:
         raise ExchangeError(where="linuxcnc", found=found, expected=expected)
     values = [-each if trim else nodes + each for each in table.entries]
     columns = [nodes, values[0], values[-1]]
-    rows = (" ".join(map(_number, row)) for row in zip(*columns, strict=True))
-    return "\n".join(rows) + "\n"
+    return _lines(*(" ".join(map(_number, row)) for row in zip(*columns, strict=True)))
 
 
 def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
     rows: list[list[float]] = []
     for number, line in enumerate(path.read_text(encoding="latin-1").splitlines(), 1):
-        if not line.strip():
-            continue
         try:
             row = [float(cell) for cell in line.split()]
         except ValueError:
-            row = []
-        if len(row) != 3:
+            row = [math.nan]
+        if len(row) not in (0, 3):
             # LinuxCNC itself stops reading here without a word.
-            expected = "three numbers: nominal, forward, reverse"
-            where, found = f"{path}:{number}", repr(line.strip())
-            raise ExchangeError(where, found, expected)
-        rows.append(row)
+            raise ExchangeError(
+                where=f"{path}:{number}",
+                found=repr(line.strip()),
+                expected="three numbers: nominal, forward, reverse",
+            )
+        rows += [row] if row else []
     nodes, *values = np.array(rows, dtype=np.float64).reshape(-1, 3).T
     if len(nodes) < 2 or np.any(np.diff(nodes) <= 0):
         found = (
@@ -190,19 +193,15 @@ def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
     return ExchangedTable("leadscrew", None, (), (nodes,), entries)
 
 
-def _heights(table: ExchangedTable) -> list[list[str]]:
-    return [[_number(-value) for value in row] for row in table.entries]
-
-
 def _of_mesh(table: Table) -> ExchangedTable:
-    nodes, heights = _grid(table, [_lengths(table, k) for k in range(3)])
-    return ExchangedTable("plane", None, (), nodes, -heights)
+    found = _of_grid(table, [_lengths(table, k) for k in range(3)])
+    return dataclasses.replace(found, entries=-found.entries)
 
 
-def _grid(
+def _of_grid(
     table: Table, columns: Sequence[Float[np.ndarray, " t"]]
-) -> tuple[tuple[np.ndarray, np.ndarray], Float[np.ndarray, "j i"]]:
-    """Return the places of both masters, and the values at all their combinations."""
+) -> ExchangedTable:
+    """Return a plane of the places of both masters and the values there."""
     first, i = np.unique(columns[0], return_inverse=True)
     second, j = np.unique(columns[1], return_inverse=True)
     values = np.full((len(second), len(first)), np.nan)
@@ -212,28 +211,27 @@ def _grid(
         found = f"{holes} of {values.size} places without a value"
         expected = f"a full grid; a fit fills it: axcomp new {table.path.name}"
         raise ExchangeError(str(table.path), found, expected)
-    return (first, second), values
+    return ExchangedTable("plane", None, (), (first, second), values)
+
+
+def _lines(*lines: str) -> str:
+    return "\n".join([*lines, ""])
+
+
+def _heights(table: ExchangedTable) -> list[str]:
+    return [", ".join(_number(-value) for value in row) for row in table.entries]
 
 
 def _bed_mesh(table: ExchangedTable) -> str:
-    (x, y), heights = table.nodes, _heights(table)
-    settings = {
-        "x_count": len(x),
-        "y_count": len(y),
-        "mesh_x_pps": 0,
-        "mesh_y_pps": 0,
-        "algo": "direct",
-        "tension": 0.2,
-        "min_x": _number(x[0]),
-        "max_x": _number(x[-1]),
-        "min_y": _number(y[0]),
-        "max_y": _number(y[-1]),
-    }
+    x, y = table.nodes
     lines = ["[bed_mesh default]", "version = 1", "points ="]
-    lines += [f"\t  {', '.join(row)}" for row in heights]
-    lines += [f"{key} = {value}" for key, value in settings.items()]
+    lines += [f"\t  {row}" for row in _heights(table)]
+    lines += [f"x_count = {len(x)}", f"y_count = {len(y)}"]
+    lines += ["mesh_x_pps = 0", "mesh_y_pps = 0", "algo = direct", "tension = 0.2"]
+    lines += [f"min_x = {_number(x[0])}", f"max_x = {_number(x[-1])}"]
+    lines += [f"min_y = {_number(y[0])}", f"max_y = {_number(y[-1])}"]
     # As Klipper's SAVE_CONFIG writes it.
-    return "\n".join(f"#*# {line}" for line in lines) + "\n"
+    return _lines(*(f"#*# {line}" for line in lines))
 
 
 def _height_map(table: ExchangedTable) -> str:
@@ -241,22 +239,12 @@ def _height_map(table: ExchangedTable) -> str:
     spacing = [
         float(np.mean(np.diff(each))) if len(each) > 1 else 1.0 for each in (x, y)
     ]
-    figures = [
-        f"min error {z.min():.3f}",
-        f"max error {z.max():.3f}",
-        f"mean {z.mean():.3f}",
-        f"deviation {z.std():.3f}",
-    ]
     ends = [x[0], x[-1], y[0], y[-1], -1.0, *spacing]
-    return (
-        "\n".join(
-            [
-                "RepRapFirmware height map file v2 generated by axcomp, "
-                + ", ".join(figures),
-                "axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1",
-                f"X,Y,{','.join(map(_number, ends))},{len(x)},{len(y)}",
-                *(", ".join(row) for row in _heights(table)),
-            ]
-        )
-        + "\n"
+    return _lines(
+        "RepRapFirmware height map file v2 generated by axcomp,"
+        f" min error {z.min():.3f}, max error {z.max():.3f},"
+        f" mean {z.mean():.3f}, deviation {z.std():.3f}",
+        "axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1",
+        f"X,Y,{','.join(map(_number, ends))},{len(x)},{len(y)}",
+        *_heights(table),
     )

@@ -17,35 +17,19 @@ from ...models import (
 from ..kinds import kinds
 from ._controller import columns_of, model_of
 from ._errors import ExchangeError
-from ._identity import Increments, optional
+from ._identity import optional
 from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
-from ._modulo import Ranges
 from ._nodes import as_array
 from ._units import LIST_UNITS, round_to_list
 
 INTERFACE_UNITS = 10**8
 """Units of the interface per mm or °: its integers count 1e-8 of them."""
 
+EXTERNAL = "configuration.position_controller.enable_external_compensation_ifc"
+"""Entry of the start-up list that opens the interface (P-STUP-00110)."""
+
 _EXTERNAL = "lr_param.ext_comp"
 _UNS32 = (0, 2**32 - 1)
-_LARGEST = 2.0**62
-
-
-def to_interface(values: Float[np.ndarray, "..."], name: str) -> Int[np.ndarray, "..."]:
-    """Return positions or offsets in mm or ° as integers of the interface.
-
-    Raises:
-        ExchangeError: If a value is not finite or too large for 64 bits.
-    """
-    scaled = np.rint(np.asarray(values, dtype=float) * INTERFACE_UNITS)
-    bad = ~(np.abs(scaled) < _LARGEST)
-    if bad.any():
-        raise ExchangeError(
-            where=name,
-            found=f"{np.asarray(values)[bad].flat[0]:g}",
-            expected="a position that 64 bits of 1e-8 mm or ° hold",
-        )
-    return np.asarray(scaled, dtype=np.int64)
 
 
 def from_interface(values: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -55,11 +39,9 @@ def from_interface(values: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
 
 def external_from_lists(
     lists: Sequence[ListFile],
-    conventions: Conventions,
-    increment: Increments = None,
+    reading: Reading,
     *,
     axes: Sequence[int] | None = None,
-    modulo: Ranges | None = None,
 ) -> ExternalCompensation:
     """Return the tables of a machine as one external compensation.
 
@@ -68,28 +50,23 @@ def external_from_lists(
 
     Args:
         lists: Compensation and axis lists in any order.
-        conventions: Rules of the controller.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
+        reading: How they are read.
         axes: Logical numbers, one per column of the positions; all that the lists name,
             ascending, where it is left out.
-        modulo: Range in ° by axis, for the axes that turn.
 
     Raises:
         ExchangeError: If a list makes no table, names an axis that is not among
             `axes`, or has a table for each direction of motion.
     """
     machine = machine_lists(lists)
-    used = machine.in_use(conventions)
-    tables = [one for each in kinds() for one in used if _is_table(one, each.name)]
+    used = machine.in_use(reading.conventions)
+    order = [each.name for each in kinds()]
+    tables = [one for one in used if one.kind.entries.is_table]
+    tables.sort(key=lambda one: order.index(one.name))
     numbers = tuple(axes) if axes is not None else axes_in_use(tables, machine)
     columns = columns_of(tables, numbers)
-    reading = Reading(conventions, increment, modulo or {})
     parts = tuple(_part(one, columns, reading) for one in tables)
     return ExternalCompensation(OffsetStack(parts, axes=len(numbers)))
-
-
-def _is_table(one: InUse, name: str) -> bool:
-    return one.name == name and one.kind.entries.is_table
 
 
 def _part(one: InUse, columns: Mapping[int, int], reading: Reading) -> OffsetPart:

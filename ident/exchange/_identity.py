@@ -38,6 +38,13 @@ def axis_number(listing: ListFile) -> int:
     return int(match[1])
 
 
+def _unreadable(listing: ListFile, name: str, expected: str) -> ExchangeError:
+    entry = listing.get(name)
+    line = "" if entry is None else f":{entry.line}"
+    found = "no entry" if entry is None else repr(entry.value[:_LONGEST])
+    return ExchangeError(f"{listing.source}{line}: {name}", found, expected)
+
+
 def required(listing: ListFile, name: str) -> int:
     """Return an integer entry that the function needs.
 
@@ -46,12 +53,7 @@ def required(listing: ListFile, name: str) -> int:
     """
     value = listing.integer(name)
     if value is None:
-        entry = listing.get(name)
-        found = "no entry" if entry is None else repr(entry.value)
-        line = "" if entry is None else f":{entry.line}"
-        raise ExchangeError(
-            where=f"{listing.source}{line}: {name}", found=found, expected="an integer"
-        )
+        raise _unreadable(listing, name, "an integer")
     return value
 
 
@@ -100,12 +102,8 @@ def flag(listing: ListFile, name: str) -> bool:
         ExchangeError: If it stands there and is none.
     """
     value = listing.boolean(name)
-    if value is None and (entry := listing.get(name)) is not None:
-        raise ExchangeError(
-            where=f"{listing.source}:{entry.line}: {name}",
-            found=repr(entry.value),
-            expected="0 or 1",
-        )
+    if value is None and listing.get(name) is not None:
+        raise _unreadable(listing, name, "0 or 1")
     return bool(value)
 
 
@@ -119,11 +117,7 @@ def real(listing: ListFile, name: str) -> float:
     if entry is None:
         return 0.0
     if len(entry.value) > _LONGEST or _REAL.fullmatch(entry.value) is None:
-        raise ExchangeError(
-            where=f"{listing.source}:{entry.line}: {name}",
-            found=repr(entry.value[:_LONGEST]),
-            expected="a number",
-        )
+        raise _unreadable(listing, name, "a number")
     return float(entry.value)
 
 

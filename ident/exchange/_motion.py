@@ -1,13 +1,22 @@
 """Commanded motion of a machine by axis number, and what follows from it."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...data.measurements import Measurement
 from ._errors import ExchangeError
 
+_COLUMNS = {
+    "position": "positions",
+    "direction": "directions",
+    "velocity": "velocities",
+    "acceleration": "accelerations",
+    "actual": "actuals",
+}
+"""Attribute of a motion by role."""
 _EVEN = 0.01
 """Share by which time steps may differ and still be cycles of one length."""
 
@@ -43,6 +52,37 @@ class Motion:
         default_factory=dict
     )
     source: str = "motion"
+
+    @classmethod
+    def of(cls, measured: Measurement, number: Callable[[str], int]) -> "Motion":
+        """Return the motion that a measurement holds.
+
+        Args:
+            measured: With roles such as ``A1.position``.
+            number: From the name of an axis to its logical number; it may raise.
+
+        Raises:
+            CellError: If a column holds a cell that cannot be used.
+        """
+        columns: dict[str, dict[int, np.ndarray]] = {}
+        temperatures: dict[str, np.ndarray] = {}
+        for role in measured.values:
+            name, _, quantity = role.partition(".")
+            if name == "temperature":
+                temperatures[quantity] = np.asarray(measured.values[role], float)
+                continue
+            axis = number(name) if quantity else 0
+            if quantity in _COLUMNS:
+                kind = np.int64 if quantity == "direction" else float
+                values = np.asarray(measured.values[role], kind)
+                columns.setdefault(_COLUMNS[quantity], {})[axis] = values
+        time = measured.get("time")
+        return cls(
+            **{"positions": {}, "directions": {}, **columns},
+            time=None if time is None else np.asarray(time, float),
+            temperatures=temperatures,
+            source=str(measured.source),
+        )
 
     @property
     def rows(self) -> int:

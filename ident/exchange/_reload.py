@@ -5,19 +5,16 @@ the same time (S-06).
 """
 
 import dataclasses
-import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from ...data.lists import ListFile
-from ...models import Conventions, TemperatureLine
 from ..kinds import NAMES, kind
 from ._errors import ExchangeError
 from ._events import ControllerEvent
-from ._identity import Increments, axis_number
-from ._machine_lists import machine_lists
-from ._modulo import Ranges
+from ._identity import axis_number
+from ._machine_lists import Reading, machine_lists
 from ._motion import Motion
 from ._simulate import AxisOffsets, simulate
 
@@ -25,11 +22,8 @@ from ._simulate import AxisOffsets, simulate
 def simulate_events(
     lists: Sequence[ListFile],
     motion: Motion,
-    conventions: Conventions,
-    increment: Increments = None,
+    reading: Reading,
     *,
-    modulo: Ranges | None = None,
-    lines: Mapping[int, TemperatureLine] | None = None,
     cycle_time: float | None = None,
     events: Sequence[ControllerEvent] | None = None,
 ) -> tuple[AxisOffsets, ...]:
@@ -40,10 +34,7 @@ def simulate_events(
     Args:
         lists: Compensation and axis lists as they are loaded in the first row.
         motion: Commanded motion with time.
-        conventions: Rules of the controller.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
-        modulo: Range in ° by axis, for the axes that turn.
-        lines: Temperature lines as a PLC makes them, by axis.
+        reading: How the lists are read.
         cycle_time: Of the controller in s, to hold the time step of the motion against.
         events: In the order of their rows; None: everything has been on and homed for
             long, also what waits for COMP ON.
@@ -52,17 +43,8 @@ def simulate_events(
         ExchangeError: As `simulate`; if the motion has no time, or a list that is loaded
             again replaces none.
     """
-    run = functools.partial(
-        simulate,
-        motion=motion,
-        conventions=conventions,
-        increment=increment,
-        modulo=modulo,
-        lines=lines,
-        cycle_time=cycle_time,
-    )
     if events is None:
-        return run(lists)
+        return simulate(lists, motion, reading, cycle_time=cycle_time)
     if motion.time is None:
         raise ExchangeError(
             where=motion.source, found="no time", expected="time, for events"
@@ -72,9 +54,12 @@ def simulate_events(
     found: tuple[AxisOffsets, ...] = ()
     known: set[int] = set()
     for version in versions:
-        used = machine_lists(version).in_use(conventions, lines or ())
-        offsets = run(
+        used = machine_lists(version).in_use(reading.conventions, reading.lines)
+        offsets = simulate(
             version,
+            motion,
+            reading,
+            cycle_time=cycle_time,
             events=others,
             windows={
                 (one.axis, one.name): spans[id(one.listing)]

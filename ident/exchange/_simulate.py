@@ -10,20 +10,16 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ...models import (
-    Conventions,
     Motion as ControllerMotion,
     Offsets,
     PositionController,
-    TemperatureLine,
 )
 from ..kinds import kinds
 from ._controller import controller_of
 from ._controller_motion import controller_motion
 from ._errors import ExchangeError
 from ._events import ControllerEvent, Windows, homed_rows, selected_rows
-from ._identity import Increments
 from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
-from ._modulo import Ranges
 from ._motion import Motion
 
 _SMALLEST = 256
@@ -55,11 +51,8 @@ class AxisOffsets:
 def simulate(
     lists: Sequence[ListFile],
     motion: Motion,
-    conventions: Conventions,
-    increment: Increments = None,
+    reading: Reading,
     *,
-    modulo: Ranges | None = None,
-    lines: Mapping[int, TemperatureLine] | None = None,
     cycle_time: float | None = None,
     only: Callable[[InUse], bool] | None = None,
     events: Sequence[ControllerEvent] | None = None,
@@ -74,10 +67,7 @@ def simulate(
     Args:
         lists: Compensation and axis lists in any order.
         motion: Commanded motion.
-        conventions: Rules of the controller.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
-        modulo: Range in ° by axis, for the axes that turn.
-        lines: Temperature lines as a PLC makes them, by axis.
+        reading: How the lists are read.
         cycle_time: Of the controller in s, to hold the time step of the motion against.
         only: Which compensations are computed; None: all. Axes that have none of them are
             left out.
@@ -91,7 +81,7 @@ def simulate(
     """
     motion.check(cycle_time)
     machine = machine_lists(lists)
-    used = machine.in_use(conventions, lines or ())
+    used = machine.in_use(reading.conventions, reading.lines)
     if only is not None:
         used = tuple(one for one in used if only(one))
     own = {one.axis for one in used if one.kind.holder == "axis"}
@@ -102,9 +92,7 @@ def simulate(
             found="no compensation list",
             expected="at least one (kopf.*, kw.*)",
         )
-    reading = Reading(
-        conventions, increment, modulo or {}, lines or {}, commanded=events is None
-    )
+    reading = dataclasses.replace(reading, commanded=events is None)
     why = {one: one.kind.entries.lacks(one, motion, reading) for one in used}
     computed = [one for one in used if why[one] is None]
     for one in computed:

@@ -58,11 +58,6 @@ class AbstractTable(abc.ABC):
         return self.kind.prefix
 
     @property
-    def activation(self) -> str:
-        """Entry of the axis list that switches it on."""
-        return self.kind.activation
-
-    @property
     def keyword(self) -> str:
         """Of the NC command ``COMP`` and of `prog_movement_requires_compensations`."""
         return self.kind.keyword

@@ -15,6 +15,7 @@ from ...models import Conventions, ExternalCompensation, OffsetStack
 from ..exchange import (
     ExchangeError,
     Ranges,
+    Reading,
     axes_in_use,
     external_from_lists,
     machine_lists,
@@ -103,7 +104,7 @@ def list_source(
     numbers = tuple(axes or sorted({*job.axes, *axes_in_use(used, machine)}))
     ranges = {**job.modulo, **(modulo or {})}
     steps = increment if increment is not None else job.increments or None
-    law = external_from_lists(lists, rules, steps, axes=numbers, modulo=ranges)
+    law = external_from_lists(lists, Reading(rules, steps, ranges), axes=numbers)
     left = {(f"A{one.axis}", one.name) for one in used} | set(job.fits)
     remarks = [
         f"{axis}: the {name} compensation is left out, as {_reason(name)}. Leave it active."

@@ -14,8 +14,7 @@ from ...data.measurements import EXTERNAL_LOG, ControllerLog
 from ...models import Conventions, OffsetStack
 from ..exchange import (
     ExchangeError,
-    Increments,
-    Ranges,
+    Reading,
     axes_in_use,
     external_from_lists,
     from_interface,
@@ -84,33 +83,26 @@ def read_snapshot(path: Path) -> Snapshot | None:
 def verify_snapshot(
     lists: Sequence[ListFile],
     snapshot: Snapshot,
-    conventions: Conventions,
-    increment: Increments = None,
-    *,
-    modulo: Ranges | None = None,
+    reading: Reading,
 ) -> tuple[Verdict, ...]:
     """Return what one moment of a controller tells of an external compensation.
 
     Args:
         lists: What it was exported from, and the axis lists of all other axes.
         snapshot: From `read_snapshot`.
-        conventions: Rules of the controller.
-        increment: Worth of an increment, for lists with ``unit 0``.
-        modulo: Range in ° by axis that turns.
+        reading: How the lists are read.
 
     Raises:
         ExchangeError: If a list makes no table, or there are more axes than values.
     """
-    numbers = _numbers(lists, conventions)
+    numbers = _numbers(lists, reading.conventions)
     if len(numbers) > len(snapshot.positions):
         raise ExchangeError(
             where="diagdata",
             found=f"{len(snapshot.positions)} axes",
             expected=f"at least the {len(numbers)} that the lists name",
         )
-    law = external_from_lists(
-        lists, conventions, increment, axes=numbers, modulo=modulo
-    )
+    law = external_from_lists(lists, reading, axes=numbers)
     count = len(numbers)
     wanted = np.asarray(law.offsets(snapshot.positions[None, :count]))
     idle = [name for name, value in snapshot.flags.items() if value != 1]
@@ -124,19 +116,14 @@ def verify_snapshot(
 def verify_external(
     lists: Sequence[ListFile],
     log: ControllerLog,
-    conventions: Conventions,
-    increment: Increments = None,
-    *,
-    modulo: Ranges | None = None,
+    reading: Reading,
 ) -> tuple[tuple[Verdict, ...], ControllerLog]:
     """Return what a log of ``EXTC[0].actual_offset`` tells, and the log without it.
 
     Args:
         lists: What the compensation was exported from.
         log: From `read_log`, with axes A1, A2, … after their logical numbers.
-        conventions: Rules of the controller.
-        increment: Worth of an increment, for lists with ``unit 0``.
-        modulo: Range in ° by axis that turns.
+        reading: How the lists are read.
 
     Raises:
         ExchangeError: If a column names no axis, the position of a master is missing, or a
@@ -148,10 +135,8 @@ def verify_external(
     # Recordings of all objects hold zeros where no external compensation is.
     if not any(one.values.any() for one in columns):
         return (), without
-    numbers = _numbers(lists, conventions)
-    law = external_from_lists(
-        lists, conventions, increment, axes=numbers, modulo=modulo
-    )
+    numbers = _numbers(lists, reading.conventions)
+    law = external_from_lists(lists, reading, axes=numbers)
     stack = law.law
     assert isinstance(stack, OffsetStack)
     masters = {column for part in stack.parts for column in part.masters}

@@ -81,6 +81,7 @@ if TYPE_CHECKING:
         TemperatureResult as TemperatureResult,
         ThermalView as ThermalView,
     )
+    from ._acting import reading_of as reading_of
     from ._found_fits import (
         found_keys as found_keys,
         job_with_fits as job_with_fits,
@@ -111,6 +112,7 @@ _HOMES = {
     "job_with_fits": "_found_fits",
     "nodes_for": "_found_fits",
     "read_outside": "_outside",
+    "reading_of": "_acting",
     "observe": "_observe",
     "without_zero": "_remove",
     "Gate": "_schema",

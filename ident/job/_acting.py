@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from ...data.lists import ListFile, new_list
 from ..exchange import (
-    Increments,
     Ranges,
+    Reading,
     entries_of_activation,
 )
 from ..kinds import kinds
@@ -25,9 +25,7 @@ def acting_before(job: Job, axis: str, lists: AxisLists) -> Loaded:
     return Loaded(
         number,
         _lists(number, lists.compensation, lists.machine),
-        job.conventions,
-        increments_of(job),
-        ranges_of(job),
+        reading_of(job),
     )
 
 
@@ -59,7 +57,9 @@ def acting_after(
     return dataclasses.replace(
         before,
         lists=_lists(number, listing, machine),
-        lines={number: lines[-1]} if lines else {},
+        reading=dataclasses.replace(
+            before.reading, lines={number: lines[-1]} if lines else {}
+        ),
     )
 
 
@@ -71,8 +71,7 @@ def acting_alone(job: Job, draft: AbstractDraft) -> Loaded:
     return Loaded(
         number,
         _lists(number, _read_back(listing), None),
-        job.conventions,
-        modulo=ranges_of(job),
+        reading_of(job),
     )
 
 
@@ -85,13 +84,14 @@ def ranges_of(job: Job) -> Ranges:
     }
 
 
-def increments_of(job: Job) -> Increments:
-    """Return the worth of an encoder increment, by logical number."""
-    return {
+def reading_of(job: Job) -> Reading:
+    """Return how the lists of a job are read, what waits for COMP ON as switched on."""
+    increments = {
         axis.number: axis.increment
         for axis in job.spec.axes.values()
         if axis.increment is not None
     }
+    return Reading(job.conventions, increments, ranges_of(job), commanded=True)
 
 
 def _lists(

@@ -13,6 +13,7 @@ from ...data.errors import AxcompError
 from ...data.lists import ListFile
 from ..exchange import ExchangeError
 from ..proof import Diagnosis, diagnose, not_judged
+from ._acting import reading_of
 from ._draft import AbstractDraft
 from ._lists import AxisFiles
 from ._load import Job, load_job, sha256
@@ -187,19 +188,12 @@ def _diagnoses(
     lists = [ListFile.read(root / name) for name in second.lists]
     names = {axis.number: name for name, axis in job.spec.axes.items()}
     remarks = [Remark.info(line) for line in not_judged(lists, job.conventions, names)]
-    axes = second.job.spec.axes
     try:
         found = diagnose(
             lists,
             read_outside(job),
             read_outside(second.job),
-            job.conventions,
-            {a.number: a.increment for a in axes.values() if a.increment is not None},
-            modulo={
-                axis.number: (axis.modulo[0], axis.modulo[1])
-                for axis in axes.values()
-                if axis.modulo is not None
-            },
+            dataclasses.replace(reading_of(second.job), conventions=job.conventions),
             names=names,
         )
     except ExchangeError as error:

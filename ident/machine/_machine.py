@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from ...data.errors import AxcompError
 from ...data.lists import ListFile
 from ...models import Conventions, Motion, PositionController, TemperatureLine
-from ..exchange import axes_in_use, controller_from_lists, machine_lists
+from ..exchange import Reading, axes_in_use, controller_from_lists, machine_lists
 from ._sources import AbstractErrorSource
 from ._state import Positions, State
 
@@ -73,10 +73,8 @@ class VirtualMachine:
                 raise MachineError(asked, expected)
         controller = controller_from_lists(
             lists,
-            self.conventions,
+            Reading(self.conventions, lines=lines or {}, commanded=True),
             axes=tuple(self.axes.values()),
-            lines=lines,
-            commanded=True,
         )
         return dataclasses.replace(self, controller=controller)
 

@@ -2,7 +2,7 @@
 
 Read `_figures` (how large an error is), `_heldout` (each reading under the list that was fitted
 without it), `_dynamics` and `_reversal` (the motion that a table adds), `_gate` (what it may
-do), `_circle` with `_course` (what friction does to a circle). Rooms: `axis` (all that acts on
+do), `_circle` (what friction does to a circle). Rooms: `axis` (all that acts on
 one axis, judged together), `verify` (a controller's log against its lists), `doctor`
 (measurements without and with the lists).
 
@@ -13,7 +13,6 @@ need none of them.
 from typing import TYPE_CHECKING
 
 from .._lazy import importer
-from ._course import ServoLoop as ServoLoop
 from ._dynamics import GateTable as GateTable
 from ._figures import (
     ErrorFigures as ErrorFigures,
@@ -42,6 +41,7 @@ from ._reversal import (
 if TYPE_CHECKING:
     from ._circle import (
         CircularTest as CircularTest,
+        ServoLoop as ServoLoop,
         circular_test as circular_test,
     )
     from .doctor import (
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "CircularTest": "_circle",
+    "ServoLoop": "_circle",
     "circular_test": "_circle",
     "Diagnosis": "doctor",
     "Measured": "doctor",

@@ -1,24 +1,45 @@
 """What friction and its list do to a circle: quadrant spikes, simulated."""
 
 import dataclasses
+import math
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ...models import (
     AbstractFriction,
     FrictionCompensation,
     FrictionTable,
 )
-from ._course import ServoLoop, course_of
 
+_FORGOTTEN = 40.0
+"""Time constants of the loop after which nothing is left of how it began."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
-_UNROLL = 4
-"""Cycles that the simulation takes at a time: faster, and compiled as soon."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ServoLoop:
+    """A cascade of position and velocity control with velocity feed-forward.
+
+    Attributes:
+        position_gain: Kv in 1/s.
+        velocity_gain: Bandwidth of the velocity loop in 1/s.
+        integral_time: Of the velocity loop, in s.
+    """
+
+    position_gain: float = 50.0
+    velocity_gain: float = 300.0
+    integral_time: float = 0.01
+
+    def __str__(self) -> str:
+        return (
+            f"Kv {self.position_gain:g} 1/s, velocity loop {self.velocity_gain:g} 1/s"
+            f" with {1e3 * self.integral_time:g} ms integral time"
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,24 +97,32 @@ def circular_test(
         loop: The control loop; a usual one if left out.
         cycle: Of the controller in s.
     """
-    course = course_of(radius, feed, ServoLoop() if loop is None else loop, cycle)
-    run = _follow(
+    servo = ServoLoop() if loop is None else loop
+    gains = servo.position_gain, servo.velocity_gain, 1.0 / servo.integral_time
+    speed = feed / radius
+    turn = round(2 * np.pi / (speed * cycle))
+    # By then the loop has forgotten how it began; the turn that is shown is a later one.
+    before = min(math.ceil(_FORGOTTEN / (min(gains) * cycle)), 2 * turn)
+    # Half a cycle on: the axis does not stand at a sample, as it would not in truth.
+    phase = speed * cycle * (np.arange(-before, turn) + 2 * turn + 0.5)
+    position, velocity = radius * np.cos(phase), -radius * speed * np.sin(phase)
+    places = _follow(
         law,
         jnp.asarray(inertia),
         _filled_up(compensation),
         jnp.asarray(out_unit),
-        jnp.asarray(course.motion),
-        jnp.asarray(course.gains),
-        jnp.asarray(course.arcs),
+        jnp.stack([position, velocity, -speed * speed * position], axis=1),
+        jnp.asarray([*gains, cycle]),
     )
-    without, with_list = course.deviation(np.asarray(run))
+    # The other axis does not err: this one's share of the radius is cos of the angle.
+    radial = (np.asarray(places) - position[:, None]) * np.cos(phase)[:, None]
     return CircularTest(
-        angle=course.angle,
-        without=without,
-        with_list=with_list,
+        angle=np.rad2deg(phase[before:] - phase[before]),
+        without=radial[before:, 0],
+        with_list=radial[before:, 1],
         radius=radius,
         feed=feed,
-        loop=course.loop,
+        loop=servo,
     )
 
 
@@ -124,9 +153,8 @@ def _follow(
     out_unit: Float[Array, ""],
     motion: Float[Array, "t 3"],
     gains: Float[Array, " 4"],
-    arcs: Int[Array, "s a"],
-) -> Float[Array, "s a2"]:
-    """Return where the axis is on each arc, in mm: all without, then all with its list.
+) -> Float[Array, "t 2"]:
+    """Return where the axis is in each cycle, in mm: without its list, and with it.
 
     A step of the second order per cycle, over which the drive pushes evenly. Where an
     axis comes to rest on the way, the rest of the cycle begins anew from there. What
@@ -135,23 +163,21 @@ def _follow(
     """
     start = compensation.start()
     listed = compensation.run(start, motion[:, 0], motion[:, 1])[0]
-    added = out_unit * listed[arcs]
-    added = jnp.concatenate([jnp.zeros_like(added), added], axis=1)
-    motion = jnp.concatenate([motion[arcs], motion[arcs]], axis=1)
+    added = out_unit * jnp.stack([jnp.zeros_like(listed), listed], axis=1)
     kv, kp, per_time, cycle = gains
 
     def slowing(speed: Array, way: Array) -> Array:
         found: Array = law.level(speed, way) / inertia
         return found
 
-    rest = jnp.zeros(added.shape[1])
+    rest = jnp.zeros(2)
     held = slowing(rest, rest + 1.0), slowing(rest, rest - 1.0)
 
     def cycle_of(
         state: tuple[Array, Array, Array, Array], now: tuple[Array, Array]
     ) -> tuple[tuple[Array, Array, Array, Array], Array]:
         place, speed, integral, taken = state
-        (wanted, fast, push), extra = now[0].T, now[1]
+        (wanted, fast, push), extra = now
         lag = fast + kv * (wanted - place) - speed
         integral = integral + kp * per_time * lag * cycle
         free = push + kp * lag + integral + extra / inertia
@@ -176,7 +202,7 @@ def _follow(
         taken = jnp.where(goes_on, taken, holds)
         return (place_after, speed_after, integral, taken), place
 
-    place, speed = motion[0, :, 0], motion[0, :, 1]
+    place, speed = (jnp.full(2, motion[0, k]) for k in (0, 1))
     taken = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
     state = place, speed, rest, taken
-    return jax.lax.scan(cycle_of, state, (motion, added), unroll=_UNROLL)[1]
+    return jax.lax.scan(cycle_of, state, (motion, added))[1]

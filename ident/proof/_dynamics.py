@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -117,50 +117,30 @@ class _Lines:
         return words
 
 
-_First = tuple[float, Callable[[], str]]
-"""A value, and what says in words where it is."""
+_Tried = tuple[Float[np.ndarray, "_b _r _m"], Callable[[int, int], str]]
+"""Values along lines, and what says in words where one of them is."""
 
 
-def _firsts(
-    values: Float[np.ndarray, "b r m"], words: Callable[[int, int], str]
-) -> list[_First]:
-    """Return the first of the largest values of each branch."""
-    flat = values.reshape(len(values), -1)
-    at = flat.argmax(axis=1)
-    return [
-        (top, functools.partial(words, *divmod(k, values.shape[2])))
-        for top, k in zip(
-            flat[np.arange(len(flat)), at].tolist(), at.tolist(), strict=True
-        )
-    ]
-
-
-def _largest(found: Sequence[_First]) -> tuple[float, str]:
-    """Return the largest value, and where it is."""
+def _largest(tried: Iterable[_Tried]) -> tuple[float, str]:
+    """Return the largest value, and where it is first in a branch."""
+    found: list[tuple[float, Callable[[], str]]] = []
+    for values, words in tried:
+        for branch in values.reshape(len(values), -1):
+            k = int(branch.argmax())
+            where = functools.partial(words, *divmod(k, values.shape[2]))
+            found.append((float(branch[k]), where))
     top = max(value for value, _ in found)
-    return top, max(words() for value, words in found if value == top)
+    return top, max(where() for value, where in found if value == top)
 
 
 def step(table: GateTable) -> tuple[float, str]:
     """Return the largest difference of neighbouring nodes in mm or °, and where."""
-    return _largest(
-        [
-            first
-            for lines in table.lines
-            for first in _firsts(np.abs(lines.steps), lines.interval)
-        ]
-    )
+    return _largest((np.abs(lines.steps), lines.interval) for lines in table.lines)
 
 
 def slope(table: GateTable) -> tuple[float, str]:
     """Return the steepest slope along a master, as a pure number, and where."""
-    return _largest(
-        [
-            first
-            for lines in table.lines
-            for first in _firsts(np.abs(lines.slopes), lines.interval)
-        ]
-    )
+    return _largest((np.abs(lines.slopes), lines.interval) for lines in table.lines)
 
 
 def gradient(table: GateTable) -> float:
@@ -177,11 +157,9 @@ def gradient(table: GateTable) -> float:
 
 def kink(table: GateTable) -> tuple[float, str]:
     """Return the largest change of slope at a node, as a pure number, and where."""
-    found: list[_First] = []
-    for lines in table.lines:
-        slopes = lines.slopes_with_ends
-        found += _firsts(np.abs(slopes[..., 1:] - slopes[..., :-1]), lines.node)
-    return _largest(found)
+    return _largest(
+        (np.abs(np.diff(lines.slopes_with_ends)), lines.node) for lines in table.lines
+    )
 
 
 def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
@@ -198,7 +176,7 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
         mm/s² or °/s², and where.
     """
     made = feed * SMOOTHING
-    found: list[_First] = []
+    tried: list[_Tried] = []
     for lines in table.lines:
         nodes, slopes = lines.nodes, lines.slopes_with_ends
         words = lines.node
@@ -218,10 +196,7 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
         behind = np.searchsorted(nodes, nodes - made, side="right")
         for start, end in ((passed, ahead), (behind, passed)):
             change = np.abs(slopes[..., end] - slopes[..., start])
-            found += [
-                (value * feed / SMOOTHING, where)
-                for value, where in _firsts(change, words)
-            ]
+            tried.append((change * feed / SMOOTHING, words))
     if len(table.nodes) == 2:
         area = np.outer(np.diff(table.nodes[1]), np.diff(table.nodes[0]))
         across = table.lines[1].steps.swapaxes(1, 2)
@@ -231,8 +206,8 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
             return f"in the cell from {place_of(table, [row, k])}"
 
         # Along the diagonal each master moves with feed/√2: 2 · v₁ · v₂ = feed².
-        found += [(value * feed**2, where) for value, where in _firsts(twist, cell)]
-    return _largest(found)
+        tried.append((twist * feed**2, cell))
+    return _largest(tried)
 
 
 def _node_around(lines: _Lines, around: int, row: int, k: int) -> str:

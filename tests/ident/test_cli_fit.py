@@ -199,7 +199,8 @@ def _figures(job: Path) -> dict[str, dict[str, float]]:
 def _mean_error_left(job: Path) -> np.ndarray:
     """Mean error per direction and target under the written list, in µm, (2, 9)."""
     from axcomp.data.measurements import measurement, read_table
-    from axcomp.ident.exchange import leadscrew_from_list, offset_at
+    from axcomp.ident.exchange import offset_at
+    from axcomp.ident.kinds.leadscrew.entries import leadscrew_from_list
     from axcomp.models import Conventions
 
     measured = measurement(read_table(DATA / "ess_b02_X_9pos5cyc_ISO230.dat"), axis="X")

@@ -21,7 +21,7 @@ from axcomp.ident.diagnosis import (
     observables,
     scope_configuration,
 )
-from axcomp.ident.exchange import Motion, simulate
+from axcomp.ident.exchange import Motion, Reading, simulate
 from axcomp.ident.kinds import kinds
 from axcomp.models import Conventions
 
@@ -95,7 +95,7 @@ def recorded(
         f"A{axis}.position": np.round(place, 6)
         for axis, place in motion.positions.items()
     }
-    for axis in simulate(loaded, motion, Conventions()):
+    for axis in simulate(loaded, motion, Reading(Conventions())):
         name = f"A{axis.axis}"
         for one in CNC_OBJECTS:
             if one.compensation in axis.parts and one.reports is not None:

@@ -8,7 +8,7 @@ import pytest
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
-from axcomp.ident.exchange import ExchangeError
+from axcomp.ident.exchange import ExchangeError, Reading
 from axcomp.ident.proof import Diagnosis, Measured, diagnose, not_judged
 from axcomp.models import Conventions
 
@@ -69,7 +69,7 @@ def draw(
         place = {1: X, 2: np.zeros(X.size)}
         before.append(Measured(2, place, reading(0.0 * X), None))
         after.append(Measured(2, place, reading(-error(X)), None))
-    found = diagnose([LIST], before, after, Conventions())
+    found = diagnose([LIST], before, after, Reading(Conventions()))
     assert len(found) == 1
     return found[0]
 
@@ -136,7 +136,7 @@ def test_beside_a_temperature_line_no_fault_is_named(fault: str) -> None:
     noise = SIZE / 10 * rng.normal(size=(2, X.size))
     before = [Measured(1, {1: X}, error(X) + noise[0], None)]
     after = [Measured(1, {1: X}, error(X) + EFFECTS[fault] + noise[1], None)]
-    found = diagnose([LIST, machine], before, after, Conventions())
+    found = diagnose([LIST, machine], before, after, Reading(Conventions()))
     verdicts = {one.compensation: (one.verdict, one.sign) for one in found}
     told = ("right", 1) if fault == "right" else ("cannot tell", 0)
     assert verdicts == {"leadscrew": told, "temperature": ("cannot tell", 0)}
@@ -161,7 +161,7 @@ def test_places_of_the_second_measurement_may_be_others() -> None:
     before = [Measured(1, {1: X}, error(X) + 1e-3 * rng.normal(size=X.size), None)]
     noise = 1e-3 * rng.normal(size=places.size)
     after = [Measured(1, {1: places}, 2 * error(places) + noise, None)]
-    one = diagnose([LIST], before, after, Conventions())[0]
+    one = diagnose([LIST], before, after, Reading(Conventions()))[0]
     assert one.verdict == "sign"
 
 
@@ -173,7 +173,7 @@ def test_few_readings_that_cannot_tell_a_shift_say_so(shift: float) -> None:
     before = [Measured(1, {1: places}, error(places) + noise[0], None)]
     left = error(places) - error(places - shift)
     after = [Measured(1, {1: places}, left + noise[1], None)]
-    one = diagnose([LIST], before, after, Conventions())[0]
+    one = diagnose([LIST], before, after, Reading(Conventions()))[0]
     # Of 12 places 60 mm apart none has a neighbour within the 20 mm of the nodes.
     assert one.verdict == "cannot tell"
     assert "or shifted by up to" in one.sentence
@@ -200,7 +200,7 @@ def test_lists_that_act_in_motion_are_named_as_not_judged() -> None:
 def test_an_axis_that_was_not_measured_is_refused() -> None:
     other = [Measured(2, {2: X}, 0.0 * X, None)]
     with pytest.raises(ExchangeError, match="lists for A1; measured both times: A2"):
-        diagnose([LIST], other, other, Conventions())
+        diagnose([LIST], other, other, Reading(Conventions()))
 
 
 @pytest.fixture

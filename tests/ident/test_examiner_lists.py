@@ -10,6 +10,7 @@ import pytest
 
 from axcomp.data.lists import Finding, ListFile, check, compare
 from axcomp.ident.cli import main
+from axcomp.ident.exchange import Reading
 
 CROSS = (
     "kopf.achs_nr 3\nkw.crosscomp.unit 1\nkw.crosscomp.last_index 3\n"
@@ -364,7 +365,7 @@ def test_simulate_names_every_compensation_that_it_leaves_out(
         "kopf.achs_nr 3\nlr_param.crosscomp 1\nlr_param.crosstalk 1\n"
         "lr_param.anwahl_losekomp 1\nlr_param.temp_comp 1\n"
     )
-    assert simulate(tmp_path, table, axis) == 0
+    assert simulate(tmp_path, table, Reading(axis)) == 0
     out, err = capsys.readouterr()
     # By hand: 0.5 list units of 0.1 µm at 0.05 mm; 2 units at 0.2 mm.
     assert out.splitlines() == [

@@ -9,24 +9,30 @@ import pytest
 
 from axcomp.data.lists import ListFile, Value, check, new_list
 from axcomp.ident.exchange import (
-    CrossTable,
     ExchangeError,
     GridNodes,
-    LeadscrewTable,
-    PlaneTable,
     PointNodes,
     axis_number,
     build_number,
-    cross_from_list,
-    entries_of_cross,
-    entries_of_leadscrew,
-    entries_of_plane,
     grid_nodes,
-    leadscrew_from_list,
     offset_at,
-    plane_from_list,
     point_nodes,
     refuse_lost_nodes,
+)
+from axcomp.ident.kinds.cross.entries import (
+    CrossTable,
+    cross_from_list,
+    entries_of_cross,
+)
+from axcomp.ident.kinds.leadscrew.entries import (
+    LeadscrewTable,
+    entries_of_leadscrew,
+    leadscrew_from_list,
+)
+from axcomp.ident.kinds.plane.entries import (
+    PlaneTable,
+    entries_of_plane,
+    plane_from_list,
 )
 from axcomp.models import Conventions, Cross, Leadscrew, Plane, Setpoints
 

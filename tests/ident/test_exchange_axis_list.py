@@ -8,17 +8,15 @@ from axcomp.data.lists import ListFile, check, new_list
 from axcomp.ident.exchange import (
     ExchangeError,
     ExternalAxis,
-    Startup,
-    backlash_from_list,
     entries_of_activation,
-    entries_of_backlash,
     entries_of_external_axis,
-    entries_of_startup,
-    entries_of_temperature,
     external_axis_from_list,
     external_limits,
     is_activated,
-    startup_from_list,
+)
+from axcomp.ident.kinds.backlash.entries import backlash_from_list, entries_of_backlash
+from axcomp.ident.kinds.temperature.entries import (
+    entries_of_temperature,
     temperature_from_list,
 )
 from axcomp.models import (
@@ -162,7 +160,7 @@ def test_coefficient_that_is_no_number_is_refused(value: str) -> None:
         temperature_from_list(parse(text), RULES)
 
 
-# ------------------------------------------------------------- activation and start-up
+# ------------------------------------------------------------- activation
 
 
 def test_activation_comes_back_from_its_entries() -> None:
@@ -174,25 +172,6 @@ def test_activation_comes_back_from_its_entries() -> None:
         ExchangeError, match="found backlash without its reference flank"
     ):
         entries_of_activation(["backlash"])
-
-
-def test_printed_start_up_list_and_back() -> None:
-    # [001] p.26, as printed.
-    text = (
-        "zahl_kw 3\nachs_kw_log_ax_nr[0] 1\nachs_kw[0] ..\\listen\\achskw1.lis\n"
-        "achs_kw_log_ax_nr[1] 2\nachs_kw[1] ..\\listen\\achskw2.lis\n"
-        "achs_kw_log_ax_nr[2] 6\nachs_kw[2] ..\\listen\\achskw6.lis\n"
-    )
-    found = startup_from_list(parse(text))
-    assert found.files == {k: rf"..\listen\achskw{k}.lis" for k in (1, 2, 6)}
-    assert not found.external
-    wide = Startup(found.files, external=True)
-    listing = new_list(entries_of_startup(wide))
-    assert startup_from_list(ListFile.parse(listing.dumps(), "h.lis")) == wide
-    with pytest.raises(ExchangeError, match=r"nr\[1\]: found axis 1 again, beside"):
-        startup_from_list(parse(text.replace("nr[1] 2", "nr[1] 1")))
-    with pytest.raises(ExchangeError, match=r"achs_kw_log_ax_nr\[2\]: found no entry"):
-        startup_from_list(parse(text.replace("achs_kw_log_ax_nr[2] 6\n", "")))
 
 
 # ------------------------------------------------------------- external compensation

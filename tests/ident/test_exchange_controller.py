@@ -7,6 +7,7 @@ from axcomp.data.lists import ListFile
 from axcomp.ident.exchange import (
     ExchangeError,
     Motion,
+    Reading,
     controller_from_lists,
     machine_lists,
     simulate,
@@ -65,7 +66,7 @@ def test_every_compensation_of_an_axis_by_hand() -> None:
     # X from rest to 50 mm/s in a step: 500 mm/s² once; Y moves down at 6 mm/s.
     below = np.array([50.0, 50.0, 49.4, 48.8])
     motion = Motion({1: np.array([0.0, 0.0, 5.0, 10.0]), 2: below}, {}, time)
-    (found,) = simulate(LISTS, motion, RULES)
+    (found,) = simulate(LISTS, motion, Reading(RULES))
     assert found.axis == 2
     names = ("cross", "leadscrew", "temperature", "backlash", "crosstalk")
     assert tuple(found.parts) == names
@@ -100,7 +101,7 @@ def test_rows_without_time_stand_for_themselves() -> None:
         velocities={2: np.array([-6.0, 6.0]), 1: np.array([1.0, 1.0])},
         accelerations={1: np.array([-500.0, 500.0])},
     )
-    (found,) = simulate(LISTS, motion, RULES)
+    (found,) = simulate(LISTS, motion, Reading(RULES))
     assert found.left_out == ()
     np.testing.assert_allclose(found.parts["backlash"], [-0.006, 0.0], atol=ROUNDING)
     np.testing.assert_allclose(found.parts["crosstalk"], [0.001, 0.002], atol=ROUNDING)
@@ -110,7 +111,7 @@ def test_rows_without_time_stand_for_themselves() -> None:
 
 def test_what_the_motion_does_not_have_is_left_out_and_named() -> None:
     motion = Motion({1: np.array([50.0]), 2: np.array([0.0])}, {}, None)
-    (found,) = simulate(LISTS, motion, RULES)
+    (found,) = simulate(LISTS, motion, Reading(RULES))
     assert set(found.left_out) == {"crosstalk", "friction"}
     assert "there is neither A1.acceleration nor time" in " ".join(found.remarks)
     assert "there is neither A2.velocity nor time" in " ".join(found.remarks)
@@ -121,7 +122,9 @@ def test_cycles_of_the_lists_reach_the_controller() -> None:
     text = cross(2, 1, 2000, "kw.crosscomp.n_cycles 4\n" + SCREW + CROSSTALK)
     text += "kw.crosstalk.n_cycles 3\n"
     machine = MACHINE + "lr_param.n_backlash_cyc 7\nlr_param.temp_comp_n_cycles 5\n"
-    found = controller_from_lists([parse(text, "a"), parse(machine, "b")], RULES)
+    found = controller_from_lists(
+        [parse(text, "a"), parse(machine, "b")], Reading(RULES)
+    )
     axis = found.axes[1]
     cycles = axis.switch_cycles
     assert axis.spread_cycles == 7
@@ -132,13 +135,15 @@ def test_cycles_of_the_lists_reach_the_controller() -> None:
 
 def test_what_waits_for_a_command_is_off_until_it_comes() -> None:
     text = cross(2, 1, 2000, "kw.crosscomp.manual_activation 1\n")
-    waiting = controller_from_lists([parse(text, "a")], RULES)
+    waiting = controller_from_lists([parse(text, "a")], Reading(RULES))
     assert waiting.axes[1].manual == ("cross",)
     assert added(waiting) == 0.0
-    commanded = controller_from_lists([parse(text, "a")], RULES, commanded=True)
+    commanded = controller_from_lists(
+        [parse(text, "a")], Reading(RULES, commanded=True)
+    )
     assert added(commanded) == pytest.approx(0.1, abs=ROUNDING)
     motion = Motion({1: np.array([50.0]), 2: np.array([0.0])}, {}, None)
-    (found,) = simulate([parse(text, "a")], motion, RULES)
+    (found,) = simulate([parse(text, "a")], motion, Reading(RULES))
     assert found.total[0] == pytest.approx(0.1, abs=ROUNDING)
     assert "cross waits for COMP ON" in found.remarks[0]
 
@@ -154,7 +159,7 @@ def test_older_manuals_give_the_cross_table_to_the_master() -> None:
     rules = Conventions(cross_list="master")
     motion = Motion({1: np.array([0.0]), 3: np.array([50.0])}, {}, None)
     # The list of axis 3 names axis 1: that one is moved, over the position of 3.
-    found = simulate([parse(cross(3, 1, 1000), "a")], motion, rules)
+    found = simulate([parse(cross(3, 1, 1000), "a")], motion, Reading(rules))
     parts = {one.axis: one.parts for one in found}
     assert list(parts[1]) == ["cross"]
     assert parts[1]["cross"][0] == pytest.approx(0.05, abs=ROUNDING)
@@ -163,7 +168,7 @@ def test_older_manuals_give_the_cross_table_to_the_master() -> None:
 
 def test_axis_list_alone_is_enough_for_what_it_sets_up() -> None:
     motion = Motion({2: np.array([1.0, 0.0])}, {}, np.array([0.0, 1e-3]))
-    (found,) = simulate([parse(MACHINE, "a2")], motion, RULES)
+    (found,) = simulate([parse(MACHINE, "a2")], motion, Reading(RULES))
     assert list(found.parts) == ["temperature", "backlash"]
 
 
@@ -179,11 +184,11 @@ def test_modulo_master_and_direction_over_the_transition() -> None:
     place = np.array([350.0, 355.0, 0.0, 5.0])
     motion = Motion({4: place}, {}, 1e-3 * np.arange(4))
     (found,) = simulate(
-        [parse(bilateral, "a")], motion, RULES, modulo={4: (0.0, 360.0)}
+        [parse(bilateral, "a")], motion, Reading(RULES, modulo={4: (0.0, 360.0)})
     )
     # Over the transition it goes on: never backwards.
     np.testing.assert_allclose(found.total, -1e-3, rtol=0, atol=ROUNDING)
-    (plain,) = simulate([parse(bilateral, "a")], motion, RULES)
+    (plain,) = simulate([parse(bilateral, "a")], motion, Reading(RULES))
     np.testing.assert_allclose(plain.total[2], -3e-3, rtol=0, atol=ROUNDING)
 
 
@@ -196,12 +201,14 @@ def test_master_that_the_machine_lacks_is_named() -> None:
         match=r"kw2: cross: found master axis 1, which the machine lacks, expected one of"
         r" its axes, 2, 3",
     ):
-        controller_from_lists(LISTS, RULES, axes=(2, 3))
+        controller_from_lists(LISTS, Reading(RULES), axes=(2, 3))
 
 
 def test_axis_that_the_machine_lacks_is_named() -> None:
     with pytest.raises(ExchangeError, match=r"found axis 2, which the machine lacks"):
-        controller_from_lists([parse(cross(2, 1, 5), "kw2")], RULES, axes=(1, 3))
+        controller_from_lists(
+            [parse(cross(2, 1, 5), "kw2")], Reading(RULES), axes=(1, 3)
+        )
 
 
 @pytest.mark.parametrize("kind", ["compensation", "axis"])
@@ -218,12 +225,14 @@ def test_two_cross_tables_that_act_on_one_axis_are_refused() -> None:
     with pytest.raises(
         ExchangeError, match=r"b.lis: found a second cross table for axis 1"
     ):
-        controller_from_lists(lists, Conventions(cross_list="master"))
+        controller_from_lists(lists, Reading(Conventions(cross_list="master")))
 
 
 def test_temperature_of_a_rotary_axis_is_refused() -> None:
     with pytest.raises(ExchangeError, match="of the rotary axis 2, expected a linear"):
-        controller_from_lists([parse(MACHINE, "a")], RULES, modulo={2: (0.0, 360.0)})
+        controller_from_lists(
+            [parse(MACHINE, "a")], Reading(RULES, modulo={2: (0.0, 360.0)})
+        )
 
 
 @pytest.mark.parametrize(
@@ -251,7 +260,7 @@ def test_motion_that_no_controller_commands_is_refused(
     motion: Motion, match: str
 ) -> None:
     with pytest.raises(ExchangeError, match=match):
-        simulate(LISTS, motion, RULES, cycle_time=0.002)
+        simulate(LISTS, motion, Reading(RULES), cycle_time=0.002)
 
 
 def test_actual_positions_are_asked_for_where_a_convention_takes_them() -> None:
@@ -262,13 +271,13 @@ def test_actual_positions_are_asked_for_where_a_convention_takes_them() -> None:
     with pytest.raises(
         ExchangeError, match=r"no actual positions, expected .*A2.actual"
     ):
-        simulate(lists, motion, rules)
+        simulate(lists, motion, Reading(rules))
     given = Motion({2: np.zeros(2)}, {}, time, actuals={2: np.array([1.0, 0.0])})
-    (found,) = simulate(lists, given, rules)
+    (found,) = simulate(lists, given, Reading(rules))
     np.testing.assert_allclose(found.parts["backlash"], [0.0, -0.006], atol=ROUNDING)
 
 
 def test_uneven_time_steps_are_remarked() -> None:
     motion = Motion({2: np.zeros(4)}, {}, np.array([0.0, 1e-3, 2e-3, 9e-3]))
-    (found,) = simulate([parse(MACHINE, "a2")], motion, RULES)
+    (found,) = simulate([parse(MACHINE, "a2")], motion, Reading(RULES))
     assert "time steps of motion differ" in found.remarks[-1]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check, new_list
-from axcomp.ident.exchange import (
-    ExchangeError,
+from axcomp.ident.exchange import ExchangeError
+from axcomp.ident.kinds.crosstalk.entries import (
     crosstalk_from_list,
     crosstalk_masters,
     entries_of_crosstalk,

@@ -6,9 +6,9 @@ import pytest
 from axcomp.data.lists import ListFile
 from axcomp.ident.exchange import (
     ExchangeError,
+    Reading,
     external_from_lists,
     from_interface,
-    to_interface,
 )
 from axcomp.models import Conventions
 
@@ -31,7 +31,7 @@ LISTS = [
 
 
 def test_tables_of_lists_become_one_compensation_by_hand() -> None:
-    model = external_from_lists(LISTS, RULES)
+    model = external_from_lists(LISTS, Reading(RULES))
     # Columns are axes 1 and 3. Z = 50 moves X by 1 mm; the screw then looks at 51 mm
     # and takes 0.51 mm off.
     found = model.offsets(np.array([[50.0, 50.0]]))
@@ -39,7 +39,7 @@ def test_tables_of_lists_become_one_compensation_by_hand() -> None:
     back = model.start(np.array([[50.49, 50.0]]))
     # The residual of 1e-10 over a slope of 0.99.
     np.testing.assert_allclose(back.positions, [[50.0, 50.0]], rtol=0, atol=2e-10)
-    given = external_from_lists(LISTS, RULES, axes=(3, 2, 1))
+    given = external_from_lists(LISTS, Reading(RULES), axes=(3, 2, 1))
     found = given.offsets(np.array([[50.0, 7.0, 50.0]]))
     np.testing.assert_allclose(found, [[0.0, 0.0, 0.49]], rtol=0, atol=1e-15)
 
@@ -48,23 +48,18 @@ def test_axis_that_the_machine_lacks_is_named() -> None:
     with pytest.raises(
         ExchangeError, match="kw1: cross: found master axis 3, which the machine"
     ):
-        external_from_lists(LISTS, RULES, axes=(1, 2))
+        external_from_lists(LISTS, Reading(RULES), axes=(1, 2))
 
 
 def test_table_for_each_direction_is_refused() -> None:
     more = b"kw.ssfk.bilateral 1\nkw.ssfk.table[0].neg 0\nkw.ssfk.table[1].neg 3\n"
     listing = ListFile.parse(LISTS[0].dumps() + more, "kw1")
     with pytest.raises(ExchangeError, match="bilateral: found 1, a table for each dir"):
-        external_from_lists([listing], RULES)
+        external_from_lists([listing], Reading(RULES))
 
 
 def test_interface_counts_in_1e_8_mm() -> None:
-    # The diagnostic data of [004] p.19: an input of 897556 and an output of −1503827.
-    np.testing.assert_array_equal(
-        to_interface(np.array([0.00897556, -0.01503827]), "offset"), [897556, -1503827]
-    )
+    # A position of the diagnostic data of [004] p.19.
     np.testing.assert_array_equal(
         from_interface(np.array([-1701406850])), [-17.0140685]
     )
-    with pytest.raises(ExchangeError, match="offset: found nan, expected a position"):
-        to_interface(np.array([1.0, np.nan]), "offset")

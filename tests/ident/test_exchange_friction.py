@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check, new_list
-from axcomp.ident.exchange import (
-    ExchangeError,
+from axcomp.ident.exchange import ExchangeError
+from axcomp.ident.kinds.friction.entries import (
     FrictionNumbers,
     entries_of_friction,
     friction_from_list,

@@ -4,14 +4,14 @@ import numpy as np
 from hypothesis import given, settings, strategies as st
 
 from axcomp.data.lists import ListFile, Value, new_list
-from axcomp.ident.exchange import (
-    backlash_from_list,
+from axcomp.ident.kinds.backlash.entries import backlash_from_list, entries_of_backlash
+from axcomp.ident.kinds.crosstalk.entries import (
     crosstalk_from_list,
-    entries_of_backlash,
     entries_of_crosstalk,
-    entries_of_friction,
+)
+from axcomp.ident.kinds.friction.entries import entries_of_friction, friction_from_list
+from axcomp.ident.kinds.temperature.entries import (
     entries_of_temperature,
-    friction_from_list,
     temperature_from_list,
 )
 from axcomp.models import Conventions

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, Value, new_list
-from axcomp.ident.exchange import (
+from axcomp.ident.exchange import ExchangeError, PointNodes, offset_at
+from axcomp.ident.kinds.cross.entries import (
     CrossTable,
-    ExchangeError,
-    PointNodes,
     cross_from_list,
     entries_of_cross,
-    entries_of_plane,
-    offset_at,
-    plane_from_list,
 )
+from axcomp.ident.kinds.plane.entries import entries_of_plane, plane_from_list
 from axcomp.models import (
     Conventions,
     Cross,

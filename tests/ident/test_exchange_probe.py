@@ -131,7 +131,7 @@ def test_cross_table_of_the_other_owner_moves_the_other_axis() -> None:
     motion = Motion({1: np.array([0.0]), 2: np.array([555.0])}, {}, None)
     found = {
         one.axis: float(one.total[0])
-        for one in simulate(list(probe.lists.values()), motion, master)
+        for one in simulate(list(probe.lists.values()), motion, Reading(master))
     }
     assert found == {1: pytest.approx(0.01, abs=1e-15), 2: 0.0}
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check
-from axcomp.ident.exchange import crosstalk_from_list
 from axcomp.ident.job import CrosstalkResult, JobError, run_job
+from axcomp.ident.kinds.crosstalk.entries import crosstalk_from_list
 from axcomp.ident.report import write_report
 from axcomp.models import Conventions, Crosstalk
 

@@ -11,6 +11,7 @@ from axcomp.ident.exchange import (
     ControllerEvent,
     ExchangeError,
     Motion,
+    Reading,
     parse_action,
     simulate,
     simulate_events,
@@ -51,7 +52,9 @@ def parse(text: str, name: str = "achskw3.lis") -> ListFile:
 def offsets(
     *events: ControllerEvent, text: str = cross(1000, SCREW)
 ) -> dict[str, np.ndarray]:
-    (found,) = simulate_events([parse(text)], STILL, Conventions(), events=events)
+    (found,) = simulate_events(
+        [parse(text)], STILL, Reading(Conventions()), events=events
+    )
     assert found.remarks == ()
     np.testing.assert_allclose(found.total, sum(found.parts.values()), atol=ROUNDING)
     return dict(found.parts)
@@ -106,9 +109,11 @@ def test_reload_leads_from_the_old_table_to_the_new_one() -> None:
 def test_reload_leaves_what_the_list_does_not_hold() -> None:
     line = TemperatureLine(0.0, 0.01, 0.0)
     (found,) = simulate_events(
-        [parse(cross(1000))], STILL, Conventions(), lines={3: line},
+        [parse(cross(1000))],
+        STILL,
+        Reading(Conventions(), lines={3: line}),
         events=[ControllerEvent(4, "reload", listing=parse(cross(3000)))],
-    )  # fmt: skip
+    )
     np.testing.assert_allclose(found.parts["temperature"], 0.01, atol=ROUNDING)
     assert found.total[-1] == pytest.approx(0.31, abs=ROUNDING)
 
@@ -124,8 +129,8 @@ def test_command_before_a_reload_holds_behind_it() -> None:
 
 def test_without_events_everything_is_on_for_long() -> None:
     lists = [parse(cross(1000, SCREW))]
-    (plain,) = simulate(lists, STILL, Conventions())
-    (same,) = simulate_events(lists, STILL, Conventions())
+    (plain,) = simulate(lists, STILL, Reading(Conventions()))
+    (same,) = simulate_events(lists, STILL, Reading(Conventions()))
     np.testing.assert_array_equal(plain.total, same.total)
     np.testing.assert_allclose(plain.total, 0.12, atol=ROUNDING)
 

@@ -7,7 +7,7 @@ import pytest
 
 from axcomp.data.lists import ListFile
 from axcomp.data.measurements import read_log
-from axcomp.ident.exchange import ExchangeError, Motion, simulate
+from axcomp.ident.exchange import ExchangeError, Motion, Reading, simulate
 from axcomp.ident.proof import Verification, verify_log
 from axcomp.models import Conventions
 
@@ -77,7 +77,7 @@ def logged(folder: Path, used: ListFile, **conventions: object) -> Verification:
     columns |= {f"A{axis}.position": place for axis, place in COMMAND.items()}
     columns |= {f"A{axis}.actual": place for axis, place in ACTUAL.items()}
     rng = np.random.default_rng(3)
-    for one in simulate((used,), motion, rules):
+    for one in simulate((used,), motion, Reading(rules)):
         for name, values in one.parts.items():
             columns[f"A{one.axis}.{name}"] = values + 1e-4 * rng.normal(size=ROWS)
     file = folder / "log.csv"
@@ -85,7 +85,7 @@ def logged(folder: Path, used: ListFile, **conventions: object) -> Verification:
         file, np.stack(list(columns.values()), axis=1), fmt="%.9f", delimiter=",",
         header=",".join(columns), comments="",
     )  # fmt: skip
-    return verify_log((used,), read_log(file), Conventions())
+    return verify_log((used,), read_log(file), Reading(Conventions()))
 
 
 @pytest.mark.parametrize(
@@ -117,4 +117,4 @@ def test_what_is_assumed_is_settled_as_well(tmp_path: Path) -> None:
 def test_without_actual_positions_a_convention_that_takes_them_is_refused() -> None:
     motion = Motion(COMMAND, {}, TIME)
     with pytest.raises(ExchangeError, match="as the convention crosstalk_input takes"):
-        simulate((SHAKE,), motion, Conventions(crosstalk_input="actual"))
+        simulate((SHAKE,), motion, Reading(Conventions(crosstalk_input="actual")))

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ....data.lists import Value
 from ....models import Backlash
-from ...exchange import ExchangeError, backlash_from_list, entries_of_backlash
+from ...exchange import ExchangeError
 from ...fit import FitError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
@@ -28,6 +28,7 @@ from .._keys import FitSpec
 from ._recording import Recording, read_recording
 from ._result import BacklashResult, ReversalView, remarks_of
 from .effect import BacklashFit
+from .entries import backlash_from_list, entries_of_backlash
 from .keys import Spec
 
 _SPREAD = "lr_param.n_backlash_cyc"

@@ -8,17 +8,13 @@ from jaxtyping import Bool, Float
 
 from ....data.lists import ListFile
 from ....models import Conventions, Crosstalk, LegacyCrosstalk, surface_through
-from ...exchange import (
-    ExchangeError,
-    crosstalk_from_list,
-    crosstalk_masters,
-    has_crosstalk,
-)
+from ...exchange import ExchangeError
 from ...fit import FitError
 from ...job._load import Job
 from ...job._plan import was_active
 from ._gate import four_offsets
 from .effect import CrosstalkFit
+from .entries import crosstalk_from_list, crosstalk_masters, has_crosstalk
 from .keys import Spec
 
 _SAME = 1e-6

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from ....data.lists import ListFile, Value
 from ....models import Crosstalk, surface_through
-from ...exchange import ExchangeError, entries_of_crosstalk
+from ...exchange import ExchangeError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
 from ...job._load import Job
@@ -28,6 +28,7 @@ from ._identify import Identified, identify
 from ._recording import CrosstalkRecording, read_crosstalk
 from ._remarks import remarks_of
 from ._result import CrosstalkResult, view_of
+from .entries import entries_of_crosstalk
 from .keys import Spec
 
 _OLD = ("table[", "last_index", "master_ax_nr")

@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from ....data.signals import quantile
 from ....models import FrictionCompensation
-from ...exchange import FrictionNumbers
 from ...friction import (
     DriveSamples,
     FrictionFit,
@@ -17,6 +16,7 @@ from ...friction import (
     place_knots,
 )
 from ._result import LawCurve
+from .entries import FrictionNumbers
 from .keys import Spec
 
 _ENTRIES = 20

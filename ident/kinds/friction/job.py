@@ -8,12 +8,7 @@ import numpy as np
 
 from ....data.lists import ListFile, Value
 from ....models import FrictionCompensation
-from ...exchange import (
-    ExchangeError,
-    entries_of_friction,
-    has_friction,
-    read_friction,
-)
+from ...exchange import ExchangeError
 from ...friction import Knots
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of
@@ -34,6 +29,7 @@ from ._listing import (
 from ._proof import Remaining, remaining
 from ._recording import DriveRecording, read_drive
 from ._result import FrictionResult, FrictionView, LawCurve, choice_sentence
+from .entries import entries_of_friction, has_friction, read_friction
 from .keys import Spec
 
 

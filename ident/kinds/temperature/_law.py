@@ -8,8 +8,8 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile
 from ....models import Conventions, TemperatureLine
-from ...exchange import read_temperature_table
 from ...proof import GateCheck, GateLimits, gate_check
+from ._plc_table import read_temperature_table
 from .effect import TemperatureFit
 
 _SAME = 1e-3

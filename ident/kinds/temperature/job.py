@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import ConstantParameter, TemperatureLine
-from ...exchange import ExchangeError, entries_of_temperature, temperature_line
+from ...exchange import ExchangeError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
 from ...job._load import Job
@@ -33,11 +33,13 @@ from ._law import (
     read_back,
     thermal_law,
 )
+from ._plc_table import temperature_line
 from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
 from ._result import TemperatureResult, view_of
 from ._structured_text import PlcProgram, plc_objects, plc_sensors, structured_text
 from .effect import TemperatureFit
+from .entries import entries_of_temperature
 from .keys import Spec, temperature_names
 
 _LINE = KIND.prefix

@@ -8,12 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.lists import ListFile
-from ....models import Conventions, TemperatureCurve, TemperatureLine
+from ....models import TemperatureCurve
 from ...exchange import (
-    Increments,
     InUse,
     Motion,
-    Ranges,
     Reading,
     machine_lists,
     model_of,
@@ -30,18 +28,12 @@ class Loaded:
         axis: Logical number.
         lists: Compensation list and axis list, as far as there are any. Without an axis
             list everything in the compensation list acts.
-        conventions: Rules of the controller.
-        increment: Worth of an encoder increment, for lists with ``unit 0``.
-        modulo: Range in ° by axis, for the axes that turn.
-        lines: Temperature lines as a PLC makes them, by axis.
+        reading: How they are read; what waits for COMP ON is taken as switched on.
     """
 
     axis: int
     lists: tuple[ListFile, ...]
-    conventions: Conventions
-    increment: Increments = None
-    modulo: Ranges = dataclasses.field(default_factory=dict)
-    lines: Mapping[int, TemperatureLine] = dataclasses.field(default_factory=dict)
+    reading: Reading
 
     @functools.cached_property
     def used(self) -> Mapping[str, InUse]:
@@ -50,17 +42,12 @@ class Loaded:
         Raises:
             ExchangeError: If an entry that decides it is unreadable.
         """
-        found = machine_lists(self.lists).in_use(self.conventions, self.lines)
+        found = machine_lists(self.lists).in_use(
+            self.reading.conventions, self.reading.lines
+        )
         mine = {one.name: one for one in found if one.axis == self.axis}
         places = [each.name for each in kinds() if not each.adds_current]
         return {name: mine[name] for name in places if name in mine}
-
-    @property
-    def reading(self) -> Reading:
-        """How the lists are read; what waits for COMP ON is taken as switched on."""
-        return Reading(
-            self.conventions, self.increment, self.modulo, self.lines, commanded=True
-        )
 
     def inputs(self, name: str) -> tuple[int, ...]:
         """Return the axes over whose positions a compensation acts at standstill."""
@@ -94,10 +81,7 @@ class Loaded:
         (found,) = simulate(
             self.lists,
             whole,
-            self.conventions,
-            self.increment,
-            modulo=self.modulo,
-            lines=self.lines,
+            self.reading,
             only=lambda one: self._is_told(one, motion),
         )
         return dict(found.parts)
@@ -106,7 +90,7 @@ class Loaded:
         """Return whether it adds to this axis, and a motion has what it looks at."""
         if one.axis != self.axis or one.kind.adds_current:
             return False
-        if one.kind.by_plc and self.axis in self.lines:
+        if one.kind.by_plc and self.axis in self.reading.lines:
             if not motion.temperatures:
                 return False
             if self._has_no_slope:
@@ -117,7 +101,7 @@ class Loaded:
     @property
     def _has_no_slope(self) -> bool:
         """Whether the temperature law of the PLC is the same at all positions."""
-        line = self.lines.get(self.axis)
+        line = self.reading.lines.get(self.axis)
         coefficient = None if line is None else line.coefficient
         return isinstance(coefficient, TemperatureCurve) and not np.any(
             np.asarray(coefficient.values)

@@ -59,22 +59,17 @@ def judge_workspace(
     low, high = (sum(part.bounds[k] for part in parts) for k in (0, 1))
     total = max(abs(low), abs(high))
     where = f"{' + '.join(loaded.used)} together"
-    found = {
-        "max_correction": gate_check("", total, limits.max_correction, unit, where)
-    }
-    names = dict.fromkeys(check.name for part in parts for check in part.lines)
-    for name in names:
-        if name in found:
-            continue
+    together = []
+    for name in dict.fromkeys(check.name for part in parts for check in part.lines):
         lines = [c for part in parts for c in part.lines if c.name == name]
         top = max(lines, key=lambda check: check.value)
-        value = top.value
-        if name == "max_velocity":
+        value, place = top.value, top.where
+        if name == "max_correction":
+            value, place = total, where
+        elif name == "max_velocity":
             value = math.hypot(*(check.value for check in lines))
-        found[name] = gate_check("", value, top.limit, top.unit, top.where)
-    together = [
-        dataclasses.replace(check, name=f"axis {name}") for name, check in found.items()
-    ]
+        line = gate_check(f"axis {name}", value, top.limit, top.unit, place)
+        together.append(line)
     jump = gate_check("max_jump", total, limits.max_jump, unit, f"{where}, at once")
     return (*together, jump), {k: v for part in parts for k, v in part.jumps.items()}
 

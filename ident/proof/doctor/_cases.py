@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ....models import Conventions
-from ...exchange import Increments, InUse, Motion, Ranges
-from ..verify import AbstractChannel, LogMotion, channel_of
+from ...exchange import InUse, Motion, Reading
+from ..verify import AbstractChannel, LogMotion
 from ._likelihood import BAND, Fitted, fit_changes, mean_likelihood
 from ._measured import Difference
 
@@ -78,97 +77,104 @@ class Explained:
 
 
 @dataclasses.dataclass(frozen=True)
-class Setting:
-    """How lists are read."""
+class Scene:
+    """What was measured, and how the lists are read.
 
-    conventions: Conventions
-    increment: Increments
-    ranges: Ranges
+    Attributes:
+        changes: Between the measurements, by axis.
+        switched: 1 where a compensation was switched on between them, −1 where off, by axis
+            and name.
+        reading: How lists are read.
+    """
 
-    def channel(self, use: InUse, change: Difference) -> AbstractChannel:
+    changes: Mapping[int, Difference]
+    switched: Mapping[tuple[int, str], int]
+    reading: Reading
+    columns: dict[tuple[int, str], Float[np.ndarray, " g"]] = dataclasses.field(
+        default_factory=dict
+    )
+    """What each compensation adds where it is right, by axis and name."""
+
+    def channel(self, use: InUse, axis: int) -> AbstractChannel:
+        """Return a compensation at the places where an axis was measured."""
+        change = self.changes[axis]
         path = Motion(
             positions=change.positions,
             directions={} if change.direction is None else {use.axis: change.direction},
             time=None,
             source="the measurements",
         )
-        motion = LogMotion(path, ranges=self.ranges)
-        return channel_of(use, motion, self.conventions, self.increment)
+        motion = LogMotion(path, ranges=self.reading.modulo)
+        return use.kind.log_channel(use, motion, self.reading)
 
-    def column(self, use: InUse, change: Difference) -> Float[np.ndarray, " g"]:
-        channel = self.channel(use, change)
+    def column(self, use: InUse, axis: int) -> Float[np.ndarray, " g"]:
+        """Return what a compensation adds at these places."""
+        channel = self.channel(use, axis)
         return channel.column(channel.plain)
 
+    def fits(
+        self,
+        use: InUse,
+        axis: int,
+        columns: list[np.ndarray],
+        scales: Sequence[float],
+    ) -> Fitted:
+        """Return how well columns explain the change of an axis.
 
-def cases_of(
-    use: InUse,
-    switched: int,
-    changes: Mapping[int, Difference],
-    columns: Mapping[tuple[int, str], Float[np.ndarray, " g"]],
-    setting: Setting,
-) -> Explained:
-    """Return every explanation of a change, and what else the fits say of it.
-
-    Args:
-        use: The compensation.
-        switched: 1 where it was switched on between the measurements, −1 where off.
-        changes: By axis.
-        columns: What each compensation adds where it is right, by axis and name.
-        setting: How lists are read.
-    """
-    here = changes[use.axis]
-    channel = setting.channel(use, here)
-    # What other compensations of the axis did is not known either.
-    others = [
-        column
-        for key, column in columns.items()
-        if key[0] == use.axis and key[1] != use.name
-    ]
-    free = np.column_stack([here.free, *others])
-    change = switched * here.change
-
-    def fits(columns: Sequence[np.ndarray], scales: Sequence[float]) -> Fitted:
+        What other compensations of the axis did is not known either.
+        """
+        change, own = self.changes[axis], (use.axis, use.name)
+        others = [v for k, v in self.columns.items() if k[0] == axis and k != own]
         return fit_changes(
-            change, np.stack(columns), np.array(scales), free, here.variance
+            self.switched[own] * change.change,
+            np.stack(columns),
+            np.array(scales),
+            np.column_stack([change.free, *others]),
+            change.variance,
         )
 
+
+def cases_of(use: InUse, scene: Scene) -> Explained:
+    """Return every explanation of a change, and what else the fits say of it."""
+    channel = scene.channel(use, use.axis)
     plain = channel.column(channel.plain)
     scales = [*_SCALES, 0.0, np.nan]
-    scaled = fits([plain] * len(scales), scales)
+    scaled = scene.fits(use, use.axis, [plain] * len(scales), scales)
+    likely = scaled.likelihood.tolist()
     cases = [
-        Case(
-            word, scale, float(scaled.likelihood[k]), prior, sign=1 if scale > 0 else -1
-        )
+        Case(word, scale, likely[k], prior, sign=1 if scale > 0 else -1)
         for k, (scale, (word, prior)) in enumerate(_SCALES.items())
     ]
     blind: float | None = None
     shifts = _shifts(channel)
     if len(shifts):
         sizes = shifts[np.arange(len(shifts)), np.argmax(np.abs(shifts), axis=1)]
-        moved = channel.columns_at(channel.plain, shifts, np.arange(len(change)))
+        moved = channel.columns_at(channel.plain, shifts, np.arange(len(plain)))
         # A shift that changes less than the band of every factor counts as none.
         apart = np.linalg.norm(moved - plain, axis=1)
-        seen = apart >= BAND * np.linalg.norm(plain - plain.mean())
+        effect = np.linalg.norm(plain - plain.mean())
+        seen = apart >= BAND * effect
         if seen.any():
-            tried = fits(list(moved[seen]), [1.0] * int(seen.sum())).likelihood
+            many = int(seen.sum())
+            tried = scene.fits(
+                use, use.axis, list(moved[seen]), [1.0] * many
+            ).likelihood
             value = float(sizes[seen][int(np.argmax(tried))])
-            matters = apart[seen] >= _MATTERS * np.linalg.norm(plain - plain.mean())
-            kept = matters & (tried > float(scaled.likelihood[0]) - _EXCLUDED)
+            matters = apart[seen] >= _MATTERS * effect
+            kept = matters & (tried > likely[0] - _EXCLUDED)
             if kept.any():
                 blind = float(np.abs(sizes[seen][kept]).max())
             cases.append(Case("shift", value, mean_likelihood(tried), _SHIFTED, sign=1))
     for swap in channel.swaps:
         column = channel.column(dataclasses.replace(channel.plain, masters=swap))
         prior = 0.5 * _ELSEWHERE / len(channel.swaps)
-        other = float(fits([column], [1.0]).likelihood[0])
+        other = float(scene.fits(use, use.axis, [column], [1.0]).likelihood[0])
         cases.append(Case("wrong axis", None, other, prior, "master"))
-    nothing = float(scaled.likelihood[-2])
-    cases += _elsewhere(use, switched, changes, columns, setting, nothing)
+    cases += _elsewhere(use, scene, likely[-2])
     # Any factor at all, up to `_LARGEST`: the share of that range that fits.
     factor, width = float(scaled.factor[-1]), float(scaled.deviation[-1])
     range_cost = min(0.0, float(np.log(2.5 * width / (2.0 * _LARGEST))))
-    free_case = float(scaled.likelihood[-1]) + range_cost
-    cases.append(Case("cannot tell", None, free_case, _UNKNOWN))
+    cases.append(Case("cannot tell", None, likely[-1] + range_cost, _UNKNOWN))
     return Explained(cases, factor, blind)
 
 
@@ -177,7 +183,7 @@ def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
     found: list[Float[np.ndarray, "s k"]] = [np.zeros((0, len(channel.ways)))]
     for k, way in enumerate(channel.ways):
         length = way.high - way.low
-        spacing = max(0.1 * way.step, 2.0 * 0.5 * length / _MOST_SHIFTS)
+        spacing = max(0.1 * way.step, length / _MOST_SHIFTS)
         count = int(0.5 * length / spacing)
         steps = np.array([*range(-count, 0), *range(1, count + 1)], dtype=float)
         shift = np.zeros((len(steps), len(channel.ways)))
@@ -186,34 +192,18 @@ def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
     return np.concatenate(found)
 
 
-def _elsewhere(
-    use: InUse,
-    switched: int,
-    changes: Mapping[int, Difference],
-    columns: Mapping[tuple[int, str], Float[np.ndarray, " g"]],
-    setting: Setting,
-    nothing: float,
-) -> list[Case]:
+def _elsewhere(use: InUse, scene: Scene, nothing: float) -> list[Case]:
     """Return the cases in which nothing is added here: on another axis, or nowhere."""
     found: list[Case] = []
-    for axis, change in changes.items():
+    for axis, change in scene.changes.items():
         if axis == use.axis or any(one not in change.positions for one in use.masters):
             continue
-        own = [column for key, column in columns.items() if key[0] == axis]
-        free = np.column_stack([change.free, *own])
-        column = setting.column(use, change)
+        column = scene.column(use, axis)
         if np.ptp(column) == 0.0:
             continue
-        there, absent = fit_changes(
-            switched * change.change,
-            np.stack([column, column]),
-            np.array([1.0, 0.0]),
-            free,
-            change.variance,
-        ).likelihood.tolist()
-        found.append(
-            Case("wrong axis", float(axis), nothing + there - absent, 0.0, "axis")
-        )
+        there, absent = scene.fits(use, axis, [column] * 2, [1.0, 0.0]).likelihood
+        likely = nothing + float(there - absent)
+        found.append(Case("wrong axis", float(axis), likely, 0.0, "axis"))
     if not found:
         return [Case("wrong axis", None, nothing, _ELSEWHERE, "nowhere")]
     share = _ELSEWHERE / len(found)

@@ -5,12 +5,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ....data.lists import ListFile
 from ....models import Conventions
-from ...exchange import ExchangeError, Increments, InUse, Ranges, machine_lists
-from ._cases import Setting, cases_of
+from ...exchange import ExchangeError, InUse, Reading, machine_lists
+from ._cases import Scene, cases_of
 from ._measured import Difference, Measured, difference
 from ._words import sentence_of
 
@@ -61,10 +60,8 @@ def diagnose(
     lists: Sequence[ListFile],
     before: Sequence[Measured],
     after: Sequence[Measured],
-    conventions: Conventions,
-    increment: Increments = None,
+    reading: Reading,
     *,
-    modulo: Ranges | None = None,
     names: Mapping[int, str] | None = None,
 ) -> tuple[Diagnosis, ...]:
     """Return what is wrong with each compensation that was measured.
@@ -73,30 +70,25 @@ def diagnose(
         lists: As they were active in the second measurement.
         before: Measurements without, of all axes.
         after: Measurements with the lists active.
-        conventions: Rules of the controller.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
-        modulo: Range in ° by axis, for the axes that turn.
+        reading: How the lists are read.
         names: Of the axes, for the sentences.
 
     Raises:
         ExchangeError: If a list makes no table, an axis has two, or no axis with a list
             was measured both times.
     """
-    used = [
-        one for one in machine_lists(lists).in_use(conventions) if not one.kind.unseen
-    ]
-    both = sorted({one.axis for one in before} & {one.axis for one in after})
+    loaded = machine_lists(lists).in_use(reading.conventions)
+    used = [one for one in loaded if not one.kind.unseen]
     changes: dict[int, Difference] = {}
     switched: dict[tuple[int, str], int] = {}
-    for axis in both:
+    for axis in sorted({one.axis for one in before} & {one.axis for one in after}):
         old = [one for one in before if one.axis == axis]
         new = [one for one in after if one.axis == axis]
         changes[axis] = difference(old, new)
         for use in used:
             if use.axis == axis:
-                switched[axis, use.name] = _state(use, new, True) - _state(
-                    use, old, False
-                )
+                on = _state(use, new, True) - _state(use, old, False)
+                switched[axis, use.name] = on
         if len(changes[axis].change) < _FEWEST:
             raise ExchangeError(
                 where="doctor",
@@ -107,35 +99,25 @@ def diagnose(
     judged = [use for use in used if switched.get((use.axis, use.name))]
     if not judged:
         axes = ", ".join(f"A{one.axis}" for one in used) or "no axis"
-        measured = ", ".join(f"A{axis}" for axis in both) or "no axis"
+        measured = ", ".join(f"A{axis}" for axis in changes) or "no axis"
         raise ExchangeError(
             where="doctor",
             found=f"lists for {axes}; measured both times: {measured}",
             expected="an axis with a list that was switched between the measurements",
         )
-    setting = Setting(conventions, increment, modulo or {})
-    acting = {
-        (use.axis, use.name): setting.column(use, changes[use.axis]) for use in judged
-    }
+    scene = Scene(changes, switched, reading)
     # What a list says is the same everywhere, such as a temperature line that a PLC
     # moves, hides in the zero of the instrument; what the PLC adds looks like a fault.
-    columns = {key: one for key, one in acting.items() if np.ptp(one) > 0}
-    blurred = {axis for axis, name in acting.keys() - columns.keys()}
-    found = []
+    blurred = set()
     for use in judged:
-        key = use.axis, use.name
-        found.append(
-            _judged(
-                use,
-                switched[key],
-                changes,
-                columns,
-                setting,
-                names or {},
-                blurred=use.axis in blurred,
-            )
-        )
-    return tuple(found)
+        column = scene.column(use, use.axis)
+        if np.ptp(column) > 0:
+            scene.columns[use.axis, use.name] = column
+        else:
+            blurred.add(use.axis)
+    return tuple(
+        _judged(use, scene, names or {}, blurred=use.axis in blurred) for use in judged
+    )
 
 
 def not_judged(
@@ -159,48 +141,38 @@ def _state(use: InUse, measured: Sequence[Measured], loaded: bool) -> int:
 
 
 def _judged(
-    use: InUse,
-    switched: int,
-    changes: Mapping[int, Difference],
-    columns: Mapping[tuple[int, str], Float[np.ndarray, " g"]],
-    setting: Setting,
-    names: Mapping[int, str],
-    *,
-    blurred: bool,
+    use: InUse, scene: Scene, names: Mapping[int, str], *, blurred: bool
 ) -> Diagnosis:
-    explained = cases_of(use, switched, changes, columns, setting)
+    explained = cases_of(use, scene)
     cases = explained.cases
     total = np.array([one.likelihood + np.log(one.prior) for one in cases])
-    shares = np.exp(total - np.logaddexp.reduce(total))
+    shares = np.exp(total - np.logaddexp.reduce(total)).tolist()
     by_word: dict[str, float] = {}
     for one, share in zip(cases, shares, strict=True):
-        by_word[one.word] = by_word.get(one.word, 0.0) + float(share)
+        by_word[one.word] = by_word.get(one.word, 0.0) + share
     word = max(by_word, key=lambda name: by_word[name])
-    first = max(
-        (k for k, one in enumerate(cases) if one.word == word), key=lambda k: shares[k]
-    )
-    best = cases[first]
+    best = max(
+        zip(shares, cases, strict=True), key=lambda one: (one[1].word == word, one[0])
+    )[1]
     blind = explained.blind if word == "right" else None
     told = by_word[word] >= SURE and word != "cannot tell"
     told = told and (word == "right" or not blurred)
-    sure = told and blind is None
-    text = sentence_of(
-        word if sure else "cannot tell",
-        best.value,
-        best.note,
-        by_word,
-        explained.factor,
-        blind=blind,
-        unit="°" if use.axis in setting.ranges else "mm",
-        axis=names.get(use.axis, f"A{use.axis}"),
-        other=names.get(int(best.value or 0), f"A{best.value or 0:g}"),
-    )
+    verdict = word if told and blind is None else "cannot tell"
     return Diagnosis(
-        use.axis,
-        use.name,
-        word if sure else "cannot tell",
-        best.value if sure else None,
-        by_word[word],
-        text,
-        best.sign if told else 0,
+        axis=use.axis,
+        compensation=use.name,
+        verdict=verdict,
+        value=None if verdict == "cannot tell" else best.value,
+        probability=by_word[word],
+        sentence=sentence_of(
+            verdict,
+            best,
+            by_word,
+            explained.factor,
+            blind=blind,
+            unit="°" if use.axis in scene.reading.modulo else "mm",
+            axis=names.get(use.axis, f"A{use.axis}"),
+            other=names.get(int(best.value or 0), f"A{best.value or 0:g}"),
+        ),
+        sign=best.sign if told else 0,
     )

@@ -2,15 +2,16 @@
 
 from collections.abc import Mapping
 
+from ._cases import Case
+
 
 def sentence_of(
     verdict: str,
-    value: float | None,
-    note: str,
+    best: Case,
     shares: Mapping[str, float],
     factor: float,
     *,
-    blind: float | None = None,
+    blind: float | None,
     unit: str,
     axis: str,
     other: str,
@@ -19,8 +20,7 @@ def sentence_of(
 
     Args:
         verdict: Word of the interface.
-        value: Of the verdict.
-        note: Of the case.
+        best: Explanation that it stands for.
         shares: Probability by word.
         factor: What fits best, of the offset that the list gives.
         blind: Shift that these readings cannot tell from none, in the unit of lengths.
@@ -28,6 +28,7 @@ def sentence_of(
         axis: Name of the axis.
         other: Name of the axis on which it acts instead, if it does.
     """
+    value = best.value
     match verdict:
         case "right":
             return "right: the list adds what it says"
@@ -46,9 +47,9 @@ def sentence_of(
             way = "further" if value > 0 else "back"
             return f"table applied {abs(value):.1f} {unit} {way}"
         case "wrong axis":
-            if note == "axis":
+            if best.note == "axis":
                 return f"acts on {other} instead of {axis}"
-            if note == "master":
+            if best.note == "master":
                 return "follows another master: masters swapped"
             return (
                 f"does nothing to {axis}: it acts on another axis, follows another"

@@ -18,7 +18,6 @@ from ._channel import (
     Way as Way,
 )
 from ._judge import Verdict as Verdict
-from ._lists import channel_of as channel_of
 from ._motion import LogMotion as LogMotion
 from ._tables import TableChannel as TableChannel, ways_of as ways_of
 from ._verify import Verification as Verification, verify_log as verify_log

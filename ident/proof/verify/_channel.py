@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....models import Conventions
-from ...exchange import Increments, InUse, Reading, model_of
+from ...exchange import InUse, Reading, model_of
+from .._reversal import spread_share
 from ._motion import LogMotion
 
 Edge = Literal["held", "zero", "line"]
@@ -18,8 +19,6 @@ Edge = Literal["held", "zero", "line"]
 EDGES: tuple[Edge, ...] = ("held", "zero", "line")
 """All of them."""
 
-_SPARSE = 8
-"""Rows per step from which on a filter is applied step by step."""
 _AT_ONCE = 1 << 17
 """Rows that are evaluated at once."""
 
@@ -85,8 +84,8 @@ class AbstractChannel(abc.ABC):
     Attributes:
         one: The compensation, and where it stands.
         motion: Of the log.
+        reading: How its list is read.
         conventions: As they are assumed.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
         reversal: Cycles over which a reversal is spread (P-AXIS-00243).
         others: Channels of the same axis, whose offsets may enter its look-up.
         axis: Logical number of the compensated axis.
@@ -104,8 +103,7 @@ class AbstractChannel(abc.ABC):
 
     one: InUse
     motion: LogMotion
-    conventions: Conventions
-    increment: Increments = None
+    reading: Reading
     reversal: int = 0
     others: "Mapping[str, AbstractChannel]" = dataclasses.field(default_factory=dict)
     ways: tuple[Way, ...] = dataclasses.field(default=(), init=False)
@@ -120,6 +118,7 @@ class AbstractChannel(abc.ABC):
     def __post_init__(self) -> None:
         self.axis, self.compensation = self.one.axis, self.one.name
         self.masters = self.one.masters
+        self.conventions = self.reading.conventions
         self._laws: dict[Conventions, Any] = {}
         self.prepare()
 
@@ -150,7 +149,7 @@ class AbstractChannel(abc.ABC):
     def law(self, conventions: Conventions) -> Any:
         """Return the model that the list makes under some conventions."""
         if conventions not in self._laws:
-            reading = Reading(conventions, self.increment, self.motion.ranges)
+            reading = dataclasses.replace(self.reading, conventions=conventions)
             self._laws[conventions] = model_of(self.one, reading)
         return self._laws[conventions]
 
@@ -182,11 +181,11 @@ class AbstractChannel(abc.ABC):
         own = self.motion.has_actual(self.axis) and self.motion.cycle is not None
         return own and self.axis not in self.motion.path.directions
 
-    def rules(self) -> list[Conventions]:
-        """Return the conventions with another choice each of those that matter."""
+    def rules(self, conventions: Conventions) -> list[Conventions]:
+        """Return conventions with another choice each of those that matter."""
         return [
-            self.conventions.from_dict({**self.conventions.to_dict(), one.name: choice})
-            for one in self.conventions.listing()
+            conventions.from_dict({**conventions.to_dict(), one.name: choice})
+            for one in conventions.listing()
             if one.name in self.relevant
             for choice in one.choices
             if choice != one.value
@@ -247,33 +246,10 @@ def smoothed(
     values: Float[np.ndarray, " t"], cycles: int, late: int = 0
 ) -> Float[np.ndarray, " t"]:
     """Return values with each change distributed over cycles by sin² (S-06)."""
-    done = np.sin(0.5 * np.pi * np.arange(cycles + 1) / cycles) ** 2
-    steps = np.flatnonzero(np.diff(values)) + 1
-    if len(steps) * _SPARSE < len(values):
-        return _stepped(values, steps, done[1:], late)
-    taps = np.diff(done)
+    taps = np.diff(spread_share(cycles))
     before = np.full(cycles - 1 + late, values[0])
     found = np.convolve(np.concatenate([before, values]), taps, mode="valid")
     return np.asarray(found[: len(values)])
-
-
-def _stepped(
-    values: Float[np.ndarray, " t"],
-    steps: Int[np.ndarray, " s"],
-    done: Float[np.ndarray, " n"],
-    late: int,
-) -> Float[np.ndarray, " t"]:
-    """Return the same where few rows are steps: each of them is added by itself."""
-    count = len(values)
-    found = np.concatenate([np.full(late, values[0]), values])[:count]
-    if not len(steps):
-        return found
-    # What has not yet come of each step, in the rows while it comes.
-    missing = (values[steps] - values[steps - 1])[:, None] * (1.0 - done)
-    rows = steps[:, None] + late + np.arange(len(done))
-    inside = rows < count
-    np.subtract.at(found, rows[inside], missing[inside])
-    return found
 
 
 def lagged(

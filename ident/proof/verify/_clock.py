@@ -1,7 +1,5 @@
 """By how much the offsets of a log were recorded later than its positions."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from ._channel import AbstractChannel
@@ -12,9 +10,13 @@ _PART = 0.1
 """Part of a cycle from which on a clock is off: a controller is late by whole ones."""
 
 
-def worth(found: Mapping[tuple[int, str], Found]) -> float:
+Explained = dict[tuple[int, str], tuple[AbstractChannel, Found]]
+"""What explains each reported compensation, by axis and name."""
+
+
+def worth(found: Explained) -> float:
     """Return the criterion of all that was found, the smaller the better."""
-    return sum(one.rivals[0].criterion for one in found.values())
+    return sum(one.rivals[0].criterion for _, one in found.values())
 
 
 def clock_cost(rows: int) -> float:
@@ -22,9 +24,7 @@ def clock_cost(rows: int) -> float:
     return FAULT + float(np.log(rows))
 
 
-def clock_of(
-    found: Mapping[tuple[int, str], tuple[AbstractChannel, Found]],
-) -> float:
+def clock_of(found: Explained) -> float:
     """Return how many cycles later the offsets were recorded; 0 where none are broken.
 
     A controller can only be late by whole cycles. A part of one that all compensations

@@ -77,6 +77,11 @@ class Hypothesis:
             found.append("edge")
         return tuple(found)
 
+    def apart(self, other: "Hypothesis") -> set[str]:
+        """Return the names of the attributes, and of the change's, that differ."""
+        mine, theirs = (vars(one) | vars(one.change) for one in (self, other))
+        return {k for k in mine if k != "change" and mine[k] != theirs[k]}
+
     def _scale_words(self) -> tuple[str, ...]:
         if not self.is_free:
             return SCALES[self.scale]

@@ -1,22 +1,28 @@
 """From what the search found to a verdict in the words of the interface."""
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from ._channel import EDGES, AbstractChannel
+from ._channel import AbstractChannel
 from ._hypothesis import RULES, Hypothesis
-from ._search import EQUAL, Found, Rival
-from ._words import joined, phrases
+from ._search import EQUAL, Found
+from ._words import Phrase, joined, phrases
 
 SETTLED = 2.0 * math.log(1000.0)
 """Difference of criteria from which on a convention is settled: odds of 1000 to 1."""
 
 _BLOCK = 64
 """Rows over which noise is averaged out before what is left is called systematic."""
+
+_NO_VALUE = "other"
+_EDGE_VALUES = {"held": "hold", "zero": "zero", "line": _NO_VALUE}
+"""Value of the convention of an edge; a straight line onward is none."""
 
 _ROUGH = 0.25
 """Share of an offset that may be left unexplained before it is said not to agree."""
@@ -74,61 +80,48 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
     left = systematic(found.residual)
     size = _size(found.column[channel.motion.judged])
     faults = phrases(best.hypothesis, channel)
-    rules = _named_rules(channel, best.hypothesis)
     if left > max(_ROUGH * size, 1e-4):
         rest, whole = _size_of(channel, left), _size_of(channel, size)
         text = f"not explained: {rest} of {whole} follow no rule that was tried"
         if faults:
-            text += f" (nearest: {joined([one.text for one in faults])})"
+            text += f" (nearest: {_said(faults)})"
         return dataclasses.replace(nothing, sentence=text)
+    rules = _named_rules(channel, best.hypothesis)
     others = _equals(channel, found)
     unseen = _unseen(channel, found)
     tail = f"; this log does not show {joined(unseen)}" if unseen else ""
     if not faults:
         within = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
         text = f"agrees within {_size_of(channel, within)}{rules}"
-        for one in others:
-            text += f"; as well explained: {one[1]}"
-        words = (
-            ("agrees",) if not others else tuple(w for one in others for w in one[0])
-        )
-        if others:
-            return verdict(("agrees", *words), (within, *[None] * len(words)), text)
-        return verdict(("agrees",), (within,), text + tail)
-    words = tuple(one.word for one in faults)
-    values = tuple(one.value for one in faults)
-    text = joined([one.text for one in faults]) + rules
-    for more, phrase, sizes in others:
-        text += f", or as well {phrase}"
-        for word, value in zip(more, sizes, strict=True):
-            if word not in words:
-                words, values = (*words, word), (*values, value)
-    alike = _looks_alike(channel, found, set(words))
-    return verdict(words, values, text + alike + tail)
+        text += "".join(f"; as well explained: {_said(one)}" for one in others)
+        words = [phrase.word for one in others for phrase in one]
+        value = (within, *[None] * len(words))
+        return verdict(("agrees", *words), value, text if others else text + tail)
+    text = _said(faults) + rules
+    text += "".join(f", or as well {_said(one)}" for one in others)
+    named: dict[str, float | None] = {}
+    for phrase in itertools.chain(faults, *others):
+        named.setdefault(phrase.word, phrase.value)
+    alike = _looks_alike(channel, found, set(named))
+    return verdict(tuple(named), tuple(named.values()), text + alike + tail)
 
 
-def _equals(
-    channel: AbstractChannel, found: Found
-) -> list[tuple[tuple[str, ...], str, tuple[float | None, ...]]]:
+def _said(parts: Sequence[Phrase]) -> str:
+    return joined([one.text for one in parts])
+
+
+def _equals(channel: AbstractChannel, found: Found) -> list[list[Phrase]]:
     """Return other faults that explain the log as well as the best ones."""
     best = found.rivals[0]
     seen = [set(best.hypothesis.words(channel))]
     result = []
     for one in found.rivals[1:]:
         words = set(one.hypothesis.words(channel))
-        if one.criterion > best.criterion + EQUAL:
+        if one.criterion > best.criterion + EQUAL or not words:
             continue
-        if not words or any(words >= known for known in seen):
-            continue
-        seen.append(words)
-        parts = phrases(one.hypothesis, channel)
-        result.append(
-            (
-                tuple(part.word for part in parts),
-                joined([part.text for part in parts]),
-                tuple(part.value for part in parts),
-            )
-        )
+        if not any(words >= known for known in seen):
+            seen.append(words)
+            result.append(phrases(one.hypothesis, channel))
     return result
 
 
@@ -158,43 +151,28 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
 
 def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
     """Return what could be otherwise without being seen in this log."""
-    best = found.rivals[0]
-    change = best.hypothesis.change
-    told = set(best.hypothesis.words(channel))
-
-    def same(one: Rival) -> bool:
-        return one.misfit < best.misfit + EQUAL
-
-    result = []
-    near = [one for one in found.rivals[1:] if same(one)]
-    if "edge" not in told and any(
-        one.hypothesis == dataclasses.replace(
-            best.hypothesis, change=dataclasses.replace(change, edge=edge)
-        )
-        for one in near
-        for edge in EDGES
-        if edge != change.edge
-    ):  # fmt: skip
-        result.append("what happens beyond the table")
-    if len(channel.ways) == 2 and "swapped" not in told and any(
-        one.hypothesis.change.masters is not None
-        and dataclasses.replace(one.hypothesis.change, masters=None) == change
-        for one in near
-    ):  # fmt: skip
-        result.append("which master is which")
-    if "lag" not in told and any(
-        one.hypothesis.lag
-        and dataclasses.replace(one.hypothesis, lag=0) == best.hypothesis
-        for one in near
-    ):
-        result.append("how late it comes")
-    if channel.cycles_under(channel.conventions) > 1 and "filter" not in told and any(
-        one.hypothesis.change.cycles is not None
-        and dataclasses.replace(one.hypothesis.change, cycles=None) == change
-        for one in near
-    ):  # fmt: skip
-        result.append("the length of the filter")
-    return result
+    best, *others = found.rivals
+    told = best.hypothesis.words(channel)
+    near = [
+        best.hypothesis.apart(one.hypothesis)
+        for one in others
+        if one.misfit < best.misfit + EQUAL
+    ]
+    # Whatever factor and lag go with them.
+    changed = [one - {"lag", "scale", "is_free"} for one in near]
+    filtered = channel.cycles_under(channel.conventions) > 1
+    asked = {
+        "edge": ("what happens beyond the table", {"edge"} in near),
+        "swapped": (
+            "which master is which",
+            {"masters"} in changed and len(channel.ways) == 2,
+        ),
+        "lag": ("how late it comes", {"lag"} in near),
+        "filter": ("the length of the filter", {"cycles"} in changed and filtered),
+    }
+    return [
+        text for word, (text, is_open) in asked.items() if is_open and word not in told
+    ]
 
 
 def settled(
@@ -202,42 +180,32 @@ def settled(
 ) -> tuple[dict[str, int | str], frozenset[str]]:
     """Return the conventions that fit, and which of them nothing settles."""
     best = found.rivals[0]
-    known = {one.name: one for one in channel.conventions.listing()}
+    reads: dict[str, Callable[[Hypothesis], int | str]] = {
+        name: operator.attrgetter(f"change.conventions.{name}")
+        for name in channel.relevant
+    }
+    sign = f"{channel.compensation}_sign"
+    if (own := channel.conventions.to_dict().get(sign)) is not None:
+        reads[sign] = lambda one: int(own) if one.scale > 0 else -int(own)
+    if channel.edge_rule:
+        reads[channel.edge_rule] = lambda one: _EDGE_VALUES[
+            one.change.edge or channel.edge(one.change.conventions)
+        ]
     values: dict[str, int | str] = {}
-    margins: dict[str, float] = {}
-
-    def rule(name: str, value: dict[Hypothesis, int | str]) -> None:
-        chosen = value[best.hypothesis]
+    doubtful: set[str] = set()
+    for name, read in reads.items():
+        chosen = read(best.hypothesis)
         others = [
             one.criterion
             for one in found.rivals
-            if value[one.hypothesis] not in (chosen, "other")
+            if read(one.hypothesis) not in (chosen, _NO_VALUE)
         ]
-        if chosen == "other" or not others:
-            return
+        if chosen == _NO_VALUE or not others:
+            continue
         values[name] = chosen
-        margins[name] = min(others) - best.criterion
-
-    every = [one.hypothesis for one in found.rivals]
-    for name in channel.relevant:
-        rule(name, {one: getattr(one.change.conventions, name) for one in every})
-    sign = f"{channel.compensation}_sign"
-    if sign in known:
-        own = int(known[sign].value)
-        rule(sign, {one: own if one.scale > 0 else -own for one in every})
-    if channel.edge_rule:
-        words = {"held": "hold", "zero": "zero"}
-        rule(
-            channel.edge_rule,
-            {
-                one: words.get(
-                    one.change.edge or channel.edge(one.change.conventions), "other"
-                )
-                for one in every
-            },
-        )
-    doubtful = frozenset(name for name, by in margins.items() if by < SETTLED)
-    return values, doubtful
+        if min(others) - best.criterion < SETTLED:
+            doubtful.add(name)
+    return values, frozenset(doubtful)
 
 
 def _named_rules(channel: AbstractChannel, best: Hypothesis) -> str:

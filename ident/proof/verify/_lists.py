@@ -5,11 +5,9 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from ....data.lists import ListFile
-from ....models import Conventions
 from ...exchange import (
     ExchangeError,
-    Increments,
-    InUse,
+    Reading,
     machine_lists,
     reversal_cycles,
 )
@@ -21,10 +19,7 @@ ByAxis = Mapping[int, Mapping[str, AbstractChannel]]
 
 
 def channels_of(
-    lists: Sequence[ListFile],
-    motion: LogMotion,
-    conventions: Conventions,
-    increment: Increments = None,
+    lists: Sequence[ListFile], motion: LogMotion, reading: Reading
 ) -> ByAxis:
     """Return the channels of all lists, those that an axis list switches off left out.
 
@@ -34,14 +29,13 @@ def channels_of(
     """
     machine = machine_lists(lists)
     found: dict[int, dict[str, AbstractChannel]] = {}
-    used = machine.in_use(conventions)
+    used = machine.in_use(reading.conventions)
     # What the other offsets enter comes last.
     for one in sorted(used, key=lambda one: (one.axis, one.kind.entries.comes_last)):
         parts = found.setdefault(one.axis, {})
         reversal = reversal_cycles(machine.machine.get(one.axis))
-        parts[one.name] = channel_of(
-            one, motion, conventions, increment, reversal, dict(parts)
-        )
+        channel = one.kind.log_channel
+        parts[one.name] = channel(one, motion, reading, reversal, dict(parts))
     if not any(found.values()):
         names = ", ".join(one.source for one in lists)
         raise ExchangeError(
@@ -50,28 +44,6 @@ def channels_of(
             expected="at least one table, or an axis list with a compensation",
         )
     return {axis: parts for axis, parts in found.items() if parts}
-
-
-def channel_of(
-    one: InUse,
-    motion: LogMotion,
-    conventions: Conventions,
-    increment: Increments = None,
-    reversal: int = 0,
-    others: Mapping[str, AbstractChannel] | None = None,
-) -> AbstractChannel:
-    """Return the channel of one compensation along a motion.
-
-    Args:
-        one: The compensation, and where it stands.
-        motion: Of a log, or independent places.
-        conventions: Rules of the controller.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
-        reversal: Cycles over which a reversal is spread (P-AXIS-00243).
-        others: Channels of the same axis, whose offsets enter a leadscrew table.
-    """
-    channel = one.kind.log_channel
-    return channel(one, motion, conventions, increment, reversal, others or {})
 
 
 def unfiltered(channel: AbstractChannel) -> AbstractChannel:

@@ -1,6 +1,7 @@
 """The motion of a log as the channels need it."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -23,12 +24,16 @@ class LogMotion:
         cycle: Time step in s; None where the rows are independent.
         clock: Cycles by which what was reported was recorded later.
         ranges: Of the axes that turn, in °.
+        drives: Position on the drive bus by axis, which contains the compensations.
     """
 
     path: Motion
     cycle: float | None = None
     clock: float = 0.0
     ranges: Ranges = dataclasses.field(default_factory=dict)
+    drives: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
     _directions: dict[tuple[int, int, bool], np.ndarray] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )

@@ -1,5 +1,6 @@
 """In whose list the data of a cross table stand, where a log tells it (S-10)."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from ....data.lists import ListFile
 from ....data.measurements import ControllerLog, LoggedOffset
 from ....models import Conventions
-from ...exchange import ExchangeError, Increments
+from ...exchange import ExchangeError, Reading
 from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._judge import SETTLED
@@ -25,10 +26,9 @@ def owners(
     log: ControllerLog,
     names: Mapping[str, int],
     motion: LogMotion,
-    conventions: Conventions,
-    increment: Increments,
-) -> tuple[Conventions, dict[str, str]]:
-    """Return the conventions with the axes that fit, and the rules that the log settles.
+    reading: Reading,
+) -> tuple[Reading, dict[str, str]]:
+    """Return the rules with the axes that fit, and the rules that the log settles.
 
     A controller that reports what it adds to an axis says with it which one of the two
     axes of a table is compensated. Where both readings explain the log as well, that
@@ -46,9 +46,9 @@ def owners(
             continue
         scores: dict[str, float] = {}
         for owner in _CHOICES:
-            rules = _with(conventions, each.owner, owner)
+            rules = _with(reading, each.owner, owner)
             try:
-                channels = channels_of(lists, motion, rules, increment)
+                channels = channels_of(lists, motion, rules)
             except ExchangeError:
                 break  # the log lacks a position, or an axis has two tables
             parts = {axis: own.get(each.name) for axis, own in channels.items()}
@@ -59,13 +59,14 @@ def owners(
             continue
         best = min(scores, key=lambda owner: scores[owner])
         if max(scores.values()) - scores[best] >= SETTLED:
-            conventions = _with(conventions, each.owner, best)
+            reading = _with(reading, each.owner, best)
             settled[each.name] = each.owner
-    return conventions, settled
+    return reading, settled
 
 
-def _with(conventions: Conventions, rule: str, choice: str) -> Conventions:
-    return conventions.from_dict({**conventions.to_dict(), rule: choice})
+def _with(reading: Reading, rule: str, choice: str) -> Reading:
+    rules = {**reading.conventions.to_dict(), rule: choice}
+    return dataclasses.replace(reading, conventions=Conventions.from_dict(rules))
 
 
 def _left(

@@ -3,8 +3,6 @@
 import re
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from ....data.lists import ListFile
 from ....data.measurements import ControllerLog, LoggedOffset
 from ...exchange import ExchangeError, Motion, Ranges, axis_number
@@ -40,29 +38,18 @@ def number_of(text: str, names: Mapping[str, int], source: str) -> int:
 def motion_of(
     log: ControllerLog, names: Mapping[str, int], ranges: Ranges
 ) -> LogMotion:
-    columns: dict[str, dict[int, np.ndarray]] = {}
-    temperatures: dict[str, np.ndarray] = {}
-    for role in log.motion.values:
-        head, _, kind = role.partition(".")
-        if head == "temperature":
-            temperatures[kind] = log.motion.require(role)
-        elif kind:
-            axis = number_of(head, names, str(log.source))
-            columns.setdefault(kind, {})[axis] = log.motion.require(role)
-    path = Motion(
-        positions=columns.get("position", {}),
-        directions={
-            axis: np.asarray(values, dtype=np.int64)
-            for axis, values in columns.get("direction", {}).items()
-        },
-        time=log.motion.get("time"),
-        velocities=columns.get("velocity", {}),
-        accelerations=columns.get("acceleration", {}),
-        temperatures=temperatures,
-        actuals=columns.get("actual", {}),
-        source=str(log.source),
-    )
-    return LogMotion(path, log.cycle, ranges=ranges)
+    """Return the motion of a log, by logical axis number."""
+
+    def number(name: str) -> int:
+        return number_of(name, names, str(log.source))
+
+    drives = {
+        number(role.partition(".")[0]): log.motion.require(role)
+        for role in log.motion.values
+        if role.endswith(".drive_position")
+    }
+    path = Motion.of(log.motion, number)
+    return LogMotion(path, log.cycle, ranges=ranges, drives=drives)
 
 
 def reports_of(

@@ -18,7 +18,7 @@ FILTERS = (*range(1, 21), 22, 25, 28, 30, 35, 40, 50, 60, 80, 100)
 _FEW_FILTERS = (1, 2, 3, 4, 5, 8, 12, 20, 40)
 """The same where the lists know of no filter."""
 
-_ROWS = 4096
+_ROWS = 2048
 """Rows that are enough to see where a table lies."""
 _TIMED_ROWS = 4096
 """Rows that are enough to see which lags and filters come into question."""
@@ -31,48 +31,38 @@ _SHIFTS = 240
 """Most places of a table that are tried along one master."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Scored:
-    """A hypothesis and what it leaves.
-
-    Attributes:
-        hypothesis: The way it is applied.
-        squares: Sum of squares left over in mm².
-    """
-
-    hypothesis: Hypothesis
-    squares: float
-
-
 def scaled(
     target: Target, change: Change, lag: int, column: Float[np.ndarray, " t"]
-) -> list[Scored]:
-    """Return a column with every factor that a fault explains, and the best one.
+) -> dict[Hypothesis, float]:
+    """Return the squares that a column leaves, by every factor of a fault and the best.
 
     Factors far from the best one are left out: they cannot win.
     """
     inner, power = target.products(column)
     if power <= 1e-18 * len(column):
-        return [Scored(Hypothesis(change, lag), target.power)]
+        return {Hypothesis(change, lag): target.power}
     best = inner / power
     least = target.power - best * inner
     at = bisect.bisect(_SIZES, best)
     near = sorted(_SIZES[max(at - 2, 0) : at + 2], key=lambda size: abs(size - best))[
         :2
     ]
-    found = [
-        Scored(Hypothesis(change, lag, scale), least + (scale - best) ** 2 * power)
+    found = {
+        Hypothesis(change, lag, scale): least + (scale - best) ** 2 * power
         for scale in near
-    ]
+    }
     if abs(best - near[0]) > FREE_BAND * abs(near[0]):
-        found.append(Scored(Hypothesis(change, lag, best, is_free=True), least))
+        found[Hypothesis(change, lag, best, is_free=True)] = least
     return found
 
 
 def structures(channel: AbstractChannel) -> list[Change]:
     """Return every choice of masters, edge or rule, without shift, lag or filter."""
     plain = channel.plain
-    rules = [dataclasses.replace(plain, conventions=one) for one in channel.rules()]
+    rules = [
+        dataclasses.replace(plain, conventions=one)
+        for one in channel.rules(channel.conventions)
+    ]
     masters: list[Change] = [plain]
     masters += [dataclasses.replace(plain, masters=swap) for swap in channel.swaps]
     edges: list[Change] = []
@@ -178,8 +168,10 @@ def _along(
     return [float(one) for one in moved(np.array([best]))[0]]
 
 
-def timed(channel: AbstractChannel, change: Change, target: Target) -> list[Scored]:
-    """Return every lag and length of the filter that may win, with factors that fit.
+def timed(
+    channel: AbstractChannel, change: Change, target: Target
+) -> dict[Hypothesis, float]:
+    """Return the squares that lags and lengths of the filter leave, with their factors.
 
     Args:
         channel: The compensation.
@@ -196,28 +188,23 @@ def timed(channel: AbstractChannel, change: Change, target: Target) -> list[Scor
     rows = np.arange(motion.judged.start, motion.judged.stop)
     rows = rows[:: max(1, len(rows) // _TIMED_ROWS)]
     part = target.at(rows - motion.judged.start)
+    lags = np.arange(-motion.reach, motion.reach + 1)
     columns: dict[int, Float[np.ndarray, " t"]] = {}
     guesses: list[tuple[float, int, int]] = []
-    for cycles in dict.fromkeys((*tried, own)):
-        one = change if cycles == own else dataclasses.replace(change, cycles=cycles)
+    changes = {n: dataclasses.replace(change, cycles=n) for n in tried} | {own: change}
+    for cycles, one in changes.items():
         columns[cycles] = channel.over_cycles(parts, one)
-        lags = np.arange(-motion.reach, motion.reach + 1)
-        late = columns[cycles][rows - lags[:, None]]
-        least = least_squares(part, late).tolist()
-        guesses += [
-            (left, cycles, int(lag)) for left, lag in zip(least, lags, strict=True)
-        ]
-    found: list[Scored] = []
-    for cycles, lag in _likely(guesses, own):
-        one = change if cycles == own else dataclasses.replace(change, cycles=cycles)
-        found += scaled(target, one, lag, lagged(columns[cycles], motion.judged, lag))
+        least = least_squares(part, columns[cycles][rows - lags[:, None]])
+        guesses += zip(least.tolist(), itertools.repeat(cycles), lags.tolist())
+    guesses.sort()
+    # The best of all, and of those that keep the length, or the lag.
+    best = [
+        *guesses[:_TIMED],
+        *[one for one in guesses if one[1] == own][:_TIMED],
+        *[one for one in guesses if one[2] == 0][:_TIMED],
+    ]
+    found: dict[Hypothesis, float] = {}
+    for cycles, lag in dict.fromkeys([(own, 0), *(one[1:] for one in best)]):
+        late = lagged(columns[cycles], motion.judged, lag)
+        found |= scaled(target, changes[cycles], lag, late)
     return found
-
-
-def _likely(guesses: list[tuple[float, int, int]], own: int) -> list[tuple[int, int]]:
-    """Return the best lengths and lags, those among them that keep either, and both."""
-    guesses = sorted(guesses)
-    same = [one for one in guesses if one[1] == own]
-    soon = [one for one in guesses if one[2] == 0]
-    kept = [*guesses[:_TIMED], *same[:_TIMED], *soon[:_TIMED]]
-    return list(dict.fromkeys([(own, 0), *((cycles, lag) for _, cycles, lag in kept)]))

@@ -4,15 +4,15 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from ....data.lists import ListFile
-from ....data.measurements import ControllerLog, LoggedOffset
+from ....data.measurements import ControllerLog
 from ....models import COMPENSATIONS, Conventions
-from ...exchange import ExchangeError, Increments, Ranges
+from ...exchange import ExchangeError, Reading
 from ...fit import one_blas_thread
 from ...kinds import kinds
 from ._channel import AbstractChannel
-from ._clock import clock_cost, clock_of, worth
+from ._clock import Explained, clock_cost, clock_of, worth
 from ._judge import Verdict, judge_found
-from ._lists import at_clock, channels_of, unfiltered
+from ._lists import ByAxis, at_clock, channels_of, unfiltered
 from ._motion import LogMotion
 from ._owner import owners
 from ._reports import axis_names, motion_of, number_of, reports_of
@@ -43,44 +43,30 @@ class Verification:
         return bool(self.verdicts) and all(one.agrees for one in self.verdicts)
 
 
+# The products here are too short to share: threads would only wait for each other.
+@one_blas_thread()
 def verify_log(
     lists: Sequence[ListFile],
     log: ControllerLog,
-    conventions: Conventions,
-    increment: Increments = None,
-    *,
-    modulo: Ranges | None = None,
+    reading: Reading,
 ) -> Verification:
     """Return what a controller does with its lists, from what it logged.
 
     Args:
         lists: Compensation and axis lists in any order.
         log: From `read_log`.
-        conventions: Rules as they are assumed.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
-        modulo: Range in ° by axis, for the axes that turn.
+        reading: How the lists are read, by the rules as they are assumed.
 
     Raises:
         ExchangeError: If a list makes no table, an axis has two, the log lacks the
             position of a master, or has nothing of what the lists add.
     """
-    # The products here are too short to share: threads would only wait for each other.
-    with one_blas_thread():
-        return _verify(lists, log, conventions, increment, modulo or {})
-
-
-def _verify(
-    lists: Sequence[ListFile],
-    log: ControllerLog,
-    conventions: Conventions,
-    increment: Increments,
-    ranges: Ranges,
-) -> Verification:
     names = axis_names(lists)
-    motion = motion_of(log, names, ranges)
-    assumed = conventions
-    conventions, owned = owners(lists, log, names, motion, conventions, increment)
-    channels = channels_of(lists, motion, conventions, increment)
+    motion = motion_of(log, names, reading.modulo)
+    assumed = reading.conventions
+    reading, owned = owners(lists, log, names, motion, reading)
+    conventions = reading.conventions
+    channels = channels_of(lists, motion, reading)
     reports, remarks = reports_of(log, names, channels)
     for name, rule in owned.items():
         choice = getattr(conventions, rule)
@@ -89,22 +75,22 @@ def _verify(
                 f"{name.capitalize()} tables stand in the list of the {choice} axis"
                 f" ({rule} = {choice})."
             )
-    targets = {
-        key: Target.of(one.values, step=one.step) for key, one in reports.items()
-    }
-    found = {
-        key: search(_channel(channels, key, reports), target)
-        for key, target in targets.items()
-    }
-    clock = clock_of({key: (_channel(channels, key, reports), found[key])
-                      for key in found}) if motion.cycle else 0.0  # fmt: skip
+
+    def explained(channels: ByAxis) -> Explained:
+        found: Explained = {}
+        for (axis, name), report in reports.items():
+            channel = channels[axis][name]
+            channel = channel if report.filtered else unfiltered(channel)
+            target = Target.of(report.values, step=report.step)
+            found[axis, name] = channel, search(channel, target)
+        return found
+
+    found = explained(channels)
+    clock = clock_of(found) if motion.cycle else 0.0
     if clock:
         timed = dataclasses.replace(motion, clock=clock)
-        others = channels_of(lists, timed, conventions, increment)
-        again = {
-            key: search(_channel(others, key, reports), target)
-            for key, target in targets.items()
-        }
+        others = channels_of(lists, timed, reading)
+        again = explained(others)
         assert motion.cycle is not None
         # The clock is one more thing to explain; it must be worth it.
         if worth(again) + clock_cost(motion.rows) < worth(found):
@@ -115,9 +101,7 @@ def _verify(
                 f" {1e3 * abs(clock) * motion.cycle:.1f} ms {way} than its positions;"
                 " that is allowed for."
             )
-    verdicts = [
-        judge_found(_channel(channels, key, reports), one) for key, one in found.items()
-    ]
+    verdicts = [judge_found(*one) for one in found.values()]
     driven: set[int] = set()
     for axis, parts in channels.items():
         told, at_drive = _sums(axis, parts, log, names, motion, set(found), remarks)
@@ -136,15 +120,6 @@ def _verify(
     return dataclasses.replace(found_all, settled=settled)
 
 
-def _channel(
-    channels: Mapping[int, Mapping[str, AbstractChannel]],
-    key: tuple[int, str],
-    reports: Mapping[tuple[int, str], LoggedOffset],
-) -> AbstractChannel:
-    channel = channels[key[0]][key[1]]
-    return channel if reports[key].filtered else unfiltered(channel)
-
-
 def _sums(
     axis: int,
     parts: Mapping[str, AbstractChannel],
@@ -155,12 +130,7 @@ def _sums(
     remarks: list[str],
 ) -> tuple[list[Verdict], bool]:
     """Return verdicts from the drive position or the sum, and whether it was the drive."""
-    drive = log.motion.get(f"A{axis}.drive_position")
-    named = [name for name, number in names.items() if number == axis]
-    for role in log.motion.values:
-        head, _, kind = role.partition(".")
-        if kind == "drive_position" and head.casefold() in named:
-            drive = log.motion.require(role)
+    drive = motion.drives.get(axis)
     whole = [
         one
         for one in log.offsets

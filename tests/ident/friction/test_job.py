@@ -10,9 +10,9 @@ import pytest
 
 from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
-from axcomp.ident.exchange import friction_from_list
 from axcomp.ident.job import FrictionResult, JobResult, Verdict, run_job
 from axcomp.ident.kinds.friction._proof import Remaining
+from axcomp.ident.kinds.friction.entries import friction_from_list
 from axcomp.ident.report import write_report
 from axcomp.models import AbstractFriction, Conventions, StribeckFriction
 

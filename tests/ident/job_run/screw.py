@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from axcomp.data.lists import ListFile
-from axcomp.ident.exchange import Motion, simulate
+from axcomp.ident.exchange import Motion, Reading, simulate
 from axcomp.ident.job import JobResult
 from axcomp.models import Conventions
 
@@ -91,7 +91,7 @@ def offsets(folder: Path, axis: int, **positions: np.ndarray) -> np.ndarray:
         None,
     )
     lists = [ListFile.read(folder / f"achskw{axis}.lis")]
-    return simulate(lists, motion, Conventions())[0].total
+    return simulate(lists, motion, Reading(Conventions()))[0].total
 
 
 def grade(result: JobResult) -> dict[str, float]:

@@ -17,6 +17,7 @@ from axcomp.ident.cli import main
 from axcomp.ident.exchange import (
     AxisModels,
     Motion,
+    Reading,
     controller_from_lists,
     load_model,
     simulate,
@@ -74,7 +75,7 @@ def test_new_kind_goes_from_list_to_model_and_back(tmp_path: Path) -> None:
 
 
 def test_new_kind_acts_beside_a_leadscrew_that_looks_up_with_it() -> None:
-    (found,) = simulate([listing(LIST + SCREW)], moving(), Conventions())
+    (found,) = simulate([listing(LIST + SCREW)], moving(), Reading(Conventions()))
     np.testing.assert_array_equal(found.parts[NEW], 0.0123)
     screw = -0.001 * (PLACES + 0.0123)
     # Beyond 0.1 mm of error one rounding of numbers around 90.
@@ -83,12 +84,12 @@ def test_new_kind_acts_beside_a_leadscrew_that_looks_up_with_it() -> None:
 
 def test_new_kind_is_off_where_the_axis_list_does_not_switch_it_on() -> None:
     off = listing("kopf.achs_nr 1\nlr_param.ssfk 1\n", "achsmds1.lis")
-    (found,) = simulate([listing(LIST + SCREW), off], moving(), Conventions())
+    (found,) = simulate([listing(LIST + SCREW), off], moving(), Reading(Conventions()))
     assert list(found.parts) == ["leadscrew"]
 
 
 def test_controller_is_differentiable_in_the_parameter_of_a_new_kind() -> None:
-    controller = controller_from_lists([listing()], Conventions())
+    controller = controller_from_lists([listing()], Reading(Conventions()))
     still = np.zeros((10, 1))
     motion = ControllerMotion(PLACES[:, None], still, still)
 
@@ -103,7 +104,7 @@ def test_controller_is_differentiable_in_the_parameter_of_a_new_kind() -> None:
 
 
 def test_new_kind_is_judged_with_the_whole_axis() -> None:
-    loaded = Loaded(1, (listing(LIST + SCREW),), Conventions())
+    loaded = Loaded(1, (listing(LIST + SCREW),), Reading(Conventions()))
     travel = Travel({1: "X"}, {1: (0.0, 90.0)}, frozenset(), ({},), "mm", 0.001)
     checks, jumps = judge_workspace(loaded, travel, GateLimits(max_jump=0.2))
     assert jumps[NEW] == pytest.approx(0.0123, rel=1e-12)
@@ -128,7 +129,7 @@ def test_verify_tells_what_a_controller_does_with_a_new_kind(
 ) -> None:
     alone = SCREW + "kw.ssfk.set_pos_without_comp 1\n"
     found = verify_log(
-        [listing(LIST + alone)], read_log(log(tmp_path, sign)), Conventions()
+        [listing(LIST + alone)], read_log(log(tmp_path, sign)), Reading(Conventions())
     )
     verdicts = {one.compensation: one.verdict for one in found.verdicts}
     assert verdicts[NEW] == (verdict,)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
-from axcomp.ident.exchange import controller_from_lists
+from axcomp.ident.exchange import Reading, controller_from_lists
 from axcomp.ident.proof.axis import largest_step, switching_cycles
 from axcomp.models import CompCommand, Conventions, Motion, commanded
 
@@ -16,7 +16,7 @@ from .mill import AXES, CROSS, cross_list, edge, fit, measured
 
 def steps_of(listing: ListFile, y: float) -> np.ndarray:
     """Return what the controller moves Z by per cycle, where COMP ON comes at rest."""
-    controller = controller_from_lists([listing], Conventions(), axes=[2, 3])
+    controller = controller_from_lists([listing], Reading(Conventions()), axes=[2, 3])
     still = np.zeros((40, 2))
     place = still + np.array([y, 0.0])
     off = CompCommand(0, 1, False, ("cross",))
