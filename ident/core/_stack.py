@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
+
 from ._effect import AbstractEffect, Design, TableEffect, design_of
 from ._prior import AbstractPrior, Penalty
 from ._readings import Readings
