@@ -21,12 +21,11 @@ from ...core import Estimate, FitError, Problem, Readings, estimate, memory
 from .._table import floor_of
 from .._types import RunEffect
 from ._design import Design, design_of
-from ._effect import AbstractEffect
+from ._effect import AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
 from ._result import Options, Part, RunCurve, Smoothness
-from ._temperature import Temperature
 
 _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
 """Rounds of lags and everything else; they end where no lag moves by that share of its sd."""
@@ -191,7 +190,7 @@ class AxisFit:
         design = self.design
         if not design.course.runs:
             return ()
-        own = design.places_of_kind("runs").reshape(len(design.course.runs), -1)
+        own = design.places_of_rank(Rank.RUNS).reshape(len(design.course.runs), -1)
         picks = np.zeros((2, len(own), design.size))
         for number, knots in enumerate(own):
             picks[0, number, knots] = 1.0 / len(knots)
@@ -214,8 +213,9 @@ class AxisFit:
         if not course.runs:
             return ()
         value = np.zeros((len(course.runs), course.pieces * course.steps + 1))
-        for kind, own in (("runs", course.offsets), ("wander", course.bridges)):
-            places = design.places_of_kind(kind)
+        drifts = {Rank.RUNS: course.offsets, Rank.WANDER: course.bridges}
+        for rank, own in drifts.items():
+            places = design.places_of_rank(rank)
             value = value + theta[places].reshape(len(value), own.shape[1]) @ own.T
         times = [np.linspace(*span, value.shape[1]) for span in course.spans]
         times = times or [np.zeros(0)] * len(value)
@@ -223,11 +223,11 @@ class AxisFit:
 
     def parts(self) -> list[Part]:
         """Return the fitted effects."""
-        return [self._part(number) for number in range(len(self.design.effects))]
+        return [self._part(effect) for effect in self.design.effects]
 
-    def _part(self, number: int) -> Part:
-        design, effect = self.design, self.design.effects[number]
-        places = design.places_of(number)
+    def _part(self, effect: AbstractEffect) -> Part:
+        design = self.design
+        places = design.places_of(effect.name)
         block, values = effect.block(self.data), self.theta[places]
         contribution = np.where(block.known, block.columns @ values, np.nan)
         return Part(
@@ -236,7 +236,7 @@ class AxisFit:
             standard_deviation=self.deviation[places],
             support=self.estimate.posterior.problem.sums.support[places],
             determined=~self.known.unknown[places],
-            share=self.known.share_of(number),
+            share=self.known.share_of(effect.name),
             contribution=contribution,
             rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),
             smoothness=self.smoothness().get(effect.name, {}),
@@ -295,10 +295,7 @@ def fit_axis(
         if turn and all(abs(lags[s].value - before[s]) <= ends[s] for s in sensors):
             break
         values = {sensor: lag.value for sensor, lag in lags.items()}
-        own = [
-            effect.lagging(values) if isinstance(effect, Temperature) else effect
-            for effect in effects
-        ]
+        own = [effect.lagging(values) for effect in effects]
         design = design_of(axis, own, data, options.drift, use)
         unheld, found = _estimated(design, data, options, found)
     else:
@@ -362,8 +359,11 @@ def _weights(
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
         least = np.where(problem.optional, 0.0, _LEAST * problem.density)
         if isinstance(smoothness, Mapping):
-            parts = [(smoothness.get(p.name) or {}, p.weights) for p in design.named]
-            wanted = [own.get(name, 0.0) for own, names in parts for name in names]
+            wanted = [
+                (smoothness.get(part.name) or {}).get(name, 0.0)
+                for part in design.named
+                for name in part.weights
+            ]
         else:  # that of second differences
             wanted = np.where(problem.optional, 0.0, float(smoothness)).tolist()
         return np.asarray(np.maximum(wanted, least))

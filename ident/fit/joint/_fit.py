@@ -113,9 +113,9 @@ def examine_design(
         ]
         gauges = tuple(gauge for known in axes for gauge in gauges_of(known))
     share = {
-        effect.name: known.share_of(number)
+        effect.name: known.share_of(effect.name)
         for known in axes
-        for number, effect in enumerate(known.design.effects)
+        for effect in known.design.effects
     }
     return Identifiability(
         tuple(share[effect.name] for effect in placed),
