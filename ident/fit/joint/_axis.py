@@ -11,14 +11,15 @@ same residual in another order, so that values which few stretches touch are jud
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
 from ...core import Estimate, FitError, Problem, Readings, estimate, memory
-from .._table import floor_of
+from .._checks import check_smoothness
+from .._table import fixed_weights, floor_of
 from .._types import RunEffect
 from ._design import Design, design_of
 from ._effect import AbstractEffect, Rank
@@ -36,8 +37,6 @@ _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
 """Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
-_LEAST = 1e-7
-"""Weight relative to the density of second differences that were given none."""
 
 
 @final
@@ -345,27 +344,14 @@ def _weights(
     design: Design, smoothness: Smoothness
 ) -> Callable[[Problem], Float[np.ndarray, " k"]] | None:
     """Return the weights that were asked for, given the sums; None: by evidence."""
-    if isinstance(smoothness, str) and smoothness == "auto":
-        return None
-    if not isinstance(smoothness, Mapping) and (
-        isinstance(smoothness, str) or not 0 <= smoothness < np.inf
-    ):
-        msg = (
-            f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
-            "weights by name."
-        )
-        raise FitError(msg)
-
-    def weights(problem: Problem) -> Float[np.ndarray, " k"]:
-        least = np.where(problem.optional, 0.0, _LEAST * problem.density)
-        if isinstance(smoothness, Mapping):
-            wanted = [
-                (smoothness.get(part.name) or {}).get(name, 0.0)
-                for part in design.named
-                for name in part.weights
-            ]
-        else:  # that of second differences
-            wanted = np.where(problem.optional, 0.0, float(smoothness)).tolist()
-        return np.asarray(np.maximum(wanted, least))
-
-    return weights
+    wanted: float | Mapping[Any, float]
+    if isinstance(smoothness, Mapping):
+        parts = smoothness.items()
+        wanted = {(part, name): w for part, own in parts for name, w in own.items()}
+    else:
+        check_smoothness(smoothness)
+        if isinstance(smoothness, str):
+            return None
+        wanted = smoothness
+    names = [(part.name, name) for part in design.named for name in part.weights]
+    return fixed_weights(wanted, names)

@@ -49,11 +49,11 @@ class Crosstalk(AbstractEffect):
     compensation = "crosstalk"
     no_keys = ("conventions",)
     rank = Rank.CROSSTALK
-    remedy = "accelerate and slow down {masters} in both directions, at several places."
+    remedy = "accelerate and slow down {master} at all places of the tests, in both directions."
     remedies = (
         (
             None,
-            "the acceleration of {masters} never varied by itself. Accelerate and slow down "
+            "the acceleration of {master} never varied by itself. Accelerate and slow down "
             "in both directions, and stand still as well.",
         ),
     )

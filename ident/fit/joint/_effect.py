@@ -200,8 +200,13 @@ class AbstractEffect(abc.ABC):
         return self
 
     def said(self, words: str, axes: Sequence[str] = ()) -> str:
-        """Return words with its axis, masters and sensors, and given axes, filled in."""
-        names = {"masters": self.masters, "sensors": self.sensor_names, "axes": axes}
+        """Return words with its axis, first and all masters, sensors, and given axes."""
+        names = {
+            "master": self.masters[:1],
+            "masters": self.masters,
+            "sensors": self.sensor_names,
+            "axes": axes,
+        }
         rows = {name: in_a_row(own) for name, own in names.items()}
         return words.format(axis=self.axis, **rows)
 
@@ -303,8 +308,11 @@ class Backlash(AbstractEffect):
     rank = Rank.BACKLASH
     remedy = "measure {axis} in both directions."
     remedies = (
-        (Rank.DATUM, "all readings were taken in one direction. Measure in both."),
-        (Rank.RUNS, "each run went one way. Measure both directions within each."),
+        (
+            Rank.DATUM,
+            "all readings were taken in one direction. Measure in both directions.",
+        ),
+        (Rank.RUNS, "each run went one way. Measure both directions within each run."),
         (
             None,
             "the direction changed together with the position. Approach the same positions "

@@ -84,11 +84,13 @@ class Temperature(AbstractEffect):
         ),
         (
             Rank.DATUM,
-            "the temperature of {sensors} did not change. Measure at two at least.",
+            "the temperature of {sensors} did not change. Measure at two temperatures at "
+            "least.",
         ),
         (
-            Rank.COEFFICIENT,
-            "at each temperature {axes} stood at one position only. Measure each at several.",
+            Rank.OFFSET,
+            "at each temperature {axes} stood at one position only. Measure each temperature "
+            "at several positions.",
         ),
         (
             None,

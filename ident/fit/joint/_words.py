@@ -173,13 +173,13 @@ def _parameters(
 
 def _remedy(parts: Sequence[Component]) -> str:
     """Return what happened and what to measure; the least simple effect knows best."""
-    ranks: set[Rank | None] = {None, *(part.rank for part in parts)}
     axes = [axis for part in parts for axis in part.masters]
+    ranks = {part.rank for part in parts}
     for part in sorted(parts, key=lambda each: each.rank):
-        effect, known = part.effect, () if part.effect is None else part.effect.remedies
-        for rank, words in known:
-            if effect is not None and rank in ranks:
-                return effect.said(words, axes)
+        others = {None, *(each.rank for each in parts if each is not part)}
+        if part.effect is not None:
+            for words in (w for rank, w in part.effect.remedies if rank in others):
+                return part.effect.said(words, axes)
     names = in_a_row(axes)
     if Rank.RUNS in ranks:
         return (

@@ -14,6 +14,7 @@ from axcomp.ident.fit.joint import (
     Backlash,
     Cross,
     Crosstalk,
+    Delay,
     JointData,
     Leadscrew,
     Plane,
@@ -257,3 +258,7 @@ def test_a_temperature_on_one_axis_leaves_the_runs_of_another() -> None:
     law: Any = fit.part("temperature of X (T)")
     warm = fit.predict(data)["X"]
     assert np.polyfit(away, warm, 1)[0] == pytest.approx(1e-3, rel=0.02), law.values
+
+
+def test_a_delay_needs_no_model_of_the_controller() -> None:
+    assert Delay("X").to_model(np.zeros(2), -1.0) is None
