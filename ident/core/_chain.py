@@ -132,7 +132,7 @@ class Chain:
             constant = band_logdet(lower_band(sp.csr_array(second @ second.T)))
             inner = lower_band(sp.csr_array(again.T @ again))
             bends = np.maximum(eigvals_banded(inner.T, lower=True), 0.0)
-            bends[: np.diff(again.shape)[0]] = 0.0  # they leave as many free
+            bends[: int(np.diff(np.asarray(again.shape))[0])] = 0.0  # left free
             return bends, np.zeros(0), constant
         left, sizes, _ = np.linalg.svd(second.toarray(), full_matrices=True)
         constant = 2.0 * float(np.log(sizes[: self.size - self.free]).sum())

@@ -122,17 +122,6 @@ class AxisFit:
         return np.where(known.lost, np.inf, np.sqrt(variance))
 
     @cached_property
-    def message(self) -> str:
-        """One sentence or more on how the fit went."""
-        used, rejected = self.estimate.posterior.used, int((~self.active).sum())
-        message = f"{len(self.left)} readings, {used:.1f} effective parameters."
-        if rejected:
-            message += f" {rejected} wild readings were left out."
-        if not self.estimate.converged:
-            message += " The iterations did not settle; treat the result with care."
-        return message
-
-    @cached_property
     def _stretches(
         self,
     ) -> list[tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s d"]]]:
