@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
-from scipy.linalg import get_lapack_funcs
+from scipy.linalg import eigvals_banded, get_lapack_funcs
 
 (dpbtrf,) = get_lapack_funcs(("pbtrf",), dtype=np.float64)
 
@@ -127,14 +127,17 @@ class Chain:
         With them the shares of the left null vector of a ring (empty elsewhere), and the
         log-determinant at weight 1 of the second differences alone.
         """
-        second, again = (part.toarray() for part in self._differences)
-        left, sizes, _ = np.linalg.svd(second, full_matrices=True)
-        constant = 2.0 * float(np.log(sizes[: self.size - self.free]).sum())
-        _, size, modes = np.linalg.svd(again, full_matrices=True)
-        bends = np.zeros(len(second))
-        bends[: len(size)] = np.square(size)
+        second, again = self._differences
         if not self.ring:
+            constant = band_logdet(lower_band(sp.csr_array(second @ second.T)))
+            inner = lower_band(sp.csr_array(again.T @ again))
+            bends = np.maximum(eigvals_banded(inner.T, lower=True), 0.0)
+            bends[: int(np.diff(np.asarray(again.shape))[0])] = 0.0  # left free
             return bends, np.zeros(0), constant
+        left, sizes, _ = np.linalg.svd(second.toarray(), full_matrices=True)
+        constant = 2.0 * float(np.log(sizes[: self.size - self.free]).sum())
+        _, size, modes = np.linalg.svd(again.toarray(), full_matrices=True)
+        bends = np.square(size)
         bends[bends < 1e-12 * bends.max(initial=0.0)] = 0.0
         return bends, np.square(modes @ left[:, -1]), constant
 
@@ -144,8 +147,6 @@ class Chain:
         if not count:
             return 0.0, np.zeros(2)
         second, fourth = float(weights[0]), float(weights[1])
-        if self.size > LONG and not self.ring:
-            return self._logdet_long(second, fourth)
         bends, share, constant = self._factored
         stiff = second + fourth * bends
         value = constant + float(np.log(stiff).sum())
@@ -155,28 +156,6 @@ class Chain:
             value += float(np.log(ease.sum()))
             slope -= float((ease * fourth * bends / stiff).sum() / ease.sum())
         return value, np.array([count - slope, slope])
-
-    def _logdet_long(self, second: float, fourth: float) -> tuple[float, Vector]:
-        count, constant, inner = self._reduced
-
-        def value(weight: float) -> float:
-            columns = weight * inner
-            columns[:, 0] += second
-            return constant + band_logdet(columns)
-
-        slope = 0.0
-        if fourth > 0.0:
-            ends = value(fourth * np.exp(STEP)), value(fourth * np.exp(-STEP))
-            slope = (ends[0] - ends[1]) / (2.0 * STEP)
-        return value(fourth), np.array([count - slope, slope])
-
-    @cached_property
-    def _reduced(self) -> tuple[int, float, Float[np.ndarray, "r w"]]:
-        """Number of second differences, their log-determinant, fourth ones over them."""
-        second, again = self._differences
-        constant = band_logdet(lower_band(sp.csr_array(second @ second.T)))
-        inner = lower_band(sp.csr_array(again.T @ again))
-        return len(second.indptr) - 1, constant, inner
 
     def logdet_shifted(self, weights: Vector, shift: float) -> float:
         """Return the log-determinant of penalty + shift · unit matrix."""

@@ -18,6 +18,7 @@ from scipy.optimize import minimize
 
 from ._effect import TableEffect
 from ._posterior import Posterior, Problem
+from ._readings import Readings
 from ._stack import Stack
 
 _SCALES = (1e-1, 1e1, 1e3, 1e5)
@@ -189,23 +190,15 @@ class _Coarse:
         stack, sums = problem.stack, problem.sums
         table = stack.table
         assert isinstance(table, TableEffect)
-        kept, wide = [], []
-        for nodes in table.nodes:
-            some = np.unique([*range(0, len(nodes), _THINNED), len(nodes) - 1])
-            kept.append(nodes[some])
-            unit = np.eye(len(some))
-            wide.append(
-                np.stack([np.interp(nodes, nodes[some], e) for e in unit], axis=1)
-            )
-        coarse = dataclasses.replace(table, nodes=(kept[0], kept[1]))
-        # Both orders of unknowns: slow axis first, the longer one.
-        transposed = len(table.nodes[0]) > len(table.nodes[1])
-        parts = wide if transposed else wide[::-1]
-        spread = sp.csr_array(sp.kron(sp.csr_array(parts[0]), sp.csr_array(parts[1])))
-        if (len(kept[0]) > len(kept[1])) != transposed:
-            shape = parts[0].shape[1], parts[1].shape[1]
-            order = np.arange(shape[0] * shape[1]).reshape(shape).T.reshape(-1)
-            spread = sp.csr_array(spread[:, order])
+        kept = tuple(np.append(nodes[:-1:_THINNED], nodes[-1]) for nodes in table.nodes)
+        coarse = dataclasses.replace(table, nodes=kept)
+        # The fine nodes as readings of the coarse table.
+        places = [mesh.reshape(-1) for mesh in np.meshgrid(*table.nodes)]
+        inputs = dict(zip(table.inputs, places, strict=True))
+        nodes, shares = coarse.design(Readings(np.zeros(table.size), inputs))
+        rows = np.repeat(table.place, shares.shape[1]), nodes.reshape(-1)
+        shape = table.size, coarse.size
+        spread = sp.csr_array((shares.reshape(-1), rows), shape=shape)
         slim = Stack((coarse, *stack.effects[1:]))
         n, m = stack.band, slim.band
         # The fine estimate is no coarse table: the sums are taken about zero in its place.

@@ -186,11 +186,24 @@ def regress(
         raise FitError(msg)
     if noise is None:
         refuse_confounded(columns * root[:, None], names)
-    system = _LinearSystem(design, known)
+    factors: dict[bytes, PivotedFactor] = {}
+
+    def solve(
+        value: Float[np.ndarray, " k"],
+        pseudo: Float[np.ndarray, " t"],
+        wild: Bool[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " k"]:
+        kept, readings = known * ~wild, wild.tobytes()
+        if readings not in factors:
+            factors.clear()
+            factors[readings] = PivotedFactor.of(np.sqrt(kept)[:, None] * design)
+        move = factors[readings].solve(design.T @ (kept * pseudo))
+        return np.asarray(value + move)
+
     last = iterate(
         _least_magnitudes(design * root[:, None], target * root, loss),
         lambda value: target - design @ value,
-        system.solve,
+        solve,
         known,
         size,
         least_scale(target, noise),
@@ -202,30 +215,6 @@ def regress(
     if quick:
         return result
     return with_covariance(result, design, scale, known, last.pseudo, time, noise)
-
-
-@dataclasses.dataclass
-class _LinearSystem:
-    """Least squares on one design; its factor changes only with the wild readings."""
-
-    design: Float[np.ndarray, "t k"]
-    known: Float[np.ndarray, " t"]
-    _out: Bool[np.ndarray, " t"] | None = None
-    _factor: PivotedFactor | None = None
-
-    def solve(
-        self,
-        value: Float[np.ndarray, " k"],
-        pseudo: Float[np.ndarray, " t"],
-        wild: Bool[np.ndarray, " t"],
-    ) -> Float[np.ndarray, " k"]:
-        kept = self.known * ~wild
-        same = self._out is not None and np.array_equal(wild, self._out)
-        if self._factor is None or not same:
-            self._factor = PivotedFactor.of(np.sqrt(kept)[:, None] * self.design)
-            self._out = wild
-        move = self._factor.solve(self.design.T @ (kept * pseudo))
-        return np.asarray(value + move)
 
 
 def estimate(

@@ -75,6 +75,20 @@ class Estimate:
             return float(np.sqrt(self.posterior.residual_square / max(free, 1e-9)))
         return float(np.sqrt(square / max(free * good / max(count, 1.0), 1e-9)))
 
+    def message(self, count: int, judged: str = "") -> str:
+        """Return one sentence or more on how the fit of so many readings went.
+
+        Args:
+            count: Number of readings.
+            judged: How the noise was judged, instead of the number of parameters.
+        """
+        wild = count - int(self.posterior.problem.count)
+        used = f"{count} readings, {self.posterior.used:.1f} effective parameters."
+        rejected = f"{wild} wild readings were left out." if wild > 0 else ""
+        care = "The iterations did not settle; treat the result with care."
+        said = (judged or used, rejected, "" if self.converged else care)
+        return " ".join(filter(None, said))
+
 
 def memory(stack: Stack, readings: Readings, design: Design | None = None) -> Pass:
     """Return the pass over readings in memory; their design is made once.

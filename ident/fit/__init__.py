@@ -1,9 +1,8 @@
 """Fits of tables, in memory and in pieces: arrays in, model and uncertainty out.
 
-`fit_table` (`_table`) and `fit_streamed` (`_stream`, over the passes of `_pieces`) are one
-estimator, that of `axcomp.ident.core`; `_result` says what it found, `_once` what a single
-probing cannot tell. `predict` and `leave_out` say what a fit says elsewhere, and without some
-readings.
+`fit_table` (`_table`) and `fit_streamed` (`_stream`) are one estimator, that of
+`axcomp.ident.core`; `_result` says what it found, `_once` what a single probing cannot tell.
+`predict` and `leave_out` say what a fit says elsewhere, and without some readings.
 """
 
 from ..core import (
@@ -12,15 +11,6 @@ from ..core import (
     cores as cores,
     one_blas_thread as one_blas_thread,
 )
-from ._pieces import (
-    AbstractPass as AbstractPass,
-    Ahead as Ahead,
-    Apply as Apply,
-    Part as Part,
-    Place as Place,
-    Stream as Stream,
-    added as added,
-)
 from ._predict import (
     deviations as deviations,
     leave_out as leave_out,
@@ -28,8 +18,15 @@ from ._predict import (
     spatial_blocks as spatial_blocks,
 )
 from ._stream import (
+    AbstractPass as AbstractPass,
+    Ahead as Ahead,
+    Apply as Apply,
     Grouping as Grouping,
+    Part as Part,
+    Place as Place,
+    Stream as Stream,
     StreamedFit as StreamedFit,
+    added as added,
     fit_streamed as fit_streamed,
 )
 from ._table import fit_table as fit_table, fit_values as fit_values

@@ -104,9 +104,8 @@ def result_of(
         FitError: If the readings do not determine the table.
     """
     post, table = found.posterior, layout.effect
-    used = int(post.problem.count)
     noise, variance = found.noise, post.variance
-    message = f"{count} readings, {post.used:.1f} effective parameters."
+    judged = ""
     if fixed:
         # A weight that the user sets says nothing about the noise: take it from the residuals,
         # or, where every node follows its own reading, from the evidence.
@@ -116,7 +115,7 @@ def result_of(
         else:
             chosen = choose_weights(post.problem)
             variance = variance if chosen is None else chosen.variance
-            noise, message = float(np.sqrt(variance)), FOLLOWS
+            noise, judged = float(np.sqrt(variance)), FOLLOWS
     deviation = np.sqrt(np.maximum(variance * post.inverse_diagonal, 0.0))[: table.size]
     support = post.problem.sums.support[: table.size]
     worst = float(deviation[support > 0].max(initial=0.0))
@@ -127,10 +126,6 @@ def result_of(
             f"by {worst:.3g}."
         )
         raise FitError(msg)
-    if count > used:
-        message += f" {count - used} wild readings were left out."
-    if not found.converged:
-        message += " The iterations did not settle; treat the result with care."
     suspects: list[int] = []
     if nodes is not None:
         near, kept, _ = nodes
@@ -154,7 +149,7 @@ def result_of(
         suspect_runs=(),
         covariance=post.covariance(table.offsets).scaled(variance),
         converged=found.converged,
-        message=message,
+        message=found.message(count, judged),
         estimate=found,
     )
 

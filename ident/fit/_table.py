@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -128,9 +128,9 @@ def fit_values(
     readings = Samples(positions, error, branch).readings
     stack = Stack((layout.effect,))
     with one_blas_thread():
-        zero = np.zeros(stack.size)
+        zero, names = np.zeros(stack.size), layout.effect.prior.names
         problem = Problem.of(sums_of(stack, readings, zero, Loss())[0], zero)
-        found = problem.values_at(_weights_of(stack, smoothness)(problem))
+        found = problem.values_at(fixed_weights(smoothness, names)(problem))
     if found is None:
         msg = "the readings do not determine the table: the normal matrix is singular."
         raise FitError(msg)
@@ -167,7 +167,7 @@ def estimate_table(
         begin = np.concatenate([begin, start(level)])
     weights = None
     if not isinstance(smoothness, str):
-        weights = _weights_of(Stack(stack.effects[:1]), smoothness)
+        weights = fixed_weights(smoothness, stack.effects[0].prior.names)
     floor = floor_of(first)
     return estimate(
         stack, over, loss=loss, weights=weights, floor=floor, start=begin, near=near
@@ -184,17 +184,24 @@ def floor_of(error: Float[np.ndarray, " t"]) -> float:
     return max(_EXACT * float(high - low), 1e-12)
 
 
-def _weights_of(
-    table: Stack, smoothness: Smoothness
+def fixed_weights(
+    wanted: float | Mapping[Any, float], names: Sequence[Any]
 ) -> Callable[[Problem], Float[np.ndarray, " k"]]:
-    """Return the weights of a table that the user asks for, given the sums."""
+    """Return the weights that were asked for, given the sums.
+
+    Args:
+        wanted: Of each term by its name, or of all second differences, without fourth ones.
+            Second differences that are given none fill gaps.
+        names: Of the terms.
+    """
 
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
-        if isinstance(smoothness, Mapping):
-            names = table.effects[0].prior.names
-            return np.array([float(smoothness.get(name, 0.0)) for name in names])
-        second = np.maximum(float(smoothness), FILL * problem.density)
-        return np.where(problem.optional, 0.0, second)
+        second = np.where(problem.optional, 0.0, 1.0)
+        if isinstance(wanted, Mapping):
+            given = np.array([float(wanted.get(name, 0.0)) for name in names])
+        else:
+            given = second * wanted
+        return np.asarray(np.maximum(given, second * FILL * problem.density))
 
     return weights
 

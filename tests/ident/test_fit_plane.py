@@ -122,7 +122,10 @@ def test_rough_plane_comes_back_as_well_as_with_the_best_fixed_smoothness() -> N
         assert fit.converged
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize(
+    "name",
+    [SMOOTH[0], *(pytest.param(name, marks=pytest.mark.slow) for name in SMOOTH[1:])],
+)
 def test_smooth_plane_comes_back_better_than_with_the_best_fixed_smoothness(
     name: str,
 ) -> None:

@@ -11,22 +11,22 @@ same residual in another order, so that values which few stretches touch are jud
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
 from ...core import Estimate, FitError, Problem, Readings, estimate, memory
-from .._table import floor_of
+from .._checks import check_smoothness
+from .._table import fixed_weights, floor_of
 from .._types import RunEffect
 from ._design import Design, design_of
-from ._effect import AbstractEffect
+from ._effect import AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, sensors_to_fit
 from ._result import Options, Part, RunCurve, Smoothness
-from ._temperature import Temperature
 
 _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
 """Rounds of lags and everything else; they end where no lag moves by that share of its sd."""
@@ -37,8 +37,6 @@ _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
 """Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
-_LEAST = 1e-7
-"""Weight relative to the density of second differences that were given none."""
 
 
 @final
@@ -124,17 +122,6 @@ class AxisFit:
         return np.where(known.lost, np.inf, np.sqrt(variance))
 
     @cached_property
-    def message(self) -> str:
-        """One sentence or more on how the fit went."""
-        used, rejected = self.estimate.posterior.used, int((~self.active).sum())
-        message = f"{len(self.left)} readings, {used:.1f} effective parameters."
-        if rejected:
-            message += f" {rejected} wild readings were left out."
-        if not self.estimate.converged:
-            message += " The iterations did not settle; treat the result with care."
-        return message
-
-    @cached_property
     def _stretches(
         self,
     ) -> list[tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s d"]]]:
@@ -191,7 +178,7 @@ class AxisFit:
         design = self.design
         if not design.course.runs:
             return ()
-        own = design.places_of_kind("runs").reshape(len(design.course.runs), -1)
+        own = design.places_of_rank(Rank.RUNS).reshape(len(design.course.runs), -1)
         picks = np.zeros((2, len(own), design.size))
         for number, knots in enumerate(own):
             picks[0, number, knots] = 1.0 / len(knots)
@@ -214,8 +201,9 @@ class AxisFit:
         if not course.runs:
             return ()
         value = np.zeros((len(course.runs), course.pieces * course.steps + 1))
-        for kind, own in (("runs", course.offsets), ("wander", course.bridges)):
-            places = design.places_of_kind(kind)
+        drifts = {Rank.RUNS: course.offsets, Rank.WANDER: course.bridges}
+        for rank, own in drifts.items():
+            places = design.places_of_rank(rank)
             value = value + theta[places].reshape(len(value), own.shape[1]) @ own.T
         times = [np.linspace(*span, value.shape[1]) for span in course.spans]
         times = times or [np.zeros(0)] * len(value)
@@ -223,11 +211,11 @@ class AxisFit:
 
     def parts(self) -> list[Part]:
         """Return the fitted effects."""
-        return [self._part(number) for number in range(len(self.design.effects))]
+        return [self._part(effect) for effect in self.design.effects]
 
-    def _part(self, number: int) -> Part:
-        design, effect = self.design, self.design.effects[number]
-        places = design.places_of(number)
+    def _part(self, effect: AbstractEffect) -> Part:
+        design = self.design
+        places = design.places_of(effect.name)
         block, values = effect.block(self.data), self.theta[places]
         contribution = np.where(block.known, block.columns @ values, np.nan)
         return Part(
@@ -236,7 +224,7 @@ class AxisFit:
             standard_deviation=self.deviation[places],
             support=self.estimate.posterior.problem.sums.support[places],
             determined=~self.known.unknown[places],
-            share=self.known.share_of(number),
+            share=self.known.share_of(effect.name),
             contribution=contribution,
             rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),
             smoothness=self.smoothness().get(effect.name, {}),
@@ -295,10 +283,7 @@ def fit_axis(
         if turn and all(abs(lags[s].value - before[s]) <= ends[s] for s in sensors):
             break
         values = {sensor: lag.value for sensor, lag in lags.items()}
-        own = [
-            effect.lagging(values) if isinstance(effect, Temperature) else effect
-            for effect in effects
-        ]
+        own = [effect.lagging(values) for effect in effects]
         design = design_of(axis, own, data, options.drift, use)
         unheld, found = _estimated(design, data, options, found)
     else:
@@ -348,24 +333,14 @@ def _weights(
     design: Design, smoothness: Smoothness
 ) -> Callable[[Problem], Float[np.ndarray, " k"]] | None:
     """Return the weights that were asked for, given the sums; None: by evidence."""
-    if isinstance(smoothness, str) and smoothness == "auto":
-        return None
-    if not isinstance(smoothness, Mapping) and (
-        isinstance(smoothness, str) or not 0 <= smoothness < np.inf
-    ):
-        msg = (
-            f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0, or "
-            "weights by name."
-        )
-        raise FitError(msg)
-
-    def weights(problem: Problem) -> Float[np.ndarray, " k"]:
-        least = np.where(problem.optional, 0.0, _LEAST * problem.density)
-        if isinstance(smoothness, Mapping):
-            parts = [(smoothness.get(p.name) or {}, p.weights) for p in design.named]
-            wanted = [own.get(name, 0.0) for own, names in parts for name in names]
-        else:  # that of second differences
-            wanted = np.where(problem.optional, 0.0, float(smoothness)).tolist()
-        return np.asarray(np.maximum(wanted, least))
-
-    return weights
+    wanted: float | Mapping[Any, float]
+    if isinstance(smoothness, Mapping):
+        parts = smoothness.items()
+        wanted = {(part, name): w for part, own in parts for name, w in own.items()}
+    else:
+        check_smoothness(smoothness)
+        if isinstance(smoothness, str):
+            return None
+        wanted = smoothness
+    names = [(part.name, name) for part in design.named for name in part.weights]
+    return fixed_weights(wanted, names)

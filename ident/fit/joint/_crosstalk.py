@@ -13,7 +13,7 @@ from .... import models
 from ...core import FitError
 from ...core._readings import padded
 from ...kinds.crosstalk.effect import BRANCHES, MOST_TESTS
-from ._effect import AbstractEffect, Inputs, Number, Ranges, Rows
+from ._effect import AbstractEffect, Inputs, Number, Ranges, Rank, Rows
 
 _LEAST_ROWS = 1024
 """Rows are filled up to powers of two from here on, so that compiled code is used again."""
@@ -48,6 +48,15 @@ class Crosstalk(AbstractEffect):
 
     compensation = "crosstalk"
     no_keys = ("conventions",)
+    rank = Rank.CROSSTALK
+    remedy = "accelerate and slow down {master} at all places of the tests, in both directions."
+    remedies = (
+        (
+            None,
+            "the acceleration of {master} never varied by itself. Accelerate and slow down "
+            "in both directions, and stand still as well.",
+        ),
+    )
 
     def __post_init__(self) -> None:
         if self.positions is not None:

@@ -25,11 +25,9 @@ from ...core import (
     NoPrior,
     Smooth,
     Stack,
-    TableEffect,
     chain,
 )
-from ._effect import AbstractEffect
-from ._temperature import Temperature
+from ._effect import AbstractEffect, Component, Rank
 
 _BANDED = 400
 """Nodes of a plane from which on its part of the matrix is kept as a band."""
@@ -38,33 +36,6 @@ _REACHED = 0.1
 _STEPS, _READINGS = 300, 50
 """Steps of all bridges together, at most, and readings per step, at least: fewer tell nothing of
 a walk beside their noise."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Component:
-    """A part of the unknowns that has a meaning of its own.
-
-    Attributes:
-        name: In words.
-        kind: Kind of compensation, ``"datum"``, ``"runs"`` or ``"wander"``; a thermal line
-            falls into ``"temperature offset"`` and ``"temperature coefficient"``.
-        effect: Number of the effect, −1 for datum, runs and wander.
-        places: Column of each of its values.
-        prior: Prior of its values, None without.
-        table: The table as an effect of the estimator, where its columns form a band.
-    """
-
-    name: str
-    kind: str
-    effect: int
-    places: Int[np.ndarray, " p"]
-    prior: Smooth | Independent | None = None
-    table: TableEffect | None = None
-
-    @property
-    def weights(self) -> tuple[str, ...]:
-        """Names of its weights."""
-        return () if self.prior is None else self.prior.names
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -114,11 +85,10 @@ class Course:
 class Design:
     """Columns of one axis over its usable rows.
 
-    The nodes of the largest plane come first, in the order in which they are banded.
-
     Attributes:
         axis: Compensated axis.
-        effects: Its effects, nodes placed.
+        effects: Its effects, nodes placed; the largest plane first, its nodes in the order in
+            which they are banded.
         rows: Rows of the data that are used.
         columns: Shape ``(r, n)``.
         components: Effects, then the datum, then the runs and what they wander, if any.
@@ -137,44 +107,39 @@ class Design:
     @property
     def stated(self) -> tuple[Component, ...]:
         """Components that someone asked for: all but the wander."""
-        return tuple(part for part in self.components if part.kind != "wander")
+        return tuple(part for part in self.components if part.rank != Rank.WANDER)
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return sum(len(part.places) for part in self.components)
+        return int(np.asarray(self.columns.shape)[1])
 
     @property
     def datum(self) -> int:
         """Column of the datum."""
-        return int(self.places_of_kind("datum")[0])
+        return int(self.places_of_rank(Rank.DATUM)[0])
 
-    def places_of(self, effect: int) -> Int[np.ndarray, " p"]:
-        """Return the columns of an effect's values, in their order."""
-        return np.concatenate([c.places for c in self.components if c.effect == effect])
+    def places_of(self, effect: str) -> Int[np.ndarray, " p"]:
+        """Return the columns of the values of an effect with this name, in their order."""
+        return np.concatenate([c.places for c in self.components if c.owner == effect])
 
-    def places_of_kind(self, kind: str) -> Int[np.ndarray, " p"]:
+    def places_of_rank(self, rank: Rank) -> Int[np.ndarray, " p"]:
         """Return the columns of the datum, the runs or the wander; none without."""
-        own = [c.places for c in self.components if c.kind == kind]
+        own = [c.places for c in self.components if c.rank == rank]
         return own[0] if own else np.zeros(0, np.int64)
 
     @cached_property
     def named(self) -> tuple[Component, ...]:
         """Components with weights, in the order of the weights."""
-        return tuple(part for part in self._ordered if part.prior is not None)
-
-    @property
-    def _ordered(self) -> list[Component]:
-        return sorted(self.components, key=lambda part: int(part.places.min()))
+        return tuple(part for part in self.components if part.prior is not None)
 
     @cached_property
     def stack(self) -> Stack:
-        """The components as a stack, in the order of their columns."""
+        """The components as a stack."""
+        sizes = [len(part.places) for part in self.components]
         effects = [
-            ColumnsEffect(part.prior or NoPrior(len(part.places)), len(part.places))
-            if part.table is None
-            else part.table
-            for part in self._ordered
+            part.table or ColumnsEffect(part.prior or NoPrior(size), size)
+            for part, size in zip(self.components, sizes, strict=True)
         ]
         return Stack(tuple(effects), bool(self.banded))
 
@@ -206,16 +171,14 @@ class Design:
     @cached_property
     def reached(self) -> Bool[np.ndarray, " n"]:
         """Unknowns that readings tell anything of: more than the noise of a position does."""
-        least = np.full(self.size, _REACHED)
+        # Columns may be lengths and speeds: judged by the largest of one unit.
+        top = np.asarray(abs(self.columns).max(axis=0).toarray()).reshape(-1)
+        least = np.zeros(self.size)
         for part in self.components:
-            if part.kind in ("temperature coefficient", "delay"):
-                # Their columns are no shares from 0 to 1, but lengths and speeds.
-                top = (
-                    abs(self.columns[:, part.places]).max(axis=0).toarray().reshape(-1)
-                )
-                whole = top if part.kind == "delay" else top.max()
-                least[part.places] *= np.maximum(whole, 1e-300) ** 2
-        return np.asarray(self.diagonal >= least)
+            own = top[part.places]
+            mixed = part.effect is not None and not part.effect.one_unit
+            least[part.places] = _REACHED * np.square(own if mixed else own.max())
+        return np.asarray((self.diagonal >= least) & (self.diagonal > 0.0))
 
     @cached_property
     def touched(self) -> Float[np.ndarray, " n"]:
@@ -246,7 +209,9 @@ def design_of(
     Raises:
         FitError: If no row is complete.
     """
-    blocks = [effect.block(data) for effect in effects]
+    first = max(filter(_is_large, effects), key=lambda each: each.size, default=None)
+    ordered = sorted(effects, key=lambda each: each is not first)
+    blocks = [effect.block(data) for effect in ordered]
     keep = np.ones(len(data), bool) if use is None else np.asarray(use, bool)
     if measured:
         keep = keep & np.isfinite(data.column("error", axis, "the fit"))
@@ -260,75 +225,59 @@ def design_of(
         names = ", ".join(effect.name for effect in effects)
         msg = f"axis {axis}: no reading has all that {names} need."
         raise FitError(msg)
-    large = [
-        (effect.size, k)
-        for k, effect in enumerate(effects)
-        if effect.compensation == "plane" and effect.size > _BANDED
-    ]
-    first = max(large)[1] if large else -1
-    parts: list[sp.csr_array] = []
-    components: dict[int, list[Component]] = {}
+    columns = [block.columns[rows] for block in blocks]
+    components: list[Component] = []
     count = 0
-    for k in sorted(range(len(blocks)), key=lambda k: (k != first, k)):
-        part = blocks[k].columns[rows]
-        table = effects[k].table_effect if k == first else None
-        places = np.arange(count, count + effects[k].size)
+    for effect in ordered:
+        places = np.arange(count, count + effect.size)
+        table = effect.table_effect if effect is first else None
         if table is not None:
             # In the order of the table's unknowns, so that the matrix is a band.
             places = table.unknowns
-            part = sp.csr_array(part[:, np.argsort(places)])
-        parts.append(part)
-        components[k] = _components(k, effects[k], places, table)
-        count += effects[k].size
-    ordered = [each for k in range(len(blocks)) for each in components[k]]
+            columns[0] = sp.csr_array(columns[0][:, np.argsort(places)])
+        components += (
+            dataclasses.replace(each, table=table) for each in effect.components(places)
+        )
+        count += effect.size
     course, beside = _course(data, axis, rows, drift, wander)
     constant: Any = sp.csr_array(np.ones((len(rows), 1)))
-    for kind, added in {"datum": constant, **beside}.items():
+    for rank, added in {Rank.DATUM: constant, **beside}.items():
         places = np.arange(count, count + added.shape[1])
-        parts.append(added)
-        ordered.append(_nuisance(f"{kind} of {axis}", kind, places, course))
+        columns.append(added)
+        components.append(_nuisance(axis, rank, places, course))
         count += added.shape[1]
     return Design(
         axis=axis,
-        effects=tuple(effects),
+        effects=tuple(ordered),
         rows=rows,
-        columns=sp.csr_array(sp.hstack(parts, format="csr")),
-        components=tuple(ordered),
-        banded=effects[first].size if large else 0,
+        columns=sp.csr_array(sp.hstack(columns, format="csr")),
+        components=tuple(components),
+        banded=0 if first is None else first.size,
         course=course,
     )
 
 
-def _components(
-    number: int,
-    effect: AbstractEffect,
-    places: Int[np.ndarray, " p"],
-    table: TableEffect | None,
-) -> list[Component]:
-    kind = effect.compensation
-    if not isinstance(effect, Temperature):
-        return [Component(effect.name, kind, number, places, effect.prior, table)]
-    ends = np.cumsum([len(nodes) for nodes in effect.nodes.values()])[:-1]
-    return [
-        Component(f"{law} of the {effect.name}", f"{kind} {law}", number, own)
-        for law, own in zip(effect.nodes, np.split(places, ends), strict=True)
-    ]
+def _is_large(effect: AbstractEffect) -> bool:
+    """Return whether its part of the matrix is worth a band."""
+    return len(effect.grid) == 2 and effect.size > _BANDED
 
 
 def _nuisance(
-    name: str, kind: str, places: Int[np.ndarray, " p"], course: Course
+    axis: str, rank: Rank, places: Int[np.ndarray, " p"], course: Course
 ) -> Component:
     """Return datum, runs or wander; a drift of several pieces is smooth, how much by evidence."""
-    prior: Smooth | Independent | None = course.walk if kind == "wander" else None
-    if kind == "runs" and course.pieces > 1:
+    prior: Smooth | Independent | None = course.walk if rank == Rank.WANDER else None
+    if rank == Rank.RUNS and course.pieces > 1:
         line = chain(np.linspace(0.0, 1.0, course.pieces + 1))
         prior = Smooth(line, None, len(course.runs), np.arange(len(places)))
-    return Component(name, kind, -1, places, prior)
+    name = f"{rank.name.lower()} of {axis}"
+    level = "the run effects sum up to zero"
+    return Component(name, rank, places, prior=prior, level=level)
 
 
 def _course(
     data: JointData, axis: str, rows: Int[np.ndarray, " r"], drift: int, wander: bool
-) -> tuple[Course, dict[str, Any]]:
+) -> tuple[Course, dict[Rank, Any]]:
     """Return what the reference does, and the columns of its offsets and bridges.
 
     One run alone has no offset. A drift has bridges between its knots, as many as all rows of
@@ -359,10 +308,10 @@ def _course(
     entries = (np.tile(np.arange(len(rows)), 2), np.concatenate(nodes))
     shape = (len(rows), len(labels) * (cells + 1))
     at = sp.csr_array((np.concatenate([1.0 - right, right]), entries), shape=shape)
-    parts = {"runs": course.offsets, "wander": course.bridges}
+    parts = {Rank.RUNS: course.offsets, Rank.WANDER: course.bridges}
     each = sp.eye_array(len(labels))
     return course, {
-        kind: sp.csr_array(at @ sp.kron(each, own, format="csr"))
-        for kind, own in parts.items()
+        rank: sp.csr_array(at @ sp.kron(each, own, format="csr"))
+        for rank, own in parts.items()
         if own.shape[1]
     }

@@ -1,7 +1,8 @@
-"""What every effect on the readings of several axes has: a name, inputs, columns."""
+"""What every effect on the readings of several axes has: a name, inputs, columns, and words."""
 
 import abc
 import dataclasses
+import enum
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, final
@@ -12,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from .... import models
 from ..._recording import JointData
-from ...core import FitError, Smooth, TableEffect
+from ...core import FitError, Independent, Smooth, TableEffect
 
 Inputs = tuple[tuple[str, str], ...]
 """Channel of `JointData` and name of each input."""
@@ -36,6 +37,70 @@ class Block:
     known: Bool[np.ndarray, " t"]
 
 
+class Rank(enum.IntEnum):
+    """How simple a component is: the larger, the later it gives way to others."""
+
+    WANDER = enum.auto()
+    RUNS = enum.auto()
+    DELAY = enum.auto()
+    PLANE = enum.auto()
+    CROSSTALK = enum.auto()
+    COEFFICIENT = enum.auto()
+    OFFSET = enum.auto()
+    BILATERAL = enum.auto()
+    CROSS = enum.auto()
+    LEADSCREW = enum.auto()
+    BACKLASH = enum.auto()
+    DATUM = enum.auto()
+
+
+TABLES = frozenset((Rank.PLANE, Rank.BILATERAL, Rank.CROSS, Rank.LEADSCREW))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Component:
+    """A part of the unknowns that has a meaning of its own.
+
+    Attributes:
+        name: In words.
+        rank: How simple it is.
+        places: Column of each of its values.
+        effect: That it belongs to; None: datum, runs or wander.
+        prior: Prior of its values, None without.
+        table: The table as an effect of the estimator, where its columns form a band.
+        reference: Sum of its values that a rule puts to zero; None: their mean over the readings.
+        level: What fixes its constant, in words.
+        rule: What fixes what it shares with a simpler one, in words.
+        shared: What it may share with another one, where that is always the same.
+    """
+
+    name: str
+    rank: Rank
+    places: Int[np.ndarray, " p"]
+    effect: "AbstractEffect | None" = None
+    prior: Smooth | Independent | None = None
+    table: TableEffect | None = None
+    reference: Float[np.ndarray, "1 p"] | None = None
+    level: str = "every table has mean zero over the readings"
+    rule: str = ""
+    shared: str = ""
+
+    @property
+    def owner(self) -> str:
+        """What it is called beside others: its effect."""
+        return self.name if self.effect is None else self.effect.name
+
+    @property
+    def weights(self) -> tuple[str, ...]:
+        """Names of its weights."""
+        return () if self.prior is None else self.prior.names
+
+    @property
+    def masters(self) -> tuple[str, ...]:
+        """Axes on which it depends."""
+        return () if self.effect is None else self.effect.masters
+
+
 @dataclasses.dataclass(frozen=True)
 class AbstractEffect(abc.ABC):
     """One compensation as a function that is linear in its values; signs are of the *error*.
@@ -50,6 +115,15 @@ class AbstractEffect(abc.ABC):
     """As in a job file: ``"leadscrew"``, ``"cross"``, ``"plane"`` and so on."""
     no_keys: ClassVar[tuple[str, ...]] = ()
     """Fields that are no keys of a fit in a job file."""
+    rank: ClassVar[Rank]
+    """How simple it is beside others."""
+    remedy: ClassVar[str] = "move {masters} over the whole table."
+    """What to measure where no reading shows it; with fields of `said`."""
+    remedies: ClassVar[tuple[tuple[Rank | None, str], ...]] = ()
+    """The same where it cannot be told from a component of this rank (None: any), and why; the
+    first one counts."""
+    one_unit: ClassVar[bool] = True
+    """Whether its values are of one unit."""
 
     @cached_property
     def masters(self) -> tuple[str, ...]:
@@ -115,6 +189,32 @@ class AbstractEffect(abc.ABC):
         """From where to where its inputs make a difference; one left out does at any size."""
         return {}
 
+    @property
+    def lags(self) -> Mapping[str, Number | str]:
+        """Time constant in s by which it follows each of its sensors, or ``"fit"``."""
+        return {}
+
+    def lagging(self, lags: Mapping[str, float]) -> "AbstractEffect":
+        """Return the effect with these time constants in s, by sensor; others are not its own."""
+        del lags
+        return self
+
+    def said(self, words: str, axes: Sequence[str] = ()) -> str:
+        """Return words with its axis, first and all masters, sensors, and given axes."""
+        names = {
+            "master": self.masters[:1],
+            "masters": self.masters,
+            "sensors": self.sensor_names,
+            "axes": axes,
+        }
+        rows = {name: in_a_row(own) for name, own in names.items()}
+        return words.format(axis=self.axis, **rows)
+
+    def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
+        """Return its parts that have a meaning of their own, for values at these columns."""
+        rule = f"the {self.name} has none of it"
+        return [Component(self.name, self.rank, places, self, self.prior, rule=rule)]
+
     def placed(self, data: JointData) -> "AbstractEffect":
         """Return the effect with everything fixed that was to be read off the data."""
         del data
@@ -150,14 +250,15 @@ class AbstractEffect(abc.ABC):
         """Return values in the shape in which lists hold them."""
         return values
 
-    @abc.abstractmethod
     def to_model(self, table: Any, sign: float) -> Any:
-        """Return the controller's model of values in the shape of the list.
+        """Return the controller's model of values in the shape of the list, None without one.
 
         Args:
             table: As the error has them.
             sign: −1 for values (the controller takes the error off), +1 for deviations.
         """
+        del table, sign
+        return None
 
     def offsets(
         self, model: Any, *places: Float[np.ndarray, " _n"]
@@ -174,6 +275,12 @@ class AbstractEffect(abc.ABC):
         del model, places
         msg = f"active: found {self.compensation}, expected a table or backlash"
         raise FitError(msg)
+
+
+def in_a_row(names: Sequence[str]) -> str:
+    """Return different names as a sentence has them: ``"X, Y and Z"``."""
+    *first, last = dict.fromkeys(names or ("the axis",))
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def every(shares: Float[np.ndarray, "t p"]) -> Rows:
@@ -198,6 +305,20 @@ class Backlash(AbstractEffect):
 
     compensation = "backlash"
     no_keys = ("reference",)
+    rank = Rank.BACKLASH
+    remedy = "measure {axis} in both directions."
+    remedies = (
+        (
+            Rank.DATUM,
+            "all readings were taken in one direction. Measure in both directions.",
+        ),
+        (Rank.RUNS, "each run went one way. Measure both directions within each run."),
+        (
+            None,
+            "the direction changed together with the position. Approach the same positions "
+            "from both sides.",
+        ),
+    )
 
     def __post_init__(self) -> None:
         if self.reference not in (1, -1):
@@ -213,6 +334,11 @@ class Backlash(AbstractEffect):
     def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
         return (("direction", self.axis),)
+
+    def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
+        """See `AbstractEffect`."""
+        shared = "A constant difference between the directions"
+        return [Component(self.name, self.rank, places, self, shared=shared)]
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
@@ -247,6 +373,16 @@ class Delay(AbstractEffect):
     origin: float | None = None
 
     compensation = "delay"
+    rank = Rank.DELAY
+    remedy = "move {axis} at several speeds."
+    remedies = (
+        (
+            None,
+            "the speed of {axes} never varied by itself. Move at several speeds in both "
+            "directions.",
+        ),
+    )
+    one_unit = False
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
@@ -283,7 +419,3 @@ class Delay(AbstractEffect):
         """See `AbstractEffect`."""
         speed, late = columns
         return every(-np.column_stack([speed, speed * late]))
-
-    def to_model(self, table: Any, sign: float) -> Any:
-        """See `AbstractEffect`; there is none."""
-        raise NotImplementedError

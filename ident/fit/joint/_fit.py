@@ -9,6 +9,7 @@ from jaxtyping import Bool
 
 from ..._recording import JointData
 from ...core import FitError, cores, one_blas_thread
+from .._table import TOO_MANY
 from ._axis import AxisFit, fit_axis
 from ._design import design_of
 from ._effect import AbstractEffect
@@ -21,9 +22,6 @@ from ._result import (
     Smoothness,
 )
 from ._words import confusions_of, gauges_of
-
-_TOO_MANY = 0.1
-"""Share of wild readings from which on not the readings are at fault but the effects."""
 
 
 def fit_joint(
@@ -113,9 +111,9 @@ def examine_design(
         ]
         gauges = tuple(gauge for known in axes for gauge in gauges_of(known))
     share = {
-        effect.name: known.share_of(number)
+        effect.name: known.share_of(effect.name)
         for known in axes
-        for number, effect in enumerate(known.design.effects)
+        for effect in known.design.effects
     }
     return Identifiability(
         tuple(share[effect.name] for effect in placed),
@@ -156,7 +154,7 @@ def _fit(
     def one(axis: str) -> AxisFit:
         found = fit_axis(axis, groups[axis], data, options, use, like.get(axis))
         wild = float((~found.active).mean())
-        if options.loss == "student" and wild > _TOO_MANY:
+        if options.loss == "student" and wild > TOO_MANY:
             # So many that agree with each other: not they are at fault.
             mild = dataclasses.replace(options, loss="huber")
             return fit_axis(axis, groups[axis], data, mild, use, like.get(axis))
@@ -176,7 +174,8 @@ def _fit(
         gauges = tuple(each for own in known.values() for each in gauges_of(own))
     weights = {k: own for fit in fits.values() for k, own in fit.smoothness().items()}
     messages = [
-        f"Axis {axis}: {fit.message}" if len(fits) > 1 else fit.message
+        (f"Axis {axis}: " if len(fits) > 1 else "")
+        + fit.estimate.message(len(fit.left))
         for axis, fit in fits.items()
     ]
     return JointFit(

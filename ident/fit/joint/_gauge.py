@@ -1,8 +1,7 @@
 """Freedoms of the sum, and the rules that fix them.
 
 Freedoms are found from the information of rows in which everything varies by itself. The
-effects give way in a fixed order: runs first, then planes, crosstalk, temperature, bilateral
-leadscrews, crosses, leadscrews, backlash; the datum keeps what is left. An effect gives way by
+effects give way in the order of `Rank`; the datum keeps what is left. An effect gives way by
 having mean zero over the readings along every shape that a simpler one can carry; a temperature
 by correcting nothing at its reference temperature. Measured errors play no part.
 
@@ -21,26 +20,10 @@ from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
 from ..._recording import JointData
-from ...core import node_shares
 from .._identifiable import Shapes, null_space, pivoted
-from ._design import Component, Design, design_of
-from ._tables import Leadscrew
-from ._temperature import Temperature
+from ._design import Design, design_of
+from ._effect import Component, Rank
 
-_ORDER = (
-    "wander",
-    "runs",
-    "delay",
-    "plane",
-    "crosstalk",
-    "temperature coefficient",
-    "temperature offset",
-    "bilateral leadscrew",
-    "cross",
-    "leadscrew",
-    "backlash",
-    "datum",
-)
 _NOTHING = 1e-7
 """Size of a direction, relative to all, below which a component has no part in it."""
 _ANYWHERE = np.nan, np.nan
@@ -69,9 +52,9 @@ def shapes_of(design: Design, smooth: bool) -> Shapes:
             if part.table is None
             else _plane_shapes(part.table.nodes, own, smooth)
         )
-    kinds = [part.kind for part in design.stated]
+    ranks = [part.rank for part in design.stated]
     matrix = _over(design, _spread(design.stated, basis, design.size))
-    return Shapes(tuple(basis), matrix, kinds.index("datum"))
+    return Shapes(tuple(basis), matrix, ranks.index(Rank.DATUM))
 
 
 def _spread(
@@ -157,24 +140,13 @@ class Rules:
         return Rules(np.hstack([self.null, more]), np.vstack([self.functionals, fixed]))
 
 
-def priority(part: Component, design: Design) -> int:
-    """Return how simple a component is: the larger, the later it gives way."""
-    effect = design.effects[part.effect]
-    if part.effect >= 0 and isinstance(effect, Leadscrew) and effect.bilateral:
-        return _ORDER.index("bilateral leadscrew")
-    return _ORDER.index(part.kind)
-
-
 def _eliminated(
     design: Design, null: Float[np.ndarray, "n g"]
 ) -> Float[np.ndarray, "q n"]:
     """Return functionals that fix null directions, the least simple effect giving way first."""
     remaining = null / np.maximum(np.linalg.norm(null, axis=0), 1e-300)
     rows: list[Float[np.ndarray, "_ n"]] = [np.zeros((0, design.size))]
-    order = sorted(
-        enumerate(design.components), key=lambda k: (priority(k[1], design), -k[0])
-    )
-    for _, part in order:
+    for part in sorted(reversed(design.components), key=lambda each: each.rank):
         if not remaining.shape[1]:
             break
         own = remaining[part.places]
@@ -185,7 +157,7 @@ def _eliminated(
         rank = int((size > _NOTHING * most).sum()) if most > _NOTHING else 0
         if not rank:
             continue
-        weights = _at_reference(part, design) if rank == 1 else None
+        weights = part.reference if rank == 1 else None
         if weights is None:
             weights = left[:, :rank].T * design.touched[part.places]
         functional = np.zeros((rank, design.size))
@@ -193,15 +165,6 @@ def _eliminated(
         rows.append(functional)
         remaining = remaining @ right[rank:].T
     return np.vstack(rows)
-
-
-def _at_reference(part: Component, design: Design) -> Float[np.ndarray, "1 p"] | None:
-    """Return what a law gives at the reference temperature; None for other components."""
-    effect = design.effects[part.effect]
-    if part.effect < 0 or not isinstance(effect, Temperature):
-        return None
-    nodes = effect.nodes[part.kind.removeprefix("temperature ")]
-    return node_shares(np.array([effect.reference_temperature]), nodes)
 
 
 def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
@@ -214,8 +177,6 @@ def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
     """
     effects = [
         effect.lagging(dict.fromkeys(effect.sensor_names, 0.0))
-        if isinstance(effect, Temperature)
-        else effect
         for effect in design.effects
     ]
     varied = _everything_varies(design, data)

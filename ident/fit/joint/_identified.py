@@ -15,7 +15,8 @@ from ..._recording import JointData
 from ...core import Posterior
 from .._identifiable import Correlations, Shapes, Shared
 from ._design import Design
-from ._gauge import Rules, Unheld, ideal_shapes, priority, shapes_of
+from ._effect import Rank
+from ._gauge import Rules, Unheld, ideal_shapes, shapes_of
 
 _SAME = 2e-7
 """Share of a shape left beside another below which they are one in any data."""
@@ -63,10 +64,10 @@ class Identified:
     confused: tuple[Shared, ...]
     nearly: tuple[Shared, ...]
 
-    def share_of(self, number: int) -> float:
-        """Return the information left of an effect: of its weaker law for a temperature."""
+    def share_of(self, effect: str) -> float:
+        """Return the information left of an effect: of its weakest component."""
         stated = zip(self.share, self.design.stated, strict=True)
-        return min(share for share, part in stated if part.effect == number)
+        return min(share for share, part in stated if part.owner == effect)
 
     def variances(self, found: Posterior) -> Float[np.ndarray, " n"]:
         """Return the variance of each unknown under the rules, per variance of one reading.
@@ -106,7 +107,7 @@ class Identified:
             if part.prior is None:
                 # In a table neighbours bridge what no reading tells; a law has none.
                 result[own] |= (self.hidden & design.reached)[own]
-            if part.kind.startswith("temperature") and result[own].any():
+            if part.reference is not None and result[own].any():
                 # What the rule put to zero is no more known than the rest of the law.
                 result[own] = True
         return result
@@ -125,7 +126,7 @@ class Identified:
         """
         found = Correlations.of(self.ideal, _SAME)
         pairs = found.pairs(_SAME)
-        rank = [priority(part, self.design) for part in self.design.stated]
+        rank = [part.rank for part in self.design.stated]
 
         def carried(pair: tuple[int, int]) -> bool:
             return any(
@@ -194,7 +195,7 @@ def _light(design: Design, shapes: Shapes) -> Float[np.ndarray, "m m"]:
     for part, basis, own in zip(
         design.stated, shapes.basis, shapes.slices, strict=True
     ):
-        amount = _SLOW if part.kind == "runs" else _LIGHT * few
+        amount = _SLOW if part.rank == Rank.RUNS else _LIGHT * few
         if part.prior is None or not amount:
             continue
         diagonal = design.diagonal[part.places]

@@ -20,7 +20,6 @@ from ..._recording import JointData
 from ...core import Estimate, FitError
 from ._design import Design
 from ._effect import AbstractEffect
-from ._temperature import Temperature
 
 _GRID = 14
 _WORTH = 4.0
@@ -54,9 +53,8 @@ class FoundLag:
 
 def sensors_to_fit(effects: Sequence[AbstractEffect]) -> tuple[str, ...]:
     """Return the sensors whose lag is to be fitted."""
-    lags = [effect.lags for effect in effects if isinstance(effect, Temperature)]
-    own = [sensor for each in lags for sensor, lag in each.items() if lag == "fit"]
-    return tuple(dict.fromkeys(own))
+    lags = [each for effect in effects for each in effect.lags.items()]
+    return tuple(dict.fromkeys(sensor for sensor, lag in lags if lag == "fit"))
 
 
 def find_lags(
@@ -138,15 +136,16 @@ def _heated(
     design: Design, data: JointData, lags: Mapping[str, float]
 ) -> Float[np.ndarray, "r k"]:
     """Return the columns of the temperatures for trial lags."""
-    effects = [each for each in design.effects if isinstance(each, Temperature)]
-    blocks = [effect.lagging(lags).block(data) for effect in effects]
+    blocks = [effect.lagging(lags).block(data) for effect in _warm(design)]
     return np.hstack([each.columns[design.rows].toarray() for each in blocks])
 
 
+def _warm(design: Design) -> list[AbstractEffect]:
+    return [effect for effect in design.effects if effect.sensor_names]
+
+
 def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
-    effects = enumerate(design.effects)
-    own = [k for k, effect in effects if isinstance(effect, Temperature)]
-    return np.concatenate([design.places_of(k) for k in own])
+    return np.concatenate([design.places_of(each.name) for each in _warm(design)])
 
 
 def _profile(

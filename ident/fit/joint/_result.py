@@ -1,7 +1,7 @@
 """What comes out of a joint fit, and what its data can tell."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -223,9 +223,8 @@ class JointFit:
 
     def places_of(self, number: int) -> Int[np.ndarray, " p"]:
         """Return which unknowns of its axis the values of a part are."""
-        axis = self.parts[number].effect.axis
-        before = [part for part in self.parts[:number] if part.effect.axis == axis]
-        return self.known[axis].design.places_of(len(before))
+        part = self.parts[number]
+        return self.known[part.effect.axis].design.places_of(part.name)
 
     def covariance(self, number: int) -> Float[np.ndarray, "p p"]:
         """Return the joint covariance of the values of a part, under the gauge of the fit.
@@ -247,31 +246,3 @@ class JointFit:
         found = np.asarray(found * np.outer(stated, stated))
         found[np.diag_indices_from(found)] = np.where(told, deviation, np.inf) ** 2
         return found
-
-    def in_gauge(
-        self,
-        values: Sequence[Float[np.ndarray, " _p"]],
-        datum: Mapping[str, float] | None = None,
-    ) -> tuple[list[Float[np.ndarray, " _p"]], dict[str, float]]:
-        """Return other values of the same parts, moved to the gauge of this fit.
-
-        Their sum stays as it is. So a truth, or another fit, can be compared value by value.
-
-        Args:
-            values: One array per part.
-            datum: Constant of each axis in mm or °; 0 where not given.
-        """
-        result = [np.asarray(each, float) for each in values]
-        constants = {}
-        for axis, known in self.known.items():
-            design, given = known.design, (datum or {}).get(axis, 0.0)
-            own = [k for k, part in enumerate(self.parts) if part.effect.axis == axis]
-            theta = np.zeros(design.size)
-            theta[design.datum] = given
-            for number in own:
-                theta[self.places_of(number)] = result[number]
-            theta = known.rules.project(theta)
-            constants[axis] = float(theta[design.datum])
-            for number in own:
-                result[number] = theta[self.places_of(number)]
-        return result, constants

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from .... import models
 from ...core import FitError, Readings, Smooth, TableEffect, axis_nodes
-from ._effect import AbstractEffect, Inputs, Number, Ranges, Rows
+from ._effect import AbstractEffect, Component, Inputs, Number, Ranges, Rank, Rows
 
 Numbers = Sequence[Number] | Float[np.ndarray, " n"]
 _DIGITS = 10
@@ -74,7 +74,7 @@ class AbstractTable(AbstractEffect):
 
     @cached_property
     def prior(self) -> Smooth:
-        """See `AbstractEffect`."""
+        """See `AbstractEffect`: that of the estimator, values in the order of the list."""
         prior = self.table_effect.prior
         return dataclasses.replace(prior, order=self._place[prior.order])
 
@@ -189,6 +189,8 @@ class Leadscrew(AbstractLine):
     bilateral: bool = False
 
     compensation = "leadscrew"
+    rank = Rank.LEADSCREW
+    remedy = "measure {axis} in both directions."
 
     @cached_property
     def table_effect(self) -> TableEffect:
@@ -200,6 +202,14 @@ class Leadscrew(AbstractLine):
     def name(self) -> str:
         """See `AbstractEffect`."""
         return f"leadscrew of {self.axis}"
+
+    def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
+        """See `AbstractEffect`; two directions give way to the backlash."""
+        (whole,) = super().components(places)
+        if not self.bilateral:
+            return [whole]
+        rule = f"the {self.name} has the same mean in both directions"
+        return [dataclasses.replace(whole, rank=Rank.BILATERAL, rule=rule)]
 
     def to_model(self, table: Any, sign: float) -> Any:
         """See `AbstractEffect`; entries of this list are errors."""
@@ -232,6 +242,7 @@ class Cross(AbstractLine):
     master: str = dataclasses.field(kw_only=True)
 
     compensation = "cross"
+    rank = Rank.CROSS
     no_keys = ("modulo",)  # its axis says so
 
     @cached_property
@@ -270,6 +281,7 @@ class Plane(AbstractTable):
     points: tuple[int, int] | None = dataclasses.field(default=None, kw_only=True)
 
     compensation = "plane"
+    rank = Rank.PLANE
     no_keys = ("nodes",)
 
     @cached_property
@@ -284,6 +296,16 @@ class Plane(AbstractTable):
             each = zip(self.start, self.interval, self.points, strict=True)
             nodes = tuple(_grid(*axis) for axis in each)
         return TableEffect(nodes, self.masters)
+
+    def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
+        """See `AbstractEffect`."""
+        rule = (
+            f"the {self.name} has mean zero over the readings along every line that the "
+            "other can follow"
+        )
+        return [
+            dataclasses.replace(each, rule=rule) for each in super().components(places)
+        ]
 
     def to_model(self, table: Any, sign: float) -> Any:
         """See `AbstractEffect`."""

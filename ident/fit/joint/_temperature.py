@@ -7,18 +7,30 @@ from typing import Any, final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int, Shaped
 
 from .... import models
 from ..._recording import JointData
 from ...core import FitError, node_shares
-from ._effect import AbstractEffect, Block, Inputs, Number, Ranges, Rows, every
+from ._effect import (
+    TABLES,
+    AbstractEffect,
+    Block,
+    Component,
+    Inputs,
+    Number,
+    Ranges,
+    Rank,
+    Rows,
+    every,
+)
 
 Nodes = str | int | Float[np.ndarray, " _n"]
 """``"constant"``, ``"linear"``, a number of nodes over the measured range, or °C."""
 
 LAWS = ("offset", "coefficient")
 """Parameters of the line, in the order of the values."""
+_RANKS = {"offset": Rank.OFFSET, "coefficient": Rank.COEFFICIENT}
 _COUNTS = {"constant": 1, "linear": 2}
 
 
@@ -54,6 +66,38 @@ class Temperature(AbstractEffect):
 
     compensation = "temperature"
     no_keys = ("reference_temperature",)
+    rank = Rank.OFFSET
+    remedy = "measure {axis} at two temperatures of {sensors} at least."
+    remedies = (
+        *(
+            (
+                table,
+                "the temperature of {sensors} changed together with the position of {axes}. "
+                "Measure the same positions again at another temperature.",
+            )
+            for table in TABLES
+        ),
+        (
+            Rank.RUNS,
+            "the temperature of {sensors} changed together with the runs (or with the time). "
+            "Let it rise and fall within a run, or repeat a temperature in another run.",
+        ),
+        (
+            Rank.DATUM,
+            "the temperature of {sensors} did not change. Measure at two temperatures at "
+            "least.",
+        ),
+        (
+            Rank.OFFSET,
+            "at each temperature {axes} stood at one position only. Measure each temperature "
+            "at several positions.",
+        ),
+        (
+            None,
+            "the temperature of {sensors} changed together with the other. Vary it while the "
+            "other stays as it is.",
+        ),
+    )
 
     def __post_init__(self, sensor: str | None) -> None:
         if (sensor is None) == (not self.sensors):
@@ -143,6 +187,25 @@ class Temperature(AbstractEffect):
         own = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}
         return dataclasses.replace(self, lag=own)
 
+    def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
+        """See `AbstractEffect`: its laws, which correct nothing at the reference temperature."""
+        at = self.reference_temperature
+        rule = f"the temperature corrects nothing at {at:g} °C"
+        line = f"A straight line over {self.axis}"
+        return [
+            Component(
+                f"{law} of the {self.name}",
+                _RANKS[law],
+                own,
+                self,
+                reference=node_shares(np.array([at]), self.nodes[law]),
+                level=rule,
+                rule=rule,
+                shared=line if law == "coefficient" else "",
+            )
+            for law, own in self.split(places).items()
+        ]
+
     @property
     def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
@@ -224,8 +287,8 @@ class Temperature(AbstractEffect):
         )
 
     def split(
-        self, values: Float[np.ndarray, " p"]
-    ) -> dict[str, Float[np.ndarray, " _n"]]:
+        self, values: Shaped[np.ndarray, " p"]
+    ) -> dict[str, Shaped[np.ndarray, " _n"]]:
         """Return the values by parameter."""
         result, first = {}, 0
         for law in LAWS:

@@ -16,6 +16,8 @@ from axcomp.ident.fit.joint import (
     fit_joint,
 )
 
+from .gauge import in_gauge
+
 NOISE = 5e-4  # mm
 X, Y = np.linspace(0.0, 1000.0, 21), np.linspace(0.0, 500.0, 11)
 
@@ -77,7 +79,7 @@ def test_values_lie_within_three_deviations_up_to_the_gauge() -> None:
     for seed in range(5):
         truth = _values(effects, seed)
         fit = fit_joint(_readings(effects, truth, 100 + seed), effects)
-        aligned, datum = fit.in_gauge(truth)
+        aligned, datum = in_gauge(fit, truth)
         count += 1
         for part, values in zip(fit.parts, aligned, strict=True):
             ratio = (part.values - values) / part.standard_deviation

@@ -19,6 +19,8 @@ from axcomp.ident.fit.joint import (
     refit_joint,
 )
 
+from .gauge import in_gauge
+
 NOISE = 5e-4  # mm
 
 
@@ -114,8 +116,8 @@ def test_deviations_are_those_of_dense_algebra(mixed: Any) -> None:
     moved = []
     for _ in range(400):
         draw = inverse @ rng.normal(size=len(whole_matrix))
-        values, datum = fit.in_gauge(
-            np.split(draw[:-1], sizes[:-1]), {"X": float(draw[-1])}
+        values, datum = in_gauge(
+            fit, np.split(draw[:-1], sizes[:-1]), {"X": float(draw[-1])}
         )
         moved.append(np.concatenate([*values, [datum["X"]]]))
     scatter = np.std(moved, axis=0)

@@ -14,6 +14,7 @@ from axcomp.ident.fit.joint import (
     Backlash,
     Cross,
     Crosstalk,
+    Delay,
     JointData,
     Leadscrew,
     Plane,
@@ -26,6 +27,8 @@ from axcomp.models import (
     TemperatureCurve,
     TemperatureLine,
 )
+
+from .gauge import in_gauge
 
 X, Y = np.linspace(0.0, 1000.0, 9), np.array([0.0, 30.0, 200.0, 500.0])
 
@@ -200,7 +203,7 @@ def test_a_slow_drift_and_a_temperature_stand_side_by_side(mixed: Any) -> None:
     part: Any = fit.part("temperature of X (T)")
     away = part.effect.nodes["offset"] - 20.0
     law = np.concatenate([1e-3 * away, 8e-6 * away])
-    truth, _ = fit.in_gauge([np.zeros(21), law])
+    truth, _ = in_gauge(fit, [np.zeros(21), law])
     # The pieces of the drift follow its bends to a tenth of the noise.
     assert np.abs((part.values - truth[1]) / part.standard_deviation).max() < 5.0
     left = (error - fit.predict(data, runs=True)["X"])[~use]
@@ -255,3 +258,7 @@ def test_a_temperature_on_one_axis_leaves_the_runs_of_another() -> None:
     law: Any = fit.part("temperature of X (T)")
     warm = fit.predict(data)["X"]
     assert np.polyfit(away, warm, 1)[0] == pytest.approx(1e-3, rel=0.02), law.values
+
+
+def test_a_delay_needs_no_model_of_the_controller() -> None:
+    assert Delay("X").to_model(np.zeros(2), -1.0) is None

@@ -18,6 +18,8 @@ from axcomp.ident.fit.joint import (
     fit_joint,
 )
 
+from .gauge import in_gauge
+
 X, Y = np.linspace(0.0, 1000.0, 21), np.linspace(0.0, 500.0, 11)
 PLANE = Plane("X", ("X", "Y"), (X, Y))
 WARM = Temperature("X", {"offset": "T", "coefficient": "T"}, 200.0)
@@ -81,11 +83,11 @@ def test_a_freedom_is_said_and_changes_no_sum(mixed: Any, name: str) -> None:
     # Move every value as a user might: a constant, then back to the rule.
     rng = np.random.default_rng(0)
     values = [part.values + 0.0 for part in fit.parts]
-    again, datum = fit.in_gauge(values, {"X": fit.datum["X"][0]})
+    again, datum = in_gauge(fit, values, {"X": fit.datum["X"][0]})
     for one, other in zip(values, again, strict=True):
         assert np.abs(one - other).max() < 1e-12  # already there
     other = [each + rng.normal(0.0, 0.01, len(each)) for each in values]
-    moved, datum = fit.in_gauge(other)
+    moved, datum = in_gauge(fit, other)
     before = sum(
         part.effect.block(case.data).columns @ each
         for part, each in zip(fit.parts, other, strict=True)
@@ -138,7 +140,9 @@ def test_the_rule_does_not_depend_on_the_errors(mixed: Any, effects: Any) -> Non
     assert first.gauges == second.gauges
     rng = np.random.default_rng(1)
     values = [rng.normal(size=part.effect.size) for part in first.parts]
-    for a, b in zip(first.in_gauge(values)[0], second.in_gauge(values)[0], strict=True):
+    for a, b in zip(
+        in_gauge(first, values)[0], in_gauge(second, values)[0], strict=True
+    ):
         assert np.array_equal(a, b)
 
 

@@ -15,6 +15,8 @@ from axcomp.ident.fit.joint import (
     refit_joint,
 )
 
+from .gauge import in_gauge
+
 WALK = 2e-3
 """How far the reference wanders within the recording, in mm."""
 NOISE = 5e-4
@@ -52,7 +54,7 @@ def fitted(data: JointData, **options: Any) -> JointFit:
 def ratios(fit: JointFit) -> np.ndarray:
     """Return (value − truth) / deviation of both tables."""
     own = [truth(X, X, 160.0), truth(Y, Y, 80.0)]
-    aligned, _ = fit.in_gauge(own)
+    aligned, _ = in_gauge(fit, own)
     return np.concatenate(
         [
             (part.values - values) / part.standard_deviation
