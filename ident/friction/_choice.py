@@ -103,6 +103,15 @@ class Choice:
     window: Int[np.ndarray, " t"]
     without: tuple[WindowLaw, ...]
 
+    @property
+    def law(self) -> FrictionFit:
+        """The simplest of the parametric laws that predicts as well as the best of them."""
+        own = [each for each in self.candidates if each.structure.parametric]
+        best = min(own, key=lambda each: each.error)
+        limit = best.error + best.standard_error
+        good = [place for place, each in enumerate(own) if each.error <= limit]
+        return self.laws[min(good, key=lambda place: own[place].parameters)]
+
 
 def choose_law(
     samples: DriveSamples,

@@ -82,6 +82,15 @@ class ReversalFit:
     missing: Float[np.ndarray, " t"]
 
     @property
+    def numbers(self) -> dict[str, float]:
+        """Look-ahead, distance and delay by the names of their list entries."""
+        return {
+            "reversal_lookahead": self.lookahead,
+            "position_delay": self.position_delay,
+            "delay_cycles": self.delay_cycles,
+        }
+
+    @property
     def undetermined(self) -> dict[str, str]:
         """What the recording cannot tell: name → reason."""
         reasons: dict[str, str] = {}
