@@ -131,7 +131,6 @@ if TYPE_CHECKING:
         entries_of_friction as entries_of_friction,
         friction_from_list as friction_from_list,
         has_friction as has_friction,
-        read_friction as read_friction,
     )
     from ..kinds.leadscrew.entries import (
         LeadscrewTable as LeadscrewTable,
@@ -161,7 +160,7 @@ _OF_KINDS = {
     ),
     "friction.entries": (
         "FrictionNumbers", "entries_of_friction", "friction_from_list",
-        "has_friction", "read_friction",
+        "has_friction",
     ),
     "leadscrew.entries": (
         "LeadscrewTable", "entries_of_leadscrew", "leadscrew_from_list",

@@ -11,8 +11,8 @@ from ....models import FrictionCompensation
 from ...exchange import (
     ExchangeError,
     entries_of_friction,
+    friction_from_list,
     has_friction,
-    read_friction,
 )
 from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
@@ -105,7 +105,7 @@ class FrictionDraft(AbstractDraft):
         try:
             before = None
             if existing is not None and has_friction(existing):
-                before = read_friction(existing, job.conventions)
+                before = friction_from_list(existing, job.conventions)
             return dict(
                 entries_of_friction(
                     numbers_of(self.knots, self.found.reversal, before),
@@ -153,7 +153,7 @@ class FrictionDraft(AbstractDraft):
     def prove(self, done: Written) -> FrictionResult:
         view, listing, back = self.view, done.compensation, None
         if listing is not None and self.knots is not None:
-            back = read_friction(listing, done.job.conventions)
+            back = friction_from_list(listing, done.job.conventions)
         if back is not None and self.unit.current is not None:
             listed = self.unit.current * back.law.evaluate(view.velocity)
             view = dataclasses.replace(view, listed=listed)
