@@ -30,9 +30,9 @@ def _neighbours(values: Float[np.ndarray, " t"], at: int) -> tuple[float, float]
     """Return the value at a place in ascending order and the next; NaN if any is NaN."""
     if not values.size:
         return math.nan, math.nan
-    # Sorting several numbers at a time is faster than parting at some places.
-    ordered = np.sort(values)  # NaN comes last
-    last = ordered.item(-1)
-    if math.isnan(last):
+    last = values.size - 1
+    beside = min(at + 1, last)
+    parted = np.partition(values, (at, beside, last))
+    if math.isnan(parted.item(last)):  # NaN comes last
         return math.nan, math.nan
-    return ordered.item(at), ordered.item(at + 1) if at + 1 < ordered.size else last
+    return parted.item(at), parted.item(beside)

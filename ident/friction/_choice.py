@@ -2,14 +2,15 @@
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import FitError, one_blas_thread
 from ._equation import Equation, Known, equation_of, ridged, weigh
-from ._inverse import METHOD, FrictionFit, assemble, fit_carried, part_offset
+from ._inverse import METHOD, FrictionFit, assemble, fit_carried, reading_of
 from ._samples import DriveSamples
 from ._separable import Solution, View
 from ._structures import (
@@ -103,6 +104,15 @@ class Choice:
     window: Int[np.ndarray, " t"]
     without: tuple[WindowLaw, ...]
 
+    @property
+    def law(self) -> FrictionFit:
+        """The simplest of the parametric laws that predicts as well as the best of them."""
+        own = [each for each in self.candidates if each.structure.parametric]
+        best = min(own, key=lambda each: each.error)
+        limit = best.error + best.standard_error
+        good = [place for place, each in enumerate(own) if each.error <= limit]
+        return self.laws[min(good, key=lambda place: own[place].parameters)]
+
 
 def choose_law(
     samples: DriveSamples,
@@ -156,8 +166,12 @@ def choose_law(
             spoken.append(asked.structure)
             if spoken[-1] not in found:
                 found[spoken[-1]] = _hold_out(asked, solution, weights.limit, window)
-            parameters = len(kind.names) + len(kind.shapes)
-            candidates.append(found[spoken[-1]].candidate(kind, parameters))
+            one, parameters = (
+                found[spoken[-1]].candidate,
+                len(kind.names) + len(kind.shapes),
+            )
+            one = dataclasses.replace(one, structure=kind, parameters=parameters)
+            candidates.append(one)
         chosen, best = _order(candidates)
         if kinds[chosen] not in fits:
             carried = fit_carried(equation.with_structure(kinds[chosen]), weights)
@@ -173,7 +187,7 @@ def choose_law(
         candidates=tuple(candidates),
         windows=windows,
         window=window[np.searchsorted(between, np.arange(len(samples.time)))],
-        without=found[spoken[chosen]].laws,
+        without=tuple(found[spoken[chosen]].laws()),
     )
 
 
@@ -215,56 +229,23 @@ def _windows(equation: Equation, windows: int) -> Int[np.ndarray, " s"]:
     return np.minimum((share * windows).astype(np.int64), windows - 1)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _HeldOut:
-    """A law solved without each window.
+class _HeldOut(NamedTuple):
+    """How a law predicts; its equation, and factors and shapes without each window."""
 
-    Attributes:
-        equation: Of the law.
-        factors: Linear factors without each window, as fitted.
-        shapes: Logarithms of the shape likewise.
-        square: Mean square of the force error in each window, relative to the load's.
-        fitted: The same of all rows, of the law fitted to them.
-    """
-
+    candidate: Candidate
     equation: Equation
     factors: Float[np.ndarray, "w k"]
     shapes: Float[np.ndarray, "w h"]
-    square: Float[np.ndarray, " w"]
-    fitted: float
 
-    def candidate(self, structure: AbstractStructure, parameters: int) -> Candidate:
-        """Return how the law predicts, in the name of one that it stands for."""
-        mean, spread = float(self.square.mean()), float(np.std(self.square, ddof=1))
-        count = len(self.square)
-        return Candidate(
-            structure=structure,
-            parameters=parameters,
-            window_error=np.sqrt(self.square),
-            error=float(np.sqrt(mean)),
-            standard_error=spread / float(np.sqrt(4.0 * max(mean, 1e-300) * count)),
-            fitted_error=float(np.sqrt(self.fitted)),
-        )
-
-    @property
-    def laws(self) -> tuple[WindowLaw, ...]:
-        """The laws without each window."""
-        known, names = self.equation.known, self.equation.fixed_names
-        to_offset, to_law = part_offset(self.equation)
-        nothing = np.zeros(len(self.factors))
-        inertia = nothing + (known.inertia or 0.0)
-        offset = nothing + (known.offset or 0.0)
-        if "inertia" in names:
-            inertia = self.factors[:, 0]
-        if to_offset is not None:
-            offset = self.factors @ to_offset
-        elif "offset" in names:
-            offset = self.factors[:, names.index("offset")]
-        laws = zip(self.factors @ to_law.T, self.shapes, inertia, offset, strict=True)
-        return tuple(
-            WindowLaw(self.equation.structure, own, shape, float(push), float(load))
-            for own, shape, push, load in laws
-        )
+    def laws(self) -> Iterator[WindowLaw]:
+        """Yield the laws without each window."""
+        names, linear, to_law = reading_of(self.equation)
+        known = self.equation.known
+        given = {"inertia": known.inertia or 0.0, "offset": known.offset or 0.0}
+        for own, shape in zip(self.factors, self.shapes, strict=True):
+            read = given | dict(zip(names, (linear @ own).tolist(), strict=True))
+            law = to_law @ own, shape, read["inertia"], read["offset"]
+            yield WindowLaw(self.equation.structure, *law)
 
 
 def _hold_out(
@@ -273,7 +254,9 @@ def _hold_out(
     limit: float,
     window: Int[np.ndarray, " s"],
 ) -> _HeldOut:
-    """Solve a law without each window, by the sums of all rows less those of the window.
+    """Return how a law predicts, and what it is without each window.
+
+    Solved by the sums of all rows less those of the window.
 
     Args:
         equation: Of the law.
@@ -306,10 +289,15 @@ def _hold_out(
     load = float(np.mean(equation.load[used] ** 2))
     square = used * np.minimum(error**2, limit**2)
     square = np.add.reduceat(square, edges[:-1])
-    return _HeldOut(
-        equation=equation,
-        factors=factors,
-        shapes=shapes,
-        square=square / np.add.reduceat(used * load, edges[:-1]),
-        fitted=np.minimum(solution.residual[used] ** 2, limit**2).mean() / load,
+    square = square / np.add.reduceat(used * load, edges[:-1])
+    mean, spread = float(square.mean()), float(np.std(square, ddof=1))
+    fitted = float(np.minimum(solution.residual[used] ** 2, limit**2).mean() / load)
+    candidate = Candidate(
+        structure=equation.structure,
+        parameters=0,
+        window_error=np.sqrt(square),
+        error=float(np.sqrt(mean)),
+        standard_error=spread / float(np.sqrt(4.0 * max(mean, 1e-300) * len(square))),
+        fitted_error=float(np.sqrt(fitted)),
     )
+    return _HeldOut(candidate, equation, factors, shapes)

@@ -324,20 +324,16 @@ class Weights:
         structure, free = equation.structure, self.free
         assert isinstance(structure, Stribeck)
         assert isinstance(free.structure, KnotTable)
-        knots = np.asarray(free.structure.knots)
+        knots, fixed = np.asarray(free.structure.knots), len(free.fixed_names)
         velocity = np.concatenate([knots, -knots])
-        signs, names = np.sign(velocity), equation.fixed_names
-        fixed, own = len(free.fixed_names), len(names)
-        # Factors of the free table for each factor of the law.
-        law = np.zeros((len(self.sums), own + len(structure.names)))
-        for place, name in enumerate(names):
-            if name == "offset":
-                law[fixed:, place] = signs
-            else:
-                law[free.fixed_names.index(name), place] = 1.0
+        # Factors of the free table, which has no offset, for each factor of the law.
         starts = structure.starts(equation.speed_range)
-        laws = np.repeat(law[None], len(starts), axis=0)
-        laws[:, fixed:, own:] = signs[:, None] * structure.over_shapes(velocity, starts)
+        own = structure.over_shapes(velocity, starts)
+        if "offset" in equation.fixed_names:
+            own = np.concatenate([own, np.ones_like(own[:, :, :1])], axis=2)
+        laws = np.zeros((len(starts), len(self.sums), fixed + own.shape[2]))
+        laws[:, :fixed, :fixed] = np.eye(fixed)
+        laws[:, fixed:, fixed:] = np.sign(velocity)[:, None] * own
         sums = np.swapaxes(laws, 1, 2) @ self.sums
         factors = ridged(sums[:, :, :-1] @ laws, sums[:, :, -1])
         gains = np.einsum("nk,nk->n", sums[:, :, -1], factors)

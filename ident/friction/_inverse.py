@@ -48,7 +48,6 @@ class FrictionFit:
         covariance: Between them; NaN where undetermined.
         undetermined: What the data cannot say: name → reason.
         gauges: Sentences on what can only be told together.
-        remarks: Further sentences for the report.
         noise: Robust standard deviation of the residual.
         relative_error: RMS of the residual over RMS of the load, over all rows in motion.
         residual: Load − fit per row used, after filtering, in load units.
@@ -74,7 +73,6 @@ class FrictionFit:
     covariance: Float[np.ndarray, "r r"]
     undetermined: Mapping[str, str]
     gauges: tuple[str, ...]
-    remarks: tuple[str, ...]
     noise: float
     relative_error: float
     residual: Float[np.ndarray, " t"]
@@ -241,18 +239,13 @@ def assemble(
     """
     structure, fixed = equation.structure, len(equation.fixed_names)
     count, shapes = len(solution.factors), len(solution.shape)
-    to_offset, to_law = part_offset(equation)
-    parted = to_offset is not None
+    linear_names, linear, to_law = reading_of(equation)
+    names = (*linear_names, *structure.shapes)
+    parted = "offset" in names and "offset" not in equation.fixed_names
     # The law as fitted, and all parameters as users read them, by factors and shape.
     inner = np.eye(count + shapes)[fixed:]
     inner[: count - fixed, :count] = to_law
     law = inner @ np.concatenate([solution.factors, solution.shape])
-    words, sums = structure.reported
-    if structure.directional:
-        words = tuple(name + way for way in WAYS for name in words)
-    names = (*equation.fixed_names, *["offset"] * parted, *words, *structure.shapes)
-    beside = [np.eye(count)[:fixed]] + ([] if to_offset is None else [to_offset])
-    linear = np.vstack([*beside, np.kron(np.eye(structure.ways), sums) @ to_law])
     natural = np.exp(solution.shape)
     values = np.concatenate([linear @ solution.factors, natural])
     jacobian = np.zeros((len(names), count + shapes))
@@ -289,7 +282,6 @@ def assemble(
         covariance=covariance,
         undetermined=undetermined,
         gauges=_gauges(equation, solution, parted),
-        remarks=equation.samples.oddities,
         noise=solution.scale,
         relative_error=float(np.linalg.norm(residual) / np.linalg.norm(load)),
         residual=residual,
@@ -310,24 +302,29 @@ def assemble(
     )
 
 
-def part_offset(
+def reading_of(
     equation: Equation,
-) -> tuple[Float[np.ndarray, " k"] | None, Float[np.ndarray, "f k"]]:
-    """Return maps from the linear factors as fitted to the offset, and to those of the law.
+) -> tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]:
+    """Return how the linear factors as fitted are read.
 
-    Per direction, seen in motion are level⁺ + offset and level⁻ − offset only. The offset is
-    chosen so that the mean levels of both directions are equal. Where it has a column of its
-    own or is known there is no map to it.
+    Names of parameters as users read them, the map to these, and that to the factors of the
+    law. Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: where the
+    offset is not known, it is chosen so that the mean levels of both directions are equal.
     """
     structure, fixed = equation.structure, len(equation.fixed_names)
     unit = np.eye(fixed + len(structure.names))
-    if not structure.directional or equation.known.offset is not None:
-        return None, unit[fixed:]
-    one = structure.levels
-    both = np.concatenate([one, -one])
-    offset = np.zeros(len(unit))
-    offset[fixed:] = 0.5 * both / one.sum()
-    return offset, unit[fixed:] - np.outer(both, offset)
+    names, beside, to_law = equation.fixed_names, unit[:fixed], unit[fixed:]
+    words, sums = structure.reported
+    if structure.directional:
+        words = tuple(name + way for way in WAYS for name in words)
+    if structure.directional and equation.known.offset is None:
+        one = structure.levels
+        both = np.concatenate([one, -one])
+        offset = 0.5 * both @ to_law / one.sum()
+        names, beside = (*names, "offset"), np.vstack([beside, offset])
+        to_law = to_law - np.outer(both, offset)
+    law = np.kron(np.eye(structure.ways), sums) @ to_law
+    return (*names, *words), np.vstack([beside, law]), to_law
 
 
 def _undetermined(

@@ -111,11 +111,12 @@ def fit_output_error(
     start = _approached(task, samples)
     # A fit without the guess shows how large errors are; as many as they keep their sign
     # for count as one.
-    found = jnp.asarray(solve(task.problem, start, ROUGHLY)[0])
-    error = np.asarray(residual_of(found, task.problem))[: len(runs.run)][runs.compared]
+    found, _ = solve(task.problem, start, ROUGHLY, rounds=1)
+    left = np.asarray(residual_of(jnp.asarray(found), task.problem))
+    error = left[: len(runs.run)][runs.compared]
     turns = int((np.diff(np.sign(error - error.mean())) != 0).sum())
     variance = float(error @ error) / (turns + 1)
-    return dataclasses.replace(task, variance=variance).fit(start)
+    return dataclasses.replace(task, variance=variance).fit(found)
 
 
 def laws_held_out(

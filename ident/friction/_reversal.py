@@ -64,7 +64,6 @@ class ReversalFit:
         lookahead_probability: That `lookahead` is the right one of 0 to 4.
         delay_probability: That `delay_cycles` is the right one of those tried.
         noise: Standard deviation of what is left around reversals, in load units.
-        before: The same with neither look-ahead, nor distance, nor delay.
         reversals: How many there are.
         missing: What look-ahead, distance and delay take from that friction per sample, in
             load units. Added to the load, it leaves what steady friction gives.
@@ -77,9 +76,17 @@ class ReversalFit:
     lookahead_probability: float
     delay_probability: float
     noise: float
-    before: float
     reversals: int
     missing: Float[np.ndarray, " t"]
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Look-ahead, distance and delay by the names of their list entries."""
+        return {
+            "reversal_lookahead": self.lookahead,
+            "position_delay": self.position_delay,
+            "delay_cycles": self.delay_cycles,
+        }
 
     @property
     def undetermined(self) -> dict[str, str]:
@@ -87,16 +94,15 @@ class ReversalFit:
         reasons: dict[str, str] = {}
         if self.reversals < _FEW:
             words = f"only {self.reversals} reversals were recorded"
-            for name in ("reversal_lookahead", "position_delay", "delay_cycles"):
-                reasons[name] = words
-        for name, cycles, probability in (
-            ("reversal_lookahead", self.lookahead, self.lookahead_probability),
-            ("delay_cycles", self.delay_cycles, self.delay_probability),
+            reasons = dict.fromkeys(self.numbers, words)
+        for name, probability in (
+            ("reversal_lookahead", self.lookahead_probability),
+            ("delay_cycles", self.delay_probability),
         ):
             if probability < 0.5:
                 reasons[name] = (
-                    f"{cycles} cycles fit best, others nearly as well (probability"
-                    f" {probability:.0%})"
+                    f"{self.numbers[name]} cycles fit best, others nearly as well"
+                    f" (probability {probability:.0%})"
                 )
         if self.delay_cycles == _MOST_DELAY:
             words = f"it is {_MOST_DELAY} cycles, the most tried, or more"
@@ -338,7 +344,6 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     if best.distance < _NOTHING:
         best = dataclasses.replace(best, distance=0.0)
     factors, left = search.solve(best, use)
-    plain = dataclasses.replace(best, lookahead=0, delay=0, distance=0.0)
     close = np.isin(use, search.near)
     share = _independent(left)
     # A perfect recording leaves rounding: below it no two settings differ.
@@ -363,7 +368,6 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
         lookahead_probability=float(odds.sum(axis=1)[best.lookahead]),
         delay_probability=float(odds.sum(axis=0)[best.delay]),
         noise=float(np.sqrt(np.mean(left[close] ** 2))),
-        before=float(np.sqrt(np.mean(search.solve(plain, use)[1][close] ** 2))),
         reversals=reversals,
         missing=steady - late,
     )

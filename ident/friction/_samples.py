@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...data.signals import find_saturation, median, quantile
+from ...data.signals import find_saturation, median
 from ..core import FitError
 
 _JUMP = 0.5
@@ -16,8 +16,6 @@ _REST = 1e-3
 """Share of the highest speed below which an axis counts as standing, where none is stated."""
 _DIRECTION = 0.01
 """Share of the samples in motion that a direction needs to count as recorded."""
-_TOUCHES = 0.05
-"""Smallest current, as a share of the median one, that counts as coming down to 0."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,48 +84,6 @@ class DriveSamples:
         share = float(np.mean(self.velocity[self.in_motion] > 0))
         return share >= _DIRECTION, share <= 1 - _DIRECTION
 
-    @cached_property
-    def oddities(self) -> tuple[str, ...]:
-        """What is odd about the recording, in words."""
-        found, moving = [], self.in_motion
-        current = self.current[moving]
-        if not all(self.directions):
-            way = "positive" if self.directions[0] else "negative"
-            found.append(
-                f"Only motion in {way} direction was recorded: friction and constant load "
-                "cannot be told apart, and nothing is known of the other direction."
-            )
-        elif quantile(current, 0.01) > 0 or quantile(current, 0.99) < 0:
-            size = np.abs(current)
-            if size.min() < _TOUCHES * median(size):
-                found.append(
-                    "The current comes down to 0 in both directions but never changes "
-                    "sign: the recording seems to hold its magnitude only, which tells "
-                    "nothing of friction."
-                )
-            else:
-                found.append(
-                    "The current keeps its sign in both directions: a constant load larger "
-                    "than friction (weight, tension) acts on the axis and is reported as "
-                    "offset."
-                )
-        standing = len(moving) - int(moving.sum())
-        if standing:
-            found.append(f"{standing} samples at rest were left out.")
-        full = int(self.saturated.sum())
-        if full:
-            found.append(
-                f"The current is saturated at {np.abs(self.current).max():.4g} in {full} "
-                "samples; they were left out."
-            )
-        pieces = int(self.piece[-1]) + 1
-        if pieces > 1:
-            found.append(
-                f"The clock jumps {pieces - 1} time{'s' * (pieces > 2)}; the {pieces} "
-                "pieces were filtered apart."
-            )
-        return tuple(found)
-
     def take(self, keep: Bool[np.ndarray, " t"]) -> "DriveSamples":
         """Return the samples for which ``keep`` is true; gaps in time part the pieces."""
         cut = {
@@ -146,41 +102,34 @@ def check_samples(samples: DriveSamples) -> None:
         FitError: If arrays are empty, differ in length, hold NaN, the clock runs backwards,
             or the axis never moves.
     """
-    count = len(samples.time)
-    arrays = {
-        field.name: getattr(samples, field.name)
-        for field in dataclasses.fields(samples)
-        if field.name not in ("loads", "moving", "unit")
-    } | dict(samples.loads)
+    count, msg = len(samples.time), ""
+    arrays = vars(samples) | dict(samples.loads)
     if count < 2:
         msg = f"found {count} samples of the drive, expected a recording."
         raise FitError(msg)
     for name, values in arrays.items():
-        if values is None:
+        if not isinstance(values, np.ndarray):
             continue
+        bad = np.flatnonzero(~np.isfinite(values))
         if len(values) != count:
             msg = f"{name} has {len(values)} samples, expected {count} as time has."
-            raise FitError(msg)
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
+        elif len(bad):
             msg = f"sample {bad[0] + 1}: {name} is not finite, expected numbers."
+        if msg:
             raise FitError(msg)
     back = np.flatnonzero(np.diff(samples.time) <= 0)
+    one, other = samples.instrument_velocity, samples.instrument_acceleration
     if len(back):
         row = int(back[0]) + 1
         msg = (
             f"sample {row + 1}: the clock goes from {samples.time[row - 1]:.6g} s to "
             f"{samples.time[row]:.6g} s, expected ascending times."
         )
-        raise FitError(msg)
-    if (samples.instrument_velocity is None) != (
-        samples.instrument_acceleration is None
-    ) and samples.acceleration is not None:
+    elif (one is None) != (other is None) and samples.acceleration is not None:
         msg = "instruments: expected both velocity and acceleration, found one of them."
-        raise FitError(msg)
-    if not samples.velocity.any() or not samples.in_motion.any():
+    elif not samples.velocity.any() or not samples.in_motion.any():
         msg = "the axis does not move in this recording: nothing is known of friction."
-        raise FitError(msg)
-    if not samples.current.any():
+    elif not samples.current.any():
         msg = "the current is 0 throughout, expected the drive's torque feedback."
+    if msg:
         raise FitError(msg)

@@ -336,6 +336,7 @@ def solve(
     tolerance: float,
     solver: Solver = "optimistix",
     constraints: Sequence[Constraint] = (),
+    rounds: int = _ROUNDS,
 ) -> tuple[Float[np.ndarray, " 10"], bool]:
     """Return where a solver ends, and whether it converged.
 
@@ -345,6 +346,7 @@ def solve(
         tolerance: Of optimistix: `TOLERANCE` or `ROUGHLY`.
         solver: Which one.
         constraints: Inequalities to keep, by IPOPT.
+        rounds: How often optimistix begins anew at most, where much was gained.
     """
     if solver == "ipopt":
         low, high = (np.asarray(each) for each in problem.limits)
@@ -360,7 +362,7 @@ def solve(
         )
         return found.values, found.converged
     values, converged = jnp.asarray(start), jnp.asarray(False)
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         given = problem, jnp.asarray(tolerance)
         values, converged, left = _levenberg_marquardt(values, *given)
         if left > _FAR:

@@ -70,10 +70,10 @@ if TYPE_CHECKING:
         CrosstalkView as CrosstalkView,
         EventCourse as EventCourse,
     )
+    from ..kinds.friction._listing import LawCurve as LawCurve
     from ..kinds.friction._result import (
         FrictionResult as FrictionResult,
         FrictionView as FrictionView,
-        LawCurve as LawCurve,
         choice_sentence as choice_sentence,
     )
     from ..kinds.temperature._law import ThermalLaw as ThermalLaw
@@ -131,7 +131,7 @@ _HOMES = {
     "FrictionResult": ".kinds.friction._result",
     "FrictionView": ".kinds.friction._result",
     "GroupResult": "joint",
-    "LawCurve": ".kinds.friction._result",
+    "LawCurve": ".kinds.friction._listing",
     "LeftOutResult": "joint",
     "LostPair": "joint",
     "choice_sentence": ".kinds.friction._result",

@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Int
 
 from ...core import FitError
 from ...friction import (
@@ -22,7 +21,6 @@ from ...job._result import Remark
 from ._recording import DriveRecording
 from .keys import Spec
 
-_WINDOWS = 10
 _SAME_CLOCK = 0.01
 
 
@@ -31,26 +29,28 @@ class Identified:
     """A law and how it was found.
 
     Attributes:
-        choice: Which laws competed.
-        fit: The law: the simplest that predicts as well as the best.
-        laws: The laws in words (Coulomb, Stribeck), each fitted to all samples.
-        law: That of them which predicts best; `fit` itself where it is one.
+        choice: Which laws competed on windows held out.
         output: The output-error fit, where it was asked for.
-        reversal: What reversals show, or None.
+        reversal: What reversals show, where it was asked for and they show it.
         without: Laws fitted without each window in turn.
-        window: Window of each sample.
-        remarks: What the user must know.
+        remarks: What the user must know of reversals.
     """
 
     choice: Choice
-    fit: FrictionFit
-    laws: tuple[FrictionFit, ...]
-    law: FrictionFit
     output: OutputErrorFit | None
     reversal: ReversalFit | None
     without: tuple[WindowLaw, ...]
-    window: Int[np.ndarray, " t"]
     remarks: tuple[Remark, ...]
+
+    @property
+    def fit(self) -> FrictionFit:
+        """What a list follows: the simplest law, or table, that predicts as well as the best."""
+        return self.choice.fit if self.output is None else self.output.friction
+
+    @property
+    def law(self) -> FrictionFit:
+        """The law in words (Coulomb, Stribeck) that predicts best; `fit` where it is one."""
+        return self.choice.law if self.output is None else self.output.friction
 
 
 def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identified:
@@ -60,8 +60,7 @@ def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identi
         FitError: If the recording does not carry any law.
     """
     samples = recording.samples
-    inertia = spec.inertia if isinstance(spec.inertia, float) else None
-    known = Known(inertia=inertia)
+    known = Known(inertia=spec.inertia if isinstance(spec.inertia, float) else None)
     loss = spec.loss if "loss" in spec.model_fields_set else "trim"
     reversal, remarks = None, list[Remark]()
     if spec.reversal:
@@ -70,41 +69,18 @@ def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identi
         # What is missing around reversals is none of the law's.
         current = samples.current + reversal.missing / known.gain
         samples = dataclasses.replace(samples, current=current)
-    choice = choose_law(samples, known=known, loss=loss, windows=_WINDOWS)
-    fit, output, without = choice.fit, None, choice.without
-    laws = choice.laws
-    law = laws[_best_law(choice)]
+    choice = choose_law(samples, known=known, loss=loss)
+    output, without = None, choice.without
     if spec.method == "output_error":
         # A table cannot be simulated sample by sample; the law in words can.
         output = fit_output_error(
-            law, samples, solver=spec.solver, constraints=tuple(spec.constraints)
+            choice.law,
+            samples,
+            solver=spec.solver,
+            constraints=tuple(spec.constraints),
         )
-        fit = law = output.friction
         without = laws_held_out(output, samples, choice.window, loss)
-    about = [Remark.info(words) for words in (*law.gauges, *law.remarks)]
-    about += [
-        Remark.warning(f"{name.replace('_', ' ')} is not known: {reason}")
-        for name, reason in law.undetermined.items()
-    ]
-    return Identified(
-        choice,
-        fit,
-        laws,
-        law,
-        output,
-        reversal,
-        without,
-        choice.window,
-        (*about, *remarks),
-    )
-
-
-def _best_law(choice: Choice) -> int:
-    """Return the simplest law in words that predicts as well as the best of them."""
-    laws = [each for each in choice.candidates if each.structure.parametric]
-    best = min(laws, key=lambda each: each.error)
-    good = [each for each in laws if each.error <= best.error + best.standard_error]
-    return laws.index(min(good, key=lambda each: each.parameters))
+    return Identified(choice, output, reversal, without, tuple(remarks))
 
 
 def _reversal(
@@ -122,12 +98,14 @@ def _reversal(
         ]
     # The file does not say whether a velocity belongs to the step before a position or to
     # the steps around it, which moves reversals by half a cycle.
-    central = np.gradient(recording.commanded, samples.cycle)
+    place = recording.commanded
+    step = np.diff(place, prepend=place[:1]) / samples.cycle
+    central = np.gradient(place, samples.cycle)
     try:
         found = min(
             (
-                fit_reversal(samples, recording.commanded, velocity, known=known)
-                for velocity in (recording.commanded_velocity, central)
+                fit_reversal(samples, place, velocity, known=known)
+                for velocity in (step, central)
             ),
             key=lambda each: each.noise,
         )

@@ -1,25 +1,18 @@
-"""From the law to the entries of a friction list, and what they do."""
+"""From the law to the entries of a friction list."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from ....data.signals import quantile
 from ....models import FrictionCompensation
-from ...friction import (
-    DriveSamples,
-    FrictionFit,
-    Knots,
-    ReversalFit,
-    WindowLaw,
-    place_knots,
-)
-from ._result import LawCurve
+from ...friction import DriveSamples, FrictionFit, Knots, ReversalFit
 from .entries import FrictionNumbers
 from .keys import Spec
 
-_ENTRIES = 20
 _POINTS = 400
 _BINS = 60
 _ENOUGH = 0.05
@@ -27,6 +20,9 @@ _ENOUGH = 0.05
 _OF_RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
 _MOST_DELAY = 0.001
 """mm: P-COMP-00043 goes no further."""
+FIRST_LEVEL = 0.15
+"""Share of the friction that a list gives until the sign of its current is settled: one of
+full size with the wrong sign shakes the machine."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,41 +56,60 @@ def out_unit(spec: Spec, unit: str) -> OutUnit:
 
 
 @dataclasses.dataclass(frozen=True)
-class DrivenSpeeds:
-    """Speeds for which a list is wanted, and which direction saw them.
+class LawCurve:
+    """The law over the speeds that were driven, and which direction saw them.
 
     Attributes:
         speed: In mm/s or °/s, ascending, positive.
         weight: Share of the recording at each speed.
-        positive_share: How much the positive direction counts at each speed, 0 to 1.
-        positive: Slowest and fastest speed driven in positive direction.
-        negative: Likewise in negative direction.
+        positive_share: How much the positive direction counts in the list, 0 to 1: half
+            where both were driven, all where it alone was.
+        held: Per direction, positive first: the speeds at which its law speaks for each of
+            them, held beyond those that were driven so.
+        positive: Current moving positive, at the speeds held.
+        negative: Current moving negative, as a positive number; likewise.
+        positive_sd: Standard deviation of `positive`.
+        negative_sd: Of `negative`.
     """
 
     speed: Float[np.ndarray, " v"]
     weight: Float[np.ndarray, " v"]
     positive_share: Float[np.ndarray, " v"]
-    positive: tuple[float, float]
-    negative: tuple[float, float]
+    held: Float[np.ndarray, "2 v"]
+    positive: Float[np.ndarray, " v"]
+    negative: Float[np.ndarray, " v"]
+    positive_sd: Float[np.ndarray, " v"]
+    negative_sd: Float[np.ndarray, " v"]
 
-    def held(self, way: int) -> Float[np.ndarray, " v"]:
-        """Return the speeds at which the law of one direction speaks for each of them."""
-        return np.asarray(
-            np.clip(self.speed, *(self.positive if way > 0 else self.negative))
-        )
-
-    def mean(self, law: WindowLaw) -> Float[np.ndarray, " v"]:
-        """Return what a list can say of a law: the mean of both directions."""
-        ahead, back = (way * law.friction(way * self.held(way)) for way in (1, -1))
+    @property
+    def mean(self) -> Float[np.ndarray, " v"]:
+        """What a list can say, which knows no direction."""
         share = self.positive_share
-        return np.asarray(share * ahead + (1.0 - share) * back)
+        return np.asarray(share * self.positive + (1.0 - share) * self.negative)
+
+    def mean_of(
+        self, friction: Callable[[Float[np.ndarray, " v"]], Float[np.ndarray, " v"]]
+    ) -> Float[np.ndarray, " v"]:
+        """Return what a list can say of another law, given over velocities."""
+        ahead, back = friction(self.held[0]), -friction(-self.held[1])
+        return dataclasses.replace(self, positive=ahead, negative=back).mean
+
+    @property
+    def difference(self) -> float:
+        """Mean difference of the directions, as a share of the friction, where both count."""
+        both = self.weight * 4.0 * self.positive_share * (1.0 - self.positive_share)
+        apart = float(both @ np.abs(self.positive - self.negative))
+        return apart / max(float(both @ np.abs(self.mean)), 1e-300)
 
 
-def driven_speeds(samples: DriveSamples) -> DrivenSpeeds | None:
-    """Return the speeds that were driven; None where one direction never was."""
+def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
+    """Return the law over the speeds that were driven.
+
+    None where it is not determined, or one direction was never driven.
+    """
     velocity = samples.velocity[samples.in_motion]
     driven = [np.sort(way * velocity[way * velocity > 0]) for way in (1, -1)]
-    if any(len(each) == 0 for each in driven):
+    if not fit.has_law or any(len(each) == 0 for each in driven):
         return None
     low = max(quantile(np.abs(velocity), 0.001), 1e-3)
     high = max(each[-1] for each in driven)
@@ -104,13 +119,11 @@ def driven_speeds(samples: DriveSamples) -> DrivenSpeeds | None:
     # What is slower or faster than all speeds counts with the first and the last.
     edges = np.geomspace(low, high * (1 + 1e-9), _BINS + 1)
     inner = edges[1:-1]
-    counts = np.stack(
-        [
-            np.diff(each.searchsorted(inner), prepend=0, append=len(each))
-            for each in driven
-        ]
-    )
-    points = np.diff(speed.searchsorted(inner), prepend=0, append=len(speed))
+
+    def counted(values: Float[np.ndarray, " n"]) -> np.ndarray:
+        return np.diff(values.searchsorted(inner), prepend=0, append=len(values))
+
+    counts, points = np.stack([counted(each) for each in driven]), counted(speed)
     weight = np.repeat(counts.sum(axis=0) / np.maximum(points, 1), points)
     # Two directions that both saw a speed well count alike, however often they did.
     enough = _ENOUGH * counts.sum() / _BINS
@@ -118,71 +131,19 @@ def driven_speeds(samples: DriveSamples) -> DrivenSpeeds | None:
     some = seen.sum(axis=0) > 0
     share = seen[0, some] / seen[:, some].sum(axis=0)
     middle = np.log(np.sqrt(edges[1:] * edges[:-1]))[some]
-    return DrivenSpeeds(
+    held = np.stack([np.clip(speed, each[0], each[-1]) for each in driven])
+    positive, positive_sd = fit.band(held[0])
+    negative, negative_sd = fit.band(-held[1])
+    return LawCurve(
         speed=speed,
         weight=weight / weight.sum(),
         positive_share=np.interp(np.log(speed), middle, share),
-        positive=(float(driven[0][0]), float(driven[0][-1])),
-        negative=(float(driven[1][0]), float(driven[1][-1])),
-    )
-
-
-def law_curve(fit: FrictionFit, speeds: DrivenSpeeds) -> LawCurve:
-    """Return the law over the speeds that were driven."""
-    positive, positive_sd = fit.band(speeds.held(1))
-    negative, negative_sd = fit.band(-speeds.held(-1))
-    return LawCurve(
-        speed=speeds.speed,
+        held=held,
         positive=positive,
         negative=-negative,
         positive_sd=positive_sd,
         negative_sd=negative_sd,
-        positive_share=speeds.positive_share,
-        listed=None,
-        weight=speeds.weight,
     )
-
-
-FIRST_LEVEL = 0.15
-"""Share of the friction that a list gives until the sign of its current is settled."""
-
-
-def level_of(spec: Spec, settled: bool) -> float:
-    """Return the share of the friction that the list gives.
-
-    Args:
-        spec: Of the fit; what it states counts.
-        settled: Whether a measurement has settled the sign of the current: one of full
-            size with the wrong sign shakes the machine.
-    """
-    if spec.level is not None:
-        return spec.level
-    return 1.0 if settled else FIRST_LEVEL
-
-
-def knots_of(
-    curve: LawCurve, spec: Spec, level: float, unit: float, fastest: float
-) -> Knots:
-    """Return the entries of the list; ``level`` is the share of the friction in them.
-
-    Raises:
-        FitError: If the law makes no table.
-    """
-    return place_knots(
-        curve.speed,
-        curve.mean * level,
-        curve.weight,
-        entries=spec.table_entries or _ENTRIES,
-        unit=unit,
-        reach=fastest,
-    )
-
-
-def without_inertia(samples: DriveSamples, inertia: float) -> Float[np.ndarray, " t"]:
-    """Return the current without what acceleration takes."""
-    if samples.acceleration is None:
-        return samples.current
-    return np.asarray(samples.current - inertia * samples.acceleration)
 
 
 def numbers_of(
@@ -195,23 +156,17 @@ def numbers_of(
         reversal: What was found around reversals; where None, all stays as it was.
         before: What the list said, or None where there was none.
     """
-    entries = FrictionNumbers(knots.velocity / 1000.0, knots.out.astype(float))
+    around: dict[str, Any] = {}
     if reversal is not None:
-        unknown = reversal.undetermined
-        delay = min(reversal.position_delay, _MOST_DELAY)
-        return dataclasses.replace(
-            entries,
-            reversal_lookahead=(
-                0 if "reversal_lookahead" in unknown else reversal.lookahead
-            ),
-            position_delay=0.0 if "position_delay" in unknown else delay,
-            delay_cycles=0 if "delay_cycles" in unknown else reversal.delay_cycles,
-        )
-    if before is None:
-        return entries
-    return dataclasses.replace(
-        entries,
-        reversal_lookahead=before.reversal_lookahead,
-        position_delay=float(before.position_delay),
-        delay_cycles=before.delay_cycles,
-    )
+        found, unknown = reversal.numbers, reversal.undetermined
+        around = {name: found[name] for name in found if name not in unknown}
+        if "position_delay" in around:
+            around["position_delay"] = min(around["position_delay"], _MOST_DELAY)
+    elif before is not None:
+        around = {
+            "reversal_lookahead": before.reversal_lookahead,
+            "position_delay": float(before.position_delay),
+            "delay_cycles": before.delay_cycles,
+        }
+    entries = FrictionNumbers(knots.velocity / 1000.0, knots.out.astype(float))
+    return dataclasses.replace(entries, **around)

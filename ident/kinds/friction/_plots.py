@@ -1,7 +1,5 @@
 """Plots of a friction law and its list."""
 
-import dataclasses
-
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
@@ -9,48 +7,36 @@ from matplotlib.axes import Axes
 from ...report import _style as style
 from ...report._body import Plot
 from ...report._scale import Scale, number, percent, place
-from ._result import FrictionResult, LawCurve, choice_sentence
+from ._listing import LawCurve
+from ._result import FrictionResult, choice_sentence
 
-_BINS = 28
+_BINS, _FINE = 28, 40
 _FEW = 5
 _SLOW = 0.12
 """Share of the speeds that the enlarged part shows."""
+_PER_MM = 1000.0
+_ROOM = 8.0
+"""Medians that the plot of the remainder shows; beyond lie wild samples."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Bins:
-    """Means of the samples in motion, by speed, of one direction.
+def _binned(
+    where: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"], bins: int
+) -> Float[np.ndarray, "3 b"]:
+    """Return place, median and spread of values in bins of equal counts.
 
-    Attributes:
-        speed: In mm/s.
-        mean: Current against the friction, in units of current.
-        spread: Standard deviation within the bin.
+    Wild samples hardly move them; bins of too few samples are left out.
     """
-
-    speed: Float[np.ndarray, " b"]
-    mean: Float[np.ndarray, " b"]
-    spread: Float[np.ndarray, " b"]
-
-
-def bins_of(fit: FrictionResult, way: int) -> Bins:
-    """Return the friction current in bins of speed; wild samples hardly move a median."""
-    view = fit.view
-    rows = view.moving & (np.sign(view.velocity) == way)
-    speed, current = np.abs(view.velocity[rows]), way * view.before[rows]
-    if speed.size < _FEW:
-        empty = np.zeros(0)
-        return Bins(empty, empty, empty)
-    edges = np.unique(np.quantile(speed, np.linspace(0, 1, _BINS + 1)))
-    where = np.clip(np.searchsorted(edges, speed, "right") - 1, 0, len(edges) - 2)
     found = []
-    for k in range(len(edges) - 1):
-        own = where == k
-        if own.sum() >= _FEW:
-            middle = float(np.median(current[own]))
-            spread = 1.4826 * float(np.median(np.abs(current[own] - middle)))
-            found.append((float(np.median(speed[own])), middle, spread))
-    columns = np.array(found).reshape(-1, 3)
-    return Bins(columns[:, 0], columns[:, 1], columns[:, 2])
+    if where.size >= _FEW:
+        edges = np.unique(np.quantile(where, np.linspace(0, 1, bins + 1)))
+        index = np.searchsorted(edges[1:-1], where, "right")
+        for k in range(max(len(edges) - 1, 0)):
+            own = values[index == k]
+            if own.size >= _FEW:
+                middle = float(np.median(own))
+                spread = 1.4826 * float(np.median(np.abs(own - middle)))
+                found.append((float(np.median(where[index == k])), middle, spread))
+    return np.array(found).reshape(-1, 3).T
 
 
 def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
@@ -59,7 +45,11 @@ def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     if curve is None:
         return None
     figure, panels = style.new_figure(3.4, columns=2)
-    every = {way: bins_of(fit, way) for way in (1, -1)}
+    every, view = {}, fit.view
+    for way in (1, -1):
+        rows = view.moving & (np.sign(view.velocity) == way)
+        speed, current = np.abs(view.velocity[rows]), way * view.before[rows]
+        every[way] = _binned(speed, current, _BINS)
     fast = float(curve.speed[-1])
     limits = (fast, max(_SLOW * fast, 4.0 * float(curve.speed[0])))
     for panel, limit in zip(panels, limits, strict=True):
@@ -78,7 +68,7 @@ def _draw(
     panel: Axes,
     fit: FrictionResult,
     curve: LawCurve,
-    every: dict[int, Bins],
+    every: dict[int, Float[np.ndarray, "3 b"]],
     limit: float,
 ) -> None:
     laws = {
@@ -89,10 +79,9 @@ def _draw(
     heights = []
     for way, (law, sd) in laws.items():
         colour = style.DIRECTION_COLOR[way]
-        bins = every[way]
-        seen = bins.speed <= limit
+        speed, mean, spread = every[way][:, every[way][0] <= limit]
         panel.errorbar(
-            bins.speed[seen], bins.mean[seen], bins.spread[seen],
+            speed, mean, spread,
             linestyle="none", marker=style.DIRECTION_MARKER[way], markersize=3.5,
             linewidth=0.7, color=colour, alpha=0.8,
             label=f"measured, {style.DIRECTION_NAME[way]}",
@@ -104,17 +93,16 @@ def _draw(
         panel.fill_between(
             curve.speed, low, high, color=colour, alpha=0.15, linewidth=0
         )
-        heights += [law[near], bins.mean[seen]]
-    if curve.listed is not None and fit.knots is not None:
-        panel.plot(
-            curve.speed, curve.listed, color=style.INK, linewidth=0.9, label="list"
-        )
+        heights += [law[near], mean]
+    if fit.knots is not None:
+        listed = fit.knots.current(curve.speed)
+        panel.plot(curve.speed, listed, color=style.INK, linewidth=0.9, label="list")
         places = fit.knots.velocity / 1000.0
         panel.plot(
             places, fit.knots.out * fit.knots.unit, linestyle="none", marker="s",
             markersize=3.2, color=style.INK, markerfacecolor="white", label="its entries",
         )  # fmt: skip
-        heights.append(curve.listed[near])
+        heights.append(listed[near])
     joined = np.concatenate([each for each in heights if each.size])
     low, high = float(joined.min()), float(joined.max())
     room = 0.25 * (high - low) or 0.1 * abs(high) or 1.0
@@ -130,7 +118,7 @@ def _caption(fit: FrictionResult, curve: LawCurve) -> str:
         f" standard deviations, from {slow} to {fast} {fit.length_unit}/s: only these speeds"
         " were driven."
     )
-    if curve.listed is None:
+    if fit.knots is None:
         return f"{text} No list is written."
     share = curve.difference
     text += " The list is the same for both directions"
@@ -139,11 +127,6 @@ def _caption(fit: FrictionResult, curve: LawCurve) -> str:
             f"{text}; they differ by {percent(share)} on average, which it cannot say."
         )
     return f"{text}, which differ by no more than {percent(share)} on average."
-
-
-_PER_MM = 1000.0
-_ROOM = 8.0
-"""Medians that the plot of the remainder shows; beyond lie wild samples."""
 
 
 def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
@@ -168,7 +151,7 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
             where[chosen], left, linestyle="none", marker=".", markersize=1.6,
             color=style.BLUE, alpha=0.35, markeredgewidth=0, rasterized=True,
         )  # fmt: skip
-        places, middle = _running(where[chosen], left)
+        places, middle, _ = _binned(where[chosen], left, _FINE)
         panel.plot(places, middle, color=style.ORANGE, linewidth=1.3)
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_ylim(-limit, limit)
@@ -187,25 +170,9 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     return Plot("residual", "What remains (held out)", figure, caption)
 
 
-def _running(
-    where: np.ndarray, left: np.ndarray, bins: int = 40
-) -> tuple[np.ndarray, np.ndarray]:
-    edges = np.unique(np.quantile(where, np.linspace(0, 1, bins + 1)))
-    if len(edges) < 2:
-        return np.zeros(0), np.zeros(0)
-    index = np.clip(np.searchsorted(edges, where, "right") - 1, 0, len(edges) - 2)
-    pairs = [
-        (float(np.median(where[index == k])), float(np.median(left[index == k])))
-        for k in range(len(edges) - 1)
-        if np.any(index == k)
-    ]
-    columns = np.array(pairs).reshape(-1, 2)
-    return columns[:, 0], columns[:, 1]
-
-
 def choice_plot(fit: FrictionResult) -> Plot:
     """Draw how well each law predicts windows held out."""
-    choice = fit.choice
+    choice = fit.identified.choice
     figure, (panel,) = style.new_figure(2.4, columns=1)
     names = [each.structure.words for each in choice.candidates]
     errors = 100 * np.array([each.error for each in choice.candidates])

@@ -1,9 +1,10 @@
 """What a drive recorded, looked over and ready to fit."""
 
+import contextlib
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ....data.measurements import (
     Measurement,
@@ -11,7 +12,7 @@ from ....data.measurements import (
     MissingRole,
     derive_motion,
 )
-from ....data.signals import Examination, Motion, SignalError, examine, filtered_motion
+from ....data.signals import Motion, SignalError, examine, filtered_motion
 from ...friction import DriveSamples
 from ...job._result import Remark
 from ...job._source import Tables, measured_for
@@ -35,31 +36,16 @@ class DriveRecording:
     Attributes:
         samples: For the estimators; the current drives the motion, whatever its sign was.
         commanded: Position in mm or °: commanded where that was recorded.
-        commanded_velocity: Likewise in mm/s or °/s.
         unit: Of the current as the file states it; empty for raw drive units.
-        examination: What the recording can tell and what not.
-        turned: The recorded current opposed the motion, and was turned round.
+        unsure: Why no list may be made of it, or nothing.
         remarks: What the user must know.
     """
 
     samples: DriveSamples
     commanded: Float[np.ndarray, " t"]
-    commanded_velocity: Float[np.ndarray, " t"]
     unit: str
-    examination: Examination
-    turned: bool
+    unsure: str
     remarks: tuple[Remark, ...]
-
-    @property
-    def unsure(self) -> str:
-        """Why no list may be made of it, or nothing."""
-        wrong = [f.sentence for f in self.examination.findings if f.kind in _NO_LIST]
-        return " ".join(wrong)
-
-    @property
-    def moving(self) -> Bool[np.ndarray, " t"]:
-        """Samples that tell of kinetic friction."""
-        return self.examination.usable
 
 
 def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
@@ -86,22 +72,21 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         words = seen.findings[0].sentence if seen.findings else "nothing moves"
         raise MeasurementError(source, words)
     turned = seen.polarity.sign == -1 and seen.polarity.confidence >= _SURE
-    commanded, fast = _commanded(measured, axis, motion)
+    given = measured.get(f"{axis}.position")
+    commanded = motion.position if given is None else np.asarray(given, dtype=float)
     noisy = f"{axis}.encoder" in measured.values or f"{axis}.actual" in measured.values
-    both = noisy and f"{axis}.position" in measured.values
-    instruments = (
-        _differentiated(motion.time, commanded, motion.bandwidth) if both else None
-    )
+    free = None
+    if noisy and given is not None:
+        with contextlib.suppress(SignalError, MissingRole):
+            free = filtered_motion(motion.time, commanded, cutoff=motion.bandwidth)
     samples = DriveSamples(
         time=motion.time,
         velocity=motion.velocity,
         current=-current if turned else current,
         acceleration=motion.acceleration,
         position=motion.position,
-        instrument_velocity=None if instruments is None else instruments.velocity,
-        instrument_acceleration=(
-            None if instruments is None else instruments.acceleration
-        ),
+        instrument_velocity=None if free is None else free.velocity,
+        instrument_acceleration=None if free is None else free.acceleration,
         moving=seen.usable,
         unit=unit,
     )
@@ -118,13 +103,12 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
                 f" ([001] p.74): it was turned round. {seen.polarity.statement}"
             )
         )
+    wrong = [f.sentence for f in seen.findings if f.kind in _NO_LIST]
     return DriveRecording(
         samples=samples,
         commanded=commanded,
-        commanded_velocity=fast,
         unit=measured.units.get(role, ""),
-        examination=seen,
-        turned=turned,
+        unsure=" ".join(wrong),
         remarks=tuple(remarks),
     )
 
@@ -140,21 +124,3 @@ def _motion(measured: Measurement, axis: str) -> Motion:
     return dataclasses.replace(
         motion, velocity=np.asarray(fast, float), acceleration=np.asarray(hard, float)
     )
-
-
-def _commanded(
-    measured: Measurement, axis: str, motion: Motion
-) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
-    """Return commanded position and its step per cycle, the best that was recorded."""
-    given = measured.get(f"{axis}.position")
-    place = motion.position if given is None else np.asarray(given, dtype=float)
-    return place, np.diff(place, prepend=place[:1]) / motion.step
-
-
-def _differentiated(
-    time: Float[np.ndarray, " t"], place: Float[np.ndarray, " t"], band: float
-) -> Motion | None:
-    try:
-        return filtered_motion(time, place, cutoff=band)
-    except (SignalError, MissingRole):
-        return None

@@ -1,89 +1,87 @@
 """What a job found of the friction of an axis."""
 
 import dataclasses
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...friction import (
-    Choice,
-    FrictionFit,
-    Knots,
-    OutputErrorFit,
-    ReversalFit,
-    Stribeck,
-)
+from ....data.signals import median
+from ...friction import Choice, DriveSamples, FrictionFit, Knots, Stribeck
 from ...job._result import AbstractResult, Expectation
-from ...proof import CircularTest
+from ...proof import CircularTest, ErrorFigures, GateCheck, error_figures, gate_check
+from ._identify import Identified
+from ._listing import LawCurve
 
 _JOG = 1.0
 """Slowest speed in mm/s or °/s at which a person is told to move an axis."""
+WILD = 7.0
+"""Standard deviations beyond which a sample of the current is a fault."""
+_AS_PREDICTED = 1.1
+"""Error of the written list relative to that on windows held out, at most."""
 
 
 @dataclasses.dataclass(frozen=True)
 class FrictionView:
-    """The recording as the friction sees it: one row per sample, current units.
+    """The recording as the friction sees it: one row per sample, in its unit of current.
 
     Attributes:
-        time: In s.
-        position: In mm or °.
-        velocity: In mm/s or °/s.
-        before: Current that friction takes: inertia and constant load taken off.
-        predicted: What a list made of the other windows leaves of it, at its level.
-        from_file: What the written list, read back, leaves of it; a list without rounding
-            where none is written.
-        moving: Samples that tell of kinetic friction; the figures are those of them.
+        samples: The recording.
+        position: Commanded where that was recorded, in mm or °.
         window: Which window of the hold-out each sample belongs to.
+        offset: Constant load that goes with the list; None where the law is not determined.
+        before: Current that friction takes: inertia and constant load taken off.
+        predicted: What lists made of the other windows leave of it, at their level.
+        listed: Current that the written list, read back, gives; one without rounding where
+            none is written, 0 where the law is not determined.
     """
 
-    time: Float[np.ndarray, " t"]
+    samples: DriveSamples
     position: Float[np.ndarray, " t"]
-    velocity: Float[np.ndarray, " t"]
+    window: Int[np.ndarray, " t"]
+    offset: float | None
     before: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
-    from_file: Float[np.ndarray, " t"]
-    moving: Bool[np.ndarray, " t"]
-    window: Int[np.ndarray, " t"]
-
-
-@dataclasses.dataclass(frozen=True)
-class LawCurve:
-    """The law over the speeds that were driven, and what its list makes of it.
-
-    Attributes:
-        speed: In mm/s or °/s, ascending, positive.
-        positive: Current moving positive; held beyond the speeds that were driven so.
-        negative: Current moving negative, as a positive number; likewise.
-        positive_sd: Standard deviation of `positive`.
-        negative_sd: Of `negative`.
-        positive_share: How much the positive direction counts in the list, 0 to 1: half
-            where both were driven, all where it alone was.
-        listed: Current of the list; None where none is written.
-        weight: Share of the recording at each speed.
-    """
-
-    speed: Float[np.ndarray, " v"]
-    positive: Float[np.ndarray, " v"]
-    negative: Float[np.ndarray, " v"]
-    positive_sd: Float[np.ndarray, " v"]
-    negative_sd: Float[np.ndarray, " v"]
-    positive_share: Float[np.ndarray, " v"]
-    listed: Float[np.ndarray, " v"] | None
-    weight: Float[np.ndarray, " v"]
+    listed: Float[np.ndarray, " t"]
 
     @property
-    def mean(self) -> Float[np.ndarray, " v"]:
-        """What a list can say, which knows no direction."""
-        share = self.positive_share
-        return np.asarray(share * self.positive + (1.0 - share) * self.negative)
+    def velocity(self) -> Float[np.ndarray, " t"]:
+        """In mm/s or °/s."""
+        return self.samples.velocity
 
     @property
-    def difference(self) -> float:
-        """Mean difference of the directions, as a share of the friction, where both count."""
-        both = self.weight * 4.0 * self.positive_share * (1.0 - self.positive_share)
-        apart = float(both @ np.abs(self.positive - self.negative))
-        return apart / max(float(both @ np.abs(self.mean)), 1e-300)
+    def moving(self) -> Bool[np.ndarray, " t"]:
+        """Samples that tell of kinetic friction; the figures are those of them."""
+        return self.samples.in_motion
+
+    @property
+    def from_file(self) -> Float[np.ndarray, " t"]:
+        """What the list leaves of the current."""
+        return np.asarray(self.before - self.listed)
+
+    @cached_property
+    def wild(self) -> Bool[np.ndarray, " m"]:
+        """Which of the samples in motion lie farther out than noise does."""
+        size = np.abs(self.from_file[self.moving])
+        return np.asarray(size > WILD * 1.4826 * median(size))
+
+    def figures(self, error: Float[np.ndarray, " t"]) -> ErrorFigures:
+        """Return the figures of an error over the samples in motion."""
+        return error_figures(error[self.moving], wild=self.wild)
+
+    def gate(self, unit: float, name: str) -> GateCheck:
+        """Return whether the list leaves what was predicted.
+
+        Args:
+            unit: What one unit of the list is: so much may rounding cost.
+            name: Of the unit of the current.
+        """
+        found = self.figures(self.from_file).sound.rms
+        limit = _AS_PREDICTED * self.figures(self.predicted).sound.rms + unit
+        return gate_check(
+            "from_file", found, limit, name, "over all speeds, limit as predicted"
+        )
 
 
 @final
@@ -92,39 +90,36 @@ class FrictionResult(AbstractResult):
     """The friction law of an axis and the list made of it.
 
     Attributes:
-        fit: What the list follows: the simplest law, or table, that predicts as well as
-            the best.
-        law: The law in words (Coulomb, Stribeck) that predicts best; `fit` itself where
-            that is one.
-        laws: All laws in words.
-        choice: Which laws competed on windows held out.
-        output: The output-error fit, where the job asks for it.
-        reversal: What reversals show, where the job asks for it and it can be seen.
+        identified: The law, how it was found, and what competed with it.
         knots: Entries of the list, or None where none is written.
         level: Share of the friction that the list gives.
-        out_unit: Current that one unit of ``out`` is, or None.
-        curve: Law and list over speed; None where the law is not determined.
-        view: The recording before and after.
+        curve: The law over speed; None where it is not determined.
+        view: The recording before and after; its offset is the torque offset of the drive
+            that goes with the list.
         circle: A simulated circle without and with the list, or None.
-        drive_offset: Constant load beside the list: the torque offset of the drive that
-            goes with it, in the unit of the current; None where it is not determined.
-        length_unit: ``"mm"``, or ``"°"`` for a rotary axis.
     """
 
-    fit: FrictionFit
-    law: FrictionFit
-    laws: tuple[FrictionFit, ...]
-    choice: Choice
-    output: OutputErrorFit | None
-    reversal: ReversalFit | None
+    identified: Identified
     knots: Knots | None
     level: float
-    out_unit: float | None
     curve: LawCurve | None
     view: FrictionView
     circle: CircularTest | None
-    drive_offset: float | None
-    length_unit: str
+
+    @property
+    def fit(self) -> FrictionFit:
+        """What the list follows; see `Identified`."""
+        return self.identified.fit
+
+    @property
+    def law(self) -> FrictionFit:
+        """The law in words that predicts best; see `Identified`."""
+        return self.identified.law
+
+    @property
+    def length_unit(self) -> str:
+        """``"mm"``, or ``"°"`` for a rotary axis."""
+        return self.view.samples.unit
 
     @property
     def expectation(self) -> Expectation | None:
@@ -147,8 +142,10 @@ class FrictionResult(AbstractResult):
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        parameters: dict[str, Any] = dict(self.law.parameters)
-        structure = self.law.structure
+        found, law, fit = self.identified, self.law, self.fit
+        own = _law(law)
+        parameters, deviations = own["parameters"], own["standard_deviations"]
+        structure = law.structure
         if isinstance(structure, Stribeck) and structure.exponent is not None:
             parameters["stribeck_shape"] = structure.exponent  # assumed, not fitted
         if self.curve is not None:
@@ -160,38 +157,22 @@ class FrictionResult(AbstractResult):
                 "current": self.knots.out * self.knots.unit,
                 "out": self.knots.out,
             }
-        deviations: dict[str, Any] = dict(self.law.standard_deviations)
-        if self.reversal is not None:
-            parameters["reversal"] = {
-                "reversal_lookahead": self.reversal.lookahead,
-                "position_delay": self.reversal.position_delay,
-                "delay_cycles": self.reversal.delay_cycles,
-                "undetermined": self.reversal.undetermined,
-            }
-            deviations["position_delay"] = self.reversal.position_delay_sd
-        return {
-            "law": self.law.structure.words,
-            "list_follows": self.fit.structure.words,
-            "method": self.law.method,
-            "parameters": parameters,
-            "standard_deviations": deviations,
-            "undetermined": dict(self.law.undetermined),
-            "laws": [
-                {
-                    "law": each.structure.words,
-                    "parameters": dict(each.parameters),
-                    "standard_deviations": dict(each.standard_deviations),
-                    "undetermined": dict(each.undetermined),
-                    "relative_error": each.relative_error,
-                }
-                for each in self.laws
-            ],
-            "support": self.fit.count,
-            "noise": self.fit.noise,
-            "relative_error": self.fit.relative_error,
+        reversal = found.reversal
+        if reversal is not None:
+            undetermined = {"undetermined": reversal.undetermined}
+            parameters["reversal"] = reversal.numbers | undetermined
+            deviations["position_delay"] = reversal.position_delay_sd
+        circle = self.circle
+        return own | {
+            "list_follows": fit.structure.words,
+            "method": law.method,
+            "laws": [_law(each) for each in found.choice.laws],
+            "support": fit.count,
+            "noise": fit.noise,
+            "relative_error": fit.relative_error,
             "level": self.level,
-            "drive_offset": self.drive_offset,
-            "gauges": list(self.law.gauges),
+            "drive_offset": self.view.offset,
+            "gauges": list(law.gauges),
             "choice": [
                 {
                     "law": each.structure.words,
@@ -199,22 +180,33 @@ class FrictionResult(AbstractResult):
                     "held_out": each.error,
                     "standard_error": each.standard_error,
                     "fitted": each.fitted_error,
-                    "chosen": place == self.choice.chosen,
+                    "chosen": place == found.choice.chosen,
                 }
-                for place, each in enumerate(self.choice.candidates)
+                for place, each in enumerate(found.choice.candidates)
             ],
-            "free_run": None if self.output is None else self.output.free_run,
+            "free_run": None if found.output is None else found.output.free_run,
             "circle": None
-            if self.circle is None
+            if circle is None
             else {
-                "without": self.circle.spikes[0],
-                "with_list": self.circle.spikes[1],
-                "radius": self.circle.radius,
-                "feed": self.circle.feed,
-                "loop": str(self.circle.loop),
+                "without": circle.spikes[0],
+                "with_list": circle.spikes[1],
+                "radius": circle.radius,
+                "feed": circle.feed,
+                "loop": str(circle.loop),
             },
-            "message": self.fit.message,
+            "message": fit.message,
         }
+
+
+def _law(fit: FrictionFit) -> dict[str, Any]:
+    """Return what result.json says of one law."""
+    return {
+        "law": fit.structure.words,
+        "parameters": dict(fit.parameters),
+        "standard_deviations": dict(fit.standard_deviations),
+        "undetermined": dict(fit.undetermined),
+        "relative_error": fit.relative_error,
+    }
 
 
 def choice_sentence(choice: Choice) -> str:

@@ -1,11 +1,9 @@
 """Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
 
 import dataclasses
-import functools
 from typing import Any, final
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -16,7 +14,6 @@ from ...exchange._errors import ExchangeError
 from ...exchange._identity import column, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
 from ...exchange._motion import Motion
-from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN32, ModelUnit, round_to_list
 from .._protocol import AbstractEntries, Axes
 from . import KIND
@@ -73,18 +70,6 @@ def friction_from_list(
     Raises:
         ExchangeError: If an entry is missing, or the velocities do not ascend from 0.
     """
-    found: FrictionCompensation = jax.tree.map(
-        as_array, read_friction(listing, conventions)
-    )
-    return found
-
-
-def read_friction(listing: ListFile, conventions: Conventions) -> FrictionCompensation:
-    """Return what `friction_from_list` does, its numbers as NumPy has them.
-
-    For what looks at the numbers alone: to make arrays of them that JAX can compute with
-    takes longer than to read the list.
-    """
     mode = required(listing, f"{PREFIX}.mode")
     if mode != BY_SPEED:
         raise ExchangeError(
@@ -107,48 +92,24 @@ def read_friction(listing: ListFile, conventions: Conventions) -> FrictionCompen
         stated = listing.get(f"{PREFIX}.scaling_factor") is not None
         scale = required(listing, f"{PREFIX}.scaling_factor") if stated else _PER_MILLE
     delay, ahead, late = (not_negative(listing, f"{PREFIX}.{name}") for name in _MOST)
-    numbers = (
-        knots / VELOCITY_UNITS,
-        np.array([currents.get(k, 0) for k in range(count)], float),
-        scale / _PER_MILLE,
-        delay / LIST_UNITS,
-    )
-    found: FrictionCompensation = jax.tree.unflatten(
-        _structure(conventions, ahead, late), [np.asarray(each) for each in numbers]
-    )
-    return found
-
-
-@functools.lru_cache(maxsize=64)
-def _structure(
-    conventions: Conventions, reversal_lookahead: int, delay_cycles: int
-) -> Any:
-    """Return all of a compensation but its numbers, for any number of entries.
-
-    The numbers are speeds, currents, scaling and position delay, in this order. To put
-    them in is a tenth of the work of making a compensation anew.
-    """
-    one, entry = as_array(1.0), as_array(np.ones(1))
-    return jax.tree.structure(
-        FrictionCompensation(
-            law=FrictionTable(
-                nodes=Setpoints(entry),
-                values=entry,
-                scaling=one,
-                held_below=conventions.friction_below == "hold",
-                held_above=conventions.friction_above == "hold",
-            ),
-            reversal_lookahead=reversal_lookahead,
-            position_delay=one,
-            delay_cycles=delay_cycles,
-            sign=float(conventions.friction_sign),
-            first_builds_up=conventions.friction_build_up != "reversal",
-            restart_builds_up=conventions.friction_build_up == "start",
-            decays_to_zero=conventions.friction_decay == "zero",
-            weights_multiply=conventions.friction_overlap == "product",
-            delays_all=conventions.friction_delay == "all",
-            held_at_rest=conventions.friction_rest == "hold",
-        )
+    return FrictionCompensation(
+        law=FrictionTable(
+            nodes=Setpoints(knots / VELOCITY_UNITS),
+            values=np.array([currents.get(k, 0) for k in range(count)], float),
+            scaling=scale / _PER_MILLE,
+            held_below=conventions.friction_below == "hold",
+            held_above=conventions.friction_above == "hold",
+        ),
+        reversal_lookahead=ahead,
+        position_delay=delay / LIST_UNITS,
+        delay_cycles=late,
+        sign=float(conventions.friction_sign),
+        first_builds_up=conventions.friction_build_up != "reversal",
+        restart_builds_up=conventions.friction_build_up == "start",
+        decays_to_zero=conventions.friction_decay == "zero",
+        weights_multiply=conventions.friction_overlap == "product",
+        delays_all=conventions.friction_delay == "all",
+        held_at_rest=conventions.friction_rest == "hold",
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ....data.lists import ListFile, Value
 from ....models import FrictionCompensation
 from ...exchange import ExchangeError
-from ...friction import Knots
+from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of
 from ...job._load import Job
@@ -17,20 +17,14 @@ from ...job._result import Remark
 from ...job._source import Tables
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from ._identify import Identified, identify
-from ._listing import (
-    OutUnit,
-    driven_speeds,
-    knots_of,
-    law_curve,
-    level_of,
-    numbers_of,
-    out_unit,
-)
-from ._proof import Remaining, remaining
+from ._listing import FIRST_LEVEL, LawCurve, OutUnit, law_curve, numbers_of, out_unit
+from ._proof import view_of
 from ._recording import DriveRecording, read_drive
-from ._result import FrictionResult, FrictionView, LawCurve, choice_sentence
-from .entries import entries_of_friction, has_friction, read_friction
+from ._result import FrictionResult, FrictionView, choice_sentence
+from .entries import entries_of_friction, friction_from_list, has_friction
 from .keys import Spec
+
+_ENTRIES = 20
 
 
 def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
@@ -42,19 +36,24 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
 
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_drive(tables, fit)
-        level = level_of(fit, "friction_sign" in job.verified)
+        level = fit.level
+        if level is None:
+            level = 1.0 if "friction_sign" in job.verified else FIRST_LEVEL
         found = identify(recording, fit, job.spec.controller.cycle_time)
-        samples, curve, knots = recording.samples, None, None
-        speeds = driven_speeds(samples)
-        if speeds is not None and found.fit.has_law:
-            curve = law_curve(found.fit, speeds)
+        curve, knots = law_curve(found.fit, recording.samples), None
         unit = out_unit(fit, recording.unit)
         if not recording.unsure and curve is not None and unit.current is not None:
-            fastest = float(np.max(np.abs(samples.velocity)))
-            knots = knots_of(curve, fit, level, unit.current, fastest)
-        rest = remaining(samples, found, speeds, curve, knots, level)
+            knots = place_knots(
+                curve.speed,
+                curve.mean * level,
+                curve.weight,
+                entries=fit.table_entries or _ENTRIES,
+                unit=unit.current,
+                reach=float(np.max(np.abs(recording.samples.velocity))),
+            )
+        view = view_of(recording, found, curve, knots, level)
         return FrictionDraft(
-            index, fit, lists, recording, found, curve, unit, knots, rest, level
+            index, fit, lists, recording, found, curve, unit, knots, view, level
         )
 
     return draft
@@ -71,7 +70,7 @@ class FrictionDraft(AbstractDraft):
         curve: The law over the driven speeds, or None where it is not determined.
         unit: What one unit of the list is.
         knots: The entries; None where none are written.
-        rest: What the list leaves of the recording.
+        view: What the list leaves of the recording.
         level: Share of the friction that the list gives.
     """
 
@@ -81,7 +80,7 @@ class FrictionDraft(AbstractDraft):
     curve: LawCurve | None
     unit: OutUnit
     knots: Knots | None
-    rest: Remaining
+    view: FrictionView
     level: float
 
     @property
@@ -102,7 +101,7 @@ class FrictionDraft(AbstractDraft):
         try:
             before = None
             if existing is not None and has_friction(existing):
-                before = read_friction(existing, job.conventions)
+                before = friction_from_list(existing, job.conventions)
             return dict(
                 entries_of_friction(
                     numbers_of(self.knots, self.found.reversal, before),
@@ -124,19 +123,17 @@ class FrictionDraft(AbstractDraft):
         where = f"at {speed:g} {self.recording.samples.unit}/s"
         return (
             gate_check("max_current", value, limit, "of rated", where),
-            self.rest.gate(self.knots.unit, self.recording.unit),
+            self.view.gate(self.knots.unit, self.recording.unit),
         )
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
         assert self.knots is not None  # it is written
         parsed = ListFile.parse(listing.dumps(), listing.source)
-        out = list(parsed.table("frict_comp", "out").values())
-        speed = list(parsed.table("frict_comp", "in").values())
-        pairs = dict(zip(speed, out, strict=True))
-        wanted = dict(
-            zip(self.knots.velocity.tolist(), self.knots.out.tolist(), strict=True)
+        speed, out = (
+            parsed.table("frict_comp", name).values() for name in ("in", "out")
         )
-        if any(pairs.get(place) != value for place, value in wanted.items()):
+        wanted = zip(self.knots.velocity.tolist(), self.knots.out.tolist(), strict=True)
+        if not set(wanted) <= set(zip(speed, out, strict=True)):
             raise job.error(
                 ("fits", self.index),
                 f"found another table in {listing.source} when it was read back,"
@@ -150,85 +147,55 @@ class FrictionDraft(AbstractDraft):
         return f"{name} changes (a reload would end in error 110641)"
 
     def prove(self, done: Written) -> FrictionResult:
-        job = done.job
-        samples, found, rest = self.recording.samples, self.found, self.rest
-        back = self._read_back(done)
-        listed = rest.listed
+        view, listing, back = self.view, done.compensation, None
+        if listing is not None and self.knots is not None:
+            back = friction_from_list(listing, done.job.conventions)
         if back is not None and self.unit.current is not None:
-            listed = self.unit.current * back.law.evaluate(samples.velocity)
-        from_file = rest.before - listed
-        curve = self.curve
-        if curve is not None and self.knots is not None:
-            curve = dataclasses.replace(curve, listed=self.knots.current(curve.speed))
+            listed = self.unit.current * back.law.evaluate(view.velocity)
+            view = dataclasses.replace(view, listed=listed)
         unit: dict[str, Any] = {"unit": self.recording.unit or "raw"}
         return FrictionResult(
             **self.frame(done) | unit,
             error={
-                "before": rest.figures(rest.before),
-                "predicted": rest.figures(rest.predicted),
-                "from_file": rest.figures(from_file),
+                key: view.figures(getattr(view, key))
+                for key in ("before", "predicted", "from_file")
             },
             remarks=(*self._remarks(), *done.files.remarks),
             files=done.files.of_lists(done.names) if self.knots is not None else (),
             held_out="window",
-            fit=found.fit,
-            law=found.law,
-            laws=found.laws,
-            choice=found.choice,
-            output=found.output,
-            reversal=found.reversal,
+            identified=self.found,
             knots=self.knots,
             level=self.level,
-            out_unit=self.unit.current,
-            curve=curve,
-            view=FrictionView(
-                time=samples.time,
-                position=self.recording.commanded,
-                velocity=samples.velocity,
-                before=rest.before,
-                predicted=rest.predicted,
-                from_file=from_file,
-                moving=rest.moving,
-                window=found.window,
-            ),
-            circle=self._circle(job, back),
-            drive_offset=rest.offset,
-            length_unit=samples.unit,
+            curve=self.curve,
+            view=view,
+            circle=self._circle(done.job, back),
         )
-
-    def _read_back(self, done: Written) -> FrictionCompensation | None:
-        listing = done.compensation
-        if listing is None or self.knots is None:
-            return None
-        return read_friction(listing, done.job.conventions)
 
     def _circle(
         self, job: Job, back: FrictionCompensation | None
     ) -> CircularTest | None:
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
-        inertia = fit.known.inertia or fit.parameters.get("inertia")
+        inertia = fit.parameters.get("inertia")
         law, unit = fit.law, self.unit.current
         if back is None or law is None or not inertia or unit is None:
             return None
         if self.recording.samples.unit != "mm":
             return None  # a circle is drawn by linear axes
-        return circular_test(
-            law,
-            float(inertia),
-            back,
-            out_unit=unit,
-            cycle=job.spec.controller.cycle_time,
-        )
+        cycle = job.spec.controller.cycle_time
+        return circular_test(law, float(inertia), back, out_unit=unit, cycle=cycle)
 
     def _remarks(self) -> Iterator[Remark]:
         yield from self.recording.remarks
+        fit, law = self.found.fit, self.found.law
+        yield from map(Remark.info, law.gauges)
+        for name, reason in law.undetermined.items():
+            yield Remark.warning(f"{name.replace('_', ' ')} is not known: {reason}")
         yield from self.found.remarks
-        fit = self.found.fit
         yield Remark.info(choice_sentence(self.found.choice))
-        if self.rest.offset is not None:
+        if self.view.offset is not None:
             yield Remark.info(
-                f"A constant load of {self.rest.offset:.4g} {self.recording.unit}"
+                f"A constant load of {self.view.offset:.4g} {self.recording.unit}"
                 " (gravity, counterweight) is no friction: it belongs into the torque"
                 " offset of the drive, not into the list. With the list written here"
                 " this offset leaves the least of the current."

@@ -53,8 +53,8 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f" {fit.knots.unit:.4g} {scale.error}; the list follows the curve to"
             f" {rounded:.2f} units rms.",
         )
-    if fit.reversal is not None:
-        around = fit.reversal
+    around = fit.identified.reversal
+    if around is not None:
         small = "µm" if fit.length_unit == "mm" else "· 0.001°"
         yield (
             "Reversal",
@@ -65,11 +65,12 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f" {around.delay_cycles} cycles (probability"
             f" {around.delay_probability:.0%}).",
         )
-    if fit.output is not None:
+    output = fit.identified.output
+    if output is not None:
         yield (
             "Free run",
             "Driven by the recorded current alone, the simulated axis stays within"
-            f" {fit.output.free_run:.3g} {fit.length_unit} rms of the measured one.",
+            f" {output.free_run:.3g} {fit.length_unit} rms of the measured one.",
         )
     yield ("The fit itself", _sentence(found.message))
 

@@ -190,7 +190,6 @@ def test_one_direction_alone_does_not_tell_friction_from_load() -> None:
     assert {"coulomb", "breakaway", "offset"} <= set(fit.undetermined)
     assert fit.law is None
     assert "viscous" in fit.parameters
-    assert "Only motion in positive direction" in fit.remarks[0]
     assert "Coulomb level + offset" in fit.gauges[0]
 
 
@@ -224,30 +223,14 @@ def test_saturated_current_is_left_out() -> None:
     sd = fit.standard_deviations["inertia"]
     # Single clipped samples cannot be told from others; runs of five are.
     assert fit.parameters["inertia"] == pytest.approx(TRUTH["inertia"], abs=5 * sd)
-    assert any("saturated" in remark for remark in fit.remarks)
 
 
 def test_clock_with_jumps_is_fitted_in_pieces() -> None:
     samples = recording(1, 0.02)
     time = samples.time + np.where(np.arange(2000) >= 900, 3.0, 0.0)
     fit = fit_inverse(dataclasses.replace(samples, time=time), decimate=2)
-    assert any("jumps 1 time" in remark for remark in fit.remarks)
     sd = fit.standard_deviations["coulomb"]
     assert abs(fit.parameters["coulomb"] - TRUTH["coulomb"]) < 4 * sd
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"current": np.abs(recording(1).current)}, "hold its magnitude only"),
-        ({"current": recording(1).current + 40.0}, "a constant load"),
-    ],
-)
-def test_current_that_keeps_its_sign_is_explained(
-    change: dict[str, np.ndarray], words: str
-) -> None:
-    fit = fit_inverse(dataclasses.replace(recording(1), **change), decimate=1)
-    assert any(words in remark for remark in fit.remarks)
 
 
 @pytest.mark.parametrize(
