@@ -120,6 +120,14 @@ class Found:
     group: str | None
     sentence: str
 
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Temperatures that it follows."""
+        both = self.keys.get("sensors")
+        if isinstance(both, Mapping):
+            return tuple(dict.fromkeys(map(str, both.values())))
+        return () if self.sensor is None else (self.sensor,)
+
 
 @dataclasses.dataclass(frozen=True)
 class Rejected:
@@ -216,6 +224,17 @@ class Discovery:
     rejected: tuple[Rejected, ...] = ()
     unexplained: tuple[Unexplained, ...] = ()
     drifts: tuple[Drift, ...] = ()
+
+    @classmethod
+    def of(cls, parts: "Sequence[Discovery]") -> "Discovery":
+        """Return the findings of several axes and drives one after the other."""
+        fields = [field.name for field in dataclasses.fields(cls)]
+        return cls(
+            *(
+                tuple(one for part in parts for one in getattr(part, name))
+                for name in fields
+            )
+        )
 
     @property
     def told(self) -> bool:

@@ -30,7 +30,7 @@ from ._left import (
 )
 from ._select import Selection, choose_heat, select_terms
 from ._terms import HEAT, Kind, Need, Term, compose
-from ._view import candidates_of, friction_terms, late_terms, view_of
+from ._view import candidates_of, late_terms, view_of
 
 _LEAST = 20
 """Readings of an axis, below which nothing can be told from chance."""
@@ -41,7 +41,7 @@ _WORTH_WORDS = 0.5
 left of a delay that was taken off."""
 _ALIKE = 0.9
 """Share of a drift that a temperature follows, from which on it is no sign of the latter."""
-_SINGLE = ("temperature", "leadscrew", "backlash", "plane")
+_SINGLE = ("temperature", "leadscrew", "backlash", "plane", "friction")
 """Compensations that an axis has once: where one is found, others of it are not spoken of."""
 _SLOW = 2e-3
 """Share of the fastest speed below which friction is not kinetic."""
@@ -91,30 +91,25 @@ def discover(
                 raise DiscoverError(source, found, f"at least {_LEAST}")
             if count and progress is not None:
                 progress(f"examining the {channel} of {axis}")
-            if count and channel == "error":
-                parts.append(examine_axis(observed, axis, axes))
-            elif count:
-                parts.append(examine_drive(observed, axis))
-    return Discovery(
-        tuple(one for part in parts for one in part.axes),
-        tuple(one for part in parts for one in part.found),
-        tuple(one for part in parts for one in part.rejected),
-        tuple(one for part in parts for one in part.unexplained),
-        tuple(one for part in parts for one in part.drifts),
-    )
+            if count:
+                parts.append(examine(observed, channel, axis, axes))
+    return Discovery.of(parts)
 
 
-def _summary(found: Selection, rows: Bool[np.ndarray, " t"]) -> AxisSummary:
-    view, rms = found.view, float(np.sqrt(found.square))
-    return AxisSummary(
-        view.axis, view.channel, int(rows.sum()), rms, found.noise, view.unit
-    )
-
-
-def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discovery:
-    """Return which compensations the measured error of an axis, one of all, asks for."""
-    kept = np.isfinite(observed.error[axis])
-    view = view_of(observed, axis, kept)
+def examine(
+    observed: Observed,
+    channel: Literal["error", "current"],
+    axis: str,
+    axes: tuple[str, ...],
+) -> Discovery:
+    """Return which compensations the error, or the current, of an axis, one of all, asks for."""
+    kept: Bool[np.ndarray, " t"] | str = np.isfinite(getattr(observed, channel)[axis])
+    if channel == "current":
+        kept = _moving_rows(observed, axis)
+    if isinstance(kept, str):
+        why = f"could not be looked for: {kept}"
+        return Discovery((), rejected=(Rejected("friction", axis, (), None, why),))
+    view = view_of(observed, axis, kept, channel)
     terms, heat, absent = candidates_of(view, axes)
     columns = Columns(view)
     if heat:
@@ -138,7 +133,8 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discov
         why = "no more than a drift of the instrument, which changes alike"
         rejected += [Rejected("temperature", axis, (), n.sensor, why) for n in warm]
     sure = [need for need in needs if need not in doubtful]
-    wanders, periods = tuple(drifts(found)), list(ripples(found))
+    wanders = tuple(drifts(found))
+    periods = list(ripples(found)) if channel == "error" else []
     # A fit of a group knows of the drift, even if it is the only one.
     group = axis if len(sure) > 1 or wanders else None
     named = sorted(
@@ -149,10 +145,14 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discov
         rms, share = found.size_of(need.terms)
         if need.compensation is None and rms > _WORTH_WORDS * found.noise:
             text = f"{need.words.removesuffix('.')} ({amount(found, rms)} rms)."
+            if need.terms[0].kind is Kind.VISCOUS_WAY:
+                text += _steeper(found, need.terms[0])
             what = need.terms[0].words
             unexplained.append(stays(found, what, need.masters, rms, text, share))
-    unexplained += [*periods, *structure_left(found, periods)]
-    summary = _summary(found, kept)
+    if channel == "error":
+        unexplained += [*periods, *structure_left(found, periods)]
+    size = float(np.sqrt(found.square))
+    summary = AxisSummary(axis, channel, int(kept.sum()), size, found.noise, view.unit)
     return Discovery(
         (summary,), tuple(named), tuple(rejected), tuple(unexplained), wanders
     )
@@ -166,7 +166,7 @@ def _found(found: Selection, need: Need, group: str | None) -> Found:
     if name == "crosstalk":
         over = f" from {need.masters[0]}"
     sentence = f"{name} of {axis}{over}: {amount(found, rms)} rms,"
-    sentence += f" {share:.0%} of the error. {need.words}"
+    sentence += f" {share:.0%} of the {found.view.channel}. {need.words}"
     return Found(
         name, axis, need.masters, need.sensor, share, rms,
         found.stability_of(need.terms), found.view.unit, dict(need.keys), group,
@@ -208,6 +208,12 @@ def _doubts(
             remedy = f"{' and '.join(alike)} changed alike; measure once while they do"
             rms, _ = found.size_of(need.terms)
             yield need, cannot_tell(names, (), rms, f"{remedy} not, as after a pause.")
+    law = next((each for each in needs if each.compensation == "friction"), None)
+    current = found.view.channel == "current"
+    untold = _untold_friction(found, law is not None) if current else None
+    if untold is not None:
+        rms = max((found.size_of([term])[0] for term in found.terms), default=0.0)
+        yield law, cannot_tell([untold[0]], (), rms, untold[1])
 
 
 def _remedy(need: Need, others: Sequence[Term]) -> str:
@@ -241,7 +247,7 @@ def _rejected(
             continue
         if name == "crosstalk" and term.masters[0] in pushing:
             continue
-        reason = "nothing of it in the error"
+        reason = f"nothing of it in the {found.view.channel}"
         if likely and term in confusion.heat:
             reason = "a drift of the instrument explains the same"
         elif term in confusion.hidden:
@@ -255,39 +261,6 @@ def _rejected(
         yield Rejected(name, axis, masters, sensor, reason)
 
 
-def examine_drive(observed: Observed, axis: str) -> Discovery:
-    """Return which laws of friction the measured current of an axis shows."""
-    rows = _moving_rows(observed, axis)
-    if isinstance(rows, str):
-        why = f"could not be looked for: {rows}"
-        return Discovery((), rejected=(Rejected("friction", axis, (), None, why),))
-    columns = Columns(view_of(observed, axis, rows, "current"))
-    chosen = select_terms(columns, friction_terms(columns.view))
-    law = [term for term in chosen.terms if term.facts.compensation == "friction"]
-    unexplained = list(_untold_friction(chosen, bool(law)))
-    found: tuple[Found, ...] = ()
-    if law and not unexplained:
-        rms, share = chosen.size_of(law)
-        sentence = (
-            f"friction of {axis}: {', '.join(term.words for term in law)};"
-            f" {rms:.3g} rms, {share:.0%} of the current."
-        )
-        stability = chosen.stability_of(law)
-        found = (
-            Found("friction", axis, (), None, share, rms, stability, "", {}, None, sentence),
-        )  # fmt: skip
-    for term in chosen.terms:
-        if term.facts.why:
-            rms, share = chosen.size_of([term])
-            steeper = _steeper(chosen, term) if term.kind is Kind.VISCOUS_WAY else ""
-            text = f"{term.start}{steeper}: {term.facts.why}"
-            unexplained.append(stays(chosen, term.words, (), rms, text, share))
-    nothing = Rejected("friction", axis, (), None, "nothing of it in the current")
-    return Discovery(
-        (_summary(chosen, rows),), found, () if law else (nothing,), tuple(unexplained)
-    )
-
-
 def _steeper(chosen: Selection, term: Term) -> str:
     """Return by how much one direction is steeper, the laws of all velocities beside it."""
     blocks = [chosen.columns.of(each) for each in chosen.terms if each is not term]
@@ -298,7 +271,7 @@ def _steeper(chosen: Selection, term: Term) -> str:
     size = float(np.sqrt(np.mean(data.velocity[term.axis] ** 2)))
     slope = float(fit.coefficients[0]) / size
     way = "forwards" if slope > 0 else "backwards"
-    return f", steeper {way} by {2.0 * abs(slope):.3g} per unit of velocity"
+    return f" It is steeper {way} by {2.0 * abs(slope):.3g} per unit of velocity."
 
 
 def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
@@ -317,22 +290,17 @@ def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
     return np.asarray(rows)
 
 
-def _untold_friction(chosen: Selection, law: bool) -> Iterator[Unexplained]:
-    """Yield what the motion of a drive cannot tell apart."""
-    axis = chosen.view.axis
-    velocity = chosen.view.data.velocity[axis]
+def _untold_friction(found: Selection, law: bool) -> tuple[str, str] | None:
+    """Return what the motion of a drive cannot tell apart, and what to record."""
+    axis, velocity = found.view.axis, found.view.data.velocity[found.view.axis]
     speeds = np.abs(velocity)
     cruise = speeds[speeds > 0.5 * speeds.max()]
     one_speed = np.mean(speeds > 0.9 * speeds.max()) > 0.97
     if len(np.unique(np.sign(velocity))) < 2:
-        what = f"friction or constant load of {axis}"
-        why = "which moves in one direction only. Record both."
-    elif law and one_speed and np.std(cruise) < _EVEN * np.mean(cruise):
-        what = f"Coulomb or viscous friction of {axis}"
-        why = f"which moves at {np.mean(cruise):.3g}/s only. Record other speeds too."
-    else:
-        return
-    sizes = [chosen.size_of([term]) for term in chosen.terms]
-    rms, share = (max((each[k] for each in sizes), default=0.0) for k in (0, 1))
-    text = f"The data cannot tell: {what}, {why}"
-    yield stays(chosen, what, (), rms, text, share, "the data cannot tell")
+        remedy = f"{axis} moves in one direction only. Record both."
+        return f"friction or constant load of {axis}", remedy
+    if law and one_speed and np.std(cruise) < _EVEN * np.mean(cruise):
+        speed = float(np.mean(cruise))
+        remedy = f"{axis} moves at {speed:.3g}/s only. Record other speeds too."
+        return f"Coulomb or viscous friction of {axis}", remedy
+    return None

@@ -169,7 +169,9 @@ def look_for_confusion(
     found: Selection, needs: Sequence[Need], heat: Sequence[Term]
 ) -> Confusion:
     """Return what would replace the compensations that were found, or may be a drift."""
-    others, hidden = _substitutes(found, needs) if needs else ({}, [])
+    others, hidden = dict[Need, list[Term]](), list[Term]()
+    if needs and found.view.channel == "error":
+        others, hidden = _substitutes(found, needs)
     columns = found.columns
     if not heat or not columns.drift.shape[1]:
         return Confusion(others, hidden)
@@ -258,7 +260,9 @@ def sensors_alike(found: Selection, need: Need) -> list[str]:
 
 
 def amount(found: Selection, rms: float) -> str:
-    """Return a length or angle as a person writes it."""
+    """Return a length, an angle or a current as a person writes it."""
+    if found.view.channel == "current":
+        return f"{rms:.3g}"
     return f"{1e3 * rms:.2g} {'µm' if found.view.unit == 'mm' else 'm°'}"
 
 
