@@ -51,14 +51,10 @@ class AbstractVolumetric(abc.ABC):
     @property
     def nodes(self) -> tuple[EquidistantNodes, EquidistantNodes, EquidistantNodes]:
         """Nodes along X, Y and Z."""
+        rows = zip(self.start, self.interval, self.points, strict=True)
         x, y, z = (
-            EquidistantNodes(jnp.asarray(first), jnp.asarray(step), count)
-            for first, step, count in zip(
-                map(float, self.start),
-                map(float, self.interval),
-                self.points,
-                strict=True,
-            )
+            EquidistantNodes(jnp.asarray(float(first)), jnp.asarray(float(step)), count)
+            for first, step, count in rows
         )
         return x, y, z
 
