@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ...data.measurements import EXTERNAL_LOG, ControllerLog
-from ...models import Conventions, OffsetStack
+from ...models import Conventions, ExternalCompensation, OffsetStack
 from ..exchange import (
     ExchangeError,
     Increments,
@@ -101,17 +101,14 @@ def verify_snapshot(
     Raises:
         ExchangeError: If a list makes no table, or there are more axes than values.
     """
-    numbers = _numbers(lists, conventions)
-    if len(numbers) > len(snapshot.positions):
+    numbers, law = _law(lists, conventions, increment, modulo)
+    count = len(numbers)
+    if count > len(snapshot.positions):
         raise ExchangeError(
             where="diagdata",
             found=f"{len(snapshot.positions)} axes",
-            expected=f"at least the {len(numbers)} that the lists name",
+            expected=f"at least the {count} that the lists name",
         )
-    law = external_from_lists(
-        lists, conventions, increment, axes=numbers, modulo=modulo
-    )
-    count = len(numbers)
     wanted = np.asarray(law.offsets(snapshot.positions[None, :count]))
     idle = [name for name, value in snapshot.flags.items() if value != 1]
     return tuple(
@@ -148,10 +145,7 @@ def verify_external(
     # Recordings of all objects hold zeros where no external compensation is.
     if not any(one.values.any() for one in columns):
         return (), without
-    numbers = _numbers(lists, conventions)
-    law = external_from_lists(
-        lists, conventions, increment, axes=numbers, modulo=modulo
-    )
+    numbers, law = _law(lists, conventions, increment, modulo)
     stack = law.law
     assert isinstance(stack, OffsetStack)
     masters = {column for part in stack.parts for column in part.masters}
@@ -176,9 +170,19 @@ def verify_external(
     return tuple(verdicts), without
 
 
-def _numbers(lists: Sequence[ListFile], conventions: Conventions) -> tuple[int, ...]:
+def _law(
+    lists: Sequence[ListFile],
+    conventions: Conventions,
+    increment: Increments,
+    modulo: Ranges | None,
+) -> tuple[tuple[int, ...], ExternalCompensation]:
+    """Return the axes that lists name, and what their tables add to their positions."""
     machine = machine_lists(lists)
-    return axes_in_use(machine.in_use(conventions), machine)
+    numbers = axes_in_use(machine.in_use(conventions), machine)
+    law = external_from_lists(
+        lists, conventions, increment, axes=numbers, modulo=modulo
+    )
+    return numbers, law
 
 
 def _judged(
