@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ..data.measurements import find_role
+from ..data.measurements._units import LIBRARY_UNIT
 from ._job_text import job_text
 from ._readings import Friction
 from .core import FitError
@@ -15,17 +16,6 @@ from .fit.joint import AbstractEffect, Temperature
 
 if TYPE_CHECKING:
     from .job import JobResult
-
-_UNITS = {
-    "position": ("mm", "deg"),
-    "error": ("mm", "deg"),
-    "velocity": ("mm/s", "deg/s"),
-    "acceleration": ("mm/s2", "deg/s2"),
-    "time": ("s", "s"),
-    "temperature": ("degC", "degC"),
-    "current": ("A", "A"),
-}
-"""Unit of each kind of role, of linear and of other axes."""
 
 
 @final
@@ -147,8 +137,11 @@ def _measurement(
         role = find_role(text)
         assert role is not None  # `fit` has seen to it
         turns = axes.get(role.axis or "", {}).get("type", "linear") != "linear"
-        unit = _UNITS.get(role.kind)
-        columns[text] = {"column": text} | ({"unit": unit[turns]} if unit else {})
+        columns[text] = {"column": text}
+        if role.dimensions:
+            angles = [each for each in role.dimensions if each.startswith("ang")]
+            dimension = angles[0] if angles and turns else role.dimensions[0]
+            columns[text]["unit"] = LIBRARY_UNIT[dimension]
     table = {
         text: pa.array(values, from_pandas=True) for text, values in arrays.items()
     }
@@ -161,9 +154,17 @@ def _measurement(
     treated = {key: value for key, value in stated.treated.items() if value}
     if (place := treated.pop("datum", None)) is not None:
         treated["datum"] = {"at": list(place)}
-    own = {getattr(one, "reference_temperature", 20.0) for one in stated.effects}
-    if own != {20.0}:
-        treated["reference_temperature"] = float(max(own - {20.0}))
+    heated = [one for one in stated.effects if isinstance(one, Temperature)]
+    references = {float(one.reference_temperature) for one in heated}
+    if len(references) > 1:
+        found = " and ".join(f"{each:g}" for each in sorted(references))
+        msg = (
+            f"write: found reference temperatures of {found} °C, expected one: a job has one "
+            "per measurement"
+        )
+        raise FitError(msg)
+    if references - {20.0}:
+        treated["reference_temperature"] = references.pop()
     return {
         "file": "readings.parquet",
         "active": list(dict.fromkeys(kinds)),

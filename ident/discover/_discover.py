@@ -26,10 +26,9 @@ from ._left import (
     ripples,
     sensors_alike,
     stays,
-    structure_left,
 )
 from ._select import Selection, choose_heat, select_terms
-from ._terms import HEAT, Kind, Need, Term, compose
+from ._terms import HEAT, PUSHES, Kind, Need, Term, compose
 from ._view import candidates_of, late_terms, view_of
 
 _LEAST = 20
@@ -41,8 +40,6 @@ _WORTH_WORDS = 0.5
 left of a delay that was taken off."""
 _ALIKE = 0.9
 """Share of a drift that a temperature follows, from which on it is no sign of the latter."""
-_SINGLE = ("temperature", "leadscrew", "backlash", "plane", "friction")
-"""Compensations that an axis has once: where one is found, others of it are not spoken of."""
 _SLOW = 2e-3
 """Share of the fastest speed below which friction is not kinetic."""
 _MOVING = 200
@@ -134,7 +131,6 @@ def examine(
         rejected += [Rejected("temperature", axis, (), n.sensor, why) for n in warm]
     sure = [need for need in needs if need not in doubtful]
     wanders = tuple(drifts(found))
-    periods = list(ripples(found)) if channel == "error" else []
     # A fit of a group knows of the drift, even if it is the only one.
     group = axis if len(sure) > 1 or wanders else None
     named = sorted(
@@ -145,12 +141,11 @@ def examine(
         rms, share = found.size_of(need.terms)
         if need.compensation is None and rms > _WORTH_WORDS * found.noise:
             text = f"{need.words.removesuffix('.')} ({amount(found, rms)} rms)."
-            if need.terms[0].kind is Kind.VISCOUS_WAY:
-                text += _steeper(found, need.terms[0])
-            what = need.terms[0].words
+            if need.lead.kind is Kind.VISCOUS_WAY:
+                text += _steeper(found, need.lead)
+            what = need.lead.words
             unexplained.append(stays(found, what, need.masters, rms, text, share))
-    if channel == "error":
-        unexplained += [*periods, *structure_left(found, periods)]
+    unexplained += ripples(found)
     size = float(np.sqrt(found.square))
     summary = AxisSummary(axis, channel, int(kept.sum()), size, found.noise, view.unit)
     return Discovery(
@@ -163,14 +158,14 @@ def _found(found: Selection, need: Need, group: str | None) -> Found:
     name, axis = str(need.compensation), found.view.axis
     rms, share = found.size_of(need.terms)
     over = f" over {' and '.join(need.masters)}" if need.masters else ""
-    if name == "crosstalk":
+    if need.lead.kind in PUSHES:
         over = f" from {need.masters[0]}"
     sentence = f"{name} of {axis}{over}: {amount(found, rms)} rms,"
     sentence += f" {share:.0%} of the {found.view.channel}. {need.words}"
     return Found(
-        name, axis, need.masters, need.sensor, share, rms,
-        found.stability_of(need.terms), found.view.unit, dict(need.keys), group,
-        sentence.strip(),
+        axis=axis, masters=need.masters, rms=rms, share=share, unit=found.view.unit,
+        sentence=sentence.strip(), compensation=name, sensor=need.sensor,
+        stability=found.stability_of(need.terms), keys=dict(need.keys), group=group,
     )  # fmt: skip
 
 
@@ -187,9 +182,9 @@ def _doubts(
         return stays(found, what, masters, rms, text, verdict="the data cannot tell")
 
     for need, others in confusion.others.items():
-        names = [need.terms[0].words, *(each.words for each in others)]
+        names = [need.lead.words, *(each.words for each in others)]
         lines = [each for each in others if each.kind is Kind.LINE]
-        if need.compensation == "plane" and lines:
+        if "masters" in need.keys and lines:
             # A plane gives way to the lines that suffice.
             inside = [term for term in need.terms if term.kind is Kind.LINE]
             names = [term.words for term in dict.fromkeys([*inside, *lines])]
@@ -208,19 +203,18 @@ def _doubts(
             remedy = f"{' and '.join(alike)} changed alike; measure once while they do"
             rms, _ = found.size_of(need.terms)
             yield need, cannot_tell(names, (), rms, f"{remedy} not, as after a pause.")
-    law = next((each for each in needs if each.compensation == "friction"), None)
-    current = found.view.channel == "current"
-    untold = _untold_friction(found, law is not None) if current else None
-    if untold is not None:
-        rms = max((found.size_of([term])[0] for term in found.terms), default=0.0)
-        yield law, cannot_tell([untold[0]], (), rms, untold[1])
+    if found.view.channel == "current":
+        law = needs[0] if needs else None
+        for what, remedy in _untold_friction(found, law is not None):
+            rms = max((found.size_of([term])[0] for term in found.terms), default=0.0)
+            yield law, cannot_tell([what], (), rms, remedy)
 
 
 def _remedy(need: Need, others: Sequence[Term]) -> str:
-    axis = need.terms[0].axis
+    axis = need.lead.axis
     if Kind.SPEED in {each.kind for each in others}:
         return f"Measure {axis} at another feed too, or at standstill."
-    if need.compensation == "temperature" or others[0].kind in HEAT:
+    if need.lead.kind in HEAT or others[0].kind in HEAT:
         return "Measure once more at another temperature, in another order of places."
     axes = {*(need.masters or (axis,)), *others[0].masters}
     names = " and ".join(sorted(axes))
@@ -234,7 +228,7 @@ def _rejected(
 ) -> Iterator[Rejected]:
     """Yield the compensations that are not there, and why each is not."""
     axis, names = found.view.axis, {need.compensation for need in needs}
-    pushing = {need.masters[0] for need in needs if need.compensation == "crosstalk"}
+    pushing = {need.masters[0] for need in needs if need.lead.kind in PUSHES}
     held = {term for need in needs for term in need.terms}
     held |= {term for others in confusion.others.values() for term in others}
     often = dict(zip(found.design.terms, found.frequency.tolist(), strict=True))
@@ -243,9 +237,10 @@ def _rejected(
     reasons: dict[tuple[str, tuple[str, ...], str | None], str] = {}
     for term in found.looked:
         name, share = term.facts.compensation, often.get(term, 0.0)
-        if name is None or term in held or (name in _SINGLE and name in names):
+        # What an axis has once, whatever it is over, is spoken of once.
+        if name is None or term in held or (len(term.masters) != 1 and name in names):
             continue
-        if name == "crosstalk" and term.masters[0] in pushing:
+        if term.kind in PUSHES and term.masters[0] in pushing:
             continue
         reason = f"nothing of it in the {found.view.channel}"
         if likely and term in confusion.heat:
@@ -290,17 +285,16 @@ def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
     return np.asarray(rows)
 
 
-def _untold_friction(found: Selection, law: bool) -> tuple[str, str] | None:
-    """Return what the motion of a drive cannot tell apart, and what to record."""
+def _untold_friction(found: Selection, law: bool) -> Iterator[tuple[str, str]]:
+    """Yield what the motion of a drive cannot tell apart, and what to record."""
     axis, velocity = found.view.axis, found.view.data.velocity[found.view.axis]
     speeds = np.abs(velocity)
     cruise = speeds[speeds > 0.5 * speeds.max()]
     one_speed = np.mean(speeds > 0.9 * speeds.max()) > 0.97
     if len(np.unique(np.sign(velocity))) < 2:
         remedy = f"{axis} moves in one direction only. Record both."
-        return f"friction or constant load of {axis}", remedy
-    if law and one_speed and np.std(cruise) < _EVEN * np.mean(cruise):
+        yield f"friction or constant load of {axis}", remedy
+    elif law and one_speed and np.std(cruise) < _EVEN * np.mean(cruise):
         speed = float(np.mean(cruise))
         remedy = f"{axis} moves at {speed:.3g}/s only. Record other speeds too."
-        return f"Coulomb or viscous friction of {axis}", remedy
-    return None
+        yield f"Coulomb or viscous friction of {axis}", remedy

@@ -223,6 +223,11 @@ class Need:
     keys: Mapping[str, object] = dataclasses.field(default_factory=dict)
     words: str = ""
 
+    @property
+    def lead(self) -> Term:
+        """The first of its terms, which says of what kind it is."""
+        return self.terms[0]
+
 
 def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[Need]:
     """Return the fewest compensations that hold terms of these sizes, and what none holds.
@@ -341,6 +346,6 @@ def _by_pushes(sizes: Mapping[Term, float]) -> Iterator[Need]:
 
 
 def _by_friction(sizes: Mapping[Term, float]) -> Iterator[Need]:
-    law = tuple(t for t in sizes if t.facts.compensation == "friction")
+    law = tuple(t for t in sizes if t.facts.part == "current" and t.facts.compensation)
     if law:
         yield Need("friction", law, words=f"{', '.join(t.words for t in law)}.")

@@ -204,6 +204,14 @@ def test_a_job_is_not_written_where_it_would_fit_something_else(tmp_path: Path) 
     old = fit["leadscrew"].model
     with pytest.raises(FitError, match="leadscrew was active while measuring"):
         _ = axcomp.fit([SCREW], data, active={"leadscrew": old}).verdict
+    warm = 20.0 + np.random.default_rng(1).random(90)
+    data |= {"Y.error": 1e-3 * warm, "temperature.a": warm}
+    heat = [
+        axcomp.Temperature(axis, sensors={"offset": "a"}, reference_temperature=zero)
+        for axis, zero in (("X", 20.0), ("Y", 22.0))
+    ]
+    with pytest.raises(FitError, match="reference temperatures of 20 and 22 °C"):
+        axcomp.fit(heat, data).write(tmp_path, axes={"X": 1, "Y": 2})
 
 
 @pytest.mark.parametrize(
