@@ -1,7 +1,6 @@
 """Which compensations a machine asks for, axis by axis and drive by drive."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool
@@ -29,7 +28,7 @@ from ._left import (
 )
 from ._select import Selection, choose_heat, select_terms
 from ._terms import HEAT, PUSHES, Kind, Need, Term, compose
-from ._view import candidates_of, late_terms, view_of
+from ._view import Channel, candidates_of, late_terms, view_of
 
 _LEAST = 20
 """Readings of an axis, below which nothing can be told from chance."""
@@ -70,8 +69,8 @@ def discover(
     Raises:
         DiscoverError: If there is no error and no current of any axis, or too little.
     """
-    channels: tuple[Literal["error", "current"], ...] = ("error", "current")
-    counts = {
+    channels: tuple[Channel, ...] = ("error", "current")
+    counts: dict[tuple[Channel, str], int] = {
         (channel, axis): int(np.isfinite(getattr(observed, channel)[axis]).sum())
         for channel in channels
         for axis in axes
@@ -95,7 +94,7 @@ def discover(
 
 def examine(
     observed: Observed,
-    channel: Literal["error", "current"],
+    channel: Channel,
     axis: str,
     axes: tuple[str, ...],
 ) -> Discovery:

@@ -12,6 +12,8 @@ from jaxtyping import Bool, Float, Int
 from ._data import Observed, Rejected
 from ._terms import HEAT, Kind, Term
 
+Channel = Literal["error", "current"]
+"""What of an axis is looked at."""
 _MOST = 16_000
 """Rows that are looked at; more show nothing new of terms worth compensating."""
 _STILL = 1e-6
@@ -42,7 +44,7 @@ class AxisView:
     """
 
     axis: str
-    channel: Literal["error", "current"]
+    channel: Channel
     data: Observed
     distance: Float[np.ndarray, " t"]
 
@@ -140,7 +142,7 @@ def view_of(
     observed: Observed,
     axis: str,
     kept: Bool[np.ndarray, " t"],
-    channel: Literal["error", "current"] = "error",
+    channel: Channel = "error",
 ) -> AxisView:
     """Return the kept readings of one axis, in the order of their measuring."""
     known = np.flatnonzero(kept)
