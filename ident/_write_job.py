@@ -47,6 +47,13 @@ class Stated:
         return next(k for k, one in enumerate(stack) if one is effect)
 
     @property
+    def active_kinds(self) -> tuple[str, ...]:
+        """Compensations of the effects that acted while measuring."""
+        pairs = zip(self.names, self.effects, strict=True)
+        kinds = (one.compensation for name, one in pairs if name in self.active)
+        return tuple(dict.fromkeys(kinds))
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """Axes that the effects or their inputs name."""
         found = [one.axis for one in self.effects]
@@ -74,6 +81,7 @@ def write_job(
         )
         raise FitError(msg)
     numbered = _numbered(stated, lists, axes)
+    _refuse_half_active(stated, numbered)
     folder.mkdir(parents=True, exist_ok=True)
     job: dict[str, Any] = {
         "axes": numbered,
@@ -121,6 +129,22 @@ def _numbered(
     return known
 
 
+def _refuse_half_active(stated: Stated, axes: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse what a job cannot say: a table on while measuring, and its like of a list off."""
+    from .exchange import load_model
+
+    for name, one in zip(stated.names, stated.effects, strict=True):
+        path, step = (axes[one.axis].get(key) for key in ("list", "increment"))
+        if name in stated.active or one.compensation not in stated.active_kinds:
+            continue
+        if path is not None and one.compensation in load_model(path, increment=step):
+            msg = (
+                f"write: found {name} in {path} and not active, expected it active as the "
+                f"other {one.compensation} was: a job says so of a whole measurement"
+            )
+            raise FitError(msg)
+
+
 def _measurement(
     stated: Stated, folder: Path, axes: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
@@ -146,11 +170,6 @@ def _measurement(
         text: pa.array(values, from_pandas=True) for text, values in arrays.items()
     }
     pq.write_table(pa.table(table), folder / "readings.parquet")
-    kinds = [
-        one.compensation
-        for name, one in zip(stated.names, stated.effects, strict=True)
-        if name in stated.active
-    ]
     treated = {key: value for key, value in stated.treated.items() if value}
     if (place := treated.pop("datum", None)) is not None:
         treated["datum"] = {"at": list(place)}
@@ -167,7 +186,7 @@ def _measurement(
         treated["reference_temperature"] = references.pop()
     return {
         "file": "readings.parquet",
-        "active": list(dict.fromkeys(kinds)),
+        "active": list(stated.active_kinds),
         "columns": columns,
     } | treated
 
