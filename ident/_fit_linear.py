@@ -5,7 +5,6 @@ inputs (positions, temperatures), weights and smoothness. For noise, evidence, r
 standard deviations there is `axcomp.fit`.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, NamedTuple, TypeVar, final
@@ -21,10 +20,10 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ..models import AbstractNodes, Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
+from ..models import Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
 from ._linear_solver import Arrow, ArrowCholesky
 from ._parameters import Form, as_float, fitted_arrays, path_name, weights_of
-from .core import FitError, chain
+from .core import FitError, TableEffect
 
 M = TypeVar("M")
 
@@ -149,69 +148,49 @@ class _Penalty(eqx.Module):
 
 @final
 class _Structure(eqx.Module):
-    """Unknowns of a stack: those of the band first, along its shorter axis."""
+    """Unknowns of a stack, those of a large table first: tables as `TableEffect` has them."""
 
     unknown: Int[Array, " n"]
     """Of each number of the model; the last node of a ring is the first one again."""
     penalties: tuple[_Penalty, ...]
-    """Of each table, array, axis and order."""
+    """Of each table, axis and order."""
     size: int = eqx.field(static=True)
-    grid: tuple[int, ...] = eqx.field(static=True)
-    """Nodes of the table that is the band, along its longer axis first; () without."""
+    band: int = eqx.field(static=True)
+    """Unknowns of the table that is a band; 0 where none is large."""
+    fast: int = eqx.field(static=True)
+    """Those of them that follow each other along one of its axes."""
+    offsets: tuple[int, ...] = eqx.field(static=True)
+    """Distances between those of them that share a cell."""
 
     @classmethod
     def of(cls, model: Any, form: Form) -> "_Structure":
         """Return the unknowns of the fitted arrays of a model."""
         starts = dict(zip(form.paths, np.cumsum([0, *form.sizes]), strict=False))
-        same = np.arange(sum(form.sizes))
-        arrays: list[tuple[int, np.ndarray, list[tuple[np.ndarray, bool]]]] = []
-        for number, (path, table) in enumerate(_tables(model)):
-            for field, axes in _axes(table).items():
-                name = ".".join(filter(None, [path_name(path), field]))
-                with jax.ensure_compile_time_eval():  # constants under jit, too
-                    places = [np.asarray(nodes.positions) for nodes, _ in axes]
-                shape = tuple(map(len, places))
-                index = starts[name] + np.arange(math.prod(shape)).reshape(shape)
-                rings = [ring for _, ring in axes]
-                if rings[0]:
-                    same[index[-1]] = same[index[0]]
-                arrays.append((number, index, list(zip(places, rings, strict=True))))
-        straight = [index for _, index, axes in arrays if not axes[0][1]]
-        band = max(straight, key=np.size, default=np.zeros(0, np.int64))
-        band = band if band.size > _MANY else np.zeros(0, np.int64)
-        if len(band) < band.size // max(len(band), 1):
-            band = band.T  # along its longer axis first
-        rest = np.setdiff1d(np.unique(same), band)
-        place = np.zeros(len(same), np.int64)
-        place[np.concatenate([band.ravel(), rest])] = np.arange(band.size + len(rest))
-        unknown = place[same]
-        penalties = tuple(
-            _penalty(unknown[index], axis, *each, (number, order), band.size)
-            for number, index, axes in arrays
-            for axis, each in enumerate(axes)
-            for order in (0, 1)
-        )
-        grid = band.shape if band.size else ()
-        return cls(jnp.asarray(unknown), penalties, band.size + len(rest), grid)
-
-
-def _penalty(
-    index: np.ndarray,
-    axis: int,
-    places: np.ndarray,
-    ring: bool,
-    weight: tuple[int, int],
-    band: int,
-) -> _Penalty:
-    """Return the differences along one axis of an array of unknowns."""
-    prior = chain(places, ring)
-    gram = sp.coo_array(prior.grams[weight[1]])
-    along = np.moveaxis(index, axis, 0)[: prior.size].reshape(prior.size, -1)
-    rows, columns = (along[each] for each in gram.coords)
-    data = np.broadcast_to(gram.data[:, None], rows.shape)
-    reach = int(np.max(rows - columns, initial=0)) if index.max() < band else 0
-    row, column, values = (jnp.asarray(x.ravel()) for x in (rows, columns, data))
-    return _Penalty(row, column, values, reach, weight)
+        tables = [
+            (number, starts[_first_array(path, table)], _effect(table))
+            for number, (path, table) in enumerate(_tables(model))
+        ]
+        large = [one for _, _, one in tables if not one.ring and one.size > _MANY]
+        widest = max(large, key=lambda one: one.size, default=None)
+        unknown, penalties, size = np.full(sum(form.sizes), -1), list[_Penalty](), 0
+        for number, start, own in sorted(tables, key=lambda one: one[2] is not widest):
+            unknown[start + np.arange(len(own.place))] = size + own.place
+            for k, each in enumerate(own.prior.penalties):
+                gram = sp.coo_array(each.gram)
+                row, column = (jnp.asarray(size + at) for at in gram.coords)
+                reach = each.reach if own is widest else 0
+                weight = number, k % 2
+                data = jnp.asarray(gram.data)
+                penalties.append(_Penalty(row, column, data, reach, weight))
+            size += own.size
+        rest = np.flatnonzero(unknown < 0)
+        unknown[rest] = size + np.arange(len(rest))
+        band, fast, offsets = 0, 1, tuple[int, ...]()
+        if widest is not None:
+            band, offsets = widest.size, widest.offsets
+            fast = min(map(len, widest.nodes))
+        size += len(rest)
+        return cls(jnp.asarray(unknown), tuple(penalties), size, band, fast, offsets)
 
 
 class _Linear(NamedTuple):
@@ -271,15 +250,15 @@ class _Problem(eqx.Module):
 
     def matrix(self) -> tuple[Arrow, Bool[Array, ""]]:
         """Return information + penalties, and whether that is all of it."""
-        grid, size = self.structure.grid, self.structure.size
-        n, fast = math.prod(grid) if grid else 0, grid[-1] if grid else 0
+        structure, size = self.structure, self.structure.size
+        n, fast = structure.band, structure.fast
         # Nodes that are three apart have no cell in common: they share a product.
-        places = np.indices(grid).reshape(len(grid), n)
-        colour = 3 ** np.arange(len(grid)) @ (places % 3)
-        colours = 3 ** len(grid) if n else 0
+        places = np.arange(n)
+        colour = 3 * (places // fast % 3) + places % fast % 3
+        colours = int(colour.max(initial=-1)) + 1
         test = np.cos(np.arange(size))
         probes = np.zeros((colours + size - n + 1, size))
-        probes[colour, np.arange(n)] = 1.0
+        probes[colour, places] = 1.0
         probes[colours:-1, n:] = np.eye(size - n)
         probes[-1] = test
         few = len(probes) * self.readings.size <= _TOGETHER
@@ -287,16 +266,13 @@ class _Problem(eqx.Module):
         each = jax.vmap(gram) if few else partial(jax.lax.map, gram)
         found = each(jnp.asarray(probes))
         columns, expected = found[:-1], found[-1]
-        steps = _STEPS[len(grid)]
         reach = [each.reach for _, each in self.penalties]
-        reach += [int(step @ [fast, 1][2 - len(grid) :]) for step in steps]
-        band = jnp.zeros((n, int(max(reach)) + 1))
-        for step in steps if n else ():
-            there = places + step[:, None]
-            inside = np.all((there >= 0) & (there < np.array(grid)[:, None]), axis=0)
-            low = np.flatnonzero(inside)
-            high = np.ravel_multi_index(tuple(there[:, inside]), grid)
-            band = band.at[low, high - low].set(columns[colour[low], high])
+        band = jnp.zeros((n, max([0, *reach, *structure.offsets]) + 1))
+        for away in structure.offsets:
+            low = places[: n - away]
+            # Neither round the end of a row of nodes.
+            low = low[np.abs(low % fast - (low + away) % fast) <= 1]
+            band = band.at[low, away].set(columns[colour[low], low + away])
         rows = columns[colours:]
         arrow = Arrow(band, rows[:, :n], rows[:, n:])
         local = jnp.max(jnp.abs(arrow @ jnp.asarray(test) - expected), initial=0.0)
@@ -344,11 +320,19 @@ def _tables(model: Any) -> Iterator[tuple[Any, Any]]:
     return ((path, leaf) for path, leaf in leaves if isinstance(leaf, kinds))
 
 
-def _axes(table: Any) -> dict[str, list[tuple[AbstractNodes, bool]]]:
-    """Return the nodes along each axis of each array of a table, and whether a ring."""
+def _first_array(path: Any, table: Any) -> str:
+    field = "pos" if isinstance(table, Leadscrew) else "values"
+    return ".".join(filter(None, [path_name(path), field]))
+
+
+def _effect(table: Any) -> TableEffect:
+    """Return a table as the estimator knows it: order of unknowns, cells, penalties."""
+    ways = (table.nodes1, table.nodes2) if isinstance(table, Plane) else (table.nodes,)
+    with jax.ensure_compile_time_eval():  # constants under jit, too
+        nodes = tuple(np.asarray(each.positions) for each in ways)
+    ring = isinstance(ways[0], ModuloNodes)
+    way = None
     if isinstance(table, Leadscrew):
         ring = table.modulo is not None and table.modulo is not False
-        fields = ["pos"] if table.neg is None else ["pos", "neg"]
-        return {field: [(table.nodes, ring)] for field in fields}
-    nodes = (table.nodes2, table.nodes1) if isinstance(table, Plane) else (table.nodes,)
-    return {"values": [(each, isinstance(each, ModuloNodes)) for each in nodes]}
+        way = None if table.neg is None else "way"
+    return TableEffect(nodes, ("1", "2")[: len(nodes)], way, ring)

@@ -10,13 +10,14 @@ def importer(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
 
     Args:
         package: Name of the package.
-        homes: Module inside of it, by public name.
+        homes: Module inside of it by public name, behind ``:`` its name there if another.
     """
 
     def find(name: str) -> Any:
         if name not in homes:
             msg = f"module {package!r} has no attribute {name!r}"
             raise AttributeError(msg)
-        return getattr(importlib.import_module(f".{homes[name]}", package), name)
+        module, _, own = homes[name].partition(":")
+        return getattr(importlib.import_module(f".{module}", package), own or name)
 
     return find

@@ -56,39 +56,22 @@ def plot_effect(one: "FittedEffect", name: str, axes: "Axes | None") -> "Axes":
 
         _, axes = plt.subplots(layout="constrained")
     model, spread = one.model, one.standard_deviation
+    mark, lines = "o-", list[tuple[Any, Any, Any, str]]()
     match model:
         case Leadscrew():
-            _line(
-                axes,
-                model.nodes.positions,
-                model.pos,
-                spread.pos,
-                "moving +",
-                _COLORS[0],
-            )
+            places = model.nodes.positions
+            lines.append((places, model.pos, spread.pos, "moving +"))
             if model.neg is not None:
-                _line(
-                    axes,
-                    model.nodes.positions,
-                    model.neg,
-                    spread.neg,
-                    "moving −",
-                    _COLORS[1],
-                )
-                axes.legend()
+                lines.append((places, model.neg, spread.neg, "moving −"))
             axes.set(xlabel="position of the axis", ylabel="error in mm or °")
         case Cross():
-            _line(
-                axes, model.nodes.positions, model.values, spread.values, "", _COLORS[0]
-            )
+            lines.append((model.nodes.positions, model.values, spread.values, ""))
             axes.set(xlabel="position of the master", ylabel="offset in mm or °")
         case Plane():
-            first, second = (
-                np.asarray(n.positions) for n in (model.nodes1, model.nodes2)
-            )
-            drawn = axes.pcolormesh(
-                first, second, np.asarray(model.values), cmap="RdBu_r"
-            )
+            nodes = [
+                np.asarray(each.positions) for each in (model.nodes1, model.nodes2)
+            ]
+            drawn = axes.pcolormesh(*nodes, np.asarray(model.values), cmap="RdBu_r")
             axes.figure.colorbar(drawn, ax=axes, label="offset in mm or °")
             axes.set(xlabel="position of master 1", ylabel="position of master 2")
         case AbstractFriction():
@@ -97,34 +80,23 @@ def plot_effect(one: "FittedEffect", name: str, axes: "Axes | None") -> "Axes":
             axes.set(xlabel="velocity in mm/s or °/s", ylabel="current")
         case _:
             values, sigma = _numbers(model), _numbers(spread)
-            sigma = np.where(np.isfinite(sigma), sigma, np.nan)
-            places = np.arange(values.size)
-            _line(
-                axes, places, values, np.resize(sigma, values.size), "", _COLORS[0], "o"
-            )
+            mark, sigma = "o", np.resize(sigma, values.size)
+            lines.append((np.arange(values.size), values, sigma, ""))
             axes.set(
                 xlabel="value, in the order of the model", ylabel="mm or °, or per °C"
             )
+    for color, (places, values, sigma, label) in zip(_COLORS, lines, strict=False):
+        # What no reading tells has no bar.
+        known = np.isfinite(np.asarray(sigma, float))
+        bars = np.where(known, 2.0 * np.asarray(sigma, float), 0.0)
+        axes.errorbar(
+            np.asarray(places), np.asarray(values), bars, fmt=mark, color=color,
+            label=label, markersize=3, capsize=2,
+        )  # fmt: skip
+    if len(lines) > 1:
+        axes.legend()
     axes.set_title(name)
     return axes
-
-
-def _line(
-    axes: "Axes",
-    places: Any,
-    values: Any,
-    spread: Any,
-    label: str,
-    color: str,
-    mark: str = "o-",
-) -> None:
-    sigma = np.asarray(spread, float)
-    # What no reading tells has no bar.
-    bars = np.where(np.isfinite(sigma), 2.0 * sigma, 0.0)
-    axes.errorbar(
-        np.asarray(places), np.asarray(values), bars, fmt=mark, color=color,
-        label=label, markersize=3, capsize=2,
-    )  # fmt: skip
 
 
 def plot_fit(effects: "Mapping[str, FittedEffect]") -> "tuple[Axes, ...]":

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ..data.measurements import find_role
+from ..data.measurements._units import LIBRARY_UNIT
 from ._job_text import job_text
 from ._readings import Friction
 from .core import FitError
@@ -15,17 +16,6 @@ from .fit.joint import AbstractEffect, Temperature
 
 if TYPE_CHECKING:
     from .job import JobResult
-
-_UNITS = {
-    "position": ("mm", "deg"),
-    "error": ("mm", "deg"),
-    "velocity": ("mm/s", "deg/s"),
-    "acceleration": ("mm/s2", "deg/s2"),
-    "time": ("s", "s"),
-    "temperature": ("degC", "degC"),
-    "current": ("A", "A"),
-}
-"""Unit of each kind of role, of linear and of other axes."""
 
 
 @final
@@ -57,6 +47,13 @@ class Stated:
         return next(k for k, one in enumerate(stack) if one is effect)
 
     @property
+    def active_kinds(self) -> tuple[str, ...]:
+        """Compensations of the effects that acted while measuring."""
+        pairs = zip(self.names, self.effects, strict=True)
+        kinds = (one.compensation for name, one in pairs if name in self.active)
+        return tuple(dict.fromkeys(kinds))
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """Axes that the effects or their inputs name."""
         found = [one.axis for one in self.effects]
@@ -84,6 +81,7 @@ def write_job(
         )
         raise FitError(msg)
     numbered = _numbered(stated, lists, axes)
+    _refuse_half_active(stated, numbered)
     folder.mkdir(parents=True, exist_ok=True)
     job: dict[str, Any] = {
         "axes": numbered,
@@ -131,6 +129,22 @@ def _numbered(
     return known
 
 
+def _refuse_half_active(stated: Stated, axes: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse what a job cannot say: a table on while measuring, and its like of a list off."""
+    from .exchange import load_model
+
+    for name, one in zip(stated.names, stated.effects, strict=True):
+        path, step = (axes[one.axis].get(key) for key in ("list", "increment"))
+        if name in stated.active or one.compensation not in stated.active_kinds:
+            continue
+        if path is not None and one.compensation in load_model(path, increment=step):
+            msg = (
+                f"write: found {name} in {path} and not active, expected it active as the "
+                f"other {one.compensation} was: a job says so of a whole measurement"
+            )
+            raise FitError(msg)
+
+
 def _measurement(
     stated: Stated, folder: Path, axes: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
@@ -147,26 +161,32 @@ def _measurement(
         role = find_role(text)
         assert role is not None  # `fit` has seen to it
         turns = axes.get(role.axis or "", {}).get("type", "linear") != "linear"
-        unit = _UNITS.get(role.kind)
-        columns[text] = {"column": text} | ({"unit": unit[turns]} if unit else {})
+        columns[text] = {"column": text}
+        if role.dimensions:
+            angles = [each for each in role.dimensions if each.startswith("ang")]
+            dimension = angles[0] if angles and turns else role.dimensions[0]
+            columns[text]["unit"] = LIBRARY_UNIT[dimension]
     table = {
         text: pa.array(values, from_pandas=True) for text, values in arrays.items()
     }
     pq.write_table(pa.table(table), folder / "readings.parquet")
-    kinds = [
-        one.compensation
-        for name, one in zip(stated.names, stated.effects, strict=True)
-        if name in stated.active
-    ]
     treated = {key: value for key, value in stated.treated.items() if value}
     if (place := treated.pop("datum", None)) is not None:
         treated["datum"] = {"at": list(place)}
-    own = {getattr(one, "reference_temperature", 20.0) for one in stated.effects}
-    if own != {20.0}:
-        treated["reference_temperature"] = float(max(own - {20.0}))
+    heated = [one for one in stated.effects if isinstance(one, Temperature)]
+    references = {float(one.reference_temperature) for one in heated}
+    if len(references) > 1:
+        found = " and ".join(f"{each:g}" for each in sorted(references))
+        msg = (
+            f"write: found reference temperatures of {found} °C, expected one: a job has one "
+            "per measurement"
+        )
+        raise FitError(msg)
+    if references - {20.0}:
+        treated["reference_temperature"] = references.pop()
     return {
         "file": "readings.parquet",
-        "active": list(dict.fromkeys(kinds)),
+        "active": list(stated.active_kinds),
         "columns": columns,
     } | treated
 

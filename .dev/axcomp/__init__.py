@@ -19,8 +19,9 @@ pays for what only a fit needs:
 * `axcomp.ident`: from measurement to list: fits, proofs, reports, jobs, command line.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from .ident._lazy import importer
 
 if TYPE_CHECKING:
     from .ident._fit_linear import fit_linear as fit_linear
@@ -64,22 +65,13 @@ _HOME = {
     "ident.fit.joint": (
         "Backlash", "Cross", "Crosstalk", "Leadscrew", "Plane", "Temperature",
     ),
-    "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write", "write_lists"),
+    "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write_lists"),
     "ident.volumetric": ("Geometry", "Points", "Volumetric", "fit_volumetric"),
 }  # fmt: skip
-_OTHERWISE = {"write": "write_lists"}
 _MODULES = {name: module for module, names in _HOME.items() for name in names}
+_MODULES["write"] = "ident.exchange:write_lists"
 
-
-def __getattr__(name: str) -> Any:
-    """Load a name of the library when it is first used."""
-    if name not in _MODULES:
-        msg = f"module 'axcomp' has no attribute {name!r}"
-        raise AttributeError(msg)
-    module = importlib.import_module(f".{_MODULES[name]}", __name__)
-    value = getattr(module, _OTHERWISE.get(name, name))
-    globals()[name] = value
-    return value
+__getattr__ = importer(__name__, _MODULES)
 
 
 def __dir__() -> list[str]:

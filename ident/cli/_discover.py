@@ -1,5 +1,6 @@
 """The command ``discover``: which compensations the measurements ask for."""
 
+import dataclasses
 import json
 import time
 from pathlib import Path
@@ -9,6 +10,7 @@ import typer
 
 from ...data.errors import UsageError
 from ..kinds import kind
+from ._said import tell
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,7 +70,7 @@ def discover(
             seen.data, tuple(loaded.spec.axes), source=str(job), progress=progress
         )
     for remark in seen.remarks:
-        console.print(f"info: {remark}", markup=False, soft_wrap=True)
+        tell(console, f"info: {remark}")
     if as_json:
         typer.echo(json.dumps(_json(found, seen.names), indent=2, ensure_ascii=False))
     else:
@@ -76,9 +78,7 @@ def discover(
     if write is not None and found.found:
         _write(console, write, loaded, seen, found)
     elif write is not None:
-        console.print(
-            f"Nothing to fit was found: {write} was not written.", markup=False
-        )
+        tell(console, f"Nothing to fit was found: {write} was not written.")
     if not found.told:
         raise typer.Exit(1)
 
@@ -94,15 +94,15 @@ def _write(
     from ..job import found_keys, job_with_fits, write_atomically
 
     write_atomically(write, job_with_fits(job, seen, found).encode())
-    console.print(f"Job with {_fits(len(found.found))}: {write}", markup=False)
+    count = len(found.found)
+    tell(console, f"Job with {'one fit' if count == 1 else f'{count} fits'}: {write}")
     for name, keys in found_keys(job, seen, found).items():
         for key, value in keys.items():
             does = f"states {key} = {json.dumps(value)}"
             if value is None:
                 does = f"leaves out {key}"
             why = _WHY["datum" if "datum" in keys and key == "remove" else key]
-            words = f"It {does} of measurement {name}: {why}"
-            console.print(words, markup=False, soft_wrap=True)
+            tell(console, f"It {does} of measurement {name}: {why}")
 
 
 _WHY = {
@@ -111,10 +111,6 @@ _WHY = {
     " whose zero is arbitrary.",
     "datum": "of fits that are identified together, none is zero at a place by itself.",
 }
-
-
-def _fits(count: int) -> str:
-    return "one fit" if count == 1 else f"{count} fits"
 
 
 def _refuse_place(job: Path, write: Path) -> None:
@@ -131,77 +127,15 @@ def _refuse_place(job: Path, write: Path) -> None:
 
 
 def _json(found: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
-    return {
-        "axes": [
-            {
-                "axis": one.axis,
-                "channel": one.channel,
-                "rows": one.rows,
-                "rms": one.rms,
-                "noise": one.noise,
-                "unit": one.unit,
-            }
-            for one in found.axes
-        ],
-        "found": [
-            {
-                "compensation": one.compensation,
-                "axis": one.axis,
-                "masters": list(one.masters),
-                "sensor": one.sensor,
-                "share": one.share,
-                "rms": one.rms,
-                "unit": one.unit,
-                "stability": one.stability,
-                "keys": dict(one.keys),
-                "group": one.group,
-                "sentence": one.sentence,
-            }
-            for one in found.found
-        ],
-        "rejected": [
-            {
-                "compensation": one.compensation,
-                "axis": one.axis,
-                "masters": list(one.masters),
-                "sensor": one.sensor,
-                "reason": one.reason,
-            }
-            for one in found.rejected
-        ],
-        "unexplained": [
-            {
-                "axis": one.axis,
-                "what": one.what,
-                "masters": list(one.masters),
-                "share": one.share,
-                "rms": one.rms,
-                "unit": one.unit,
-                "verdict": one.verdict,
-                "sentence": one.sentence,
-            }
-            for one in found.unexplained
-        ],
-        "drifts": [
-            {
-                "axis": one.axis,
-                "measurement": names[one.source],
-                "pieces": one.pieces,
-                "rms": one.rms,
-                "unit": one.unit,
-                "sentence": one.sentence,
-            }
-            for one in found.drifts
-        ],
-    }
+    tree = dataclasses.asdict(found)
+    for drift in tree["drifts"]:
+        drift["measurement"] = names[drift.pop("source")]
+    return tree
 
 
 def _print(console: "Console", found: "Discovery") -> None:
     """Print what a person wants to know: what to compensate, by how much, what stays."""
     from rich.table import Table
-
-    def tell(line: str) -> None:
-        console.print(line, markup=False, soft_wrap=True)
 
     for axis in found.axes:
         mine = [
@@ -214,48 +148,38 @@ def _print(console: "Console", found: "Discovery") -> None:
             f"{axis.channel} of {axis.axis}: {_amount(axis.rms, axis.unit)} rms in"
             f" {axis.rows} readings, {_amount(axis.noise, axis.unit)} of it scatter"
         )
-        table = Table()
-        for words in ("compensation", "over", "sensor"):
-            table.add_column(words)
+        tell(console, title if mine else f"{title}: no compensation found")
+        table = Table("compensation", "over", "sensor")
         for words in ("rms", "share", "stability"):
             table.add_column(words, justify="right")
         for one in mine:
             table.add_row(
                 one.compensation,
                 ", ".join(one.masters) or "–",
-                one.sensor or _sensors(one.keys) or "–",
+                ", ".join(one.sensors) or "–",
                 _amount(one.rms, one.unit),
                 f"{one.share:.1%}",
                 f"{one.stability:.0%}",
             )
-        tell(title if mine else f"{title}: no compensation found")
         if mine:
             console.print(table)
         for one in mine:
-            tell(one.sentence)
+            tell(console, one.sentence)
         for drift in found.drifts:
             if drift.axis == axis.axis and axis.channel == "error":
-                tell(drift.sentence)
+                tell(console, drift.sentence)
         console.print()
     if found.unexplained:
-        tell("Unexplained:")
+        tell(console, "Unexplained:")
     for rest in found.unexplained:
-        said = f"{rest.verdict[0].upper()}{rest.verdict[1:]}: "
-        tell(f"  {rest.verdict}: {rest.sentence.removeprefix(said)}")
+        verdict = f"{rest.verdict[0].upper()}{rest.verdict[1:]}: "
+        tell(console, f"  {rest.verdict}: {rest.sentence.removeprefix(verdict)}")
     if found.rejected:
-        tell("Looked for and not taken:")
+        tell(console, "Looked for and not taken:")
     for no in found.rejected:
         by = [*no.masters, *([no.sensor] if no.sensor else [])]
         over = f" ({', '.join(by)})" if by else ""
-        name = f"{no.compensation} of {no.axis}{over}"
-        tell(f"  {name}: {no.reason}")
-
-
-def _sensors(keys: object) -> str:
-    sensors = keys.get("sensors") if isinstance(keys, dict) else None
-    if not isinstance(sensors, dict):
-        return ""
-    return ", ".join(dict.fromkeys(map(str, sensors.values())))
+        tell(console, f"  {no.compensation} of {no.axis}{over}: {no.reason}")
 
 
 def _amount(value: float, unit: str) -> str:

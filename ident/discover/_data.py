@@ -89,36 +89,53 @@ def stack(parts: Iterable[Observed]) -> Observed:
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class Found:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What an error (or a current) shows.
+
+    Attributes:
+        axis: Whose error (or current) shows it.
+        masters: Other axes that it depends on; of crosstalk first the one that
+            accelerates, then those whose positions adapt it.
+        rms: Contribution in mm, ° or the unit of the current.
+        share: Of the mean square of the error (or the current), 0 to 1.
+        unit: Of `rms`.
+        sentence: In words.
+    """
+
+    axis: str
+    masters: tuple[str, ...]
+    rms: float
+    share: float
+    unit: str
+    sentence: str
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Found(Finding):
     """A compensation that the measurements ask for.
 
     Attributes:
         compensation: As the job file calls it.
-        axis: Axis to compensate.
-        masters: Other axes that it depends on; of crosstalk first the one that
-            accelerates, then those whose positions adapt it.
         sensor: Temperature that it follows; None where there is none, or two.
-        share: Of the mean square of the error (or of the current), 0 to 1.
-        rms: Contribution in mm, ° or the unit of the current.
         stability: Share of the resamples in which it was selected.
-        unit: Of `rms`.
         keys: What the job file says of it beyond axis and measurement.
         group: Name of the fits that overlap with it, or None.
-        sentence: In words.
     """
 
     compensation: str
-    axis: str
-    masters: tuple[str, ...]
     sensor: str | None
-    share: float
-    rms: float
     stability: float
-    unit: str
     keys: Mapping[str, object]
     group: str | None
-    sentence: str
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Temperatures that it follows."""
+        both = self.keys.get("sensors")
+        if isinstance(both, Mapping):
+            return tuple(dict.fromkeys(map(str, both.values())))
+        return () if self.sensor is None else (self.sensor,)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,29 +149,17 @@ class Rejected:
     reason: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Unexplained:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Unexplained(Finding):
     """Structure that no compensation takes away, or that several could.
 
     Attributes:
-        axis: Whose error (or current) shows it.
         what: Short name.
-        masters: Other axes that it depends on.
-        rms: Its size in mm, ° or the unit of the current.
-        share: Of the mean square of the error (or the current), 0 to 1.
-        unit: Of `rms`.
         verdict: Why it stays.
-        sentence: In words.
     """
 
-    axis: str
     what: str
-    masters: tuple[str, ...]
-    rms: float
-    share: float
-    unit: str
     verdict: Verdict
-    sentence: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -216,6 +221,17 @@ class Discovery:
     rejected: tuple[Rejected, ...] = ()
     unexplained: tuple[Unexplained, ...] = ()
     drifts: tuple[Drift, ...] = ()
+
+    @classmethod
+    def of(cls, parts: "Sequence[Discovery]") -> "Discovery":
+        """Return the findings of several axes and drives one after the other."""
+        fields = [field.name for field in dataclasses.fields(cls)]
+        return cls(
+            *(
+                tuple(one for part in parts for one in getattr(part, name))
+                for name in fields
+            )
+        )
 
     @property
     def told(self) -> bool:

@@ -1,7 +1,6 @@
 """Which compensations a machine asks for, axis by axis and drive by drive."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool
@@ -26,11 +25,10 @@ from ._left import (
     ripples,
     sensors_alike,
     stays,
-    structure_left,
 )
 from ._select import Selection, choose_heat, select_terms
-from ._terms import HEAT, Kind, Need, Term, compose
-from ._view import candidates_of, friction_terms, late_terms, view_of
+from ._terms import HEAT, PUSHES, Kind, Need, Term, compose
+from ._view import Channel, candidates_of, late_terms, view_of
 
 _LEAST = 20
 """Readings of an axis, below which nothing can be told from chance."""
@@ -41,8 +39,6 @@ _WORTH_WORDS = 0.5
 left of a delay that was taken off."""
 _ALIKE = 0.9
 """Share of a drift that a temperature follows, from which on it is no sign of the latter."""
-_SINGLE = ("temperature", "leadscrew", "backlash", "plane")
-"""Compensations that an axis has once: where one is found, others of it are not spoken of."""
 _SLOW = 2e-3
 """Share of the fastest speed below which friction is not kinetic."""
 _MOVING = 200
@@ -73,8 +69,8 @@ def discover(
     Raises:
         DiscoverError: If there is no error and no current of any axis, or too little.
     """
-    channels: tuple[Literal["error", "current"], ...] = ("error", "current")
-    counts = {
+    channels: tuple[Channel, ...] = ("error", "current")
+    counts: dict[tuple[Channel, str], int] = {
         (channel, axis): int(np.isfinite(getattr(observed, channel)[axis]).sum())
         for channel in channels
         for axis in axes
@@ -91,30 +87,25 @@ def discover(
                 raise DiscoverError(source, found, f"at least {_LEAST}")
             if count and progress is not None:
                 progress(f"examining the {channel} of {axis}")
-            if count and channel == "error":
-                parts.append(examine_axis(observed, axis, axes))
-            elif count:
-                parts.append(examine_drive(observed, axis))
-    return Discovery(
-        tuple(one for part in parts for one in part.axes),
-        tuple(one for part in parts for one in part.found),
-        tuple(one for part in parts for one in part.rejected),
-        tuple(one for part in parts for one in part.unexplained),
-        tuple(one for part in parts for one in part.drifts),
-    )
+            if count:
+                parts.append(examine(observed, channel, axis, axes))
+    return Discovery.of(parts)
 
 
-def _summary(found: Selection, rows: Bool[np.ndarray, " t"]) -> AxisSummary:
-    view, rms = found.view, float(np.sqrt(found.square))
-    return AxisSummary(
-        view.axis, view.channel, int(rows.sum()), rms, found.noise, view.unit
-    )
-
-
-def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discovery:
-    """Return which compensations the measured error of an axis, one of all, asks for."""
-    kept = np.isfinite(observed.error[axis])
-    view = view_of(observed, axis, kept)
+def examine(
+    observed: Observed,
+    channel: Channel,
+    axis: str,
+    axes: tuple[str, ...],
+) -> Discovery:
+    """Return which compensations the error, or the current, of an axis, one of all, asks for."""
+    kept: Bool[np.ndarray, " t"] | str = np.isfinite(getattr(observed, channel)[axis])
+    if channel == "current":
+        kept = _moving_rows(observed, axis)
+    if isinstance(kept, str):
+        why = f"could not be looked for: {kept}"
+        return Discovery((), rejected=(Rejected("friction", axis, (), None, why),))
+    view = view_of(observed, axis, kept, channel)
     terms, heat, absent = candidates_of(view, axes)
     columns = Columns(view)
     if heat:
@@ -138,7 +129,7 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discov
         why = "no more than a drift of the instrument, which changes alike"
         rejected += [Rejected("temperature", axis, (), n.sensor, why) for n in warm]
     sure = [need for need in needs if need not in doubtful]
-    wanders, periods = tuple(drifts(found)), list(ripples(found))
+    wanders = tuple(drifts(found))
     # A fit of a group knows of the drift, even if it is the only one.
     group = axis if len(sure) > 1 or wanders else None
     named = sorted(
@@ -149,10 +140,13 @@ def examine_axis(observed: Observed, axis: str, axes: tuple[str, ...]) -> Discov
         rms, share = found.size_of(need.terms)
         if need.compensation is None and rms > _WORTH_WORDS * found.noise:
             text = f"{need.words.removesuffix('.')} ({amount(found, rms)} rms)."
-            what = need.terms[0].words
+            if need.lead.kind is Kind.VISCOUS_WAY:
+                text += _steeper(found, need.lead)
+            what = need.lead.words
             unexplained.append(stays(found, what, need.masters, rms, text, share))
-    unexplained += [*periods, *structure_left(found, periods)]
-    summary = _summary(found, kept)
+    unexplained += ripples(found)
+    size = float(np.sqrt(found.square))
+    summary = AxisSummary(axis, channel, int(kept.sum()), size, found.noise, view.unit)
     return Discovery(
         (summary,), tuple(named), tuple(rejected), tuple(unexplained), wanders
     )
@@ -163,14 +157,14 @@ def _found(found: Selection, need: Need, group: str | None) -> Found:
     name, axis = str(need.compensation), found.view.axis
     rms, share = found.size_of(need.terms)
     over = f" over {' and '.join(need.masters)}" if need.masters else ""
-    if name == "crosstalk":
+    if need.lead.kind in PUSHES:
         over = f" from {need.masters[0]}"
     sentence = f"{name} of {axis}{over}: {amount(found, rms)} rms,"
-    sentence += f" {share:.0%} of the error. {need.words}"
+    sentence += f" {share:.0%} of the {found.view.channel}. {need.words}"
     return Found(
-        name, axis, need.masters, need.sensor, share, rms,
-        found.stability_of(need.terms), found.view.unit, dict(need.keys), group,
-        sentence.strip(),
+        axis=axis, masters=need.masters, rms=rms, share=share, unit=found.view.unit,
+        sentence=sentence.strip(), compensation=name, sensor=need.sensor,
+        stability=found.stability_of(need.terms), keys=dict(need.keys), group=group,
     )  # fmt: skip
 
 
@@ -187,9 +181,9 @@ def _doubts(
         return stays(found, what, masters, rms, text, verdict="the data cannot tell")
 
     for need, others in confusion.others.items():
-        names = [need.terms[0].words, *(each.words for each in others)]
+        names = [need.lead.words, *(each.words for each in others)]
         lines = [each for each in others if each.kind is Kind.LINE]
-        if need.compensation == "plane" and lines:
+        if "masters" in need.keys and lines:
             # A plane gives way to the lines that suffice.
             inside = [term for term in need.terms if term.kind is Kind.LINE]
             names = [term.words for term in dict.fromkeys([*inside, *lines])]
@@ -208,13 +202,18 @@ def _doubts(
             remedy = f"{' and '.join(alike)} changed alike; measure once while they do"
             rms, _ = found.size_of(need.terms)
             yield need, cannot_tell(names, (), rms, f"{remedy} not, as after a pause.")
+    if found.view.channel == "current":
+        law = needs[0] if needs else None
+        for what, remedy in _untold_friction(found, law is not None):
+            rms = max((found.size_of([term])[0] for term in found.terms), default=0.0)
+            yield law, cannot_tell([what], (), rms, remedy)
 
 
 def _remedy(need: Need, others: Sequence[Term]) -> str:
-    axis = need.terms[0].axis
+    axis = need.lead.axis
     if Kind.SPEED in {each.kind for each in others}:
         return f"Measure {axis} at another feed too, or at standstill."
-    if need.compensation == "temperature" or others[0].kind in HEAT:
+    if need.lead.kind in HEAT or others[0].kind in HEAT:
         return "Measure once more at another temperature, in another order of places."
     axes = {*(need.masters or (axis,)), *others[0].masters}
     names = " and ".join(sorted(axes))
@@ -228,7 +227,7 @@ def _rejected(
 ) -> Iterator[Rejected]:
     """Yield the compensations that are not there, and why each is not."""
     axis, names = found.view.axis, {need.compensation for need in needs}
-    pushing = {need.masters[0] for need in needs if need.compensation == "crosstalk"}
+    pushing = {need.masters[0] for need in needs if need.lead.kind in PUSHES}
     held = {term for need in needs for term in need.terms}
     held |= {term for others in confusion.others.values() for term in others}
     often = dict(zip(found.design.terms, found.frequency.tolist(), strict=True))
@@ -237,11 +236,12 @@ def _rejected(
     reasons: dict[tuple[str, tuple[str, ...], str | None], str] = {}
     for term in found.looked:
         name, share = term.facts.compensation, often.get(term, 0.0)
-        if name is None or term in held or (name in _SINGLE and name in names):
+        # What an axis has once, whatever it is over, is spoken of once.
+        if name is None or term in held or (len(term.masters) != 1 and name in names):
             continue
-        if name == "crosstalk" and term.masters[0] in pushing:
+        if term.kind in PUSHES and term.masters[0] in pushing:
             continue
-        reason = "nothing of it in the error"
+        reason = f"nothing of it in the {found.view.channel}"
         if likely and term in confusion.heat:
             reason = "a drift of the instrument explains the same"
         elif term in confusion.hidden:
@@ -255,39 +255,6 @@ def _rejected(
         yield Rejected(name, axis, masters, sensor, reason)
 
 
-def examine_drive(observed: Observed, axis: str) -> Discovery:
-    """Return which laws of friction the measured current of an axis shows."""
-    rows = _moving_rows(observed, axis)
-    if isinstance(rows, str):
-        why = f"could not be looked for: {rows}"
-        return Discovery((), rejected=(Rejected("friction", axis, (), None, why),))
-    columns = Columns(view_of(observed, axis, rows, "current"))
-    chosen = select_terms(columns, friction_terms(columns.view))
-    law = [term for term in chosen.terms if term.facts.compensation == "friction"]
-    unexplained = list(_untold_friction(chosen, bool(law)))
-    found: tuple[Found, ...] = ()
-    if law and not unexplained:
-        rms, share = chosen.size_of(law)
-        sentence = (
-            f"friction of {axis}: {', '.join(term.words for term in law)};"
-            f" {rms:.3g} rms, {share:.0%} of the current."
-        )
-        stability = chosen.stability_of(law)
-        found = (
-            Found("friction", axis, (), None, share, rms, stability, "", {}, None, sentence),
-        )  # fmt: skip
-    for term in chosen.terms:
-        if term.facts.why:
-            rms, share = chosen.size_of([term])
-            steeper = _steeper(chosen, term) if term.kind is Kind.VISCOUS_WAY else ""
-            text = f"{term.start}{steeper}: {term.facts.why}"
-            unexplained.append(stays(chosen, term.words, (), rms, text, share))
-    nothing = Rejected("friction", axis, (), None, "nothing of it in the current")
-    return Discovery(
-        (_summary(chosen, rows),), found, () if law else (nothing,), tuple(unexplained)
-    )
-
-
 def _steeper(chosen: Selection, term: Term) -> str:
     """Return by how much one direction is steeper, the laws of all velocities beside it."""
     blocks = [chosen.columns.of(each) for each in chosen.terms if each is not term]
@@ -298,7 +265,7 @@ def _steeper(chosen: Selection, term: Term) -> str:
     size = float(np.sqrt(np.mean(data.velocity[term.axis] ** 2)))
     slope = float(fit.coefficients[0]) / size
     way = "forwards" if slope > 0 else "backwards"
-    return f", steeper {way} by {2.0 * abs(slope):.3g} per unit of velocity"
+    return f" It is steeper {way} by {2.0 * abs(slope):.3g} per unit of velocity."
 
 
 def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
@@ -317,22 +284,16 @@ def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
     return np.asarray(rows)
 
 
-def _untold_friction(chosen: Selection, law: bool) -> Iterator[Unexplained]:
-    """Yield what the motion of a drive cannot tell apart."""
-    axis = chosen.view.axis
-    velocity = chosen.view.data.velocity[axis]
+def _untold_friction(found: Selection, law: bool) -> Iterator[tuple[str, str]]:
+    """Yield what the motion of a drive cannot tell apart, and what to record."""
+    axis, velocity = found.view.axis, found.view.data.velocity[found.view.axis]
     speeds = np.abs(velocity)
     cruise = speeds[speeds > 0.5 * speeds.max()]
     one_speed = np.mean(speeds > 0.9 * speeds.max()) > 0.97
     if len(np.unique(np.sign(velocity))) < 2:
-        what = f"friction or constant load of {axis}"
-        why = "which moves in one direction only. Record both."
+        remedy = f"{axis} moves in one direction only. Record both."
+        yield f"friction or constant load of {axis}", remedy
     elif law and one_speed and np.std(cruise) < _EVEN * np.mean(cruise):
-        what = f"Coulomb or viscous friction of {axis}"
-        why = f"which moves at {np.mean(cruise):.3g}/s only. Record other speeds too."
-    else:
-        return
-    sizes = [chosen.size_of([term]) for term in chosen.terms]
-    rms, share = (max((each[k] for each in sizes), default=0.0) for k in (0, 1))
-    text = f"The data cannot tell: {what}, {why}"
-    yield stays(chosen, what, (), rms, text, share, "the data cannot tell")
+        speed = float(np.mean(cruise))
+        remedy = f"{axis} moves at {speed:.3g}/s only. Record other speeds too."
+        yield f"Coulomb or viscous friction of {axis}", remedy

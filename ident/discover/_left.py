@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ._columns import Design, followed, slow_functions, smooth
 from ._data import Drift, Unexplained, Verdict
-from ._evidence import Groups, robust_groups, scatter_of, weights_about
+from ._evidence import Groups, robust_groups, weights_about
 from ._select import BEYOND_CHANCE, Selection
 from ._terms import HEAT, PUSHES, Kind, Need, Term
 from ._view import some_of
@@ -58,10 +58,6 @@ _FINEST = 0.25
 """Cycles per bin up to which a period is looked for."""
 _MOST_NODES = 1000
 """Entries of a table over one position that every build has."""
-_STRUCTURE = 1.15
-"""Scatter, relative to that of neighbouring readings, at which something is left."""
-_ENOUGH, _PAIRS = 1000, 300
-"""Readings, and neighbours among them, from which on that is told."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,14 +165,16 @@ def look_for_confusion(
     found: Selection, needs: Sequence[Need], heat: Sequence[Term]
 ) -> Confusion:
     """Return what would replace the compensations that were found, or may be a drift."""
-    others, hidden = _substitutes(found, needs) if needs else ({}, [])
+    others, hidden = dict[Need, list[Term]](), list[Term]()
+    if needs and found.view.channel == "error":
+        others, hidden = _substitutes(found, needs)
     columns = found.columns
     if not heat or not columns.drift.shape[1]:
         return Confusion(others, hidden)
     shifts = [term for term in heat if term.kind is Kind.HEAT_OFFSET]
     # Where no temperature was found, the offset that changes most like the drift.
     like = max(shifts, key=lambda each: followed(found.drift, columns.of(each)))
-    warm = [each.terms for each in needs if each.compensation == "temperature"]
+    warm = [each.terms for each in needs if each.lead.kind in HEAT]
     terms = warm[0] if warm else (like,)
     rest = [found.part(term) for term in found.terms if term not in terms]
     drift = against_drift(
@@ -232,7 +230,7 @@ def _changing(term: Term) -> Term:
 
 def _contained(need: Need, other: Term) -> bool:
     """Return whether the other is only a richer form, or another sensor, of the same."""
-    if need.compensation == "temperature" and other.kind in HEAT:
+    if need.lead.kind in HEAT and other.kind in HEAT:
         return True
     count = 1 if other.kind in PUSHES else 2
     return any(
@@ -258,7 +256,9 @@ def sensors_alike(found: Selection, need: Need) -> list[str]:
 
 
 def amount(found: Selection, rms: float) -> str:
-    """Return a length or angle as a person writes it."""
+    """Return a length, an angle or a current as a person writes it."""
+    if found.view.channel == "current":
+        return f"{rms:.3g}"
     return f"{1e3 * rms:.2g} {'µm' if found.view.unit == 'mm' else 'm°'}"
 
 
@@ -274,7 +274,10 @@ def stays(
     """Return what stays: no compensation holds it, or several could."""
     view, axes = found.view, tuple(dict.fromkeys(masters))
     part = min(rms**2 / found.square, 1.0) if share is None else share
-    return Unexplained(view.axis, what, axes, rms, part, view.unit, verdict, sentence)
+    return Unexplained(
+        axis=view.axis, masters=axes, rms=rms, share=part, unit=view.unit,
+        sentence=sentence, what=what, verdict=verdict,
+    )  # fmt: skip
 
 
 def drifts(found: Selection) -> Iterator[Drift]:
@@ -317,7 +320,8 @@ def drifts(found: Selection) -> Iterator[Drift]:
 def ripples(found: Selection) -> Iterator[Unexplained]:
     """Yield the strongest periodic error over each position that a table is too coarse for."""
     view = found.view
-    for master, (low, high) in view.span.items():
+    spans = view.span.items() if view.channel == "error" else ()
+    for master, (low, high) in spans:
         turns, amplitude = _ripple(found, master)
         if not turns:
             continue
@@ -326,7 +330,7 @@ def ripples(found: Selection) -> Iterator[Unexplained]:
         nodes = int(np.ceil(6.0 * turns)) + 1
         remedy = f"more than the {_MOST_NODES} that a list has by default."
         if nodes <= _MOST_NODES:
-            kind = "leadscrew" if own else "cross"
+            kind = (Kind.OWN if own else Kind.LINE).value.compensation
             remedy = f"so a {kind} table of that many would hold it."
         rms = amplitude / float(np.sqrt(2.0))
         sentence = (
@@ -368,26 +372,3 @@ def _ripple(found: Selection, axis: str) -> tuple[float, float]:
     if amplitude / np.sqrt(2.0) < found.least or agreement < 0.25 * amplitude**2:
         return none
     return at / _PADDED, amplitude
-
-
-def structure_left(
-    found: Selection, periods: Sequence[Unexplained]
-) -> Iterator[Unexplained]:
-    """Yield what is left beyond the scatter of neighbours, unless it is slight."""
-    view = found.view
-    if view.data.time is None or len(view.error) < _ENOUGH:
-        return
-    step, same = np.diff(view.data.clock), np.diff(view.data.source) == 0
-    near = same & (step <= np.median(step[same]))
-    apart = np.diff(found.residual)[near]
-    if len(apart) < _PAIRS:
-        return
-    white = scatter_of(apart) / float(np.sqrt(2.0))
-    known = sum(each.rms**2 for each in periods)
-    extra = float(np.sqrt(max(found.noise**2 - white**2 - known, 0.0)))
-    if np.hypot(white, extra) >= _STRUCTURE * white and extra >= 3.0 * found.least:
-        text = (
-            f"Another {amount(found, extra)} rms of the error of {view.axis} is no"
-            " scatter of single readings, and nothing that was recorded explains it."
-        )
-        yield stays(found, f"rest of the error of {view.axis}", (), extra, text)

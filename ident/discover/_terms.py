@@ -21,7 +21,7 @@ class Facts:
             it is of (the axis, the sensor, the first master, …) and how many functions there
             are at most, one where nothing is said.
         compensation: As the job file calls it; None where the controller has none.
-        why: What is to be said where the controller has none, or a list cannot hold it.
+        why: What follows its name where the controller has none, or a list cannot hold it.
         part: Of what it is a term; ``late``: of an error in which others were found.
     """
 
@@ -81,47 +81,47 @@ class Kind(enum.Enum):
     SPEED = Facts(
         "error of {axis} that follows its velocity",
         "speed axis x aging axis 2",
-        why="as a delay between instrument and encoder does: following error and delay are"
+        why=", as a delay between instrument and encoder does: following error and delay are"
         " never compensated. Align the clocks, or measure at standstill.",
     )
     PULL = Facts(
         "error of {axis} that follows its own acceleration",
         "pull axis",
-        why="as a yielding drive does: crosstalk needs another axis as master.",
+        why=", as a yielding drive does: crosstalk needs another axis as master.",
     )
     MEMORY = Facts(
         "error of {axis} that builds up after its reversal",
         "way axis x memory axis 3",
-        why="like a spring that winds up: hysteresis with memory, where the controller"
+        why=", like a spring that winds up: hysteresis with memory, where the controller"
         " knows the direction only.",
     )
     SPEED_OTHER = Facts(
         "error of {axis} that follows the velocity of {first}",
         "speed first",
-        why="and the controller has no compensation over a velocity.",
+        why=", and the controller has no compensation over a velocity.",
     )
     REVERSAL_OTHER = Facts(
         "jump of {axis} where {first} reverses",
         "way first",
-        why="and backlash follows the direction of its own axis only.",
+        why=", and backlash follows the direction of its own axis only.",
     )
     OWN_LINE = Facts(
         "error of {axis} over {axis} that changes with {first}",
         "line axis 6 x line first 6",
-        why="and a plane cannot have the compensated axis as a master.",
+        why=", and a plane cannot have the compensated axis as a master.",
     )
     GROWTH = Facts(
         "error of {axis} over {axis} that grows with time",
         "middle axis x time axis",
         part="late",
-        why="as heat makes it: no recorded temperature follows it. Record the temperature"
+        why=", as heat makes it: no recorded temperature follows it. Record the temperature"
         " of scale and screw.",
     )
     HEAT_LINE = Facts(
         "error of {axis} over {first} that grows with {sensor}",
         "middle first x heat sensor",
         part="late",
-        why="and temperature compensation is along the own axis only.",
+        why=", and temperature compensation is along the own axis only.",
     )
     INERTIA = Facts("inertia of {axis}", "pull axis", part="current")
     COULOMB = Facts("Coulomb", "sign axis", "friction", part="current")
@@ -130,25 +130,25 @@ class Kind(enum.Enum):
     VISCOUS_WAY = Facts(
         "direction-dependent viscous friction of {axis}",
         "magnitude axis",
-        why="a friction list has one curve for both directions.",
+        why=": a friction list has one curve for both directions.",
         part="current",
     )
     LOAD_PLACE = Facts(
         "position-dependent load of {axis}",
         "line axis 12",
         part="current",
-        why="weight or cogging is no friction, and a list has no position.",
+        why=": weight or cogging is no friction, and a list has no position.",
     )
     COULOMB_PLACE = Facts(
         "position-dependent friction of {axis}",
         "sign axis x line axis 12",
-        why="a friction list knows the velocity only.",
+        why=": a friction list knows the velocity only.",
         part="current",
     )
     COULOMB_HEAT = Facts(
         "friction of {axis} that changes with {sensor}",
         "sign axis x heat sensor",
-        why="a friction list knows the velocity only. Record it warm.",
+        why=": a friction list knows the velocity only. Record it warm.",
         part="current",
     )
     STRIBECK = Facts("Stribeck", "sign axis x slow axis 4", "friction", part="current")
@@ -223,6 +223,11 @@ class Need:
     keys: Mapping[str, object] = dataclasses.field(default_factory=dict)
     words: str = ""
 
+    @property
+    def lead(self) -> Term:
+        """The first of its terms, which says of what kind it is."""
+        return self.terms[0]
+
 
 def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[Need]:
     """Return the fewest compensations that hold terms of these sizes, and what none holds.
@@ -234,7 +239,8 @@ def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[
         *_over_others(sizes, turning),
         *_by_heat(sizes),
         *_by_pushes(sizes),
-        *(_none(term, f", {term.facts.why}") for term in sizes if term.facts.why),
+        *_by_friction(sizes),
+        *(_none(term, term.facts.why) for term in sizes if term.facts.why),
     ]
 
 
@@ -337,3 +343,9 @@ def _by_pushes(sizes: Mapping[Term, float]) -> Iterator[Need]:
         if any(term.kind is Kind.PUSH_WAY for term in mine):
             keys["velocity_dependent"] = True
         yield Need("crosstalk", mine, (master, *adaptation), None, keys, f"{words}.")
+
+
+def _by_friction(sizes: Mapping[Term, float]) -> Iterator[Need]:
+    law = tuple(t for t in sizes if t.facts.part == "current" and t.facts.compensation)
+    if law:
+        yield Need("friction", law, words=f"{', '.join(t.words for t in law)}.")

@@ -12,6 +12,8 @@ from jaxtyping import Bool, Float, Int
 from ._data import Observed, Rejected
 from ._terms import HEAT, Kind, Term
 
+Channel = Literal["error", "current"]
+"""What of an axis is looked at."""
 _MOST = 16_000
 """Rows that are looked at; more show nothing new of terms worth compensating."""
 _STILL = 1e-6
@@ -42,7 +44,7 @@ class AxisView:
     """
 
     axis: str
-    channel: Literal["error", "current"]
+    channel: Channel
     data: Observed
     distance: Float[np.ndarray, " t"]
 
@@ -140,7 +142,7 @@ def view_of(
     observed: Observed,
     axis: str,
     kept: Bool[np.ndarray, " t"],
-    channel: Literal["error", "current"] = "error",
+    channel: Channel = "error",
 ) -> AxisView:
     """Return the kept readings of one axis, in the order of their measuring."""
     known = np.flatnonzero(kept)
@@ -195,6 +197,9 @@ def candidates_of(
         which one sensor and lag is chosen each; compensations that cannot be looked for.
     """
     axis, terms, absent = view.axis, list[Term](), list[Rejected]()
+    if view.channel == "current":
+        tried = _tried(view, "current", [])
+        return [term for term in tried if not _lacking(view, term)], [], []
 
     def miss(name: str | None, masters: tuple[str, ...], why: str) -> None:
         if name is not None:
@@ -215,11 +220,6 @@ def candidates_of(
         why = "changed" if view.data.temperature else "was recorded"
         miss("temperature", (), f"no temperature {why}")
     return terms, heat, absent
-
-
-def friction_terms(view: AxisView) -> list[Term]:
-    """Return what the current of a drive may be made of."""
-    return [term for term in _tried(view, "current", []) if not _lacking(view, term)]
 
 
 def _tried(view: AxisView, part: str, others: Sequence[str]) -> Iterator[Term]:
@@ -307,6 +307,8 @@ def late_terms(
     across the axis.
     """
     axis = view.axis
+    if view.channel == "current":
+        return
     adapted = [term.masters[0] for term in chosen if term.kind is Kind.PUSH_PLACE]
     for master in dict.fromkeys(adapted):
         for pair in itertools.combinations(view.span, 2):

@@ -26,22 +26,14 @@ if TYPE_CHECKING:
         verify_snapshot as verify_snapshot,
     )
 
+_HOMES = {
+    "_export": ("ExternalFiles", "Placed", "export_external"),
+    "_extremes": ("Extremes", "extremes"),
+    "_sources": ("ListSource", "list_source"),
+    "_trace": ("OffsetLaw", "UntraceableError"),
+    "_verify": ("Snapshot", "read_snapshot", "verify_external", "verify_snapshot"),
+}
 # `axcomp verify` needs no code generator.
 __getattr__ = importer(
-    __name__,
-    {
-        "ExternalFiles": "_export",
-        "Extremes": "_extremes",
-        "ListSource": "_sources",
-        "OffsetLaw": "_trace",
-        "Placed": "_export",
-        "Snapshot": "_verify",
-        "UntraceableError": "_trace",
-        "export_external": "_export",
-        "extremes": "_extremes",
-        "list_source": "_sources",
-        "read_snapshot": "_verify",
-        "verify_external": "_verify",
-        "verify_snapshot": "_verify",
-    },
+    __name__, {name: module for module, names in _HOMES.items() for name in names}
 )

@@ -1,6 +1,5 @@
 """Operations of JAX on numbers as operations of CasADi."""
 
-import functools
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -19,84 +18,59 @@ REDUCTIONS: Mapping[str, Operation] = {
     "reduce_or": ca.logic_or,
 }
 
-MOVES: Mapping[str, Sequence[int] | None] = {
-    "reshape": (0,),
-    "squeeze": (0,),
-    "expand_dims": (0,),
-    "broadcast_in_dim": (0,),
-    "transpose": (0,),
-    "slice": (0,),
-    "split": (0,),
-    "unstack": (0,),
-    "rev": (0,),
-    "gather": (0,),
-    "dynamic_slice": (0,),
+MOVES: Mapping[str, Sequence[int]] = {
+    **dict.fromkeys(("reshape", "squeeze", "expand_dims", "broadcast_in_dim"), (0,)),
+    **dict.fromkeys(("transpose", "slice", "split", "unstack", "rev"), (0,)),
+    **dict.fromkeys(("gather", "dynamic_slice"), (0,)),
+    **dict.fromkeys(("concatenate", "stack"), ()),
     "pad": (0, 1),
     "scatter": (0, 2),
-    "concatenate": None,
-    "stack": None,
 }
-"""What only moves elements: which of its inputs hold them (None: all), and not where to."""
+"""What only moves elements: which of its inputs hold them (none named: all), not where to."""
 
+_SAME = (
+    "sign floor ceil sqrt exp expm1 log log1p sin cos tan asin acos atan atan2 sinh cosh tanh"
+    " eq ne lt le gt ge"
+)
+"""What both call alike."""
 _PLAIN: Mapping[str, Operation] = {
+    **{name: getattr(ca, name) for name in _SAME.split()},
     "add": operator.add,
     "sub": operator.sub,
     "mul": operator.mul,
     "div": operator.truediv,
     "neg": operator.neg,
     "abs": ca.fabs,
-    "sign": ca.sign,
-    "floor": ca.floor,
-    "ceil": ca.ceil,
-    "sqrt": ca.sqrt,
     "square": lambda x: x * x,
-    "exp": ca.exp,
-    "expm1": ca.expm1,
-    "log": ca.log,
-    "log1p": ca.log1p,
-    "sin": ca.sin,
-    "cos": ca.cos,
-    "tan": ca.tan,
-    "asin": ca.asin,
-    "acos": ca.acos,
-    "atan": ca.atan,
-    "atan2": ca.atan2,
-    "sinh": ca.sinh,
-    "cosh": ca.cosh,
-    "tanh": ca.tanh,
     "max": ca.fmax,
     "min": ca.fmin,
     "pow": ca.power,
     "rem": ca.fmod,
-    "eq": ca.eq,
-    "ne": ca.ne,
-    "lt": ca.lt,
-    "le": ca.le,
-    "gt": ca.gt,
-    "ge": ca.ge,
     "and": ca.logic_and,
     "or": ca.logic_or,
     "not": ca.logic_not,
     "clamp": lambda low, x, high: ca.fmin(ca.fmax(x, low), high),
-    "stop_gradient": lambda x: x,
-    "copy": lambda x: x,
-    "copy_p": lambda x: x,
+    **dict.fromkeys(("stop_gradient", "copy", "copy_p"), lambda x: x),
 }
 
 
-def _plain(operation: Operation, _: Mapping[str, Any]) -> Operation:
-    return operation
+def elementwise(name: str, params: Mapping[str, Any]) -> Operation | None:
+    """Return what an operation of JAX does to each element, on expressions; None: it does not.
 
-
-def _converted(params: Mapping[str, Any]) -> Operation:
-    """Return the conversion to another type; all numbers are floats in the graph."""
-    if np.issubdtype(params["new_dtype"], np.integer):
-        return lambda x: ca.if_else(x < 0.0, ca.ceil(x), ca.floor(x))
-    return lambda x: x
-
-
-def _integer_power(params: Mapping[str, Any]) -> Operation:
-    return lambda x: x ** params["y"]
+    Args:
+        name: Of the operation.
+        params: Its parameters.
+    """
+    match name:
+        case "integer_pow":
+            return lambda x: x ** params["y"]
+        case "select_n":
+            return _select
+        case "convert_element_type" if np.issubdtype(params["new_dtype"], np.integer):
+            return lambda x: ca.if_else(x < 0.0, ca.ceil(x), ca.floor(x))
+        case "convert_element_type":  # all numbers are floats in the graph
+            return lambda x: x
+    return _PLAIN.get(name)
 
 
 def _select(which: Any, *cases: Any) -> Any:
@@ -104,12 +78,3 @@ def _select(which: Any, *cases: Any) -> Any:
     for number in reversed(range(len(cases) - 1)):
         found = ca.if_else(which <= float(number), cases[number], found)
     return found
-
-
-ELEMENTWISE: Mapping[str, Callable[[Mapping[str, Any]], Operation]] = {
-    **{name: functools.partial(_plain, one) for name, one in _PLAIN.items()},
-    "convert_element_type": _converted,
-    "select_n": lambda _: _select,
-    "integer_pow": _integer_power,
-}
-"""By name of the operation: from its parameters to the same on expressions."""

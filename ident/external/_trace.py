@@ -6,10 +6,9 @@ and look-ups in constant tables. No law is written twice.
 """
 
 import functools
-import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, final
+from typing import Any
 
 import casadi as ca
 import jax
@@ -19,7 +18,7 @@ from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal
 from jaxtyping import Array, Float
 
 from ...data.errors import AxcompError
-from ._arithmetic import ELEMENTWISE, MOVES, REDUCTIONS
+from ._arithmetic import MOVES, REDUCTIONS, elementwise
 
 OffsetLaw = Callable[[Float[Array, "t a"]], Float[Array, "t a"]]
 """From positions of all axes in mm or ° to their offsets; row by row, without memory."""
@@ -52,213 +51,202 @@ def casadi_function(law: OffsetLaw, axes: int, name: str) -> ca.Function:
     """
     traced = jax.make_jaxpr(law)(jnp.zeros((1, axes)))
     positions = ca.MX.sym("position", axes)
-    graph = _Graph([positions[k] for k in range(axes)])
-    (found,) = graph.run(traced, [_Ids(np.arange(axes).reshape(1, axes))])
-    offsets = ca.vertcat(*graph.expressions(graph.ids(found).reshape(-1)))
+    (found,) = _run(traced, [_array((positions[k] for k in range(axes)), (1, axes))])
+    offsets = ca.vertcat(*_expressions(found).reshape(-1))
     return ca.Function(name, [positions], [ca.cse(offsets)])
 
 
-@final
-class _Ids:
-    """An array of expressions, by their numbers in the graph."""
-
-    def __init__(self, numbers: Any) -> None:
-        self.numbers = np.asarray(numbers, dtype=np.int64)
+_Value = np.ndarray
+"""Constants, or, where the type is object, expressions of the positions."""
 
 
-_Value = np.ndarray | _Ids
-"""Constants, or expressions of the positions."""
+def _moves(value: _Value) -> bool:
+    return bool(value.dtype == object)
 
 
-@final
-class _Graph:
-    """The expressions so far, and how operations of JAX add to them."""
+def _array(elements: Iterable[Any], shape: Sequence[int]) -> _Value:
+    """Return an array of expressions, which NumPy must not look into."""
+    return np.fromiter(elements, dtype=object).reshape(shape)
 
-    def __init__(self, inputs: Sequence[Any]) -> None:
-        self._nodes: list[Any] = list(inputs)
 
-    def expressions(self, numbers: Iterable[int | np.int64]) -> list[Any]:
-        return [self._nodes[k] for k in numbers]
+def _expressions(value: _Value) -> _Value:
+    """Return a value with constants as expressions, too."""
+    if _moves(value):
+        return value
+    return _array((ca.MX(float(one)) for one in value.reshape(-1)), value.shape)
 
-    def ids(self, value: _Value) -> np.ndarray:
-        """Return the numbers of the elements of a value; constants get their own."""
-        if isinstance(value, _Ids):
-            return value.numbers
-        flat = [self._add(ca.MX(float(one))) for one in value.reshape(-1)]
-        return np.array(flat, dtype=np.int64).reshape(value.shape)
 
-    def run(self, closed: ClosedJaxpr, inputs: Sequence[_Value]) -> list[_Value]:
-        """Return what a traced function gives."""
-        jaxpr = closed.jaxpr
-        values: dict[Any, _Value] = dict(zip(jaxpr.invars, inputs, strict=True))
-        values |= zip(jaxpr.constvars, map(np.asarray, closed.consts), strict=True)
+def _run(closed: ClosedJaxpr, inputs: Sequence[_Value]) -> list[_Value]:
+    """Return what a traced function gives."""
+    jaxpr = closed.jaxpr
+    values: dict[Any, _Value] = dict(zip(jaxpr.invars, inputs, strict=True))
+    values |= zip(jaxpr.constvars, map(np.asarray, closed.consts), strict=True)
 
-        def read(variable: Any) -> _Value:
-            if isinstance(variable, Literal):
-                return np.asarray(variable.val)
-            return values[variable]
+    def read(variable: Any) -> _Value:
+        if isinstance(variable, Literal):
+            return np.asarray(variable.val)
+        return values[variable]
 
-        for equation in jaxpr.eqns:
-            found = self._apply(equation, [read(one) for one in equation.invars])
-            values.update(zip(equation.outvars, found, strict=True))
-        return [read(one) for one in jaxpr.outvars]
+    for equation in jaxpr.eqns:
+        found = _apply(equation, [read(one) for one in equation.invars])
+        values.update(zip(equation.outvars, found, strict=True))
+    return [read(one) for one in jaxpr.outvars]
 
-    def _apply(self, equation: JaxprEqn, inputs: Sequence[_Value]) -> list[_Value]:
-        name, params = equation.primitive.name, equation.params
-        moving = any(isinstance(one, _Ids) for one in inputs)
-        inner = params.get("jaxpr", params.get("call_jaxpr"))
-        if inner is not None:
-            if moving and (special := _SPECIAL.get(str(params.get("name")))):
-                return [special(self, *inputs)]
-            closed = inner if isinstance(inner, ClosedJaxpr) else ClosedJaxpr(inner, ())
-            return self.run(closed, inputs)
-        if not moving:
-            return _bound(equation, *inputs)
-        if name in ELEMENTWISE:
-            return [self._elementwise(ELEMENTWISE[name](params), inputs)]
-        if name in REDUCTIONS:
-            axes = [int(axis) for axis in params["axes"]]
-            return [self._reduced(REDUCTIONS[name], inputs[0], axes)]
-        if name in MOVES and self._only_moves(name, inputs):
-            held = MOVES[name] or range(len(inputs))
-            numbers = [
-                self.ids(one) if k in held else one for k, one in enumerate(inputs)
-            ]
-            found = _bound(equation, *numbers)
-            return [_Ids(one) for one in found]
-        if name in _OPERATIONS:
-            return [_OPERATIONS[name](self, equation, *inputs)]
-        raise UntraceableError(name)
 
-    def _add(self, expression: Any) -> int:
-        self._nodes.append(expression)
-        return len(self._nodes) - 1
+def _apply(equation: JaxprEqn, inputs: Sequence[_Value]) -> list[_Value]:
+    name, params = equation.primitive.name, equation.params
+    moving = any(map(_moves, inputs))
+    inner = params.get("jaxpr", params.get("call_jaxpr"))
+    if inner is not None:
+        if moving and (special := _SPECIAL.get(str(params.get("name")))):
+            return [special(*inputs)]
+        closed = inner if isinstance(inner, ClosedJaxpr) else ClosedJaxpr(inner, ())
+        return _run(closed, inputs)
+    if not moving:
+        return _bound(equation, *inputs)
+    if (operation := elementwise(name, params)) is not None:
+        return [_elementwise(operation, *inputs)]
+    if name in REDUCTIONS:
+        return [_reduced(REDUCTIONS[name], inputs[0], params["axes"])]
+    held = MOVES.get(name, ()) or range(len(inputs))
+    fixed = (one for k, one in enumerate(inputs) if k not in held)
+    if name in MOVES and not any(map(_moves, fixed)):
+        return _moved(equation, inputs, held)
+    if name in _OPERATIONS:
+        return [_OPERATIONS[name](equation, *inputs)]
+    raise UntraceableError(name)
 
-    def _only_moves(self, name: str, inputs: Sequence[_Value]) -> bool:
-        """Tell whether what is moved where does not depend on positions."""
-        held = MOVES[name] or range(len(inputs))
-        return not any(
-            isinstance(one, _Ids) for k, one in enumerate(inputs) if k not in held
-        )
 
-    def _elementwise(
-        self, function: Callable[..., Any], inputs: Sequence[_Value]
-    ) -> _Ids:
-        numbers = np.broadcast_arrays(*map(self.ids, inputs))
-        rows = zip(*(one.reshape(-1) for one in numbers), strict=True)
-        found = [self._add(function(*self.expressions(r))) for r in rows]
-        return _Ids(np.reshape(found, numbers[0].shape))
+def _elementwise(function: Callable[..., Any], *inputs: _Value) -> _Value:
+    parts = np.broadcast_arrays(*map(_expressions, inputs))
+    return _array(map(function, *(one.flat for one in parts)), parts[0].shape)
 
-    def _reduced(
-        self, function: Callable[..., Any], value: _Value, axes: Sequence[int]
-    ) -> _Ids:
-        numbers = self.ids(value)
-        last = np.moveaxis(numbers, axes, range(-len(axes), 0))
-        shape = last.shape[: numbers.ndim - len(axes)]
-        rows = last.reshape(math.prod(shape), -1)
-        found = [
-            self._add(functools.reduce(function, self.expressions(row))) for row in rows
-        ]
-        return _Ids(np.reshape(found, shape))
 
-    # ------------------------------------------------------------ tables and their cells
+def _reduced(
+    function: Callable[..., Any], value: _Value, axes: Sequence[Any]
+) -> _Value:
+    last = np.moveaxis(value, axes, range(-len(axes), 0))
+    shape = last.shape[: value.ndim - len(axes)]
+    rows = last.reshape(math.prod(shape), -1)
+    return _array((functools.reduce(function, row) for row in rows), shape)
 
-    def interpolate(self, equation: JaxprEqn, values: _Value, *where: _Value) -> _Value:
-        """Return the (bi)linear value of a table, as `axcomp.models` defines it."""
-        shape = equation.params["shape"]
-        tables = _constant(values, equation).reshape(-1, *shape)
-        number = np.zeros((), dtype=int)
-        if equation.params["stacked"]:
-            number, where = _constant(where[0], equation), where[1:]
-        places = np.broadcast_arrays(*map(self.ids, where), np.empty(number.shape))
-        found = []
-        for place in np.ndindex(places[-1].shape):
-            table = tables[int(np.broadcast_to(number, places[-1].shape)[place])]
-            at = self.expressions([int(one[place]) for one in places[:-1]])
-            found.append(self._add(_look_up(table[..., None], at)))
-        return _Ids(np.reshape(found, places[-1].shape))
 
-    def gather(self, equation: JaxprEqn, table: _Value, index: _Value) -> _Value:
-        """Return the entries of a constant table at numbers that positions decide."""
-        entries = _constant(table, equation)
-        numbers, dimensions = self.ids(index), equation.params["dimension_numbers"]
-        if numbers.shape[-1] != 1:
-            what = "gather along several axes at once"
-            raise UntraceableError(what)
-        axis = dimensions.start_index_map[0]
-        count = entries.shape[axis] - equation.params["slice_sizes"][axis] + 1
+def _moved(
+    equation: JaxprEqn, inputs: Sequence[_Value], held: Sequence[int]
+) -> list[_Value]:
+    """Return elements at other places: an operation that moves their numbers moves them."""
+    ends = np.cumsum([0, *(one.size for one in inputs)])
+    numbers = [
+        np.arange(ends[k], ends[k + 1]).reshape(one.shape) if k in held else one
+        for k, one in enumerate(inputs)
+    ]
+    parts = [
+        _expressions(one) if k in held else one.astype(object)
+        for k, one in enumerate(inputs)
+    ]
+    pool = np.concatenate([one.reshape(-1) for one in parts])
+    found = _bound(equation, *numbers)
+    return [pool[each.reshape(-1)].reshape(each.shape) for each in found]
 
-        primitive: Any = equation.primitive
 
-        def entry(number: Any) -> Any:
-            at = jnp.full(numbers.shape, number)
-            return primitive.bind(entries, at, **equation.params)
+# ------------------------------------------------------------ tables and their cells
 
-        columns = np.asarray(jax.vmap(entry)(jnp.arange(count, dtype=jnp.int32)))
-        shape = columns.shape[1:]
-        asked = np.expand_dims(numbers[..., 0], dimensions.offset_dims)
-        of_entry = np.broadcast_to(asked, shape).reshape(-1)
-        columns = columns.reshape(count, -1)
-        found = np.zeros(of_entry.size, dtype=np.int64)
-        for number in np.unique(of_entry):
-            here = np.flatnonzero(of_entry == number)
-            all_at_once = _look_up(columns[:, here], self.expressions([number]))
-            found[here] = [self._add(all_at_once[k]) for k in range(here.size)]
-        return _Ids(found.reshape(shape))
 
-    def cell(self, points: _Value, position: _Value) -> _Value:
-        """Return the cell of a position between ascending points."""
-        nodes = np.asarray(points)
-        last = float(nodes.size - 2)
-        count = _interpolant(np.arange(nodes.size, dtype=float), [nodes], "binary")
+def _interpolate(equation: JaxprEqn, values: _Value, *where: _Value) -> _Value:
+    """Return the (bi)linear value of a table, as `axcomp.models` defines it."""
+    tables = _constant(values, equation).reshape(-1, *equation.params["shape"])
+    number = np.zeros((), dtype=int)
+    if equation.params["stacked"]:
+        number, where = _constant(where[0], equation), where[1:]
+    numbers, *places = np.broadcast_arrays(number, *map(_expressions, where))
+    rows = zip(*(one.flat for one in (numbers, *places)), strict=True)
+    found = (_look_up(tables[own][..., None], at) for own, *at in rows)
+    return _array(found, numbers.shape)
 
-        def search(place: Any) -> Any:
-            return ca.fmin(ca.fmax(ca.floor(count(place)), 0.0), last)
 
-        return self._elementwise(search, [position])
+def _gather(equation: JaxprEqn, table: _Value, index: _Value) -> _Value:
+    """Return the entries of a constant table at numbers that positions decide."""
+    entries, dimensions = (
+        _constant(table, equation),
+        equation.params["dimension_numbers"],
+    )
+    if index.shape[-1] != 1:
+        what = "gather along several axes at once"
+        raise UntraceableError(what)
+    axis = dimensions.start_index_map[0]
+    count = entries.shape[axis] - equation.params["slice_sizes"][axis] + 1
+    primitive: Any = equation.primitive
 
-    # ------------------------------------------------------------------ sums of products
+    def entry(number: Any) -> Any:
+        at = jnp.full(index.shape, number)
+        return primitive.bind(entries, at, **equation.params)
 
-    def dot(self, equation: JaxprEqn, left: _Value, right: _Value) -> _Value:
-        """Return the product of two arrays of numbers."""
-        (first, second), (batch1, batch2) = equation.params["dimension_numbers"]
-        rows, shape1 = _in_order(self.ids(left), batch1, first)
-        columns, shape2 = _in_order(self.ids(right), batch2, second)
-        found = [
-            self._add(_product(self.expressions(row), self.expressions(column)))
-            for one, two in zip(rows, columns, strict=True)
-            for row, column in itertools.product(one, two)
-        ]
-        batch = np.shape(left.numbers if isinstance(left, _Ids) else left)
-        return _Ids(np.reshape(found, (*(batch[k] for k in batch1), *shape1, *shape2)))
+    columns = np.asarray(jax.vmap(entry)(jnp.arange(count, dtype=jnp.int32)))
+    shape = columns.shape[1:]
+    asked = np.expand_dims(index[..., 0], dimensions.offset_dims)
+    # What the same expression asks for is looked up together.
+    places: dict[int, tuple[Any, list[int]]] = {}
+    for k, one in enumerate(np.broadcast_to(asked, shape).flat):
+        places.setdefault(id(one), (one, []))[1].append(k)
+    columns = columns.reshape(count, -1)
+    found = np.empty(columns.shape[1], dtype=object)
+    for one, here in places.values():
+        together = _look_up(columns[:, here], [one])
+        found[here] = _array((together[k] for k in range(len(here))), (len(here),))
+    return found.reshape(shape)
 
-    def scatter_add(
-        self, equation: JaxprEqn, operand: _Value, index: _Value, updates: _Value
-    ) -> _Value:
-        """Return an array with numbers added to some of its elements."""
-        into, more = self.ids(operand).copy(), self.ids(updates)
-        where = _constant(index, equation)
-        for place in np.ndindex(more.shape):
-            one = np.zeros(more.shape)
-            one[place] = 1.0
-            there = _bound(equation, np.zeros(into.shape), where, one)[0]
-            for at in zip(*np.nonzero(there), strict=True):
-                old, new = self.expressions((int(into[at]), int(more[place])))
-                into[at] = self._add(old + new)
-        return _Ids(into)
+
+def _cell(points: _Value, position: _Value) -> _Value:
+    """Return the cell of a position between ascending points."""
+    nodes = np.asarray(points)
+    last = float(nodes.size - 2)
+    count = _interpolant(np.arange(nodes.size, dtype=float), [nodes], "binary")
+
+    def search(place: Any) -> Any:
+        return ca.fmin(ca.fmax(ca.floor(count(place)), 0.0), last)
+
+    return _elementwise(search, position)
+
+
+# ------------------------------------------------------------------ sums of products
+
+
+def _dot(equation: JaxprEqn, left: _Value, right: _Value) -> _Value:
+    """Return the product of two arrays of numbers."""
+    (first, second), (batch1, batch2) = equation.params["dimension_numbers"]
+    rows, free1 = _in_order(_expressions(left), batch1, first)
+    columns, free2 = _in_order(_expressions(right), batch2, second)
+    batch = tuple(left.shape[k] for k in batch1)
+    found = np.matmul(rows, columns.swapaxes(1, 2))
+    return np.asarray(found).reshape((*batch, *free1, *free2))
+
+
+def _scatter_add(
+    equation: JaxprEqn, operand: _Value, index: _Value, updates: _Value
+) -> _Value:
+    """Return an array with numbers added to some of its elements."""
+    into, more = _expressions(operand).copy(), _expressions(updates)
+    where = _constant(index, equation)
+    for place in np.ndindex(more.shape):
+        one = np.zeros(more.shape)
+        one[place] = 1.0
+        there = _bound(equation, np.zeros(into.shape), where, one)[0]
+        for at in zip(*np.nonzero(there), strict=True):
+            into[at] = into[at] + more[place]
+    return into
 
 
 _SPECIAL: dict[str, Callable[..., _Value]] = {
-    "cell_of": _Graph.cell,
-    "whole": lambda _, number: number,
+    "cell_of": _cell,
+    "whole": lambda number: number,
 }
 """Functions of `axcomp.models` that are carried over as a whole, by name."""
 
 _OPERATIONS: dict[str, Callable[..., _Value]] = {
-    "table_interpolate": _Graph.interpolate,
-    "gather": _Graph.gather,
-    "dot_general": _Graph.dot,
-    "scatter-add": _Graph.scatter_add,
+    "table_interpolate": _interpolate,
+    "gather": _gather,
+    "dot_general": _dot,
+    "scatter-add": _scatter_add,
 }
 
 
@@ -270,7 +258,7 @@ def _bound(equation: JaxprEqn, *inputs: Any) -> list[Any]:
 
 
 def _constant(value: _Value, equation: JaxprEqn) -> np.ndarray:
-    if isinstance(value, _Ids):
+    if _moves(value):
         what = f"{equation.primitive.name} of a table that moves"
         raise UntraceableError(what)
     return value
@@ -307,9 +295,3 @@ def _in_order(
     size = [math.prod(numbers.shape[k] for k in part) for part in (batch, free, summed)]
     order = numbers.transpose((*batch, *free, *summed))
     return order.reshape(size), tuple(numbers.shape[k] for k in free)
-
-
-def _product(left: Sequence[Any], right: Sequence[Any]) -> Any:
-    return functools.reduce(
-        ca.plus, (one * two for one, two in zip(left, right, strict=True))
-    )

@@ -86,20 +86,13 @@ def _sources(observation: Observation, found: Discovery, one: Found) -> tuple[st
         axes = {*each.masters, each.axis} & set(data.position)
         for axis in axes:
             known = known & np.isfinite(data.position[axis])
-        for sensor in _sensors(each):
+        for sensor in each.sensors:
             known = known & np.isfinite(data.temperature[sensor])
     return tuple(
         name
         for number, name in enumerate(observation.names)
         if known[data.source == number].any()
     )
-
-
-def _sensors(one: Found) -> tuple[str, ...]:
-    sensors = one.keys.get("sensors")
-    if isinstance(sensors, dict):
-        return tuple(dict.fromkeys(map(str, sensors.values())))
-    return () if one.sensor is None else (one.sensor,)
 
 
 def _keys_of(

@@ -1,69 +1,83 @@
 """Groups of unknowns of a volumetric fit: functions and angles of a machine, its set-up."""
 
-import abc
 import dataclasses
-from collections.abc import Sequence
-from functools import cached_property
+import functools
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, partial
 from typing import Any, final
 
 import jax
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
 from ...models import AbstractNodes, GeometricErrors, VolumetricGrid
 from ...models._geometric import FUNCTIONS, SQUARENESS as ANGLES
 from ..core import AbstractEffect, AbstractPrior, NoPrior, Readings, Smooth, chain
+from ..core._chain import Chain
 from ..core._effect import Design
 from ..core._readings import padded
 
 RUNS, ANGULAR, STRAIGHTNESS, POSITIONING, SQUARENESS, FRAME = range(6)
 """What may be moved between blocks leaves those that stand first."""
+FRAME_NAME, ZEROS_NAME = "frame", "zeros of the set-ups"
+"""Names of the blocks that are no errors of the machine."""
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class Modes:
-    """Shapes of the values of a block by which it is asked what readings show.
+class Block(AbstractEffect):
+    """Unknowns that have a name in common, and the shapes by which readings are judged.
 
     Attributes:
-        basis: Orthonormal columns over its values.
+        name: Name of the block.
+        priority: How late it gives way where something may be moved between blocks.
+        given: Prior of its values.
+        rows: From readings to the rows of its design.
+        basis: Shapes: orthonormal columns over its values.
         labels: Name of each: offset, slope, curve, or the axes along which it varies.
         free: Those that no prior holds.
+        by_tools: Whether only tools of different offsets show it.
     """
 
+    name: str
+    priority: int
+    given: AbstractPrior
+    rows: Callable[[Readings], Design]
     basis: Float[np.ndarray, "p m"]
     labels: tuple[str, ...]
     free: Bool[np.ndarray, " m"]
+    by_tools: bool = False
 
     @classmethod
-    def single(cls, labels: Sequence[str]) -> "Modes":
-        """Return each value of a block without prior as a shape of its own."""
+    def single(
+        cls,
+        name: str,
+        priority: int,
+        labels: Sequence[str],
+        rows: Callable[[Readings], Design],
+    ) -> "Block":
+        """Return a block without prior, each value of which is a shape of its own."""
         count = len(labels)
-        return cls(np.eye(count), tuple(labels), np.ones(count, bool))
-
-
-class AbstractBlock(AbstractEffect):
-    """Unknowns that have a name in common."""
-
-    @property
-    @abc.abstractmethod
-    def name(self) -> str:
-        """Name of the block."""
+        free = np.ones(count, bool)
+        return cls(
+            name, priority, NoPrior(count), rows, np.eye(count), tuple(labels), free
+        )
 
     @property
-    @abc.abstractmethod
-    def priority(self) -> int:
-        """How late it gives way where something may be moved between blocks."""
+    def size(self) -> int:
+        """See `AbstractEffect`."""
+        return len(self.basis)
 
     @property
-    def by_tools(self) -> bool:
-        """Whether only tools of different offsets show it."""
-        return False
+    def prior(self) -> AbstractPrior:
+        """See `AbstractEffect`."""
+        return self.given
 
-    @abc.abstractmethod
-    def modes(self, most: Sequence[int]) -> Modes:
-        """Return its shapes, up to a degree along X, Y and Z."""
+    def design(self, readings: Readings) -> Design:
+        """See `AbstractEffect`."""
+        return self.rows(readings)
 
 
 def polynomials(nodes: AbstractNodes, most: int) -> Float[np.ndarray, "p m"]:
@@ -108,206 +122,158 @@ class Touched:
             readings.designs[self] = nodes, shares
         return readings.designs[self]
 
+    def part(self, first: int, columns: slice, readings: Readings) -> Design:
+        """Return some columns, their numbers counted from a first one."""
+        nodes, shares = self.rows(readings)
+        return nodes[:, columns] - first, shares[:, columns]
 
-# ------------------------------------------------------------------------ a machine
+    def along(self, axis: int, readings: Readings) -> Design:
+        """Return the rows of a table of offsets of one axis."""
+        nodes, shares = self.rows(readings)
+        return nodes, shares * readings.inputs["along"][:, axis, None]
 
 
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Function(AbstractBlock):
-    """One of the 18 functions: a smooth table over one axis.
+def machine_blocks(model: GeometricErrors, most: Sequence[int]) -> Iterator[Block]:
+    """Yield the 18 functions of a machine, smooth tables over one axis each, and 3 angles.
 
-    Attributes:
-        touched: The machine.
-        axis: Number of the axis that moves.
-        row: Number of the function among the six of this axis.
+    Args:
+        model: All values 0.
+        most: Degree of the shapes along X, Y and Z.
     """
-
-    touched: Touched
-    axis: int
-    row: int
-
-    @property
-    def name(self) -> str:
-        """See `AbstractBlock`."""
-        return FUNCTIONS[self.axis][self.row]
-
-    @property
-    def priority(self) -> int:
-        """See `AbstractBlock`."""
-        if self.row > 2:
-            return ANGULAR
-        return POSITIONING if self.row == self.axis else STRAIGHTNESS
-
-    @property
-    def by_tools(self) -> bool:
-        """See `AbstractBlock`: true without an axis between it and the tool as a lever."""
-        chain, own = self.touched.model.chain, "XYZ"[self.axis]
-        later = set(chain[chain.index(own) + 1 :])
-        return self.row > 2 and later <= {"XYZ"[self.row - 3]}
-
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return int(self.touched.model.nodes[self.axis].count)
-
-    @property
-    def prior(self) -> AbstractPrior:
-        """See `AbstractEffect`."""
-        return self._prior
-
-    @cached_property
-    def _prior(self) -> Smooth:
-        along = chain(np.asarray(self.touched.model.nodes[self.axis].positions))
-        return Smooth(along, None, 1, np.arange(self.size))
-
-    def design(self, readings: Readings) -> Design:
-        """See `AbstractEffect`."""
-        nodes, shares = self.touched.rows(readings)
-        first = 12 * self.axis + 2 * self.row
-        own = nodes[:, first : first + 2]
-        counts = [6 * each.count for each in self.touched.model.nodes[: self.axis]]
-        return own - (sum(counts) + self.row * self.size), shares[:, first : first + 2]
-
-    def modes(self, most: Sequence[int]) -> Modes:
-        """See `AbstractBlock`."""
-        basis = polynomials(self.touched.model.nodes[self.axis], most[self.axis])
+    touched, first, column = Touched(model), 0, 0
+    for axis, names in enumerate(FUNCTIONS):
+        nodes = model.nodes[axis]
+        prior = Smooth(
+            chain(np.asarray(nodes.positions)), None, 1, np.arange(nodes.count)
+        )
+        basis = polynomials(nodes, most[axis])
         degree = np.arange(basis.shape[1])
         labels = tuple(("offset", "slope", "curve")[min(k, 2)] for k in degree.tolist())
-        return Modes(basis, labels, degree < 2)
+        later = set(model.chain[model.chain.index("XYZ"[axis]) + 1 :])
+        for row, name in enumerate(names):
+            priority = POSITIONING if row == axis else STRAIGHTNESS
+            yield Block(
+                name=name,
+                priority=ANGULAR if row > 2 else priority,
+                given=prior,
+                rows=partial(touched.part, first, slice(column, column + 2)),
+                basis=basis,
+                labels=labels,
+                free=degree < 2,
+                # Without an axis between it and the tool as a lever.
+                by_tools=row > 2 and later <= {"XYZ"[row - 3]},
+            )
+            first, column = first + nodes.count, column + 2
+    for name in ANGLES:
+        rows = partial(touched.part, first, slice(column, column + 1))
+        yield Block.single(name, SQUARENESS, ["angle"], rows)
+        first, column = first + 1, column + 1
 
 
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Squareness(AbstractBlock):
-    """One of the three angles between axes.
+def frame(about: tuple[float, float, float]) -> Block:
+    """Return where the workpiece (or the instrument) stands: shift in mm, rotation in rad.
 
-    Attributes:
-        touched: The machine.
-        number: Number of the angle.
-    """
-
-    touched: Touched
-    number: int
-
-    @property
-    def priority(self) -> int:
-        """See `AbstractBlock`."""
-        return SQUARENESS
-
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return 1
-
-    @property
-    def name(self) -> str:
-        """See `AbstractBlock`."""
-        return ANGLES[self.number]
-
-    @property
-    def prior(self) -> AbstractPrior:
-        """See `AbstractEffect`."""
-        return NoPrior(1)
-
-    def design(self, readings: Readings) -> Design:
-        """See `AbstractEffect`."""
-        shares = self.touched.rows(readings)[1][:, 36 + self.number, None]
-        return np.zeros(shares.shape, np.int64), shares
-
-    def modes(self, most: Sequence[int]) -> Modes:
-        """See `AbstractBlock`."""
-        return Modes.single(["angle"])
-
-
-# ------------------------------------------------------------- how the points were set up
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Frame(AbstractBlock):
-    """Where the workpiece (or the instrument) stands: shift in mm and rotation in rad.
-
-    Attributes:
+    Args:
         about: Position about which it is turned, in mm.
     """
 
-    about: tuple[float, float, float]
-
-    @property
-    def name(self) -> str:
-        """See `AbstractBlock`."""
-        return "frame"
-
-    @property
-    def priority(self) -> int:
-        """See `AbstractBlock`."""
-        return FRAME
-
-    @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return 6
-
-    @property
-    def prior(self) -> AbstractPrior:
-        """See `AbstractEffect`."""
-        return NoPrior(6)
-
-    def design(self, readings: Readings) -> Design:
-        """See `AbstractEffect`."""
+    def rows(readings: Readings) -> Design:
         along = readings.inputs["along"]
-        lever = readings.inputs["position"] - self.about + readings.inputs["tool"]
+        lever = readings.inputs["position"] - about + readings.inputs["tool"]
         shares = np.hstack([along, np.cross(lever, along)])
         return np.broadcast_to(np.arange(6), shares.shape), shares
 
-    def modes(self, most: Sequence[int]) -> Modes:
-        """See `AbstractBlock`."""
-        return Modes.single(
-            [*(f"shift {a}" for a in "XYZ"), *(f"turn {a}" for a in "ABC")]
-        )
+    labels = [*(f"shift {a}" for a in "XYZ"), *(f"turn {a}" for a in "ABC")]
+    return Block.single(FRAME_NAME, FRAME, labels, rows)
+
+
+def zeros(runs: int, vectors: bool) -> Block:
+    """Return the zero of each set-up beside the first: of vectors, or of readings on a line."""
+
+    def rows(readings: Readings) -> Design:
+        run = readings.inputs["run"][:, None]
+        if not vectors:
+            return run, np.ones(run.shape)
+        return 3 * run + np.arange(3), readings.inputs["along"]
+
+    labels = ["zero"] * (runs * (3 if vectors else 1))
+    return Block.single(ZEROS_NAME, RUNS, labels, rows)
+
+
+# ---------------------------------------------------------------------------- a grid
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class Zeros(AbstractBlock):
-    """The zero of each set-up beside the first: a shift of vectors, or of readings on a line.
+class Lattice(AbstractPrior):
+    """Prior of a table over three axes: second differences along each of them.
 
     Attributes:
-        runs: Number of set-ups.
-        vectors: Whether vectors were measured.
+        chains: Along the axes, the slowest first.
     """
 
-    runs: int
-    vectors: bool
+    chains: tuple[Chain, ...]
+
+    @cached_property
+    def rows(self) -> tuple[sp.csr_array, ...]:
+        """See `AbstractPrior`."""
+        found = []
+        for own, axis in enumerate(self.chains):
+            parts = [sp.eye_array(each.size) for each in self.chains]
+            parts[own] = axis.rows[0]
+            found.append(sp.csr_array(functools.reduce(sp.kron, parts)))
+        return tuple(found)
+
+    @cached_property
+    def _sizes(self) -> Float[np.ndarray, "k n"]:
+        """Eigenvalues of each term at weight 1, of the shapes that they have in common."""
+        each = [axis.eigenvalues(np.array([1.0, 0.0])) for axis in self.chains]
+        return np.stack([own.ravel() for own in np.meshgrid(*each, indexing="ij")])
+
+    def logdet(
+        self, weights: Float[np.ndarray, " k"]
+    ) -> tuple[float, Float[np.ndarray, " k"]]:
+        """See `AbstractPrior`."""
+        parts = weights[:, None] * self._sizes
+        total = parts.sum(axis=0)
+        some = total > 0.0
+        slopes = (parts[:, some] / total[some]).sum(axis=1)
+        return float(np.log(total[some]).sum()), slopes
 
     @property
-    def name(self) -> str:
-        """See `AbstractBlock`."""
-        return "zeros of the set-ups"
+    def straight(self) -> Float[np.ndarray, "n z"]:
+        """See `AbstractPrior`."""
+        return functools.reduce(np.kron, [axis.straight for axis in self.chains])
 
     @property
-    def priority(self) -> int:
-        """See `AbstractBlock`."""
-        return RUNS
+    def scanned(self) -> bool:
+        """See `AbstractPrior`."""
+        return True
 
     @property
-    def size(self) -> int:
-        """See `AbstractEffect`."""
-        return self.runs * (3 if self.vectors else 1)
+    def bounds(self) -> Float[np.ndarray, "k 2"]:
+        """See `AbstractPrior`."""
+        return np.stack([axis.bounds[0] for axis in self.chains])
 
-    @property
-    def prior(self) -> AbstractPrior:
-        """See `AbstractEffect`."""
-        return NoPrior(self.size)
 
-    def design(self, readings: Readings) -> Design:
-        """See `AbstractEffect`."""
-        run = readings.inputs["run"][:, None]
-        if not self.vectors:
-            return run, np.ones(run.shape)
-        return 3 * run + np.arange(3), readings.inputs["along"]
-
-    def modes(self, most: Sequence[int]) -> Modes:
-        """See `AbstractBlock`."""
-        return Modes.single(["zero"] * self.size)
+def grid_blocks(model: VolumetricGrid, most: Sequence[int]) -> Iterator[Block]:
+    """Yield the tables of offsets of X, Y and Z; arguments as `machine_blocks`."""
+    touched = Touched(model)
+    prior = Lattice(
+        tuple(chain(np.asarray(n.positions)) for n in reversed(model.nodes))
+    )
+    x, y, z = (
+        polynomials(nodes, min(degree, 2))
+        for nodes, degree in zip(model.nodes, most, strict=True)
+    )
+    shape = z.shape[1], y.shape[1], x.shape[1]
+    degrees = np.indices(shape).reshape(3, -1).T[:, ::-1]
+    labels = tuple(
+        " and ".join(a for a, k in zip("XYZ", own, strict=True) if k) or "offset"
+        for own in degrees
+    )
+    free = np.asarray((degrees < 2).all(axis=1))
+    basis = np.kron(z, np.kron(y, x))
+    for axis, name in enumerate("XYZ"):
+        rows = partial(touched.along, axis)
+        yield Block(name, FRAME, prior, rows, basis, labels, free)

@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, final
 
@@ -11,14 +12,7 @@ from jaxtyping import Float
 
 from ...models import EquidistantNodes, GeometricErrors, VolumetricGrid
 from ...models._geometric import FUNCTIONS, SQUARENESS
-from ._blocks import (
-    AbstractBlock,
-    Frame,
-    Function,
-    Squareness,
-    Touched,
-)
-from ._lattice import Table
+from ._blocks import Block, frame, grid_blocks, machine_blocks
 
 Triple = tuple[float, float, float]
 
@@ -43,8 +37,12 @@ class AbstractVolumetric(abc.ABC):
         """The model, all values 0."""
 
     @abc.abstractmethod
-    def blocks(self, tools_vary: bool) -> tuple[AbstractBlock, ...]:
-        """Return its unknowns, those that the frame of the readings adds last."""
+    def blocks(self, most: Sequence[int]) -> tuple[Block, ...]:
+        """Return its unknowns, those that the frame of the readings adds last.
+
+        Args:
+            most: Degree along X, Y and Z of the shapes by which readings are judged.
+        """
 
     @abc.abstractmethod
     def to_model(self, values: dict[str, Float[np.ndarray, " _n"]], sign: float) -> Any:
@@ -53,14 +51,10 @@ class AbstractVolumetric(abc.ABC):
     @property
     def nodes(self) -> tuple[EquidistantNodes, EquidistantNodes, EquidistantNodes]:
         """Nodes along X, Y and Z."""
+        rows = zip(self.start, self.interval, self.points, strict=True)
         x, y, z = (
-            EquidistantNodes(jnp.asarray(first), jnp.asarray(step), count)
-            for first, step, count in zip(
-                map(float, self.start),
-                map(float, self.interval),
-                self.points,
-                strict=True,
-            )
+            EquidistantNodes(jnp.asarray(float(first)), jnp.asarray(float(step)), count)
+            for first, step, count in rows
         )
         return x, y, z
 
@@ -89,19 +83,9 @@ class Geometry(AbstractVolumetric):
         """See `AbstractVolumetric`."""
         return GeometricErrors.of(self.nodes, {}, self.chain, self.reference)
 
-    def blocks(self, tools_vary: bool) -> tuple[AbstractBlock, ...]:
-        """See `AbstractVolumetric`; what only tools show is left out where none vary."""
-        touched = Touched(self.model)
-        functions = [
-            Function(touched, axis, row)
-            for axis, names in enumerate(FUNCTIONS)
-            for row in range(len(names))
-        ]
-        return (
-            *(each for each in functions if tools_vary or not each.by_tools),
-            *(Squareness(touched, k) for k in range(len(SQUARENESS))),
-            Frame(self.reference),
-        )
+    def blocks(self, most: Sequence[int]) -> tuple[Block, ...]:
+        """See `AbstractVolumetric`."""
+        return (*machine_blocks(self.model, most), frame(self.reference))
 
     def to_model(
         self, values: dict[str, Float[np.ndarray, " _n"]], sign: float
@@ -131,11 +115,9 @@ class Volumetric(AbstractVolumetric):
         shape = (3, *reversed(self.points))
         return VolumetricGrid(self.nodes, jnp.zeros(shape))
 
-    def blocks(self, tools_vary: bool) -> tuple[AbstractBlock, ...]:
+    def blocks(self, most: Sequence[int]) -> tuple[Block, ...]:
         """See `AbstractVolumetric`."""
-        del tools_vary  # a grid is made for one tool
-        touched = Touched(self.model)
-        return tuple(Table(touched, axis) for axis in range(3))
+        return tuple(grid_blocks(self.model, most))
 
     def to_model(
         self, values: dict[str, Float[np.ndarray, " _n"]], sign: float

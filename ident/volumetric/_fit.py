@@ -9,9 +9,9 @@ from jaxtyping import Float, Int
 
 from ..core import Estimate, FitError, Stack, estimate, memory, one_blas_thread
 from ..fit._table import floor_of
-from ._blocks import AbstractBlock, Frame, Zeros
+from ._blocks import FRAME_NAME, ZEROS_NAME, Block, zeros
 from ._effects import AbstractVolumetric
-from ._freedoms import Freedoms, Gauge, Undetermined, dense
+from ._freedoms import Freedoms, Gauge, Undetermined, degrees_of, dense
 from ._points import Points
 
 _SAME_TOOL = 1e-3
@@ -41,13 +41,17 @@ class VolumetricFit:
     Attributes:
         effect: As it was stated.
         points: As they were given.
-        stack: Blocks of unknowns.
+        blocks: Groups of unknowns.
+        left_out: Those that only other tools would show.
+        stack: The former, as the estimator takes them.
         freedoms: Rules of the gauge, and what the points do not tell.
         result: Of the estimator.
     """
 
     effect: AbstractVolumetric
     points: Points
+    blocks: tuple[Block, ...]
+    left_out: tuple[Block, ...]
     stack: Stack
     freedoms: Freedoms
     result: Estimate
@@ -67,69 +71,61 @@ class VolumetricFit:
         """What no measurement tells apart, and what was set to zero for it."""
         return self.freedoms.gauges
 
-    @cached_property
+    @property
     def undetermined(self) -> tuple[Undetermined, ...]:
         """What these points do not tell: no value of it may be relied on."""
-        left_out = [
+        left_out = (
             Undetermined(
-                ((block.name, ("offset", "slope", "curve")),), block.size, True
+                ((block.name, tuple(dict.fromkeys(block.labels))),), block.size, True
             )
-            for block in self._left_out
-        ]
-        return (*self.freedoms.undetermined, *left_out)
-
-    @property
-    def _blocks(self) -> tuple[AbstractBlock, ...]:
-        return tuple(
-            each for each in self.stack.effects if isinstance(each, AbstractBlock)
+            for block in self.left_out
         )
-
-    @cached_property
-    def _left_out(self) -> list[AbstractBlock]:
-        """Blocks that only other tools would show."""
-        names = {block.name for block in self._blocks}
-        everything = self.effect.blocks(tools_vary=True)
-        return [block for block in everything if block.name not in names]
+        return (*self.freedoms.undetermined, *left_out)
 
     @cached_property
     def values(self) -> Float[np.ndarray, " n"]:
         """All unknowns under the rules, as errors."""
-        return self.freedoms.project(self.result.values)
+        return self.freedoms.rules.project(self.result.values)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "n n"]:
         """Covariance of all unknowns under the rules, where the points tell them."""
         post = self.result.posterior
-        half = self.freedoms.project(post.factor.border_inverse)
-        return np.asarray(post.variance * self.freedoms.project(half.T))
+        half = self.freedoms.rules.project(post.factor.border_inverse)
+        return np.asarray(post.variance * self.freedoms.rules.project(half.T))
 
     @cached_property
     def _deviations(self) -> Float[np.ndarray, " n"]:
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return np.where(self.freedoms.lost, np.inf, spread)
+
+    @cached_property
+    def _places(self) -> dict[str, slice]:
+        """Unknowns of each block by its name."""
+        return {block.name: self.stack.here(k) for k, block in enumerate(self.blocks)}
 
     def _by_name(
-        self, values: Float[np.ndarray, " n"]
+        self, values: Float[np.ndarray, " n"], empty: float
     ) -> dict[str, Float[np.ndarray, " _n"]]:
-        return {
-            block.name: values[self.stack.here(number)]
-            for number, block in enumerate(self._blocks)
-        }
+        """Return values by name of the block, those of blocks that were left out too."""
+        full = {block.name: np.full(block.size, empty) for block in self.left_out}
+        return full | {name: values[here] for name, here in self._places.items()}
 
     @cached_property
     def model(self) -> Any:
         """The model whose offsets take the error off; errors that nothing shows are 0."""
-        return self.effect.to_model(self._padded(self.values, 0.0), -1.0)
+        return self.effect.to_model(self._by_name(self.values, 0.0), -1.0)
 
     @cached_property
     def standard_deviation(self) -> Any:
         """Standard deviations, shaped like the model; inf where the points tell no value."""
-        values = np.where(self.freedoms.lost, np.inf, self._deviations)
-        return self.effect.to_model(self._padded(values, np.inf), 1.0)
+        return self.effect.to_model(self._by_name(self._deviations, np.inf), 1.0)
 
     @cached_property
     def support(self) -> dict[str, Int[np.ndarray, " _n"]]:
         """Readings that touch each value, by name of the block."""
-        return self._by_name(self.result.posterior.problem.sums.support)
+        touched = self.result.posterior.problem.sums.support
+        return {name: touched[here] for name, here in self._places.items()}
 
     @property
     def frame(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]] | None:
@@ -137,12 +133,8 @@ class VolumetricFit:
 
         No error of the machine: a work offset takes it up. None for a grid, which holds it.
         """
-        for number, block in enumerate(self._blocks):
-            if isinstance(block, Frame):
-                here = self.stack.here(number)
-                spread = np.where(self.freedoms.lost, np.inf, self._deviations)[here]
-                return self.values[here], spread
-        return None
+        here = self._places.get(FRAME_NAME)
+        return None if here is None else (self.values[here], self._deviations[here])
 
     def predict(
         self,
@@ -160,23 +152,15 @@ class VolumetricFit:
         """
         where = Points(position, np.zeros(np.shape(position)), tool=tool).readings
         rows = dense(self.stack, where)
-        for number, block in enumerate(self._blocks):
-            if isinstance(block, Zeros) or (isinstance(block, Frame) and not frame):
-                rows[:, self.stack.here(number)] = 0.0
+        for name in (ZEROS_NAME,) if frame else (ZEROS_NAME, FRAME_NAME):
+            rows[:, self._places.get(name, slice(0))] = 0.0
         variance = np.einsum("tn,tn->t", rows @ self.covariance, rows)
         deviation = np.sqrt(np.maximum(variance, 0.0))
         deviation[~self.freedoms.shown(rows)] = np.inf
-        if self._left_out:
+        if self.left_out:
             other = np.abs(where.inputs["tool"] - self.points.tools[0]).max(axis=1)
             deviation[other > _SAME_TOOL] = np.inf
         return Prediction((rows @ self.values).reshape(-1, 3), deviation.reshape(-1, 3))
-
-    def _padded(
-        self, values: Float[np.ndarray, " n"], empty: float
-    ) -> dict[str, Float[np.ndarray, " _n"]]:
-        """Return values by name, those of blocks that were left out too."""
-        full = {block.name: np.full(block.size, empty) for block in self._left_out}
-        return full | self._by_name(values)
 
 
 def fit_volumetric(
@@ -200,14 +184,16 @@ def fit_volumetric(
         FitError: If there are too few readings, or the loss is unknown.
     """
     readings = points.readings
-    tools = readings.inputs["tool"]
-    blocks = effect.blocks(bool(np.ptp(tools, axis=0).any()))
+    every = effect.blocks(degrees_of(readings.inputs["position"]))
+    alike = not np.ptp(readings.inputs["tool"], axis=0).any()
+    left_out = tuple(block for block in every if block.by_tools and alike)
+    blocks = tuple(block for block in every if block not in left_out)
     runs = int(readings.inputs["run"].max()) + 1
     if runs > 1:
-        blocks = (*blocks, Zeros(runs, points.direction is None))
+        blocks = (*blocks, zeros(runs, points.direction is None))
     stack = Stack(blocks, banded=False)
     with one_blas_thread():
-        freedoms = Freedoms.of(blocks, readings, effect.volume)
+        freedoms = Freedoms.of(stack, blocks, readings, effect.volume)
         if len(readings) <= freedoms.free:
             msg = (
                 f"found {len(readings)} readings, expected more than {freedoms.free}: so many "
@@ -221,4 +207,4 @@ def fit_volumetric(
             floor=floor_of(readings.value),
             pins=freedoms.pins,
         )
-    return VolumetricFit(effect, points, stack, freedoms, found)
+    return VolumetricFit(effect, points, blocks, left_out, stack, freedoms, found)

@@ -18,7 +18,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ..core import Readings, Stack
 from ..fit._identifiable import null_space, pivoted
-from ._blocks import AbstractBlock, Modes
+from ..fit.joint._gauge import Rules, pins_of
+from ._blocks import Block
 from ._points import readings_at
 
 _LITTLE = 1e-3
@@ -95,28 +96,23 @@ class Shapes:
     order: Int[np.ndarray, " m"]
 
     @classmethod
-    def of(cls, blocks: Sequence[AbstractBlock], most: Sequence[int]) -> "Shapes":
-        """Return the shapes of blocks up to a degree along each axis."""
-        modes: list[Modes] = [block.modes(most) for block in blocks]
-        counts = [each.basis.shape[1] for each in modes]
+    def of(cls, blocks: Sequence[Block]) -> "Shapes":
+        """Return the shapes of blocks."""
+        counts = [len(block.labels) for block in blocks]
         owner = np.repeat(np.arange(len(blocks)), counts)
         priority = np.array([block.priority for block in blocks])[owner]
         return cls(
-            np.asarray(scipy.linalg.block_diag(*(each.basis for each in modes))),
+            np.asarray(scipy.linalg.block_diag(*(block.basis for block in blocks))),
             owner,
-            tuple(label for each in modes for label in each.labels),
-            np.concatenate([each.free for each in modes]),
+            tuple(label for block in blocks for label in block.labels),
+            np.concatenate([block.free for block in blocks]),
             np.argsort(priority, kind="stable"),
         )
 
-    def some(self, kept: Bool[np.ndarray, " m"]) -> "Shapes":
-        """Return some of them."""
-        place = np.cumsum(kept) - 1
-        labels = tuple(self.labels[k] for k in np.flatnonzero(kept))
-        order = place[self.order[kept[self.order]]]
-        return Shapes(
-            self.basis[:, kept], self.owner[kept], labels, self.free[kept], order
-        )
+    def names(self, blocks: Sequence[Block]) -> list[tuple[str, str]]:
+        """Return the block and the label of each shape."""
+        pairs = zip(self.owner, self.labels, strict=True)
+        return [(blocks[own].name, label) for own, label in pairs]
 
 
 @final
@@ -125,8 +121,7 @@ class Freedoms:
     """Rules of the gauge, and what points leave open beside them.
 
     Attributes:
-        null: Directions of the unknowns that neither points nor priors hold.
-        fixed: Functionals that are zero under the rules, as many.
+        rules: Directions that neither points nor priors hold, and what fixes them.
         pins: What is added to the diagonal of the information to hold these directions.
         hidden: Directions of the unknowns, under the rules, of which the points show next to
             nothing; each moves a reading somewhere in the volume by about 1.
@@ -136,22 +131,13 @@ class Freedoms:
         free: Number of directions that no prior holds and the points tell.
     """
 
-    null: Float[np.ndarray, "n g"]
-    fixed: Float[np.ndarray, "g n"]
+    rules: Rules
     pins: Float[np.ndarray, " n"]
     hidden: Float[np.ndarray, "n h"]
     lost: Bool[np.ndarray, " n"]
     gauges: tuple[Gauge, ...]
     undetermined: tuple[Undetermined, ...]
     free: int
-
-    @cached_property
-    def _gain(self) -> Float[np.ndarray, "g n"]:
-        return np.asarray(np.linalg.solve(self.fixed @ self.null, self.fixed))
-
-    def project(self, values: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
-        """Return values, or columns of them, under the rules: what they sum up to stays."""
-        return np.asarray(values - self.null @ (self._gain @ values))
 
     def shown(self, rows: Float[np.ndarray, "t n"]) -> Bool[np.ndarray, " t"]:
         """Return whether sums of the unknowns keep clear of all that is hidden."""
@@ -160,33 +146,31 @@ class Freedoms:
     @classmethod
     def of(
         cls,
-        blocks: Sequence[AbstractBlock],
+        stack: Stack,
+        blocks: Sequence[Block],
         readings: Readings,
         volume: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]],
     ) -> "Freedoms":
         """Return the freedoms of blocks at readings; the volume is where they could stand."""
-        stack = Stack(tuple(blocks), banded=False)
-        shapes = Shapes.of(blocks, _degrees(readings.inputs["position"]))
+        shapes = Shapes.of(blocks)
         varied = _varied(readings, volume, len(shapes.labels))
         actual, ideal = (_Seen.of(stack, shapes, rows) for rows in (readings, varied))
-        straight = shapes.some(shapes.free)
         common, lost = ideal.null(shapes.free), actual.null(shapes.free)
-        rules = _given_way(common, straight.order)
-        held = _given_way(lost, np.array([*rules, *straight.order], np.int64))
-        null = straight.basis @ (lost / actual.scale[shapes.free, None])
-        gauges = _gauges(common, rules, straight, blocks)
-        shared = np.flatnonzero(shapes.free)[[rule for rule, _ in gauges]]
-        hidden = actual.hidden(ideal, np.delete(np.arange(len(shapes.labels)), shared))
+        zero = _given_way(common, shapes.order)
+        held = _given_way(lost, np.array([*zero, *shapes.order], np.int64))
+        null = shapes.basis @ (lost / actual.scale[:, None])
+        gauges = _gauges(common, zero, shapes.names(blocks))
+        kept = np.delete(np.arange(len(shapes.labels)), [rule for rule, _ in gauges])
+        hidden = actual.hidden(ideal, kept)
         parts = _resolved(hidden)
         return cls(
-            null=null,
-            fixed=straight.basis[:, held].T,
-            pins=_pins(null, actual.diagonal),
+            rules=Rules(null, shapes.basis[:, held].T),
+            pins=pins_of(null, actual.diagonal),
             hidden=shapes.basis @ (hidden / ideal.scale[:, None]),
             lost=_lost(shapes, parts),
             gauges=tuple(gauge for _, gauge in gauges),
             undetermined=_groups(parts, shapes, blocks),
-            free=len(straight.labels) - len(held),
+            free=int(shapes.free.sum()) - len(held),
         )
 
 
@@ -216,12 +200,13 @@ class _Seen:
         size = np.sqrt(np.diag(self.matrix))
         return np.where(size > 0.0, size, 1.0)
 
-    def null(self, kept: Bool[np.ndarray, " m"]) -> Float[np.ndarray, "f g"]:
+    def null(self, kept: Bool[np.ndarray, " m"]) -> Float[np.ndarray, "m g"]:
         """Return mixtures of some shapes that no row shows, in their `scale`."""
-        unit = self.matrix[np.ix_(kept, kept)] / np.outer(
-            self.scale[kept], self.scale[kept]
-        )
-        return null_space(unit)
+        unit = self.matrix / np.outer(self.scale, self.scale)
+        some = null_space(unit[np.ix_(kept, kept)])
+        result = np.zeros((len(kept), some.shape[1]))
+        result[kept] = some
+        return result
 
     def hidden(
         self, ideal: "_Seen", kept: Int[np.ndarray, " k"]
@@ -249,7 +234,7 @@ def dense(stack: Stack, readings: Readings) -> Float[np.ndarray, "t n"]:
     return rows
 
 
-def _degrees(place: Float[np.ndarray, "t 3"]) -> list[int]:
+def degrees_of(place: Float[np.ndarray, "t 3"]) -> list[int]:
     """Return the degree of shapes along each axis that so many positions can show."""
     result = []
     for along in place.T:
@@ -280,19 +265,6 @@ def _varied(
     )
 
 
-def _pins(
-    null: Float[np.ndarray, "n g"], diagonal: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Return precisions of single unknowns that, held, hold all of some directions."""
-    pins = np.zeros(len(null))
-    if null.shape[1]:
-        scale = np.where(diagonal > 0, np.sqrt(diagonal), 1.0)
-        held = pivoted((null * scale[:, None]).T)[2][: null.shape[1]]
-        typical = float(np.median(diagonal[diagonal > 0]))
-        pins[held] = np.where(diagonal[held] > 0, diagonal[held], typical)
-    return pins
-
-
 def _given_way(
     null: Float[np.ndarray, "m g"], order: Int[np.ndarray, " k"]
 ) -> list[int]:
@@ -318,25 +290,18 @@ def _resolved(directions: Float[np.ndarray, "m h"]) -> Float[np.ndarray, "m h"]:
 def _gauges(
     null: Float[np.ndarray, "m g"],
     rules: Sequence[int],
-    shapes: Shapes,
-    blocks: Sequence[AbstractBlock],
+    names: Sequence[tuple[str, str]],
 ) -> list[tuple[int, Gauge]]:
     """Return the rules, each with what its direction moves; what nothing shows is none."""
     if not rules:
         return []
     # One direction per rule: along it the other rules stay at zero.
     along = np.linalg.solve(null[rules].T, null.T).T
-    names = [
-        (blocks[own].name, label)
-        for own, label in zip(shapes.owner, shapes.labels, strict=True)
-    ]
     result = []
-    for k, rule in enumerate(rules):
-        members = np.flatnonzero(
-            np.abs(along[:, k]) > _PART * np.abs(along[:, k]).max()
-        )
+    for rule, moved in zip(rules, np.abs(along).T, strict=True):
+        members = np.flatnonzero(moved > _PART * moved.max())
         if len(members) > 1:
-            among = tuple(names[member] for member in members)
+            among = tuple(names[member] for member in members.tolist())
             result.append((rule, Gauge(names[rule], among)))
     return result
 
@@ -352,7 +317,7 @@ def _lost(shapes: Shapes, parts: Float[np.ndarray, "m h"]) -> Bool[np.ndarray, "
 
 
 def _groups(
-    parts: Float[np.ndarray, "m h"], shapes: Shapes, blocks: Sequence[AbstractBlock]
+    parts: Float[np.ndarray, "m h"], shapes: Shapes, blocks: Sequence[Block]
 ) -> tuple[Undetermined, ...]:
     """Return what is hidden, shapes that share a direction together."""
     part = (parts != 0.0).astype(float)
@@ -365,18 +330,13 @@ def _groups(
         owners = tuple(dict.fromkeys(shapes.owner[own].tolist()))
         if along:
             directions[owners] = directions.get(owners, 0) + along
-            members[owners] = sorted([*members.get(owners, []), *own.tolist()])
+            members.setdefault(owners, []).extend(own.tolist())
     result = []
     for owners, shared in members.items():
-        labels = [
-            tuple(
-                dict.fromkeys(
-                    shapes.labels[k] for k in shared if shapes.owner[k] == one
-                )
-            )
-            for one in owners
-        ]
-        named = zip((blocks[one].name for one in owners), labels, strict=True)
+        labels: dict[int, dict[str, None]] = {one: {} for one in owners}
+        for k in sorted(shared):
+            labels[int(shapes.owner[k])][shapes.labels[k]] = None
+        named = tuple((blocks[one].name, tuple(own)) for one, own in labels.items())
         tools = all(blocks[one].by_tools for one in owners)
-        result.append(Undetermined(tuple(named), directions[owners], tools))
+        result.append(Undetermined(named, directions[owners], tools))
     return tuple(result)

@@ -90,19 +90,17 @@ class Points:
     @property
     def readings(self) -> Readings:
         """One reading per number that was measured; see `readings_at` for the inputs."""
-        if self.direction is not None:
-            length = np.linalg.norm(self.direction, axis=1)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                along = np.asarray(self.direction, float) / length[:, None]
-            place = readings_at(self.position, along, self.tools, self.runs)
-            value = np.asarray(self.error, float)
+        count = len(self.position)
+        if self.direction is None:
+            rows, along = np.repeat(np.arange(count), 3), np.tile(np.eye(3), (count, 1))
         else:
-            rows = np.repeat(np.arange(len(self.position)), 3)
-            along = np.tile(np.eye(3), (len(self.position), 1))
-            place = readings_at(
-                self.position[rows], along, self.tools[rows], self.runs[rows]
-            )
-            value = np.asarray(self.error, float).reshape(-1)
+            rows, along = np.arange(count), np.asarray(self.direction, float)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                along = along / np.linalg.norm(along, axis=1)[:, None]
+        place = readings_at(
+            self.position[rows], along, self.tools[rows], self.runs[rows]
+        )
+        value = np.asarray(self.error, float).reshape(-1)
         good = np.isfinite(value)
         for values in place.inputs.values():
             good &= np.isfinite(values.reshape(len(values), -1)).all(axis=1)

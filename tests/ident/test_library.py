@@ -204,6 +204,29 @@ def test_a_job_is_not_written_where_it_would_fit_something_else(tmp_path: Path) 
     old = fit["leadscrew"].model
     with pytest.raises(FitError, match="leadscrew was active while measuring"):
         _ = axcomp.fit([SCREW], data, active={"leadscrew": old}).verdict
+    warm = 20.0 + np.random.default_rng(1).random(90)
+    data |= {"Y.error": 1e-3 * warm, "temperature.a": warm}
+    heat = [
+        axcomp.Temperature(axis, sensors={"offset": "a"}, reference_temperature=zero)
+        for axis, zero in (("X", 20.0), ("Y", 22.0))
+    ]
+    with pytest.raises(FitError, match="reference temperatures of 20 and 22 °C"):
+        axcomp.fit(heat, data).write(tmp_path, axes={"X": 1, "Y": 2})
+
+
+def test_a_table_that_was_off_beside_one_that_was_on_is_not_added_to(
+    tmp_path: Path,
+) -> None:
+    old = axcomp.fit([SCREW], along_x(0))["leadscrew"].model
+    lists = {}
+    for axis in (1, 2):
+        models = axcomp.AxisModels(axis, {"leadscrew": old})
+        lists[axis] = axcomp.write_lists(models, tmp_path)[0]
+    data = {**along_x(1), "Y.position": np.arange(90.0), "Y.error": np.zeros(90)}
+    other = axcomp.Leadscrew("Y", start=0, interval=30, points=4)
+    fit = axcomp.fit([SCREW, other], data, active={"X.leadscrew": old})
+    with pytest.raises(FitError, match=r"found Y\.leadscrew in .* and not active"):
+        fit.write(tmp_path / "out", lists=lists, axes={"X": 1, "Y": 2})
 
 
 @pytest.mark.parametrize(

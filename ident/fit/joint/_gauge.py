@@ -248,12 +248,23 @@ class Unheld:
         ]
         basis = _spread(design.components, straight, design.size)
         null = basis @ null_space(_over(design, basis))
-        pins = np.zeros(design.size)
-        if null.shape[1]:
-            diagonal = design.diagonal
-            scale = np.where(diagonal > 0, np.sqrt(diagonal), 1.0)
-            # Unknowns that, held, hold all of them.
-            held = pivoted((null * scale[:, None]).T)[2][: null.shape[1]]
-            typical = float(np.median(diagonal[diagonal > 0]))
-            pins[held] = np.where(diagonal[held] > 0, diagonal[held], typical)
+        pins = pins_of(null, design.diagonal)
         return cls(null, pins, basis.shape[1] - null.shape[1])
+
+
+def pins_of(
+    null: Float[np.ndarray, "n g"], diagonal: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Return precisions of single unknowns that, held, hold all of some directions.
+
+    Args:
+        null: One direction per column.
+        diagonal: Information on each unknown.
+    """
+    pins = np.zeros(len(null))
+    if null.shape[1]:
+        scale = np.where(diagonal > 0, np.sqrt(diagonal), 1.0)
+        held = pivoted((null * scale[:, None]).T)[2][: null.shape[1]]
+        typical = float(np.median(diagonal[diagonal > 0]))
+        pins[held] = np.where(diagonal[held] > 0, diagonal[held], typical)
+    return pins

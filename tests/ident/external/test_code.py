@@ -1,12 +1,18 @@
-"""The generated code, compiled without a warning, beside the model that it was made of."""
+"""The generated code, compiled without a warning, beside the model that it was made of.
+
+And the files that go with it: every export of `built` is made in the process of this file.
+"""
 
 import os
 import subprocess
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from axcomp.data.lists import ListFile
+from axcomp.ident.exchange import EXTERNAL, external_axis_from_list
 from axcomp.ident.external import OffsetLaw
 
 from .conftest import UNITS, Built, compiled
@@ -93,3 +99,48 @@ def test_code_is_clean_under_the_sanitizers(built: Built) -> None:
     )
     assert run.returncode == 0, run.stderr
     assert int(run.stdout) > 1000  # of the calls that must fail
+
+
+def test_limits_let_the_model_through_and_little_else(built: Built) -> None:
+    largest = built.files.extremes.offset
+    for axis, limit in enumerate(built.files.limits):
+        name = f"achsmds{axis + 1}.add.lis"
+        listing = ListFile.read(built.folder / name)
+        assert external_axis_from_list(listing) == limit
+        assert largest[axis] < limit.warning <= 1.1 * largest[axis] + 2.1e-4
+        assert limit.warning < limit.error <= 1.5 * largest[axis] + 1.2e-3
+    assert ListFile.read(built.folder / "hochlauf.add.lis").boolean(EXTERNAL)
+
+
+def test_accelerations_of_a_motion_stay_below_the_limit(built: Built) -> None:
+    # Diagonal at the feed of the export, cycle by cycle.
+    rng = np.random.default_rng(1)
+    low, width = built.box[:, 0], np.ptp(built.box, axis=1)
+    rows = (low + rng.random((3000, built.axes)) * width) * 1e8
+    step = np.where(width > 0.0, 0.5e8, 0.0)
+    cycles = [np.rint(rows + k * step).astype(np.int64) for k in (-1, 0, 1)]
+    before, now, after = (built.offsets(row) for row in cycles)
+    found = np.abs(before - 2 * now + after).max(axis=0) / 1e8 / 1e-3**2
+    allowed = [limit.acceleration for limit in built.files.limits]
+    assert np.all(found <= np.array(allowed, dtype=float))
+
+
+def test_description_asks_for_type_6(built: Built) -> None:
+    tree = ET.parse(built.folder / "AxcompExternal.tmc")
+    values = {
+        item.findtext("Name"): item.findtext("Value")
+        for item in tree.iterfind(".//Parameter/Default/SubItem")
+    }
+    assert values == {".type": "6", ".group": "0", ".index": "0"}
+    interfaces = [one.findtext("Type") for one in tree.iterfind(".//Interface")]
+    assert "IITcMcComExtComp" in interfaces
+
+
+def test_instructions_name_every_axis_in_its_order(built: Built) -> None:
+    text = (built.folder / "README.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
+    axes = [row.split("|")[2].strip() for row in rows[1 : built.axes + 1]]
+    assert axes == [f"A{number}" for number in range(1, built.axes + 1)]
+    program = (built.folder / "axcomp_external.nc").read_text()
+    assert "#EXTCOMP ON [ID0]" in program
+    assert "#EXTCOMP OFF [ID0]" in program

@@ -2,7 +2,6 @@
 
 import doctest
 import json
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,10 +12,8 @@ import pytest
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
 from axcomp.ident.exchange import (
-    EXTERNAL,
     ExchangeError,
     StoredConventions,
-    external_axis_from_list,
     is_activated,
 )
 from axcomp.ident.external import (
@@ -28,7 +25,6 @@ from axcomp.ident.external import (
 from axcomp.models import Conventions, Leadscrew, OffsetPart, OffsetStack, Plane
 
 from ..job_run.screw import laser, screw_job
-from .conftest import Built
 
 SCREW = (
     "kopf.achs_nr 1\nkw.ssfk.unit 1\nkw.ssfk.interval 1000000\n"
@@ -71,51 +67,6 @@ def test_search_finds_a_single_high_node() -> None:
     kink = 4 * 0.008 * 500.0 / 0.001
     assert 0.45 * kink <= found.acceleration[1] - 1000.0 * found.slope[1] <= 1.05 * kink
     assert found.acceleration[0] == 0.0
-
-
-def test_limits_let_the_model_through_and_little_else(built: Built) -> None:
-    largest = built.files.extremes.offset
-    for axis, limit in enumerate(built.files.limits):
-        name = f"achsmds{axis + 1}.add.lis"
-        listing = ListFile.read(built.folder / name)
-        assert external_axis_from_list(listing) == limit
-        assert largest[axis] < limit.warning <= 1.1 * largest[axis] + 2.1e-4
-        assert limit.warning < limit.error <= 1.5 * largest[axis] + 1.2e-3
-    assert ListFile.read(built.folder / "hochlauf.add.lis").boolean(EXTERNAL)
-
-
-def test_accelerations_of_a_motion_stay_below_the_limit(built: Built) -> None:
-    # Diagonal at the feed of the export, cycle by cycle.
-    rng = np.random.default_rng(1)
-    low, width = built.box[:, 0], np.ptp(built.box, axis=1)
-    rows = (low + rng.random((3000, built.axes)) * width) * 1e8
-    step = np.where(width > 0.0, 0.5e8, 0.0)
-    cycles = [np.rint(rows + k * step).astype(np.int64) for k in (-1, 0, 1)]
-    before, now, after = (built.offsets(row) for row in cycles)
-    found = np.abs(before - 2 * now + after).max(axis=0) / 1e8 / 1e-3**2
-    allowed = [limit.acceleration for limit in built.files.limits]
-    assert np.all(found <= np.array(allowed, dtype=float))
-
-
-def test_description_asks_for_type_6(built: Built) -> None:
-    tree = ET.parse(built.folder / "AxcompExternal.tmc")
-    values = {
-        item.findtext("Name"): item.findtext("Value")
-        for item in tree.iterfind(".//Parameter/Default/SubItem")
-    }
-    assert values == {".type": "6", ".group": "0", ".index": "0"}
-    interfaces = [one.findtext("Type") for one in tree.iterfind(".//Interface")]
-    assert "IITcMcComExtComp" in interfaces
-
-
-def test_instructions_name_every_axis_in_its_order(built: Built) -> None:
-    text = (built.folder / "README.md").read_text(encoding="utf-8")
-    rows = [line for line in text.splitlines() if line.startswith("| ")]
-    axes = [row.split("|")[2].strip() for row in rows[1 : built.axes + 1]]
-    assert axes == [f"A{number}" for number in range(1, built.axes + 1)]
-    program = (built.folder / "axcomp_external.nc").read_text()
-    assert "#EXTCOMP ON [ID0]" in program
-    assert "#EXTCOMP OFF [ID0]" in program
 
 
 def test_the_same_export_gives_the_same_files(tmp_path: Path) -> None:

@@ -8,7 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from .conftest import UNITS, Built
+from .conftest import MODELS, UNITS, Built
+
+OTHERS = [
+    pytest.param(name, marks=pytest.mark.heavy) for name in MODELS if name != "tables"
+]
+pytestmark = pytest.mark.parametrize("built", ["tables", *OTHERS], indirect=True)
+"""The layer is the same for every model; that of the tables has four axes."""
 
 FAILED = -2147467259  # E_FAIL
 LARGEST = np.iinfo(np.int64).max
