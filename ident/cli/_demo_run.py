@@ -135,8 +135,8 @@ def _write_inputs(out: Path, machine: VirtualMachine) -> None:
     files.write_drive(out / "measurements", _SEED + 7)
     (out / "machine").mkdir(exist_ok=True)
     write_atomically(out / "machine" / "achskw2.lis", files.old_list().dumps())
-    write_atomically(out / "job.toml", files.JOB.encode())
-    write_atomically(out / "README.txt", files.README.encode())
+    write_atomically(out / "job.toml", files.text_of("job.toml"))
+    write_atomically(out / "README.txt", files.text_of("README.txt"))
 
 
 def _measure_again(out: Path, machine: VirtualMachine) -> Path:
@@ -146,5 +146,5 @@ def _measure_again(out: Path, machine: VirtualMachine) -> Path:
     """
     folder = out / "second"
     files.write_measurements(folder, files.measure(machine, _SEED + 100))
-    write_atomically(folder / "job.toml", files.second_job().encode())
+    write_atomically(folder / "job.toml", files.text_of("second.toml"))
     return folder / "job.toml"

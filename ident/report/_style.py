@@ -10,7 +10,8 @@ import matplotlib as mpl
 import numpy as np
 from jaxtyping import Int
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.backends.backend_mixed import MixedModeRenderer
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
 
 # Okabe-Ito: distinguishable with every common kind of colour blindness and in grey.
@@ -29,6 +30,8 @@ SEQUENTIAL = "cividis"
 
 VECTOR_POINTS = 600
 """More points than this in one layer are drawn as a picture inside the SVG."""
+_DPI = 160
+"""Of what is drawn as a picture inside an SVG."""
 DRAWN_POINTS = 6000
 """More readings than this are thinned before drawing, and the caption says so."""
 
@@ -99,6 +102,27 @@ def as_raster(size: int) -> bool:
     return size > VECTOR_POINTS
 
 
+class _Renderer(RendererSVG):
+    """Writes the style of many equal markers once, around them, and not at each of them."""
+
+    def draw_markers(
+        self, gc: Any, marker: Any, trans: Any, path: Any, *rest: Any, **named: Any
+    ) -> None:
+        if len(path.vertices) < 4:
+            super().draw_markers(gc, marker, trans, path, *rest, **named)
+            return
+        face = rest[1] if len(rest) > 1 else named.get("rgbFace")
+        style = self._get_style_dict(gc, face)
+        # Inherited by each marker; the opacity of a group would be that of all of them.
+        opacity = style.pop("opacity", "")
+        style |= {"fill-opacity": opacity, "stroke-opacity": opacity} if opacity else {}
+        self.writer.start("g", style="; ".join(f"{k}: {v}" for k, v in style.items()))
+        self._get_style = lambda *_: ""
+        super().draw_markers(gc, marker, trans, path, *rest, **named)
+        del self._get_style
+        self.writer.end("g")
+
+
 def to_svg(figure: Figure, name: str) -> str:
     """Return a figure as the text of an SVG file, the same text every time."""
     text = io.StringIO()
@@ -106,10 +130,14 @@ def to_svg(figure: Figure, name: str) -> str:
     with mpl.rc_context({**_RC, "svg.hashsalt": name}):
         # No date, no creator: the bytes depend on the data alone.
         empty = {"Date": None, "Creator": None, "Format": None, "Type": None}
-        figure.dpi = 160  # of what is drawn as a picture inside
+        width, height = figure.get_size_inches()
+        figure.dpi = 72
+        FigureCanvasSVG(figure)  # whose widths of texts the layout goes by
+        svg = _Renderer(72 * width, 72 * height, text, image_dpi=_DPI, metadata=empty)
         # `savefig` would draw twice, once for the layout alone: half of a report's time.
-        canvas: Any = FigureCanvasSVG(figure)
-        canvas.print_svg(text, metadata=empty)
+        renderer = MixedModeRenderer(figure, width, height, _DPI, svg)
+        figure.draw(renderer)
+        renderer.finalize()  # type: ignore[no-untyped-call]
     # Narrower fallbacks than the font that the plot was laid out with never overlap.
     return text.getvalue().replace(
         "'DejaVu Sans'", "'DejaVu Sans', Verdana, Arial, sans-serif"
