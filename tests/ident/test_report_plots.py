@@ -257,7 +257,7 @@ def test_nothing_is_cut_off_and_every_axis_has_a_unit(
     kind: str, request: pytest.FixtureRequest
 ) -> None:
     fit = request.getfixturevalue(kind)(old=True)
-    plots: tuple[Plot, ...] = section_of(fit, 1).plots
+    plots: tuple[Plot, ...] = tuple(section_of(fit, 1).body.plots)
     for plot in plots:
         figure = plot.figure
         figure.draw_without_rendering()
