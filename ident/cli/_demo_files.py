@@ -38,7 +38,7 @@ _MADE = ("result/", "second/", "work/result/", "work/second/")
 
 def text_of(name: str) -> bytes:
     """Return one of the files in the folder ``demo`` beside this module."""
-    return resources.files(__package__).joinpath("demo", name).read_bytes()
+    return resources.files("axcomp.ident.cli").joinpath("demo", name).read_bytes()
 
 
 class FolderError(AxcompError):
