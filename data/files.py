@@ -4,6 +4,7 @@ import contextlib
 import errno
 import hashlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 _LONGEST = 200
@@ -27,16 +28,38 @@ def write_atomically(path: Path, content: bytes, *, sync: bool = True) -> None:
     if not sync:
         _write(path, content)
         return
-    draft = path.with_name(_draft_name(path.name))
+    write_together({path: content})
+
+
+def write_together(contents: Mapping[Path, bytes]) -> None:
+    """Write the files of one folder, each as `write_atomically` does.
+
+    Args:
+        contents: By path, all in one folder.
+
+    Raises:
+        OSError: If one cannot be written; those before it may be new.
+    """
+    if not contents:
+        return
+    drafts = {path: path.with_name(_draft_name(path.name)) for path in contents}
+    path = next(iter(contents))
     try:
-        with draft.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(path)
+        with contextlib.ExitStack() as stack:
+            handles = []
+            for path, content in contents.items():
+                handles.append(stack.enter_context(drafts[path].open("wb")))
+                handles[-1].write(content)
+                handles[-1].flush()
+            # Waiting for the disk once all is on its way takes little more than for one.
+            for handle in handles:
+                os.fsync(handle.fileno())
+        for path, draft in drafts.items():
+            draft.replace(path)
     except BaseException as error:
-        with contextlib.suppress(OSError):
-            draft.unlink()
+        for draft in drafts.values():
+            with contextlib.suppress(OSError):
+                draft.unlink()
         if isinstance(error, OSError) and error.errno is not None:
             # Of the draft nobody knows anything.
             raise OSError(error.errno, error.strerror, str(path)) from None

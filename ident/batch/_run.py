@@ -6,7 +6,7 @@ import secrets
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,15 @@ from ._lock import locked
 from ._manifest import Manifest
 from ._pool import run_chunks
 from ._progress import Progress
-from ._rows import Row, failed_row
-from ._shapes import shape_of
+from ._rows import Row
 from ._summary import Summary, summarise
 from ._table import write_results
-from ._work import WORK, Order, Outcome, Task, inputs_hash, is_changed
+from ._work import WORK, Order, Outcome, Task, examine
 
 _CHUNK = 64
 """Jobs that go together; more would only wait longer for each other."""
+_ROUNDS = 4
+"""Chunks for each worker at least."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -178,25 +179,19 @@ def _run(
 ) -> Iterator[tuple[str, list[Row]]]:
     """Yield the rows of every job still to do, once they are in the journal.
 
-    What was done before with other files than those of now is to do again: it leaves
-    ``done``.
+    What was done before with other files than those of now is to do again.
     """
     if not tasks:
         return
     try:
         with workers_of(scheduler, workers) as client:
-            for name in _changed(client, tasks, done):
-                del done[name]
-            stand.done = len(done)
-            good, bad = _checked(
-                client, [task for task in tasks if task.name not in done]
-            )
-            journal.add([(one.name, one.rows) for one in bad])
-            for one in bad:
-                stand.count(1)
-                yield one.name, one.rows
             crew = max(workers or 0, len(client.scheduler_info()["workers"]), 1)
-            for outcomes in run_chunks(client, chunks_of(good, crew), order):
+            good, bad = _examined(client, tasks, done, crew)
+            stand.done = len(tasks) - len(good) - len(bad)
+            # Enough chunks that nobody works on a last one while the others have none left.
+            size = max(1, min(_CHUNK, -(-len(good) // (_ROUNDS * crew))))
+            run = run_chunks(client, good, order, size)
+            for outcomes in chain([bad] if bad else [], run):
                 kept = [one for one in outcomes if not one.full]
                 journal.add([(one.name, one.rows) for one in kept])
                 stand.count(len(kept))
@@ -226,53 +221,25 @@ def _what_is_done(stand: Progress) -> str:
     return f"{stand.done} of {stand.total} jobs are done; --resume goes on from there"
 
 
-def chunks_of(tasks: Sequence[Task], crew: int) -> list[Sequence[Task]]:
-    """Return jobs in chunks of nearly equal size, as many for each of a crew of workers.
-
-    None works on a last chunk while the others have none left.
-    """
-    rounds = max(2, -(-len(tasks) // (_CHUNK * crew)))
-    count = rounds * crew
-    edges = [len(tasks) * k // count for k in range(count + 1)]
-    return [tasks[a:b] for a, b in pairwise(edges) if a < b]
-
-
-def _checked(client: Any, tasks: Sequence[Task]) -> tuple[list[Task], list[Outcome]]:
-    """Check all jobs before any of them runs; those of equal shape come out together."""
-    size = max(1, min(500, -(-len(tasks) // 8)))
-    parts = [list(tasks[k : k + size]) for k in range(0, len(tasks), size)]
-    futures = client.map(_check_all, parts, pure=False)
+def _examined(
+    client: Any, tasks: Sequence[Task], done: Mapping[str, list[Row]], crew: int
+) -> tuple[list[Task], list[Outcome]]:
+    """Return the jobs to run, those of equal shape together, and those that cannot run."""
+    known = {name: rows[0].get("inputs_sha256") for name, rows in done.items() if rows}
+    open_ = [
+        (task, known.get(task.name))
+        for task in tasks
+        # Of rows without a hash there is nothing to compare.
+        if task.name not in done or known.get(task.name) is not None
+    ]
+    size = max(1, len(open_) // (_ROUNDS * crew))
+    parts = [open_[start : start + size] for start in range(0, len(open_), size)]
+    found = client.gather(client.map(examine, parts, pure=False))
     good: list[tuple[str, int, Task]] = []
     bad: list[Outcome] = []
-    for part, found in zip(parts, client.gather(futures), strict=True):
-        for task, (shape, reason, inputs) in zip(part, found, strict=True):
-            if reason is None:
-                good.append((shape, len(good), task))
-            else:
-                known = {"job_sha256": task.sha256, "inputs_sha256": inputs}
-                bad.append(Outcome(task.name, [failed_row(task.name, reason, **known)]))
+    for (task, _), (shape, row) in zip(open_, chain.from_iterable(found), strict=True):
+        if row is not None:
+            bad.append(Outcome(task.name, [row]))
+        elif shape is not None:
+            good.append((shape, len(good), task))
     return [task for _, _, task in sorted(good, key=lambda one: one[:2])], bad
-
-
-def _changed(
-    client: Any, tasks: Sequence[Task], done: Mapping[str, list[Row]]
-) -> list[str]:
-    """Return the finished jobs of which a file is not what it was."""
-    pairs = [(task, done[task.name]) for task in tasks if task.name in done]
-    size = max(1, min(500, -(-len(pairs) // 8)))
-    parts = [pairs[k : k + size] for k in range(0, len(pairs), size)]
-    found = client.gather(client.map(_changed_of, parts, pure=False))
-    return [name for names in found for name in names]
-
-
-def _changed_of(pairs: Sequence[tuple[Task, list[Row]]]) -> list[str]:
-    return [task.name for task, rows in pairs if is_changed(task, rows)]
-
-
-def _check_all(tasks: Sequence[Task]) -> list[tuple[str, str | None, str | None]]:
-    """Return shape, why it cannot run, and then a hash of its files, of every job."""
-    found: list[tuple[str, str | None, str | None]] = []
-    for path in (Path(task.path) for task in tasks):
-        shape, reason = shape_of(path)
-        found.append((shape, reason, None if reason is None else inputs_hash(path)))
-    return found

@@ -11,7 +11,6 @@ import json
 import os
 import shutil
 import threading
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -69,29 +68,66 @@ class Outcome:
     full: bool = False
 
 
-@dataclasses.dataclass
-class _Turn:
-    """Which of some jobs is at work, and since when (`time.monotonic`)."""
+def examine(
+    jobs: Sequence[tuple[Task, str | None]],
+) -> list[tuple[str | None, Row | None]]:
+    """Return the shape of each job that is to run, or the row of one that cannot run.
 
-    number: int = 0
-    since: float = dataclasses.field(default_factory=time.monotonic)
+    Neither is there for a job that is done and whose files are what they were.
+
+    Args:
+        jobs: Each with the hash of the files that it read when it was done, or None.
+    """
+    found: list[tuple[str | None, Row | None]] = []
+    for task, known in jobs:
+        if known is not None and known == inputs_hash(Path(task.path)):
+            found.append((None, None))
+            continue
+        try:
+            found.append((_shape(Path(task.path)), None))
+        except (AxcompError, OSError) as error:
+            found.append((None, _failed(task, str(error))))
+    return found
+
+
+def _shape(path: Path) -> str:
+    """Return what jobs have in common that share compiled functions.
+
+    Raises:
+        AxcompError: If the job cannot run.
+        OSError: If its file cannot be read.
+    """
+    from ..job import load_job
+
+    return "; ".join(
+        f"{fit.compensation} {getattr(fit, 'points', None)}"
+        f" {len(getattr(fit, 'setpoints', None) or ())}"
+        for fit in load_job(path).spec.fits
+    )
 
 
 def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
     """Run some jobs one after the other; whatever goes wrong with one is its row."""
     start_worker()
-    turn, over = _Turn(), threading.Event()
-    if order.limit is not None:
-        watch = functools.partial(_watch, turn, tasks, order, order.limit, over)
-        threading.Thread(target=watch, daemon=True).start()
     found = []
-    try:
-        for number, task in enumerate(tasks):
-            turn.number, turn.since = number, time.monotonic()
+    for task in tasks:
+        watch = threading.Timer(order.limit or 0.0, _give_up, (task, order))
+        watch.daemon = True
+        if order.limit is not None:
+            watch.start()
+        try:
             found.append(_guarded(task, order))
-    finally:
-        over.set()
+        finally:
+            watch.cancel()
     return found
+
+
+def _give_up(task: Task, order: Order) -> None:
+    """End this process, whose job takes too long; another process takes the rest."""
+    late = order.work / "late"
+    late.mkdir(parents=True, exist_ok=True)
+    (late / task.name).touch()
+    os._exit(_LATE)
 
 
 @functools.cache
@@ -145,12 +181,6 @@ def inputs_hash(path: Path) -> str:
     except (AxcompError, OSError) as error:
         # Once what is missing or wrong has changed, this is another hash.
         return hash_of_inputs({path.name: " ".join(str(error).split())})
-
-
-def is_changed(task: Task, rows: Sequence[Row]) -> bool:
-    """Whether a file that a finished job reads is not what it was then."""
-    known = rows[0].get("inputs_sha256") if rows else None
-    return known is not None and known != inputs_hash(Path(task.path))
 
 
 def _is_full(error: BaseException | None) -> bool:
@@ -236,20 +266,3 @@ def published(task: Task, out: Path, *, fresh: bool = False) -> list[Row] | None
             continue
         return rows_of(task.name, f"{kind}/{task.name}", verified, task.sha256, result)
     return None
-
-
-def _watch(
-    turn: _Turn,
-    tasks: Sequence[Task],
-    order: Order,
-    limit: float,
-    over: threading.Event,
-) -> None:
-    """End this process where a job takes too long; another process takes the rest."""
-    while not over.wait(min(limit / 4, 1.0)):
-        if time.monotonic() - turn.since < limit:
-            continue
-        late = order.work / "late"
-        late.mkdir(parents=True, exist_ok=True)
-        (late / tasks[turn.number].name).touch()
-        os._exit(_LATE)

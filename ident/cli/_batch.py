@@ -1,13 +1,14 @@
 """The command ``batch``: many jobs, resumable, here or on a cluster."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ._said import working
+
 if TYPE_CHECKING:
-    from ..batch import BatchResult, Progress
+    from ..batch import BatchResult
 
 _EVERY = 10.0
 """Seconds between plain lines where nobody sees a status line."""
@@ -63,20 +64,8 @@ def batch(
     A job that fails is a row with its reason. Exit status 1 where any failed or was
     rejected. Lists of machines whose conventions are only assumed go to unverified/.
     """
-    from rich.console import Console
-
-    console = Console(stderr=True, highlight=False)
-    with console.status("starting the workers") as status:
+    with working("starting the workers", every=_EVERY) as step:
         from ..batch import run_batch
-
-        last = time.monotonic()
-
-        def progress(stand: "Progress") -> None:
-            nonlocal last
-            status.update(str(stand))
-            if not console.is_terminal and time.monotonic() - last > _EVERY:
-                last = time.monotonic()
-                console.print(str(stand), markup=False)
 
         result = run_batch(
             jobs,
@@ -87,7 +76,7 @@ def batch(
             reports=reports,
             time_limit=time_limit,
             history=history or (),
-            progress=progress,
+            progress=lambda stand: step(str(stand)),
         )
     _print(result, out)
     if as_json:

@@ -6,6 +6,8 @@ from typing import Annotated
 import typer
 
 from ...data.errors import UsageError
+from ._options import AsJson, Increment, read_lists
+from ._said import print_json
 
 
 def check(
@@ -24,22 +26,13 @@ def check(
             help="Controller build, such as V3.1.3108.4; the newest if left out."
         ),
     ] = None,
-    increment: Annotated[
-        float | None,
-        typer.Option(help="mm per encoder increment, for lists that count in them."),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the findings for machines.")
-    ] = False,
+    increment: Increment = None,
+    as_json: AsJson = False,
 ) -> None:
     """Check compensation, axis and start-up lists, each alone and as a set."""
-    from ...data.lists import BuildError, ListFile, check as check_lists
+    from ...data.lists import BuildError, check as check_lists
 
-    if increment is not None and not 0 < increment < float("inf"):
-        msg = f"--increment: found {increment:g}, expected more than 0"
-        raise UsageError(msg)
-    # A glob and a name may both give a file: it is one list all the same.
-    lists = [ListFile.read(path) for path in dict.fromkeys(files)]
+    lists = read_lists(files)
     try:
         findings = check_lists(lists, build=build, increment=increment)
     except BuildError as error:
@@ -47,10 +40,8 @@ def check(
         raise UsageError(msg) from error
     if as_json:
         import dataclasses
-        import json
 
-        shown = [dataclasses.asdict(finding) for finding in findings]
-        typer.echo(json.dumps({"findings": shown}, ensure_ascii=False, indent=2))
+        print_json({"findings": [dataclasses.asdict(one) for one in findings]})
     for finding in findings:
         known = not finding.expected or finding.expected in finding.message
         expected = "" if known else f"; expected {finding.expected}"

@@ -1,15 +1,18 @@
 """The command ``demo``: a machine with known faults, from measurement to proof."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ._said import print_json, working
+
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ._demo_run import DemoResult, Outcome
+    from ..job import TableResult
+    from ..proof import ErrorFigures
+    from ._demo_run import DemoResult
 
 _WHAT = {
     "leadscrew": "X  screw pitch off, lost motion",
@@ -37,20 +40,19 @@ def demo(
     """
     from rich.console import Console
 
-    console = Console(stderr=True, highlight=False)
-    with console.status("starting") as status:
+    with working("starting") as step:
         from ..job import use_compilation_cache
         from ._demo_run import run_demo
 
         use_compilation_cache()
-        result = run_demo(out, lambda line: status.update(line))
+        result = run_demo(out, step)
         if picture is not None:
             from ..report import write_picture
 
             write_picture(result.job, picture)
-    _print(console, out, result)
+    _print(Console(stderr=True, highlight=False), out, result)
     if as_json:
-        typer.echo(json.dumps(_as_dict(result), indent=2))
+        print_json(_as_dict(result))
     if not (result.job.passed and result.work.job.passed):
         raise typer.Exit(1)
 
@@ -68,14 +70,14 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
     table.add_column("known fault")
     for heading in ("before", "predicted", "verified"):
         table.add_column(f"  {heading}", justify="right")
-    for outcome in result.outcomes:
-        sizes = (f"{1000 * size:.1f}" for size in _sizes(outcome).values())
-        table.add_row(_WHAT[outcome.fit.compensation], *sizes)
+    for fit in result.job.tables:
+        sizes = (f"{1000 * one.rms:.1f}" for one in _figures(fit).values())
+        table.add_row(_WHAT[fit.compensation], *sizes)
     spikes = (f"{1000 * size:.1f}" for size in vars(result.spikes).values())
     table.add_row("X  friction: mark on a circle, largest", *spikes)
     console.print(table)
     _print_work(console, result)
-    lists = ", ".join(outcome.fit.files[0].name for outcome in result.outcomes)
+    lists = ", ".join(fit.files[0].name for fit in result.job.tables)
     lines = [
         "",
         "predicted  computed, on readings that were kept out of the computation",
@@ -114,32 +116,28 @@ def _print_work(console: "Console", result: "DemoResult") -> None:
     console.print(table)
 
 
-def _sizes(outcome: "Outcome") -> dict[str, float]:
-    """Return the rms errors in mm by stage, wild readings left out."""
-    error = outcome.fit.error
+def _figures(fit: "TableResult") -> "dict[str, ErrorFigures]":
+    """Return the errors by stage, wild readings left out."""
+    assert fit.measured is not None  # the demo measures every table again
     return {
-        "before": error["before"].sound.rms,
-        "predicted": error["predicted"].sound.rms,
-        "verified": outcome.verified.sound.rms,
+        "before": fit.error["before"].sound,
+        "predicted": fit.error["predicted"].sound,
+        "verified": fit.measured.figures.sound,
     }
 
 
 def _as_dict(result: "DemoResult") -> dict[str, Any]:
-    """Return the result for machines: rms in mm by stage, and where things lie."""
+    """Return the result for machines: errors in mm by stage, and where things lie."""
     return {
         "fits": [
             {
-                "compensation": outcome.fit.compensation,
-                "axis": outcome.fit.axis,
-                "rms": _sizes(outcome),
-                "max": {
-                    "before": outcome.fit.error["before"].sound.max,
-                    "predicted": outcome.fit.error["predicted"].sound.max,
-                    "verified": outcome.verified.sound.max,
-                },
-                "list": str(outcome.fit.files[0]),
+                "compensation": fit.compensation,
+                "axis": fit.axis,
+                "rms": {stage: one.rms for stage, one in _figures(fit).items()},
+                "max": {stage: one.max for stage, one in _figures(fit).items()},
+                "list": str(fit.files[0]),
             }
-            for outcome in result.outcomes
+            for fit in result.job.tables
         ],
         "friction": vars(result.spikes),
         "work": {axis: dict(sizes) for axis, sizes in result.work.rms.items()},

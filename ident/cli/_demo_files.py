@@ -1,9 +1,12 @@
-"""The files of `axcomp demo`: what the virtual machine leaves for a user to read."""
+"""The files of `axcomp demo`: what the virtual machine leaves for a user to read.
+
+The jobs and the text for the user stand in the folder ``demo``.
+"""
 
 import dataclasses
 import hashlib
 import json
-import re
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -32,137 +35,10 @@ from ..machine import (
 _MANIFEST = ".axcomp-demo.json"
 _MADE = ("result/", "second/", "work/result/", "work/second/")
 
-README = """\
-Made by `axcomp demo`: a portal mill that exists only in the computer.
 
-measurements/  what a laser (X), a straightedge (Y) and a probe (Z) saw,
-               all compensations off, and the current of X over a trace
-machine/       the list that the machine had before (Y, made when it was new)
-job.toml       what to make of it; run it again with
-                   axcomp fit job.toml --out result
-result/        the new lists, and report.html, which tells how good they are
-second/        the same measurements once more with the new lists loaded, at other
-               positions, and the job that names them:
-                   axcomp fit job.toml --out result --after second/job.toml
-work/          the same kind of machine at work, with every fault at once: one log in
-               motion, one job that finds all compensations together, their lists and
-               report, and the log of a second run with all of them loaded
-"""
-
-_TABLES = """\
-# The job of `axcomp demo`. Run it again with:  axcomp fit job.toml --out result
-# Lengths are in mm; a column may state its own unit.
-title = "Portal mill of the demo"
-
-[machine]
-id = "demo-mill"
-
-[axes.X]
-number = 1
-limits = [0.0, 800.0]
-[axes.Y]
-number = 2
-limits = [0.0, 400.0]
-list = "machine/achskw2.lis"      # the list that is there now; it is edited
-[axes.Z]
-number = 3
-
-# --- X: laser, 81 targets, five times up and down, all compensations off ---------
-[measurements.laser]
-file = "measurements/laser_x.csv"
-axis = "X"                        # the columns of a laser table name themselves
-active = []
-datum = { at = 0.0 }              # the laser's zero is arbitrary
-
-# --- Y over X: straightedge along X, three times ---------------------------------
-[measurements.straightness]
-file = "measurements/straightness_y.csv"
-active = []
-remove = "line"                   # its zero and its slope are arbitrary
-[measurements.straightness.columns]
-run = "run"
-"X.position" = { column = "x", unit = "mm" }
-"Y.error" = { column = "deviation", unit = "um" }
-
-# --- Z over X and Y: probed surface; a clamp hides one corner --------------------
-[measurements.surface]
-file = "measurements/surface_z.csv"
-active = []
-remove = "offset"                 # the probe's zero is arbitrary
-[measurements.surface.columns]
-"X.position" = { column = "x", unit = "mm" }
-"Y.position" = { column = "y", unit = "mm" }
-"Z.error" = { column = "dz", unit = "um" }
-
-[[fits]]
-compensation = "leadscrew"
-axis = "X"
-measurement = "laser"
-bilateral = true                  # one table per direction: it has lost motion
-start = 0.0
-interval = 10.0
-points = 81
-
-[[fits]]
-compensation = "cross"
-axis = "Y"
-master = "X"
-measurement = "straightness"
-start = 0.0
-interval = 20.0
-points = 41
-
-[[fits]]
-compensation = "plane"
-axis = "Z"
-masters = ["X", "Y"]
-measurement = "surface"
-start = [0.0, 0.0]
-interval = [25.0, 25.0]
-points = [33, 17]
-"""
-
-_FRICTION = """
-# --- X: current of the drive over a trace, forth and back at constant speeds ------
-[measurements.drive]
-file = "measurements/drive_x.csv"
-[measurements.drive.columns]
-time = { column = "time_ms", unit = "ms" }
-"X.position" = { column = "x", unit = "mm" }
-"X.current" = { column = "current", unit = "A" }
-
-[[fits]]
-compensation = "friction"
-axis = "X"
-measurement = "drive"
-rated_current = 9.0               # of the drive, in A
-torque_unit = 0.001               # share of it that one unit of the list is
-level = 1.0                       # all of the friction; 0.15 until the sign is settled, else
-"""
-
-JOB = _TABLES + _FRICTION
-
-
-def second_job() -> str:
-    """Return the job that evaluates the second measurement: lists loaded and active."""
-    text = _TABLES.replace(_TABLES.splitlines()[0], _SECOND_HEAD)
-    text = text.replace("Portal mill of the demo", "Second measurement of the demo")
-    text = text.replace("measurements/", "")
-    text = re.sub(
-        r", (81 targets|three times).*", ", once more with the new list", text
-    )
-    text = re.sub(r'list = "machine.*\n', "", text)
-    for name, number in (("X", 1), ("Y", 2), ("Z", 3)):
-        entry = f"[axes.{name}]\nnumber = {number}\n"
-        text = text.replace(entry, f'{entry}list = "../result/achskw{number}.lis"\n')
-    for kind in ("leadscrew", "cross", "plane"):
-        text = text.replace("active = []", f'active = ["{kind}"]', 1)
-    return text[: text.index("[[fits]]")]
-
-
-_SECOND_HEAD = """\
-# The second measurement of `axcomp demo`, the new lists active. From the folder above:
-#     axcomp fit job.toml --out result --after second/job.toml"""
+def text_of(name: str) -> bytes:
+    """Return one of the files in the folder ``demo`` beside this module."""
+    return resources.files("axcomp.ident.cli").joinpath("demo", name).read_bytes()
 
 
 class FolderError(AxcompError):
@@ -227,35 +103,30 @@ def seal_folder(out: Path) -> None:
     (out / _MANIFEST).write_text(text, encoding="utf-8")
 
 
-def measure(machine: VirtualMachine, seed: int, *, second: bool = False) -> Measured:
-    """Measure the machine; the second time at other positions, and fewer of them."""
+def measure(machine: VirtualMachine, seed: int) -> Measured:
+    """Measure the machine, with another seed at other positions."""
     length, width = TRAVEL
     rng = np.random.default_rng(seed)
     # Off the round numbers: equal steps would always meet the same spot of the screw.
-    targets = np.linspace(0.0, length, 51 if second else 81)
+    targets = np.linspace(0.0, length, 81)
     targets[1:-1] += np.round(rng.uniform(-2.5, 2.5, targets.size - 2), 3)
-    along = np.linspace(0.0, length, 34 if second else 41)
+    along = np.linspace(0.0, length, 41)
+    points = _probe_points(length, width, rng)
     return Measured(
-        measure_length(machine, "X", targets, 3 if second else 5, LASER, seed + 1),
-        measure_straightness(
-            machine, "Y", "X", along, 2 if second else 3, STRAIGHTEDGE, seed + 2
-        ),
-        measure_surface(
-            machine, "Z", ("X", "Y"), _probe_points(length, width, second, rng), PROBE,
-            seed + 3,
-        ),
-    )  # fmt: skip
+        measure_length(machine, "X", targets, 5, LASER, seed + 1),
+        measure_straightness(machine, "Y", "X", along, 3, STRAIGHTEDGE, seed + 2),
+        measure_surface(machine, "Z", ("X", "Y"), points, PROBE, seed + 3),
+    )
 
 
 def _probe_points(
-    length: float, width: float, second: bool, rng: np.random.Generator
+    length: float, width: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "t 2"]:
     """Return probed points, row by row, to and fro; a clamp hides the far corner."""
-    across = np.linspace(0.0, length, 45 if second else 81)
-    up = np.linspace(0.0, width, 23 if second else 41)
+    across = np.linspace(0.0, length, 81)
     rows = [
         np.stack([across[:: 1 - 2 * (k % 2)], np.full(across.size, y)], axis=1)
-        for k, y in enumerate(up)
+        for k, y in enumerate(np.linspace(0.0, width, 41))
     ]
     points = np.concatenate(rows)
     points += np.round(rng.uniform(-4.0, 4.0, points.shape), 3)

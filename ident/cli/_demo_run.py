@@ -8,7 +8,6 @@ from pathlib import Path
 from ...data.lists import ListFile
 from ...models import Conventions
 from ..job import (
-    ErrorFigures,
     FrictionResult,
     JobResult,
     TableResult,
@@ -23,23 +22,6 @@ from . import _demo_files as files
 from ._demo_work import WorkResult, run_work
 
 _SEED = 20261120
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the demo tells of one compensation; lengths in mm.
-
-    Attributes:
-        fit: What the job found, measured again with the written list active.
-    """
-
-    fit: TableResult
-
-    @property
-    def verified(self) -> ErrorFigures:
-        """Size of the error with the list active, as measured."""
-        assert self.fit.measured is not None  # the demo measures every table again
-        return self.fit.measured.figures
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +44,6 @@ class DemoResult:
     """Everything that the demo did.
 
     Attributes:
-        outcomes: One per table.
         spikes: What friction does to a circle.
         job: Result of the job on the first measurement.
         work: What was found while the machine worked, all faults at once.
@@ -70,7 +51,6 @@ class DemoResult:
         wall_time: Of the whole demo in seconds, without starting Python.
     """
 
-    outcomes: tuple[Outcome, ...]
     spikes: Spikes
     job: JobResult
     work: WorkResult
@@ -109,7 +89,6 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     write_report(work.job, out / "work" / "result")
     files.seal_folder(out)
     return DemoResult(
-        outcomes=tuple(map(Outcome, job.tables)),
         spikes=_spikes(job, out / "result"),
         job=job,
         work=work,
@@ -135,8 +114,8 @@ def _write_inputs(out: Path, machine: VirtualMachine) -> None:
     files.write_drive(out / "measurements", _SEED + 7)
     (out / "machine").mkdir(exist_ok=True)
     write_atomically(out / "machine" / "achskw2.lis", files.old_list().dumps())
-    write_atomically(out / "job.toml", files.JOB.encode())
-    write_atomically(out / "README.txt", files.README.encode())
+    write_atomically(out / "job.toml", files.text_of("job.toml"))
+    write_atomically(out / "README.txt", files.text_of("README.txt"))
 
 
 def _measure_again(out: Path, machine: VirtualMachine) -> Path:
@@ -146,5 +125,5 @@ def _measure_again(out: Path, machine: VirtualMachine) -> Path:
     """
     folder = out / "second"
     files.write_measurements(folder, files.measure(machine, _SEED + 100))
-    write_atomically(folder / "job.toml", files.second_job().encode())
+    write_atomically(folder / "job.toml", files.text_of("second.toml"))
     return folder / "job.toml"

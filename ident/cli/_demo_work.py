@@ -20,6 +20,7 @@ from ..machine.motion import (
     work_programme,
     write_motion_log,
 )
+from ._demo_files import text_of
 
 _SECONDS = 120.0
 _EVERY = 20
@@ -30,115 +31,6 @@ _SECOND_LOAD = 0.8
 """Heat of the second run: a thermal law ends where the temperatures of the first one did."""
 _WILD = 6.0
 _AXES = ("X", "Y", "Z")
-
-_HEAD = """\
-# The mill at work: one log in motion, every fault at once, all compensations off.
-# Run it again with:  axcomp fit job.toml --out result
-title = "Portal mill of the demo, at work"
-
-[machine]
-id = "demo-mill"
-
-[axes.X]
-number = 1
-limits = [0.0, 800.0]
-[axes.Y]
-number = 2
-limits = [0.0, 400.0]
-[axes.Z]
-number = 3
-limits = [0.0, 200.0]
-
-# Two clocks: the reference is late against the encoders; that is found and taken off.
-[measurements.work]
-file = "log.csv"
-active = []
-remove = "offset"                 # the zeros of the reference are arbitrary
-[measurements.work.columns]
-time = "time"
-"temperature.scale" = "temperature.scale"
-"temperature.spindle" = "temperature.spindle"
-"""
-
-_FITS = """
-[[fits]]
-compensation = "leadscrew"
-axis = "X"
-bilateral = true
-start = 0.0
-interval = 40.0
-points = 21
-
-[[fits]]
-compensation = "temperature"
-axis = "X"
-sensors = { coefficient = "scale" }
-reference = 250.0
-
-[[fits]]
-compensation = "leadscrew"
-axis = "Y"
-start = 0.0
-interval = 40.0
-points = 11
-
-[[fits]]
-compensation = "backlash"
-axis = "Y"
-
-[[fits]]
-compensation = "cross"
-axis = "Y"
-master = "X"
-start = 0.0
-interval = 25.0
-points = 33
-
-[[fits]]
-compensation = "crosstalk"
-axis = "Y"
-master = "X"
-adaptation = "Z"
-mode = 2
-acceleration = 1500.0
-deceleration = -1500.0
-positions = [[0.0], [100.0], [200.0]]
-
-[[fits]]
-compensation = "leadscrew"
-axis = "Z"
-start = 0.0
-interval = 40.0
-points = 6
-
-[[fits]]
-compensation = "backlash"
-axis = "Z"
-
-[[fits]]
-compensation = "plane"
-axis = "Z"
-masters = ["X", "Y"]
-start = [0.0, 0.0]
-interval = [50.0, 25.0]
-points = [17, 17]
-
-[[fits]]
-compensation = "temperature"
-axis = "Z"
-sensors = { offset = "spindle" }
-"""
-
-
-def work_job() -> str:
-    """Return the job that finds everything in one log."""
-    roles = [
-        f'"{axis}.{kind}" = "{axis}.{kind}"'
-        for axis in _AXES
-        for kind in ("position", "encoder", "actual")
-    ]
-    group = '[[fits]]\ngroup = "work"\nmeasurement = "work"\n'
-    return _HEAD + "\n".join(roles) + "\n" + _FITS.replace("[[fits]]\n", group)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,7 +52,7 @@ def run_work(folder: Path, seed: int, say: Callable[[str], None]) -> WorkResult:
     say("working with all faults at once")
     mill = machine_with_everything(pace=_PACE)
     _record(mill, folder / "log.csv", seed)
-    write_atomically(folder / "job.toml", work_job().encode())
+    write_atomically(folder / "job.toml", text_of("work.toml"))
     job = run_job(folder / "job.toml", folder / "result", say)
     say("loading all lists and working again")
     loaded = _loaded(mill, job, folder / "result")
@@ -173,17 +65,11 @@ def run_work(folder: Path, seed: int, say: Callable[[str], None]) -> WorkResult:
         for fit in job.fits
         if kind(fit.compensation).table
     }
-    return WorkResult(
-        job,
-        {
-            axis: {
-                "before": before[axis],
-                "predicted": predicted[axis],
-                "verified": after[axis],
-            }
-            for axis in _AXES
-        },
-    )
+    stages = {"before": before, "predicted": predicted, "verified": after}
+    rms = {
+        axis: {stage: sizes[axis] for stage, sizes in stages.items()} for axis in _AXES
+    }
+    return WorkResult(job, rms)
 
 
 def _record(mill: WorkingMachine, path: Path, seed: int) -> None:

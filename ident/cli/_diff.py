@@ -5,27 +5,25 @@ from typing import Annotated
 
 import typer
 
+from ._options import AsJson, Plots
+from ._said import print_json
+
 
 def diff(
     old: Annotated[pathlib.Path, typer.Argument(help="The list as it was.")],
     new: Annotated[pathlib.Path, typer.Argument(help="The list as it is to be.")],
-    out: Annotated[
-        pathlib.Path | None,
-        typer.Option(metavar="DIR", help="Folder for plots of both tables."),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the changes for machines.")
-    ] = False,
+    out: Plots = None,
+    as_json: AsJson = False,
 ) -> None:
     """Say what changed between two lists, and whether a reload is enough."""
     from ...data.lists import compare, offset_curves
-    from ._diff_text import comparison_json, comparison_lines
+    from ._diff_text import comparison_lines, comparison_tree
     from ._read_list import read_list
 
     lists = read_list(old), read_list(new)
     found = compare(*lists)
     if as_json:
-        typer.echo(comparison_json(found))
+        print_json(comparison_tree(found))
     else:
         for line in comparison_lines(found):
             typer.echo(line, err=True)

@@ -1,7 +1,6 @@
 """What ``axcomp diff`` prints: for people and for machines."""
 
 import dataclasses
-import json
 
 from ...data.lists import Change, Comparison, CurveChange
 
@@ -9,15 +8,14 @@ MOST_ENTRIES = 12
 """Changed entries of one table that are named one by one."""
 
 
-def comparison_json(found: Comparison) -> str:
+def comparison_tree(found: Comparison) -> dict[str, object]:
     """Return the comparison for machines."""
-    shown = {
+    return {
         "changed": [dataclasses.asdict(change) for change in found.changed],
         "action": found.action,
         "reasons": list(found.reasons),
         "curves": [dataclasses.asdict(curve) for curve in found.curves],
     }
-    return json.dumps(shown, ensure_ascii=False, indent=2)
 
 
 def comparison_lines(found: Comparison) -> list[str]:

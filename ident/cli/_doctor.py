@@ -1,10 +1,12 @@
 """The command ``doctor``: what is wrong with a list, from measurements with and without."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from ._options import AsJson, read_lists
+from ._said import print_json, working
 
 
 def doctor(
@@ -30,45 +32,44 @@ def doctor(
             " not all of them were.",
         ),
     ],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the diagnoses as JSON.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what is wrong with a list, from measurements without and with it.
 
     Right, sign, unit, shift, wrong axis, applied twice, or that the measurements cannot
     tell. Exit status 0 where all is right.
     """
-    from ...data.lists import ListFile
     from ..job import load_job, read_outside, reading_of, use_compilation_cache
     from ..proof import diagnose, not_judged
 
     use_compilation_cache()
     old, new = (load_job(path, needs_fits=False) for path in (before, after))
-    lists = [ListFile.read(file) for file in dict.fromkeys(files)]
+    lists = read_lists(files)
     names = {axis.number: name for name, axis in new.spec.axes.items()}
-    found = diagnose(
-        lists,
-        read_outside(old),
-        read_outside(new),
-        reading_of(new),
-        names=names,
-    )
+    with working("reading the measurements"):
+        found = diagnose(
+            lists,
+            read_outside(old),
+            read_outside(new),
+            reading_of(new),
+            names=names,
+        )
     for line in not_judged(lists, new.conventions, names):
         typer.echo(line, err=True)
     shown = [(names.get(one.axis, f"A{one.axis}"), one) for one in found]
     if as_json:
-        result = [
-            {
-                "axis": name,
-                "compensation": one.compensation,
-                "verdict": one.verdict,
-                "value": one.value,
-                "sentence": one.sentence,
-            }
-            for name, one in shown
-        ]
-        typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
+        print_json(
+            [
+                {
+                    "axis": name,
+                    "compensation": one.compensation,
+                    "verdict": one.verdict,
+                    "value": one.value,
+                    "sentence": one.sentence,
+                }
+                for name, one in shown
+            ]
+        )
     else:
         for name, one in shown:
             typer.echo(f"{name} {one.compensation}: {one.sentence}")

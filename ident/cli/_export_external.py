@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from ._options import Increment, Modulo, axis_ranges, positive
+
 
 def export_external(
     result: Annotated[
@@ -33,14 +35,8 @@ def export_external(
             " reach of the tables. May be given several times.",
         ),
     ] = None,
-    modulo: Annotated[
-        list[str] | None,
-        typer.Option(metavar="A4=0:360", help="Range of an axis that turns, in °."),
-    ] = None,
-    increment: Annotated[
-        float | None,
-        typer.Option(help="mm (or °) per encoder increment, for lists with unit 0."),
-    ] = None,
+    modulo: Modulo = None,
+    increment: Increment = None,
     conventions: Annotated[
         Path | None,
         typer.Option(
@@ -50,17 +46,22 @@ def export_external(
         ),
     ] = None,
     feed: Annotated[
-        float, typer.Option(help="mm/min at which P-AXIS-00745 is found.")
+        float,
+        typer.Option(callback=positive, help="mm/min at which P-AXIS-00745 is found."),
     ] = 30000.0,
     acceleration: Annotated[
-        float, typer.Option(help="Of the axes in mm/s² (P-AXIS-00008).")
+        float,
+        typer.Option(callback=positive, help="Of the axes in mm/s² (P-AXIS-00008)."),
     ] = 5000.0,
     cycle_time: Annotated[
-        float, typer.Option(help="Of the position controller in s.")
+        float, typer.Option(callback=positive, help="Of the position controller in s.")
     ] = 0.001,
     ramp: Annotated[
         float,
-        typer.Option(help="Time in s over which ON, OFF and LEVEL come into effect."),
+        typer.Option(
+            callback=positive,
+            help="Time in s over which ON, OFF and LEVEL come into effect.",
+        ),
     ] = 1.0,
 ) -> None:
     """Write tables as C and C++ of an external compensation, with its list entries.
@@ -70,27 +71,16 @@ def export_external(
     from ..exchange import read_conventions
     from ..external import export_external as export, list_source
     from ..job import use_compilation_cache
-    from ._simulate import axis_range
 
-    for name, number in (
-        ("--feed", feed),
-        ("--acceleration", acceleration),
-        ("--cycle-time", cycle_time),
-        ("--ramp", ramp),
-        ("--increment", increment),
-    ):
-        if number is not None and not 0 < number < float("inf"):
-            message = f"found {number:g}, expected more than 0"
-            raise typer.BadParameter(message, param_hint=name)
     use_compilation_cache()
     source = list_source(
         result,
         None if conventions is None else read_conventions(conventions).conventions,
         axes=None if axes is None else _numbers(axes),
-        modulo=dict(axis_range(text) for text in modulo or ()),
+        modulo=axis_ranges(modulo, "--modulo"),
         increment=increment,
     )
-    given = dict(axis_range(text, "--workspace") for text in workspace or ())
+    given = axis_ranges(workspace, "--workspace")
     written = export(
         source.law,
         out,

@@ -7,9 +7,8 @@ from typing import Annotated
 import typer
 
 from ._fit_text import print_result
-
-_LONG = 10.0
-"""Seconds after which progress is printed as plain lines."""
+from ._options import AsJson
+from ._said import working
 
 
 def fit(
@@ -26,9 +25,7 @@ def fit(
             " loaded: says what became of each error, and settles signs.",
         ),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print result.json on standard output.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run a job: measurements → lists, report, result.
 
@@ -39,22 +36,16 @@ def fit(
     from rich.console import Console
 
     start = time.monotonic()
-    console = Console(stderr=True, highlight=False)
-    with console.status("reading the job") as status:
+    with working("reading the job") as step:
         from ..job import result_json, run_job, use_compilation_cache
 
-        def progress(line: str) -> None:
-            status.update(line)
-            # Where nobody sees the spinner, plain lines, but only once it takes long.
-            if not console.is_terminal and time.monotonic() - start > _LONG:
-                console.print(line, markup=False)
-
         use_compilation_cache()
-        result = run_job(job, out, progress=progress, after=after)
-        progress("drawing the report")
+        result = run_job(job, out, progress=step, after=after)
+        step("drawing the report")
         from ..report import write_report
 
         report = write_report(result, out)
+    console = Console(stderr=True, highlight=False)
     print_result(console, result, out, report, start)
     if as_json:
         typer.echo(result_json(result), nl=False)

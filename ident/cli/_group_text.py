@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ..report._scale import Scale, number, scale_of
 from ._said import print_remarks, tell
 
 if TYPE_CHECKING:
@@ -11,7 +12,6 @@ if TYPE_CHECKING:
     from ..job import AbstractResult, EffectShare, GroupResult
 
 _STAGES = ("before", "predicted", "from_file")
-_UNITS = {"mm": ("µm", 1e3), "deg": ("0.001°", 1e3)}
 
 
 def print_group(
@@ -62,11 +62,11 @@ def _print_sums(console: "Console", group: "GroupResult") -> None:
     ):
         table.add_column(words, justify="right")
     for one in group.axes:
-        unit, factor = _UNITS[one.unit]
+        scale = scale_of(one.unit)
         figures = [one.error[stage].sound.rms for stage in _STAGES]
         table.add_row(
-            f"{one.axis}, {unit}",
-            *(_figure(factor * value) for value in (*figures, one.noise)),
+            f"{one.axis}, {scale.error}",
+            *(number(scale.factor * value) for value in (*figures, one.noise)),
             str(len(one.rows)),
             str(int(one.wild.sum())),
         )
@@ -78,7 +78,7 @@ def _print_effects(
 ) -> None:
     from rich.table import Table
 
-    units = {one.axis: _UNITS[one.unit] for one in group.axes}
+    scales = {one.axis: scale_of(one.unit) for one in group.axes}
     table = Table()
     table.add_column("effect")
     table.add_column("over")
@@ -86,24 +86,22 @@ def _print_effects(
     table.add_column("told apart", justify="right")
     table.add_column("list")
     for each in group.effects:
-        unit, factor = units.get(each.axis, _UNITS["mm"])
+        scale = scales.get(each.axis, scale_of("mm"))
         over = fits[each.index].over if each.index is not None else ()
         table.add_row(
             each.name,
             ", ".join(over) or "–",
-            _size(each, fits, factor, unit),
+            _size(each, fits, scale),
             f"{each.information:.0%}",
             _fate(each, fits),
         )
     console.print(table)
 
 
-def _size(
-    each: "EffectShare", fits: Sequence["AbstractResult"], factor: float, unit: str
-) -> str:
+def _size(each: "EffectShare", fits: Sequence["AbstractResult"], scale: Scale) -> str:
     if not each.determined or (each.index is not None and fits[each.index].left_out):
         return "not known"
-    return f"{_figure(factor * each.rms)} {unit}"
+    return f"{number(scale.factor * each.rms)} {scale.error}"
 
 
 def _fate(each: "EffectShare", fits: Sequence["AbstractResult"]) -> str:
@@ -114,7 +112,3 @@ def _fate(each: "EffectShare", fits: Sequence["AbstractResult"]) -> str:
     if not each.written:
         return "nothing to write"
     return "written in part" if each.why else "written"
-
-
-def _figure(value: float) -> str:
-    return f"{value:.2f}" if abs(value) < 0.995 else f"{value:.1f}"

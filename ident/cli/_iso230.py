@@ -1,7 +1,6 @@
 """The command ``iso230``: accuracy and repeatability of positioning."""
 
 import dataclasses
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...data.errors import UsageError
+from ._options import AsJson
+from ._said import print_json, wide_console
 
 if TYPE_CHECKING:
     from ...data.measurements import ColumnSpec, Iso230, Table
@@ -36,9 +37,7 @@ def iso230(
             " not say: --column error=dx:um. Once per role.",
         ),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the result for machines.")
-    ] = False,
+    as_json: AsJson = False,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the chart (SVG and PNG).")
     ] = None,
@@ -53,43 +52,36 @@ def iso230(
 
     files = {"before": file, "after": after} if after else {"": file}
     limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
-    tests: dict[str, Iso230] = {}
-    units: dict[str, str] = {}
-    names: dict[str, str] = {}
-    missing = 0
     columns = _columns(column or (), axis)
-    for name, path in files.items():
-        tests[name], units[name], names[name], remarks, missing = _evaluate(
-            path, axis, columns
-        )
-        tests[name] = dataclasses.replace(
-            tests[name], remarks=(*remarks, *tests[name].remarks)
-        )
-    unit, last = next(iter(units.values())), next(reversed(files))
-    if len(set(units.values())) > 1:
-        reason = f"found {units['after']}, expected {unit} as in {file}"
+    found = {name: _evaluate(path, axis, columns) for name, path in files.items()}
+    tests = {name: one.figures for name, one in found.items()}
+    last = next(reversed(files))
+    unit = next(iter(found.values())).unit
+    if found[last].unit != unit:
+        reason = f"found {found[last].unit}, expected {unit} as in {file}"
         raise MeasurementError(str(after), reason)
     if limit_unit not in (None, unit):
         msg = f"--tolerance: found '{tolerance}', expected {unit} as in {files[last]}"
         raise UsageError(msg)
-    if after is not None and len({_targets(test) for test in tests.values()}) > 1:
+    if _targets(tests[last]) != _targets(next(iter(tests.values()))):
         remark = "Its targets are not those of the first file: compare with care."
-        tests["after"] = dataclasses.replace(
-            tests["after"], remarks=(remark, *tests["after"].remarks)
-        )
+        remarks = (remark, *tests[last].remarks)
+        tests[last] = dataclasses.replace(tests[last], remarks=remarks)
     verdict = None
     if limit is not None:
-        verdict = _verdict(tests[last], missing, limit, files[last], unit)
+        verdict = _verdict(found[last], limit, files[last])
     charts: tuple[Path, ...] = ()
     if out is not None:
         from ..report._iso_chart import draw_iso_chart, write_chart
 
-        figure = draw_iso_chart(tests, axis=names[last], unit=unit, tolerance=limit)
+        figure = draw_iso_chart(
+            tests, axis=found[last].axis, unit=unit, tolerance=limit
+        )
         charts = write_chart(figure, out, f"iso230_{_stem(file)}")
     if as_json:
-        typer.echo(json.dumps(_as_dict(tests, unit, verdict, charts), indent=2))
+        print_json(_as_dict(tests, unit, verdict, charts))
     else:
-        _print(files, tests, unit, names[last])
+        _print(files, tests, unit, found[last].axis)
     if verdict is not None:
         typer.echo(verdict["sentence"], err=True)
     for path in charts:
@@ -123,10 +115,20 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
     return found
 
 
+@dataclasses.dataclass(frozen=True)
+class _Test:
+    """One file: its figures, their unit, its axis, and readings that it lacks."""
+
+    figures: "Iso230"
+    unit: str
+    axis: str
+    missing: int
+
+
 def _evaluate(
     path: Path, axis: str | None, columns: "Mapping[str, ColumnSpec]"
-) -> "tuple[Iso230, str, str, tuple[str, ...], int]":
-    """Return figures, unit, axis name, remarks and number of missing readings."""
+) -> _Test:
+    """Return what a file holds, with all remarks on it."""
     from ...data.measurements import (
         derive_error,
         explain_direction,
@@ -150,8 +152,9 @@ def _evaluate(
         for s in table.skipped
         if s.reason != "comment"
     ]
+    figures = dataclasses.replace(figures, remarks=(*remarks, *figures.remarks))
     unit = data.units[f"{name}.position"]
-    return figures, unit, axis or "", tuple(remarks), table.missing
+    return _Test(figures, unit, axis or "", table.missing)
 
 
 def _only_axis(table: "Table") -> str | None:
@@ -216,9 +219,7 @@ def _tolerance(text: str) -> tuple[float, str | None]:
     return value, stated if match[2] else None
 
 
-def _verdict(
-    test: "Iso230", missing: int, limit: float, file: Path, unit: str
-) -> dict[str, Any]:
+def _verdict(found: _Test, limit: float, file: Path) -> dict[str, Any]:
     """Return the verdict: A against the tolerance, the figure named.
 
     A test with missing readings does not pass: the figures of the whole one are larger.
@@ -228,6 +229,7 @@ def _verdict(
     """
     from ...data.measurements import MeasurementError, amount, with_arrows
 
+    test, unit, missing = found.figures, found.unit, found.missing
     name, value = test.judged()
     if value is None:
         reason = "found one run only, expected at least two: no accuracy A to judge"
@@ -304,15 +306,12 @@ _MEANING = {
 def _print(
     files: dict[str, Path], tests: "dict[str, Iso230]", unit: str, axis: str
 ) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table as Grid
 
     from ...data.measurements import EDITION, describe_drift
 
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    if not console.is_terminal:
-        console.width = 160  # a log or a pipe has no edge to wrap at
+    console = wide_console()
     small = "0.001°" if unit == "deg" else "µm"
     grid = Grid(
         "figure", "meaning", title=f"{EDITION}{f', axis {axis}' if axis else ''}"

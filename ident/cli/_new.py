@@ -1,6 +1,6 @@
 """The command ``new``: a commented job for measurements."""
 
-import json
+import dataclasses
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...data.errors import UsageError
+from ._options import AsJson
+from ._said import print_json, working
 
 if TYPE_CHECKING:
     from ..new import Question
@@ -42,9 +44,7 @@ def new(
     force: Annotated[
         bool, typer.Option("--force", help="Replace a job that exists.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the questions for machines.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write a commented job for measurements.
 
@@ -58,24 +58,12 @@ def new(
     if out.exists() and not force:
         message = f"--out: found {out}, which exists, expected a new file or --force"
         raise UsageError(message)
-    job = new_job(files, path=out, lists=lists or [], axes=numbers)
+    with working("reading the measurements"):
+        job = new_job(files, path=out, lists=lists or [], axes=numbers)
     write_atomically(out, job.text.encode())
     if as_json:
-        asked = [
-            {
-                "line": one.line,
-                "about": one.about,
-                "words": one.words,
-                "answers": list(one.answers),
-                "needed": one.needed,
-            }
-            for one in job.questions
-        ]
-        typer.echo(
-            json.dumps(
-                {"job": str(out), "questions": asked}, ensure_ascii=False, indent=2
-            )
-        )
+        asked = [dataclasses.asdict(one) for one in job.questions]
+        print_json({"job": str(out), "questions": asked})
         return
     _print(out, job.questions)
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from ._options import Rules, positive, read_lists, rules_of
+
 
 def objects(
     files: Annotated[
@@ -24,18 +26,15 @@ def objects(
     ] = None,
     cycle_time: Annotated[
         float | None,
-        typer.Option(help="Time between samples in s; left out: that of the task."),
+        typer.Option(
+            callback=positive,
+            help="Time between samples in s; left out: that of the task.",
+        ),
     ] = None,
     net_id: Annotated[
         str, typer.Option(help="AMS net id of the controller, for the recording.")
     ] = "127.0.0.1.1.1",
-    conventions: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.toml",
-            help="Rules of this machine's controller, as axcomp verify saves them.",
-        ),
-    ] = None,
+    conventions: Rules = None,
 ) -> None:
     """List the ADS objects of all compensations of a machine, and record them with Scope.
 
@@ -44,7 +43,6 @@ def objects(
     them. axcomp verify --log reads the text export of the recording as it is.
     """
     from ...data.files import write_atomically
-    from ...data.lists import ListFile
     from ..diagnosis import (
         OBJECTS,
         SCOPE,
@@ -52,15 +50,8 @@ def objects(
         observables,
         scope_configuration,
     )
-    from ..exchange import StoredConventions, read_conventions
 
-    if cycle_time is not None and not 0 < cycle_time < float("inf"):
-        message = f"found {cycle_time:g}, expected more than 0"
-        raise typer.BadParameter(message, param_hint="--cycle-time")
-    rules = (
-        StoredConventions() if conventions is None else read_conventions(conventions)
-    )
-    lists = [ListFile.read(file) for file in dict.fromkeys(files)]
+    rules, lists = rules_of(conventions), read_lists(files)
     rows = observables(lists, rules.conventions)
     table = objects_csv(rows)
     if out is None:

@@ -1,7 +1,6 @@
 """The command ``probe``: lists that settle what the manuals leave open."""
 
 import dataclasses
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...data.errors import UsageError
+from ._options import AsJson, Increment, axis_ranges, read_lists
+from ._said import print_json
 
 if TYPE_CHECKING:
     from ...data.lists import ListFile
@@ -45,13 +46,8 @@ def probe(
             " nc_name); left out: A1. May be given several times.",
         ),
     ] = None,
-    increment: Annotated[
-        float | None,
-        typer.Option(help="mm (or °) per encoder increment, for lists with unit 0."),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print steps and outcomes as JSON.")
-    ] = False,
+    increment: Increment = None,
+    as_json: AsJson = False,
 ) -> None:
     """Make lists with one plateau of 10 µm per compensation, and say what to read.
 
@@ -61,10 +57,7 @@ def probe(
     from ..exchange import make_probe, probe_program, probe_text
     from ..job import write_atomically
 
-    if increment is not None and not 0 < increment < float("inf"):
-        message = f"found {increment:g}, expected more than 0"
-        raise typer.BadParameter(message, param_hint="--increment")
-    own = dict(_travel(text) for text in travel or ())
+    own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
     given = _inputs(files, own, dict(_word(text) for text in word or ()), increment)
     found = make_probe(given.axes, given.tables, given.conventions, given.existing)
     contents = {
@@ -86,7 +79,7 @@ def probe(
     for name, content in contents.items():
         write_atomically(out / name, content)
     if as_json:
-        typer.echo(json.dumps(_json(found, list(contents)), indent=2))
+        print_json(_json(found, list(contents)))
     else:
         typer.echo(probe_text(found), nl=False)
     typer.echo(f"{', '.join(contents)} in {out}", err=True)
@@ -110,14 +103,13 @@ def _inputs(
     increment: float | None,
 ) -> _Given:
     """Return what is to be probed, from a job file or from lists."""
-    from ...data.lists import ListFile
     from ...models import Conventions
     from ..exchange import ProbeAxis, machine_lists, probed_in, travel_in
 
     if len(files) == 1 and files[0].suffix.lower() == ".toml":
         return _of_job(files[0], travel)
     conventions = Conventions()
-    lists = [ListFile.read(file) for file in dict.fromkeys(files)]
+    lists = read_lists(files)
     known = {**travel_in(lists, conventions, increment), **travel}
     axes = {
         number: ProbeAxis(number, words.get(number, f"A{number}"), between)
@@ -129,7 +121,6 @@ def _inputs(
 
 def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
     """Return what a job fits, or what its lists hold where it fits nothing."""
-    from ...data.lists import ListFile
     from ..exchange import ProbeAxis, Probed, machine_lists, probed_in
     from ..job import load_job
     from ..kinds import kind
@@ -148,7 +139,7 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
                 rotary=axis.kind != "linear",
                 modulo=axis.modulo is not None and axis.number not in travel,
             )
-    lists = [ListFile.read(job.file(path)) for path in dict.fromkeys(paths)]
+    lists = read_lists([job.file(path) for path in paths])
     found = {(one.axis, one.name): one for one in probed_in(lists, job.conventions)}
     for fit in spec.fits:
         number = spec.axes[fit.axis].number
@@ -184,20 +175,3 @@ def _word(text: str) -> tuple[int, str]:
         message = f"found {text!r}, expected an axis and its word as in A1=X"
         raise typer.BadParameter(message, param_hint="--word")
     return int(match[1]), match[2]
-
-
-_TRAVEL = re.compile(r"A?(\d{1,5})=([^:]+):([^:]+)")
-
-
-def _travel(text: str) -> tuple[int, tuple[float, float]]:
-    match = _TRAVEL.fullmatch(text)
-    try:
-        if match is None:
-            raise ValueError
-        low, high = float(match[2]), float(match[3])
-        if not -1e5 <= low < high <= 1e5:
-            raise ValueError
-    except ValueError:
-        message = f"found {text!r}, expected an axis and its travel as in A1=0:500"
-        raise typer.BadParameter(message, param_hint="--travel") from None
-    return int(match[1]), (low, high)

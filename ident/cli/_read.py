@@ -1,7 +1,6 @@
 """The command ``read``: what a measurement file holds."""
 
 import dataclasses
-import json
 import math
 import shlex
 from pathlib import Path
@@ -10,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...data.errors import UsageError
+from ._options import AsJson
+from ._said import print_json, wide_console, working
 
 if TYPE_CHECKING:
     from ...data.measurements import CellError, Column, Table, TextForm
@@ -36,9 +37,7 @@ def read(
         tuple[int, int] | None,
         typer.Option(metavar="FIRST LAST", help="First and last line of the rows."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the result for machines.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what a measurement file holds: format, columns, units, rows, skipped lines.
 
@@ -48,9 +47,9 @@ def read(
     """
     from ...data.measurements import Lines, read_table, repeated_row
 
-    table = read_table(
-        file, profile=profile, lines=Lines.of(_lines(skip), header or None, rows)
-    )
+    lines = Lines.of(_lines(skip), header or None, rows)
+    with working("reading the file"):
+        table = read_table(file, profile=profile, lines=lines)
     problems = [
         table.cell_error(column, column.bad, "a finite number")
         for column in table.columns
@@ -59,7 +58,7 @@ def read(
     if (again := repeated_row(table)) is not None:
         problems.append(again)
     if as_json:
-        typer.echo(json.dumps(_as_dict(table, problems), ensure_ascii=False, indent=2))
+        print_json(_as_dict(table, problems))
     else:
         _print(table)
         typer.echo(f"A job for it: axcomp new {shlex.quote(str(file))}", err=True)
@@ -135,13 +134,10 @@ def _cell(column: "Column", row: int) -> float | str | None:
 
 
 def _print(table: "Table") -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table as Grid
 
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    if not console.is_terminal:
-        console.width = 160  # a log or a pipe has no edge to wrap at
+    console = wide_console()
     console.print(f"{escape(str(table.path))}: {table.format}, {table.rows} rows")
     if table.form is not None:
         console.print(escape(_form_words(table.form, several=len(table.columns) > 1)))

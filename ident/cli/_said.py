@@ -1,7 +1,13 @@
-"""Sentences for a terminal."""
+"""What commands print: sentences, JSON, and what they do while it takes long."""
 
-from collections.abc import Iterable
+import contextlib
+import json
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
+
+import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -9,6 +15,8 @@ if TYPE_CHECKING:
     from ..job import Remark
 
 _LEVELS = ("error", "warning", "info")
+_SOON, _LONG = 2.0, 10.0
+"""Seconds after which a terminal shows what goes on, and after which other places do."""
 
 
 def print_remarks(console: "Console", remarks: Iterable["Remark"]) -> None:
@@ -20,3 +28,53 @@ def print_remarks(console: "Console", remarks: Iterable["Remark"]) -> None:
 def tell(console: "Console", line: str) -> None:
     """Print a sentence, wrapped to a terminal only: elsewhere it stays one line."""
     console.print(line, markup=False, soft_wrap=not console.is_terminal)
+
+
+def print_json(tree: object) -> None:
+    """Print a result for machines on standard output."""
+    typer.echo(json.dumps(tree, ensure_ascii=False, indent=2))
+
+
+def wide_console() -> "Console":
+    """Return standard error for tables: a log or a pipe has no edge to wrap at."""
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        console.width = 160
+    return console
+
+
+@contextlib.contextmanager
+def working(words: str, *, every: float = 0.0) -> Iterator[Callable[[str], None]]:
+    """Say on standard error what goes on, where that takes long; yield what says the next step.
+
+    A terminal shows it beside a spinner after two seconds, until the end. Other places get
+    the steps as plain lines once it takes ten seconds.
+
+    Args:
+        words: The first step.
+        every: Seconds between plain lines.
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    status = console.status(words)
+    spinner = threading.Timer(_SOON, status.start)
+    spinner.daemon = True
+    if console.is_terminal:
+        spinner.start()
+    due = time.monotonic() + _LONG
+
+    def step(line: str) -> None:
+        nonlocal due
+        status.update(line)
+        if not console.is_terminal and time.monotonic() > due:
+            due += every
+            console.print(line, markup=False)
+
+    try:
+        yield step
+    finally:
+        spinner.cancel()
+        status.stop()

@@ -5,15 +5,14 @@ from typing import Annotated
 
 import typer
 
+from ._options import Plots
+
 
 def show(
     file: Annotated[
         pathlib.Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")
     ],
-    out: Annotated[
-        pathlib.Path | None,
-        typer.Option(metavar="DIR", help="Folder for plots of the tables."),
-    ] = None,
+    out: Plots = None,
 ) -> None:
     """Show a list: its parameters with their meaning, its tables in mm and µm."""
     import sys

@@ -128,27 +128,34 @@ def _curve_view(curves: Sequence[OffsetCurve]) -> Group:
 def _line_table(curves: Sequence[OffsetCurve]) -> Table:
     """Return a table over one axis: position, entries and what they add."""
     first = curves[0]
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column("index", justify="right")
-    table.add_column(f"position/{'mm' if first.metric else 'inc'}", justify="right")
+    heads = ["index", f"position/{'mm' if first.metric else 'inc'}"]
     for curve in curves:
         branch = "" if curve.branch == "both" else f" {curve.branch[:3]}"
-        table.add_column(f"entry{branch}", justify="right")
-        table.add_column(
-            f"adds{branch}/{'µm' if first.metric else 'inc'}", justify="right"
-        )
-    added = [curve.offsets[0] for curve in curves]
-    last = -1
-    for k in _some(len(first.nodes[0]), MOST_ROWS):
-        if k != last + 1:
-            table.add_row(*["..."] * len(table.columns), style="dim")
-        last = k
-        cells = [str(k), f"{first.nodes[0][k]:g}"]
-        for curve, offsets in zip(curves, added, strict=True):
+        heads += [f"entry{branch}", f"adds{branch}/{'µm' if first.metric else 'inc'}"]
+    rows = []
+    for k, node in enumerate(first.nodes[0]):
+        cells = [str(k), f"{node:g}"]
+        for curve in curves:
             entry = curve.entries[0][k]
             cells.append("missing" if entry is None else str(entry))
-            cells.append(_plain(offsets[k]))
-        table.add_row(*cells)
+            cells.append(_plain(curve.offsets[0][k]))
+        rows.append(cells)
+    return _grid(heads, rows)
+
+
+def _grid(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """Return a table of numbers; of many rows the first and last ones."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for head in heads:
+        table.add_column(head, justify="right", vertical="bottom", overflow="fold")
+    half = MOST_ROWS // 2
+    cut = len(rows) > MOST_ROWS
+    for row in rows[:half] if cut else rows:
+        table.add_row(*row)
+    if cut:
+        table.add_row(*["..."] * len(heads), style="dim")
+        for row in rows[-half:]:
+            table.add_row(*row)
     return table
 
 
@@ -156,8 +163,8 @@ def _plane_table(curve: OffsetCurve) -> Table:
     """Return what a plane adds, over both masters; some of its rows and columns."""
     unit = "mm" if curve.metric else "inc"
     offsets = curve.offsets
-    columns = _some(len(curve.nodes[0]), MOST_COLUMNS, gap=False)
-    rows = _some(len(curve.nodes[1]), MOST_ROWS, gap=False)
+    columns = _some(len(curve.nodes[0]), MOST_COLUMNS)
+    rows = _some(len(curve.nodes[1]), MOST_ROWS)
     caption = f"adds/{'µm' if curve.metric else 'inc'}; "
     caption += f"to the right: axis {curve.masters[0]}, down: axis {curve.masters[1]}"
     for shown, nodes, what in zip(
@@ -189,13 +196,10 @@ def _plain(value: float) -> str:
     return f"{value + 0.0:g}"
 
 
-def _some(count: int, most: int, *, gap: bool = True) -> list[int]:
-    """Return all indices, or of many the first and last ones or evenly spaced ones."""
+def _some(count: int, most: int) -> list[int]:
+    """Return all indices, or of many evenly spaced ones."""
     if count <= most:
         return list(range(count))
-    if gap:
-        half = most // 2
-        return [*range(half), *range(count - half, count)]
     return sorted({round(k * (count - 1) / (most - 1)) for k in range(most)})
 
 
@@ -206,29 +210,23 @@ def _plain_table(file: ListFile, one: Kind, table: str) -> Group | None:
     if not keys:
         return None
     known = registry().by_key
-    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    grid.add_column("index", justify="right")
+    heads = ["index"]
     for key in keys:
         row = known.get(key)
         unit = "" if row is None or row.unit[0] in ("", "----") else f"\n{row.unit[0]}"
         # The names are long and differ at their ends: they break where they may.
         name = key.removeprefix(stem).replace("_dir_", "\ndir_").replace("n_", "n\n")
-        grid.add_column(
-            escape(f"{name}{unit}"), justify="right", vertical="bottom", overflow="fold"
-        )
+        heads.append(escape(f"{name}{unit}"))
     columns = [file.columns[key] for key in keys]
     places = sorted({at for rows in columns for at in rows.last})
-    last = -1
-    for k in _some(len(places), MOST_ROWS):
-        if k != last + 1:
-            grid.add_row(*["..."] * len(grid.columns), style="dim")
-        last = k
-        cells = [
-            rows.texts[rows.last[places[k]]] if places[k] in rows.last else "-"
+    lines = [
+        [", ".join(map(str, place))]
+        + [
+            escape(rows.texts[rows.last[place]]) if place in rows.last else "-"
             for rows in columns
         ]
-        index = ", ".join(map(str, places[k]))
-        grid.add_row(index, *map(escape, cells))
+        for place in places
+    ]
     size = "1 entry" if len(places) == 1 else f"{len(places)} entries"
     text = f"{one.name.capitalize()} table, {size}. {one.adds}"
-    return Group(Text(text), grid)
+    return Group(Text(text), _grid(heads, lines))

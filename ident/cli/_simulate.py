@@ -1,6 +1,5 @@
 """The command ``simulate``: what the controller would add along a motion."""
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +9,18 @@ import typer
 
 from ._events_file import read_events
 from ._motion_file import read_motion
+from ._options import (
+    AsJson,
+    CycleTime,
+    Increment,
+    Lists,
+    Modulo,
+    Rules,
+    axis_ranges,
+    read_lists,
+    rules_of,
+)
+from ._said import print_json, working
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,13 +31,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE.lis …",
-            help="Compensation lists, and axis lists for what is active.",
-        ),
-    ],
+    files: Lists,
     motion: Annotated[
         Path,
         typer.Option(
@@ -44,31 +49,10 @@ def simulate(
             " standard output.",
         ),
     ] = None,
-    increment: Annotated[
-        float | None,
-        typer.Option(help="mm (or °) per encoder increment, for lists with unit 0."),
-    ] = None,
-    conventions: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.toml",
-            help="Rules of this machine's controller, as axcomp verify saves them;"
-            " left out: the defaults.",
-        ),
-    ] = None,
-    cycle_time: Annotated[
-        float | None,
-        typer.Option(
-            help="Of the controller in s: a motion with another time step is refused."
-        ),
-    ] = None,
-    modulo: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="A4=0:360",
-            help="Range of an axis that turns, in °; may be given several times.",
-        ),
-    ] = None,
+    increment: Increment = None,
+    conventions: Rules = None,
+    cycle_time: CycleTime = None,
+    modulo: Modulo = None,
     temperature: Annotated[
         list[str] | None,
         typer.Option(
@@ -88,10 +72,7 @@ def simulate(
             " if it has one.",
         ),
     ] = None,
-    as_json: Annotated[
-        bool,
-        typer.Option("--json", help="Print columns, rows and largest values as JSON."),
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compute what the controller would add, per row of a motion and compensation.
 
@@ -102,46 +83,37 @@ def simulate(
     Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
     and A3.friction in drive units.
     """
-    from ...data.lists import ListFile
-    from ..exchange import (
-        Reading,
-        StoredConventions,
-        read_conventions,
-        simulate_events,
-    )
+    from ..exchange import Reading, simulate_events
     from ..job import use_compilation_cache
 
-    for name, number in (("--increment", increment), ("--cycle-time", cycle_time)):
-        if number is not None and not 0 < number < float("inf"):
-            message = f"found {number:g}, expected more than 0"
-            raise typer.BadParameter(message, param_hint=name)
-    ranges = dict(axis_range(text) for text in modulo or ())
+    ranges = axis_ranges(modulo, "--modulo")
     use_compilation_cache()
-    rules = (
-        StoredConventions() if conventions is None else read_conventions(conventions)
-    )
-    lists = [ListFile.read(file) for file in dict.fromkeys(files)]
-    path = read_motion(motion)
-    happened = read_events(motion if events is None else events, path, events is None)
-    found = simulate_events(
-        lists,
-        path,
-        Reading(
-            rules.conventions,
-            increment,
-            ranges,
-            _lines(temperature or (), lists, path, rules.conventions),
-        ),
-        cycle_time=cycle_time,
-        events=happened,
-    )
+    rules = rules_of(conventions)
+    lists = read_lists(files)
+    with working("reading the motion") as step:
+        path = read_motion(motion)
+        source = motion if events is None else events
+        happened = read_events(source, path, events is None)
+        step("following the controller")
+        found = simulate_events(
+            lists,
+            path,
+            Reading(
+                rules.conventions,
+                increment,
+                ranges,
+                _lines(temperature or (), lists, path, rules.conventions),
+            ),
+            cycle_time=cycle_time,
+            events=happened,
+        )
     columns = _columns(path, found)
     for remark in dict.fromkeys(text for axis in found for text in axis.remarks):
         typer.echo(f"axcomp: {remark}", err=True)
     if out is not None:
         _write(out, columns)
     if as_json:
-        typer.echo(json.dumps(_summary(columns, found, rules), indent=2))
+        print_json(_summary(columns, found, rules))
     elif out is None:
         typer.echo(_csv(columns).decode("ascii"), nl=False)
     else:
@@ -149,22 +121,7 @@ def simulate(
         typer.echo(f"{rows} rows, {', '.join(columns)} in {out}", err=True)
 
 
-_RANGE = re.compile(r"A?(\d{1,5})=([^:]+):([^:]+)")
 _TABLE = re.compile(r"A?(\d{1,5})=(.+?)(?::([A-Za-z_][\w-]*))?")
-
-
-def axis_range(text: str, option: str = "--modulo") -> tuple[int, tuple[float, float]]:
-    match = _RANGE.fullmatch(text)
-    try:
-        if match is None:
-            raise ValueError
-        low, high = float(match[2]), float(match[3])
-        if not -float("inf") < low < high < float("inf"):
-            raise ValueError
-    except ValueError:
-        message = f"found {text!r}, expected an axis and its range as in A4=0:360"
-        raise typer.BadParameter(message, param_hint=option) from None
-    return int(match[1]), (low, high)
 
 
 def _lines(
@@ -247,11 +204,7 @@ def _csv(columns: "dict[str, np.ndarray]") -> bytes:
 
     sink = io.BytesIO()
     sink.write((",".join(columns) + "\n").encode("ascii"))
-    csv.write_csv(
-        pa.table({name: pa.array(values) for name, values in columns.items()}),
-        sink,
-        csv.WriteOptions(include_header=False),
-    )
+    csv.write_csv(pa.table(columns), sink, csv.WriteOptions(include_header=False))
     return sink.getvalue()
 
 
@@ -267,7 +220,5 @@ def _write(out: Path, columns: "dict[str, np.ndarray]") -> None:
     from pyarrow import parquet
 
     sink = io.BytesIO()
-    parquet.write_table(
-        pa.table({name: pa.array(values) for name, values in columns.items()}), sink
-    )
+    parquet.write_table(pa.table(columns), sink)
     write_atomically(out, sink.getvalue())

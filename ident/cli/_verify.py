@@ -2,12 +2,22 @@
 
 import dataclasses
 import datetime
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from ._options import (
+    AsJson,
+    CycleTime,
+    Increment,
+    Modulo,
+    axis_ranges,
+    read_lists,
+    rules_of,
+)
+from ._said import print_json, working
 
 if TYPE_CHECKING:
     from ..exchange import StoredConventions
@@ -39,12 +49,7 @@ def verify(
             " machine; what stands there already is kept.",
         ),
     ] = None,
-    increment: Annotated[
-        float | None,
-        typer.Option(
-            help="mm (or °) per encoder increment, for lists and values in increments."
-        ),
-    ] = None,
+    increment: Increment = None,
     conventions: Annotated[
         Path | None,
         typer.Option(
@@ -52,67 +57,45 @@ def verify(
             help="Rules that are assumed; left out: those of --save, else the defaults.",
         ),
     ] = None,
-    cycle_time: Annotated[
-        float | None,
-        typer.Option(help="Of the controller in s: a log with another one is refused."),
-    ] = None,
-    modulo: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="A4=0:360",
-            help="Range of an axis that turns, in °; may be given several times.",
-        ),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the verdicts as JSON.")
-    ] = False,
+    cycle_time: CycleTime = None,
+    modulo: Modulo = None,
+    as_json: AsJson = False,
 ) -> None:
     """Compare what a controller logged that it added with what its lists say.
 
     Says in one sentence per compensation what the controller does. Exit status 0 only
     where all agree.
     """
-    from ...data.lists import ListFile
     from ...data.measurements import read_log
-    from ..exchange import Reading, StoredConventions, read_conventions
+    from ..exchange import Reading
     from ..external import read_snapshot, verify_external, verify_snapshot
     from ..job import use_compilation_cache
     from ..kinds import kinds
     from ..proof import Verification, verify_log
-    from ._simulate import axis_range
 
-    for name, number in (("--increment", increment), ("--cycle-time", cycle_time)):
-        if number is not None and not 0 < number < float("inf"):
-            message = f"found {number:g}, expected more than 0"
-            raise typer.BadParameter(message, param_hint=name)
-    ranges = dict(axis_range(text) for text in modulo or ())
+    ranges = axis_ranges(modulo, "--modulo")
     use_compilation_cache()
-    stored = StoredConventions()
-    if save is not None and save.exists():
-        stored = read_conventions(save)
-    assumed = stored if conventions is None else read_conventions(conventions)
-    lists = [ListFile.read(file) for file in dict.fromkeys(files)]
+    stored = rules_of(save if save is not None and save.exists() else None)
+    assumed = stored if conventions is None else rules_of(conventions)
+    lists = read_lists(files)
     rules = assumed.conventions
     reading = Reading(rules, increment, ranges)
-    snapshot = read_snapshot(log)
-    if snapshot is not None:
-        outside = verify_snapshot(lists, snapshot, reading)
-        found = Verification(outside, (), rules, frozenset())
-    else:
-        names = [one.name for one in kinds()]
-        logged = read_log(log, increment, cycle_time, names)
-        outside, logged = verify_external(lists, logged, reading)
-        found = Verification(outside, (), rules, frozenset())
-        if logged.offsets or not outside:
-            found = verify_log(lists, logged, reading)
-            every = (*outside, *found.verdicts)
-            found = dataclasses.replace(found, verdicts=every)
+    with working("reading the log"):
+        snapshot = read_snapshot(log)
+        if snapshot is not None:
+            outside = verify_snapshot(lists, snapshot, reading)
+            found = Verification(outside, (), rules, frozenset())
+        else:
+            names = [one.name for one in kinds()]
+            logged = read_log(log, increment, cycle_time, names)
+            outside, logged = verify_external(lists, logged, reading)
+            found = Verification(outside, (), rules, frozenset())
+            if logged.offsets or not outside:
+                found = verify_log(lists, logged, reading)
+                every = (*outside, *found.verdicts)
+                found = dataclasses.replace(found, verdicts=every)
     if as_json:
-        typer.echo(
-            json.dumps(
-                [_json(one) for one in found.verdicts], indent=2, ensure_ascii=False
-            )
-        )
+        print_json([_json(one) for one in found.verdicts])
     else:
         for one in found.verdicts:
             typer.echo(f"A{one.axis} {one.compensation}: {one.sentence}")

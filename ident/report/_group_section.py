@@ -5,40 +5,13 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ..job import Code, Remark
-from ._body import Plot
+from ._body import Plot, by_level
 from ._group_plots import share_plot, sum_plot
-from ._scale import count, number, percent, scale_of
+from ._scale import Scale, count, number, scale_of
 from ._section import Section
 
 if TYPE_CHECKING:
-    from ..job import AxisSum, GroupResult
-
-_LEVELS = {"error": 0, "warning": 1, "info": 2}
-
-
-@dataclasses.dataclass(frozen=True)
-class SumRow:
-    """One axis in the table of the sum, ready to print; all in ``unit``."""
-
-    axis: str
-    before: str
-    predicted: str
-    from_file: str
-    noise: str
-    largest: str
-    unit: str
-
-
-@dataclasses.dataclass(frozen=True)
-class EffectRow:
-    """One effect in the table of effects, ready to print."""
-
-    name: str
-    anchor: str
-    size: str
-    information: str
-    written: bool
-    why: str
+    from ..job import GroupResult
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,12 +23,14 @@ class GroupSection:
     level: str
     sentence: str
     remarks: tuple[Remark, ...]
-    sums: tuple[SumRow, ...]
-    effects: tuple[EffectRow, ...]
     plots: tuple[Plot, ...]
-    lost: tuple[tuple[str, str], ...]
-    free: tuple[tuple[str, str], ...]
     facts: tuple[tuple[str, str], ...]
+    group: "GroupResult"
+
+    @property
+    def scales(self) -> dict[str, Scale]:
+        """Display units by axis."""
+        return {one.axis: scale_of(one.unit) for one in self.group.axes}
 
 
 def group_section(
@@ -77,16 +52,10 @@ def group_section(
         heading=f"Identified together: group {group.name}",
         level=level,
         sentence=_opening(own) + _sentence(group, len(missing)),
-        remarks=tuple(sorted(group.remarks, key=lambda r: _LEVELS.get(r.level, 3))),
-        sums=tuple(_sum_row(one) for one in group.axes),
-        effects=tuple(_effect_rows(group, sections)),
+        remarks=by_level(group.remarks),
         plots=(share_plot(group), sum_plot(group)),
-        lost=tuple((" and ".join(each.effects), each.sentence) for each in group.lost),
-        free=tuple(
-            (" and ".join(each.effects), f"{each.sentence} {each.rule}")
-            for each in group.freedoms
-        ),
         facts=tuple(_facts(group)),
+        group=group,
     )
 
 
@@ -119,38 +88,6 @@ def _sentence(group: "GroupResult", missing: int) -> str:
     else:
         text += f" {fits[0].upper()}{fits[1:]} in one."
     return text
-
-
-def _sum_row(one: "AxisSum") -> SumRow:
-    scale = scale_of(one.unit)
-    error = one.error
-    return SumRow(
-        axis=one.axis,
-        before=scale.figure(error["before"].sound.rms),
-        predicted=scale.figure(error["predicted"].sound.rms),
-        from_file=scale.figure(error["from_file"].sound.rms),
-        noise=scale.figure(one.noise),
-        largest=scale.figure(error["predicted"].sound.max),
-        unit=scale.error,
-    )
-
-
-def _effect_rows(group: "GroupResult", sections: Sequence[Section]) -> list[EffectRow]:
-    units = {one.axis: scale_of(one.unit) for one in group.axes}
-    rows = []
-    for each in group.effects:
-        scale = units.get(each.axis, scale_of("mm"))
-        rows.append(
-            EffectRow(
-                name=each.name[:1].upper() + each.name[1:],
-                anchor="" if each.index is None else sections[each.index].name,
-                size=f"{number(each.rms * scale.factor)} {scale.error}",
-                information=percent(each.information),
-                written=each.written,
-                why=each.why,
-            )
-        )
-    return rows
 
 
 def _facts(group: "GroupResult") -> Iterator[tuple[str, str]]:

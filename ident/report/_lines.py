@@ -123,21 +123,15 @@ def _draw_readings(axes: Axes, readings: Readings) -> int:
     """Draw a sample of the sound readings behind the curve; return how many."""
     chosen = style.thin(readings.size)
     chosen = chosen[~readings.wild[chosen]]
-    for direction in (1, -1, 0):
-        rows = chosen[readings.direction[chosen] == direction]
-        if rows.size:
-            axes.plot(
-                readings.positions[rows, 0],
-                readings.before[rows],
-                linestyle="none",
-                marker=style.DIRECTION_MARKER[direction],
-                markersize=3,
-                markeredgewidth=0,
-                color=style.DIRECTION_COLOR[direction],
-                alpha=0.4,
-                rasterized=style.as_raster(rows.size),
-                label="readings",
-            )
+    style.draw_cloud(
+        axes,
+        readings.positions[chosen, 0],
+        readings.before[chosen],
+        readings.direction[chosen],
+        size=3.0,
+        names=dict.fromkeys((1, -1, 0), "readings"),
+        alpha=0.4,
+    )
     return len(chosen)
 
 

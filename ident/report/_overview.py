@@ -131,17 +131,16 @@ def _draw_clouds(
     panels: list[Axes], fit: TableResult, scale: Scale, both: tuple[Cloud, Cloud]
 ) -> None:
     for panel, cloud in zip(panels, both, strict=True):
-        for direction in (1, -1, 0):
-            rows = np.flatnonzero(cloud.direction == direction)
-            rows = rows[style.thin(rows.size, 3000)]
-            if rows.size:
-                panel.plot(
-                    cloud.positions[rows, 0], cloud.error[rows], linestyle="none",
-                    marker=style.DIRECTION_MARKER[direction], markersize=2.4,
-                    markeredgewidth=0, color=style.DIRECTION_COLOR[direction],
-                    alpha=0.7, rasterized=style.as_raster(rows.size),
-                    label=style.DIRECTION_NAME[direction],
-                )  # fmt: skip
+        style.draw_cloud(
+            panel,
+            cloud.positions[:, 0],
+            cloud.error,
+            cloud.direction,
+            size=2.4,
+            names=style.DIRECTION_NAME,
+            alpha=0.7,
+            most=3000,
+        )
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_xlabel(f"{fit.masters[0]} in {scale.position}")
     low, high = (

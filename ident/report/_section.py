@@ -4,12 +4,9 @@ import dataclasses
 
 from ..job import AbstractResult, ErrorFigures, Remark
 from ..kinds._parts import page_of
-from ._body import Body, Plot
+from ._body import Body, by_level
 from ._scale import Scale, percent, scale_of
 from ._verdict import Headline, headline_of
-from ._words import WildRow
-
-_LEVELS = {"error": 0, "warning": 1, "info": 2}
 
 _COLUMNS = (
     ("before", "before", "measured"),
@@ -50,19 +47,6 @@ class FiguresTable:
 
 
 @dataclasses.dataclass(frozen=True)
-class GateRow:
-    """One line of the gate, ready to print; ``share``: value / limit in %, to 100."""
-
-    name: str
-    value: str
-    limit: str
-    unit: str
-    passed: bool
-    where: str
-    share: float
-
-
-@dataclasses.dataclass(frozen=True)
 class Section:
     """Everything that the page says of one fit."""
 
@@ -71,12 +55,7 @@ class Section:
     verdict: Headline
     remarks: tuple[Remark, ...]
     figures: FiguresTable
-    plots: tuple[Plot, ...]
-    gate: tuple[GateRow, ...]
-    facts: tuple[tuple[str, str], ...]
-    wild: tuple[WildRow, ...]
-    wild_count: int
-    wild_runs: bool
+    body: Body
     fit: AbstractResult
     scale: Scale
 
@@ -84,21 +63,14 @@ class Section:
 def section_of(fit: AbstractResult, place: int) -> Section:
     """Return the section of one fit; ``place`` counts the fits of the job from 1."""
     scale = scale_of(fit.unit)
-    body = body_of(fit, scale)
-    remarks = sorted(fit.remarks, key=lambda remark: _LEVELS.get(remark.level, 3))
     over = " over " + ", ".join(fit.over) if fit.over else ""
     return Section(
         name=f"{place}-{fit.compensation}-{_plain(fit.axis)}",
         heading=f"{place}. {fit.compensation.capitalize()} of {fit.axis}{over}",
         verdict=headline_of(fit, scale),
-        remarks=tuple(remarks),
+        remarks=by_level(fit.remarks),
         figures=figures_table(fit, scale),
-        plots=tuple(body.plots),
-        gate=tuple(_gate_rows(fit)),
-        facts=tuple(body.facts),
-        wild=tuple(body.wild),
-        wild_count=body.wild_count,
-        wild_runs=body.wild_runs,
+        body=body_of(fit, scale),
         fit=fit,
         scale=scale,
     )
@@ -133,23 +105,6 @@ def _figure(figures: ErrorFigures, name: str) -> float | None:
     if name in ("rms, all", "max, all"):
         return float(getattr(figures, name.removesuffix(", all")))
     return None if figures.iso230 is None else figures.iso230.get(name)
-
-
-def _gate_rows(fit: AbstractResult) -> list[GateRow]:
-    return [
-        GateRow(
-            name=check.name,
-            value=f"{check.value:.4g}",
-            limit=f"{check.limit:.4g}",
-            unit=check.unit,
-            passed=check.passed,
-            where=check.where,
-            share=min(100.0, 100 * abs(check.value) / check.limit)
-            if check.limit > 0
-            else 100.0,
-        )
-        for check in fit.gate
-    ]
 
 
 def summary_row(section: Section) -> tuple[str, ...]:

@@ -3,14 +3,15 @@
 import contextlib
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.backends.backend_mixed import MixedModeRenderer
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
 
 # Okabe-Ito: distinguishable with every common kind of colour blindness and in grey.
@@ -29,6 +30,8 @@ SEQUENTIAL = "cividis"
 
 VECTOR_POINTS = 600
 """More points than this in one layer are drawn as a picture inside the SVG."""
+_DPI = 160
+"""Of what is drawn as a picture inside an SVG."""
 DRAWN_POINTS = 6000
 """More readings than this are thinned before drawing, and the caption says so."""
 
@@ -94,22 +97,93 @@ def thin(size: int, limit: int = DRAWN_POINTS) -> Int[np.ndarray, " k"]:
     return np.sort(chosen)
 
 
+def draw_cloud(
+    axes: Axes,
+    where: Float[np.ndarray, " t"],
+    value: Float[np.ndarray, " t"],
+    direction: Int[np.ndarray, " t"],
+    size: float,
+    names: Mapping[int, str],
+    alpha: float,
+    most: int | None = None,
+) -> None:
+    """Draw readings as marks that tell their direction.
+
+    Args:
+        axes: Where to.
+        where: Place of each reading.
+        value: Its error.
+        direction: ±1, or 0.
+        size: Of a mark in points.
+        names: In the legend, by direction.
+        alpha: Opacity.
+        most: Readings of one direction that are drawn.
+    """
+    for way in (1, -1, 0):
+        rows = np.flatnonzero(direction == way)
+        if most is not None:
+            rows = rows[thin(rows.size, most)]
+        if rows.size:
+            axes.plot(
+                where[rows], value[rows], linestyle="none",
+                marker=DIRECTION_MARKER[way], markersize=size, markeredgewidth=0,
+                color=DIRECTION_COLOR[way], alpha=alpha, label=names[way],
+                rasterized=as_raster(rows.size),
+            )  # fmt: skip
+
+
 def as_raster(size: int) -> bool:
     """Whether a layer of ``size`` points is better stored as a picture in the SVG."""
     return size > VECTOR_POINTS
 
 
+def _svg_renderer(width: float, height: float, text: io.StringIO) -> Any:
+    """Return what draws an SVG, of many equal markers their style once and not at each."""
+    # No date, no creator: the bytes depend on the data alone.
+    empty = {"Date": None, "Creator": None, "Format": None, "Type": None}
+    svg: Any = RendererSVG(  # type: ignore[no-untyped-call]
+        72 * width, 72 * height, text, image_dpi=_DPI, metadata=empty
+    )
+    each = svg.draw_markers
+
+    def draw_markers(
+        gc: Any, marker: Any, turn: Any, path: Any, trans: Any, face: Any = None
+    ) -> None:
+        if len(path.vertices) < 4:
+            each(gc, marker, turn, path, trans, face)
+            return
+        style = svg._get_style_dict(gc, face)
+        # Inherited by each marker; the opacity of a group would be that of all of them.
+        opacity = style.pop("opacity", "")
+        style |= {"fill-opacity": opacity, "stroke-opacity": opacity} if opacity else {}
+        svg.writer.start("g", style="; ".join(f"{k}: {v}" for k, v in style.items()))
+        svg._get_style = lambda *_: ""
+        each(gc, marker, turn, path, trans, face)
+        del svg._get_style
+        svg.writer.end("g")
+
+    svg.draw_markers = draw_markers
+    return svg
+
+
 def to_svg(figure: Figure, name: str) -> str:
-    """Return a figure as the text of an SVG file, the same text every time."""
+    """Return a figure as the text of an SVG file, the same text every time.
+
+    The figure is empty then: those of a page are a million objects.
+    """
     text = io.StringIO()
     # Ids are hashed with the salt: equal shapes of two plots in one page stay apart.
     with mpl.rc_context({**_RC, "svg.hashsalt": name}):
-        # No date, no creator: the bytes depend on the data alone.
-        empty = {"Date": None, "Creator": None, "Format": None, "Type": None}
-        figure.dpi = 160  # of what is drawn as a picture inside
+        width, height = figure.get_size_inches()
+        figure.dpi = 72
+        FigureCanvasSVG(figure)  # whose widths of texts the layout goes by
         # `savefig` would draw twice, once for the layout alone: half of a report's time.
-        canvas: Any = FigureCanvasSVG(figure)
-        canvas.print_svg(text, metadata=empty)
+        renderer: Any = MixedModeRenderer(  # type: ignore[no-untyped-call]
+            figure, width, height, _DPI, _svg_renderer(width, height, text)
+        )
+        figure.draw(renderer)
+        renderer.finalize()
+        figure.clear()
     # Narrower fallbacks than the font that the plot was laid out with never overlap.
     return text.getvalue().replace(
         "'DejaVu Sans'", "'DejaVu Sans', Verdana, Arial, sans-serif"

@@ -1,23 +1,24 @@
 """Writes the report: one HTML page that needs nothing else, and its plots as files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 
 import jinja2
 import markupsafe
 
+from ...data.files import write_atomically, write_together
 from .._job_text import job_text
-from ..job import JobResult, write_atomically
+from ..job import JobResult
 from . import _style as style
-from ._body import Plot
+from ._body import Plot, by_level
 from ._group_section import GroupSection, group_section
 from ._overview import overview_plot
+from ._scale import number, percent, scale_of
 from ._section import Section, section_of, summary_row
 from ._verdict import front_of
 
 _TEMPLATE = "report.html.jinja"
-_LEVELS = {"error": 0, "warning": 1, "info": 2}
 
 
 def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
@@ -30,37 +31,33 @@ def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
     Returns:
         The page first, then the plots. Each file is replaced atomically.
     """
+    files: dict[str, str] = {}
+
+    def draw(name: str, plots: Iterable[Plot]) -> None:
+        # At once, and each figure is let go: all of them are a million objects.
+        for plot in plots:
+            files[name + plot.name] = style.to_svg(plot.figure, name + plot.name)
+
     with style.house_style():
-        sections = [section_of(fit, place + 1) for place, fit in enumerate(result.fits)]
-        groups = [
-            group_section(group, place + 1, sections)
-            for place, group in enumerate(result.groups)
-        ]
+        sections = []
+        for place, fit in enumerate(result.fits):
+            sections.append(section_of(fit, place + 1))
+            draw(f"{sections[-1].name}-", sections[-1].body.plots)
+        groups = []
+        for place, group in enumerate(result.groups):
+            groups.append(group_section(group, place + 1, sections))
+            draw(f"{groups[-1].name}-", groups[-1].plots)
         # A single fit shows its before and after in its own section.
         several = len(result.fits) > 1 or result.second
         overview = overview_plot(result.fits) if several else None
-        files = _svg_files(overview, [*groups, *sections])
+        draw("", [overview] if overview else [])
     page = _render(result, overview, groups, sections, files)
-    plots = out / "plots"
-    plots.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name, text in files.items():
-        path = plots / f"{name}.svg"
-        write_atomically(path, text.encode())
-        written.append(path)
+    plots = [out / "plots" / f"{name}.svg" for name in files]
+    (out / "plots").mkdir(parents=True, exist_ok=True)
+    write_together(dict(zip(plots, map(str.encode, files.values()), strict=True)))
     # The page comes last: where it stands, its plots do too.
     write_atomically(out / "report.html", page.encode())
-    return (out / "report.html", *written)
-
-
-def _svg_files(
-    overview: Plot | None, sections: Sequence[Section | GroupSection]
-) -> dict[str, str]:
-    """Return all plots as SVG texts by file name."""
-    plots = {} if overview is None else {overview.name: overview}
-    for section in sections:
-        plots |= {f"{section.name}-{plot.name}": plot for plot in section.plots}
-    return {name: style.to_svg(plot.figure, name) for name, plot in plots.items()}
+    return (out / "report.html", *plots)
 
 
 def _render(
@@ -83,8 +80,11 @@ def _render(
         overview=overview,
         groups=groups,
         sections=sections,
-        remarks=sorted(result.remarks, key=lambda r: _LEVELS.get(r.level, 3)),
+        remarks=by_level(result.remarks),
         summary_row=summary_row,
+        number=number,
+        percent=percent,
+        scale_of=scale_of,
         svgs={
             name: markupsafe.Markup(style.to_inline(text))
             for name, text in files.items()

@@ -15,7 +15,7 @@ from axcomp.ident.cli._demo_files import (
     claim_folder,
     measure,
     seal_folder,
-    second_job,
+    text_of,
     write_measurements,
 )
 from axcomp.ident.exchange import read_conventions
@@ -142,7 +142,7 @@ def test_machine_whose_sign_is_flipped_is_named(
     again = measure(machine.with_lists(ListFile.read(name) for name in names), 5)
     folder = tmp_path / "flipped"
     write_measurements(folder, again)
-    text = second_job().replace("../result/", f"{demo / 'result'}/")
+    text = text_of("second.toml").decode().replace("../result/", f"{demo / 'result'}/")
     (folder / "job.toml").write_text(text)
     out = tmp_path / "out"
     command = ["fit", str(demo / "job.toml"), "--out", str(out)]

@@ -1,6 +1,7 @@
 """What the plots draw, by their artists, and whether the captions are true."""
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -23,7 +24,7 @@ from axcomp.ident.report._runs import runs_plot
 from axcomp.ident.report._scale import number, percent, place, scale_of
 from axcomp.ident.report._section import section_of
 from axcomp.ident.report._spread import spread_of, spread_plot
-from axcomp.ident.report._style import house_style
+from axcomp.ident.report._style import house_style, to_svg
 
 Make = Callable[..., TableResult]
 MM = scale_of("mm")
@@ -257,7 +258,7 @@ def test_nothing_is_cut_off_and_every_axis_has_a_unit(
     kind: str, request: pytest.FixtureRequest
 ) -> None:
     fit = request.getfixturevalue(kind)(old=True)
-    plots: tuple[Plot, ...] = section_of(fit, 1).plots
+    plots: tuple[Plot, ...] = tuple(section_of(fit, 1).body.plots)
     for plot in plots:
         figure = plot.figure
         figure.draw_without_rendering()
@@ -273,6 +274,15 @@ def test_nothing_is_cut_off_and_every_axis_has_a_unit(
         for axes in figure.axes:
             for text in (axes.get_xlabel(), axes.get_ylabel()):
                 assert not text or any(unit in text for unit in units), text
+
+
+def test_many_equal_marks_carry_their_style_once(cross: Make) -> None:
+    fit = cross()
+    figure = curve_plot(fit, readings_of(fit, MM), MM).figure
+    svg = to_svg(figure, "curve")
+    marks = re.findall(r"<use [^>]*>", svg)
+    assert len(marks) > 100
+    assert sum("style=" in mark for mark in marks) < 0.2 * len(marks)
 
 
 def test_rotary_axes_are_shown_in_thousandths_of_a_degree(cross: Make) -> None:

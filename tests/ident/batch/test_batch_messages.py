@@ -9,9 +9,7 @@ import pytest
 from axcomp.ident.batch import query_results
 from axcomp.ident.batch._collect import collect_jobs
 from axcomp.ident.batch._errors import BatchError
-from axcomp.ident.batch._run import chunks_of
 from axcomp.ident.batch._table import write_results
-from axcomp.ident.batch._work import Task
 from axcomp.ident.cli import main
 
 JOB = '[axes.X]\nnumber = 1\n[measurements.m]\nfile = "m.csv"\n'
@@ -101,16 +99,3 @@ def test_the_process_that_looks_after_a_batch_needs_no_estimators() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert run.stdout.strip() == "set()"
-
-
-@pytest.mark.parametrize("count", [1, 3, 9, 80, 300, 1000])
-@pytest.mark.parametrize("crew", [1, 2, 7])
-def test_every_worker_gets_as_many_jobs_as_the_others(count: int, crew: int) -> None:
-    tasks = [Task(f"{k}", "", "") for k in range(count)]
-    chunks = chunks_of(tasks, crew)
-    assert [task for chunk in chunks for task in chunk] == tasks
-    assert max(map(len, chunks)) <= 64
-    each = [sum(map(len, chunks[k::crew])) for k in range(crew)]
-    # A job more or less in each round.
-    rounds = -(-len(chunks) // crew)
-    assert max(each) - min(each) <= rounds

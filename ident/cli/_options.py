@@ -1,0 +1,114 @@
+"""Options that several commands take, and the reading of what they name."""
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ...data.lists import ListFile
+    from ..exchange import StoredConventions
+
+
+def positive(value: float | None) -> float | None:
+    """Return the value of an option that must be a number above 0, if it is given.
+
+    Raises:
+        BadParameter: If it is not.
+    """
+    if value is not None and not 0 < value < math.inf:
+        message = f"found {value:g}, expected more than 0"
+        raise typer.BadParameter(message)
+    return value
+
+
+AsJson = Annotated[
+    bool,
+    typer.Option("--json", help="Print the result for machines on standard output."),
+]
+Increment = Annotated[
+    float | None,
+    typer.Option(
+        callback=positive,
+        help="mm (or °) per encoder increment, for lists and values in increments.",
+    ),
+]
+CycleTime = Annotated[
+    float | None,
+    typer.Option(
+        callback=positive,
+        help="Of the controller in s: a recording with another time step is refused.",
+    ),
+]
+Modulo = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="A4=0:360",
+        help="Range of an axis that turns, in °; may be given several times.",
+    ),
+]
+Rules = Annotated[
+    Path | None,
+    typer.Option(
+        "--conventions",
+        metavar="FILE.toml",
+        help="Rules of this machine's controller, as axcomp verify saves them; left out:"
+        " the defaults.",
+    ),
+]
+Lists = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="FILE.lis …",
+        help="Compensation lists, and axis lists for what is active.",
+    ),
+]
+Plots = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Folder for plots of the tables.")
+]
+
+_RANGE = re.compile(r"A?(\d{1,5})=([^:]+):([^:]+)")
+
+
+def read_lists(files: Sequence[Path]) -> "list[ListFile]":
+    """Return the lists; one that a glob and a name both give is one list all the same."""
+    from ...data.lists import ListFile
+
+    return [ListFile.read(file) for file in dict.fromkeys(files)]
+
+
+def rules_of(file: Path | None) -> "StoredConventions":
+    """Return the rules in a file, the defaults without one."""
+    from ..exchange import StoredConventions, read_conventions
+
+    return StoredConventions() if file is None else read_conventions(file)
+
+
+def axis_ranges(
+    texts: Sequence[str] | None,
+    option: str,
+    expected: str = "its range as in A4=0:360",
+    most: float = math.inf,
+) -> dict[int, tuple[float, float]]:
+    """Return what an option says of axes, two ascending ends each, by axis number.
+
+    Raises:
+        BadParameter: If a text is something else.
+    """
+    found = {}
+    for text in texts or ():
+        match = _RANGE.fullmatch(text)
+        try:
+            if match is None:
+                raise ValueError
+            low, high = float(match[2]), float(match[3])
+            if not (-most <= low < high <= most and math.isfinite(high - low)):
+                raise ValueError
+        except ValueError:
+            message = f"found {text!r}, expected an axis and {expected}"
+            raise typer.BadParameter(message, param_hint=option) from None
+        found[int(match[1])] = (low, high)
+    return found
