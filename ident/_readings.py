@@ -96,15 +96,12 @@ def without_zero_of(
     """Return the arrays, the errors without the zero of the instrument."""
     result = dict(given)
     for axis in dict.fromkeys(one.axis for one in stack) if kind != "none" else ():
-        from .job._remove import without_zero  # loads more than a fit needs
+        from .readings import without_zero  # loads more than a fit needs
 
-        error = given[f"{axis}.error"].copy()
         roles = [role for one in stack if one.axis == axis for role in one.roles]
         own = dict.fromkeys(role for role in roles if role.endswith(".position"))
-        places = np.column_stack([np.zeros((len(error), 0)), *(given[r] for r in own)])
-        good = np.isfinite(error) & np.isfinite(places).all(axis=1)
-        error[good] = without_zero(error[good], places[good], kind)
-        result[f"{axis}.error"] = error
+        places = [given[role] for role in own]
+        result[f"{axis}.error"] = without_zero(given[f"{axis}.error"], places, kind)
     return result
 
 

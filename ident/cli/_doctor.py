@@ -40,8 +40,9 @@ def doctor(
     tell. Exit status 0 where all is right.
     """
     from ...data.lists import ListFile
-    from ..job import load_job, read_outside, use_compilation_cache
+    from ..job import load_job, use_compilation_cache
     from ..proof import diagnose, not_judged
+    from ..readings import read_outside
 
     use_compilation_cache()
     old, new = (load_job(path, needs_fits=False) for path in (before, after))

@@ -1,7 +1,6 @@
 """From measurements to readings of one fit: errors, positions, directions, runs."""
 
 import dataclasses
-import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,11 +9,20 @@ from jaxtyping import Float, Int
 from ..exchange import AbstractTable
 from ..kinds._keys import TableSpec
 from ..proof import RunTable
+from ..readings import (
+    Tables,
+    cycles_of,
+    joined,
+    joined_runs,
+    place_in_run,
+    read_part,
+    rows_of,
+    runs_overlap,
+    wanted_by,
+)
 from ._draft import Beside
 from ._load import Job
 from ._result import Remark
-from ._runs import cycles_of, place_in_run, ranked, runs_overlap
-from ._source import Tables, read_part, wanted_by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +124,7 @@ def read_fit(
     parts = [read_part(tables, name, fit, wanted) for name in fit.sources]
     remarks = [*words]
     remarks += [Remark.info(text) for part in parts for text in part.remarks]
-    slices = rows_of(fit.sources, [len(part.error) for part in parts])
+    counts = [len(part.error) for part in parts]
     errors: list[np.ndarray] = []
     for name, part in zip(fit.sources, parts, strict=True):
         error = part.error
@@ -129,8 +137,7 @@ def read_fit(
                 )
             )
         for one in beside.get(name, ()):
-            assert part.measured is not None  # of `read_part`
-            error = error + one.at(part.measured)
+            error = error + one.at(part.rows)
             remarks.append(
                 Remark.info(
                     f"Beside this table acts {one.words}, which was off while {name!r} was"
@@ -140,11 +147,10 @@ def read_fit(
         errors.append(error)
     positions = np.concatenate([part.positions for part in parts])
     direction = joined([part.direction for part in parts])
-    run = joined_runs([(part.run, len(part.error)) for part in parts])
+    run = joined_runs([part.rows.run for part in parts], counts)
     if run is not None and direction is not None:
         run = cycles_of(run, direction)
-    times = [part.time for part in parts]
-    order = joined(times)
+    order = joined([part.rows.time for part in parts])
     timed = order is not None
     if order is None:
         order = np.arange(len(positions), dtype=float)
@@ -169,45 +175,12 @@ def read_fit(
         order=np.asarray(order, dtype=float),
         place=None if run is None else place_in_run(run, order),
         datum=datum_of(job, index, fit),
-        slices=slices,
+        slices=rows_of(fit.sources, counts),
         repeated=repeated,
         remarks=tuple(remarks),
         timed=timed,
-        late=joined([part.late for part in parts]),
+        late=joined([part.rows.measured.late.get(fit.axis) for part in parts]),
     )
-
-
-def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:
-    """Return the rows of each measurement, one after the other, by its name."""
-    ends = itertools.pairwise([0, *itertools.accumulate(counts)])
-    return {name: slice(*own) for name, own in zip(sources, ends, strict=True)}
-
-
-def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
-    """Return the columns of all measurements one after the other, if all have it."""
-    known = [part for part in parts if part is not None]
-    return np.concatenate(known) if len(known) == len(parts) else None
-
-
-def joined_runs(
-    parts: Sequence[tuple[Int[np.ndarray, " _t"] | None, int]],
-) -> Int[np.ndarray, " t"] | None:
-    """Number the runs of all measurements one after the other.
-
-    A measurement without runs is a run of its own beside others.
-
-    Args:
-        parts: Runs of each measurement, or None, and how many readings it has.
-    """
-    if len(parts) == 1 and parts[0][0] is None:
-        return None
-    numbered: list[np.ndarray] = []
-    first = 1
-    for run, count in parts:
-        own = np.zeros(count, dtype=np.int64) if run is None else ranked(run)[1]
-        numbered.append(own.astype(np.int64) + first)
-        first += int(own.max(initial=0)) + 1
-    return np.concatenate(numbered)
 
 
 def datum_of(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:

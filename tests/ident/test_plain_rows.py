@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from axcomp.data.errors import AxcompError
 from axcomp.data.measurements import Table, read_table
-from axcomp.ident.job._plain_rows import _POWERS, _fill, plain_rows
+from axcomp.ident.readings._plain_rows import _POWERS, _fill, plain_rows
 
 NUMBERS = st.one_of(
     st.from_regex(r"\A[+-]?[0-9]{1,8}(\.[0-9]{0,7})?\Z"),

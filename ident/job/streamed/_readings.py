@@ -12,12 +12,21 @@ from ....data.measurements import ColumnSpec, LargeFile, Table, TablePart, own_r
 from ...exchange import AbstractTable
 from ...fit import Ahead, Samples
 from ...kinds._keys import TableSpec
+from ...readings import (
+    Part,
+    Tables,
+    Wanted,
+    Zero,
+    measured_from,
+    read_rows,
+    reference_words,
+    sensor_name,
+    step_of,
+    zero_of,
+)
 from .._load import Job
 from .._readings import datum_of
-from .._reference import temperature_role, words_of_reference
-from .._remove import Zero, step_of, zero_of
 from .._result import Remark
-from .._source import Part, Tables, Wanted, measured_from, read_rows
 
 _PARTS = 32
 """Parts of a log: enough to read one ahead, few enough to keep their sums."""
@@ -69,7 +78,7 @@ class LogSource:
         if wanted.direction == "needed":
             roles.append(f"{fit.axis}.direction")
         if isinstance(spec.material_temperature, str):
-            roles.append(temperature_role(spec.material_temperature))
+            roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
         used = {role: columns[role] for role in roles if role in columns}
         return cls(name, file, used, frozenset(columns), fit.axis)
 
@@ -127,7 +136,8 @@ class LogReadings:
     table: AbstractTable
     wanted: Wanted
     sources: tuple[LogSource, ...]
-    _said: dict[str, float | None] = dataclasses.field(default_factory=dict)
+    _said: dict[str, None] = dataclasses.field(default_factory=dict)
+    _changes: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def has_runs(self) -> bool:
@@ -151,13 +161,14 @@ class LogReadings:
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """What was taken for granted, once the log has been read."""
-        found = [words for words, change in self._said.items() if change is None]
-        for source in self.sources:
-            if self.job.spec.measurements[source.name].expansion is None:
-                continue
-            change = self._said.get(_change_of(source.name))
-            found.append(
-                words_of_reference(self.job, source.name, self.fit, self.wanted, change)
+        found = list(self._said)
+        for name in (source.name for source in self.sources):
+            found += reference_words(
+                name,
+                self.job.spec.measurements[name],
+                self.fit.axis,
+                lengths=self.wanted.lengths,
+                change=self._changes.get(name),
             )
         return tuple(Remark.info(words) for words in found)
 
@@ -176,20 +187,21 @@ class LogReadings:
         run = None
         if self.has_runs:
             run = np.full(len(error), number * _MANY, dtype=np.int64)
-            if part.run is not None:
-                run += part.run
+            if part.rows.run is not None:
+                run += part.rows.run
         return Samples(part.positions, error, branch, run=run)
 
     def _rows(self, source: LogSource, table: Table) -> Part:
         measured = measured_from(
-            self.job, source.name, table, source.columns, self.fit, self.wanted.masters
-        )
+            self.job, source.name, table, source.columns,
+            self.fit.axis, self.wanted.masters,
+        )  # fmt: skip
         part = read_rows(self.job, source.name, measured, self.fit, self.wanted)
-        for words in part.remarks:
-            self._said.setdefault(words, None)
-        if part.change is not None:
-            name = _change_of(source.name)
-            self._said[name] = max(part.change, self._said.get(name) or 0.0)
+        self._said.update(dict.fromkeys(part.remarks))
+        for change in part.rows.change.values():
+            self._changes[source.name] = max(
+                change, self._changes.get(source.name, 0.0)
+            )
         return part
 
     @cached_property
@@ -218,7 +230,3 @@ class LogReadings:
         for part in self._parts_of(source):
             for table in part.tables():
                 yield self._rows(source, table)
-
-
-def _change_of(name: str) -> str:
-    return f"\0{name}"

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 from ...exchange import AbstractTable
 from ...kinds._keys import TableSpec
+from ...readings import Tables, wanted_by
 from .._load import Job
 from .._result import Remark
-from .._source import Tables, wanted_by
 from ._readings import LogReadings, LogSource
 
 LARGE = 20_000_000

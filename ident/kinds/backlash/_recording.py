@@ -8,10 +8,16 @@ from jaxtyping import Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...job._readings import joined, joined_runs, rows_of
 from ...job._result import Remark
-from ...job._runs import cycles_of
-from ...job._source import Tables, Wanted, measured_for, read_part
+from ...readings import (
+    Tables,
+    Wanted,
+    cycles_of,
+    joined,
+    joined_runs,
+    read_part,
+    rows_of,
+)
 from .effect import BacklashFit, fit_backlash, fit_backlash_trace
 from .keys import Spec
 
@@ -98,7 +104,7 @@ def read_recording(tables: Tables, fit: Spec) -> Recording:
             cannot be used.
     """
     name = fit.sources[0]
-    measured = measured_for(tables, name, fit, (fit.axis,))
+    measured = tables.measured(name, fit.axis, (fit.axis,))
     encoder = measured.get(f"{fit.axis}.encoder")
     actual = measured.get(f"{fit.axis}.actual")
     time = measured.get("time")
@@ -111,16 +117,17 @@ def read_recording(tables: Tables, fit: Spec) -> Recording:
     parts = [read_part(tables, each, fit, wanted) for each in fit.sources]
     direction = joined([part.direction for part in parts])
     assert direction is not None  # `read_part` refuses it otherwise
-    run = joined_runs([(part.run, len(part.error)) for part in parts])
+    counts = [len(part.error) for part in parts]
+    run = joined_runs([part.rows.run for part in parts], counts)
     return Recording(
         position=np.concatenate([part.positions[:, 0] for part in parts]),
         error=np.concatenate([part.error for part in parts]),
         direction=direction.astype(np.int64),
         run=None if run is None else cycles_of(run, direction),
-        time=joined([part.time for part in parts]),
+        time=joined([part.rows.time for part in parts]),
         reach=0.0,
         rotary=tables.job.spec.axes[fit.axis].kind != "linear",
-        slices=rows_of(fit.sources, [len(part.error) for part in parts]),
+        slices=rows_of(fit.sources, counts),
         remarks=tuple(Remark.info(words) for part in parts for words in part.remarks),
     )
 

@@ -19,8 +19,8 @@ from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of
 from ...job._load import Job
 from ...job._result import Remark
-from ...job._source import Tables
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
+from ...readings import Tables
 from ._identify import Identified, identify
 from ._listing import (
     OutUnit,

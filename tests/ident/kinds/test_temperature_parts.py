@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit import FitError
-from axcomp.ident.job._clocks import clock_offset
 from axcomp.ident.kinds.temperature.effect import (
     ThermalReadings,
     fit_temperature,
     lagged,
     steady,
 )
+from axcomp.ident.readings._clocks import clock_offset
 
 REAL = Path(__file__).parents[4] / "shared/data/thermal"
 STEP = 0.0025  # mm per motor step

@@ -19,8 +19,8 @@ from axcomp.ident.job._draft import (
 from axcomp.ident.job._gating import limits_of
 from axcomp.ident.job._load import Job
 from axcomp.ident.job._result import AbstractResult, Remark, staged
-from axcomp.ident.job._source import Tables, Wanted, read_part
 from axcomp.ident.proof import GateCheck, gate_check
+from axcomp.ident.readings import Tables, Wanted, read_part
 
 from .entries import ENTRIES, Constant
 from .keys import Spec

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -19,10 +20,12 @@ from ...data.measurements import (
     joined_name,
     measurement,
 )
-from ..fit import FitError
+from ..core import FitError
 from ._clocks import ClockState, find_offset
-from ._load import Job
-from ._schema import ColumnChoice, ColumnOfRun, MeasurementSpec
+
+if TYPE_CHECKING:
+    from ..job._load import Job
+    from ..job._schema import MeasurementSpec
 
 _PLACES = ("position", "encoder", "actual", "drive_position")
 """Kinds of role that show the motion of an axis."""
@@ -69,7 +72,7 @@ class _File:
 
 
 def join_files(
-    job: Job, name: str, spec: MeasurementSpec, tables: Sequence[Table]
+    job: "Job", name: str, spec: "MeasurementSpec", tables: Sequence[Table]
 ) -> JoinedFiles:
     """Put the files of a measurement onto the clock of the first one.
 
@@ -114,36 +117,17 @@ def join_files(
     )
 
 
-def column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
-    """Return where the values of a role are, as a job has it."""
-    if isinstance(choice, str):
-        return ColumnSpec(choice)
-    if isinstance(choice, ColumnChoice):
-        return ColumnSpec(choice.column or "", choice.unit, choice.value)
-    parts = (
-        ColumnSpec(one.column, one.unit, run=one.run, direction=one.direction)
-        for one in choice
-    )
-    return ColumnSpec("", parts=tuple(parts))
-
-
-def _file(label: str, table: Table, spec: MeasurementSpec) -> _File:
-    roles: dict[str, ColumnSpec] = {}
+def _file(label: str, table: Table, spec: "MeasurementSpec") -> _File:
+    own = {c.role: ColumnSpec(c.header or c.name) for c in table.columns if c.role}
+    roles = {role: one for role, one in own.items() if find_role(role) is not None}
     if spec.columns:
-        for role, column in spec.columns.items():
-            if isinstance(column, ColumnChoice) and column.file not in (None, label):
-                continue
-            wished = column_spec(column)
-            try:
-                table.column(wished.column)
-            except ColumnError:
-                continue
-            roles[role] = wished
-    else:
-        for each in table.columns:
-            if each.role is not None and find_role(each.role) is not None:
-                roles[each.role] = ColumnSpec(each.header or each.name)
-    clock = roles.pop("time", None) or _own_clock(table)
+        wished = {
+            role: one
+            for role, one in spec.column_specs.items()
+            if spec.file_of(role) in (None, label) and _holds(table, one)
+        }
+        roles = {"time": own["time"]} | wished if "time" in own else wished
+    clock = roles.pop("time", None)
     if clock is None:
         names = ", ".join(column.name for column in table.columns[:12])
         reason = f"found columns {names}, expected one for the role time in each of the files"
@@ -159,20 +143,21 @@ def _file(label: str, table: Table, spec: MeasurementSpec) -> _File:
     return _File(label, table, np.asarray(time, dtype=float), roles)
 
 
-def _own_clock(table: Table) -> ColumnSpec | None:
-    own = next((c for c in table.columns if c.role == "time"), None)
-    return None if own is None else ColumnSpec(own.header or own.name)
+def _holds(table: Table, spec: ColumnSpec) -> bool:
+    try:
+        table.column(spec.column)
+    except ColumnError:
+        return False
+    return True
 
 
-def _refuse_missing(files: Sequence[_File], spec: MeasurementSpec) -> None:
+def _refuse_missing(files: Sequence[_File], spec: "MeasurementSpec") -> None:
     known = {role for file in files for role in file.roles} | {"time"}
-    for role, column in spec.columns.items():
-        if role in known:
-            continue
-        wanted = column_spec(column).column
-        names = [c.name for file in files for c in file.table.columns]
-        listed = " + ".join(file.name for file in files)
-        raise ColumnError(listed, wanted, names, None)
+    for role, wanted in spec.column_specs.items():
+        if role not in known:
+            names = [c.name for file in files for c in file.table.columns]
+            listed = " + ".join(file.name for file in files)
+            raise ColumnError(listed, wanted.column, names, None)
 
 
 def _offset(name: str, first: _File, other: _File) -> ClockState:
@@ -241,7 +226,7 @@ def _by_axis(file: _File) -> dict[str, str]:
 
 
 def _refuse_apart(
-    job: Job, name: str, first: _File, other: _File, found: ClockState
+    job: "Job", name: str, first: _File, other: _File, found: ClockState
 ) -> None:
     begin, end = other.time[0] + found.offset, other.time[-1] + found.offset
     if begin > first.time[-1] or end < first.time[0]:
