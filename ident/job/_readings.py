@@ -9,17 +9,7 @@ from jaxtyping import Float, Int
 from ..exchange import AbstractTable
 from ..kinds._keys import TableSpec
 from ..proof import RunTable
-from ..readings import (
-    Tables,
-    cycles_of,
-    joined,
-    joined_runs,
-    place_in_run,
-    read_part,
-    rows_of,
-    runs_overlap,
-    wanted_by,
-)
+from ..readings import Tables, place_in_run, read_joined, runs_overlap, wanted_by
 from ._draft import Beside
 from ._load import Job
 from ._result import Remark
@@ -119,17 +109,13 @@ def read_fit(
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If the measurement does not suit the fit.
     """
-    job = tables.job
-    wanted = wanted_by(fit, table)
-    parts = [read_part(tables, name, fit, wanted) for name in fit.sources]
-    remarks = [*words]
-    remarks += [Remark.info(text) for part in parts for text in part.remarks]
-    counts = [len(part.error) for part in parts]
-    errors: list[np.ndarray] = []
-    for name, part in zip(fit.sources, parts, strict=True):
-        error = part.error
+    found = read_joined(tables, fit, wanted_by(fit, table))
+    error, run, time = found.error.copy(), found.run, found.time
+    remarks = [*words, *map(Remark.info, found.remarks)]
+    for name, rows in found.rows.items():
+        own = found.slices[name]
         if name in extra:
-            error = error + extra[name]
+            error[own] += extra[name]
             remarks.append(
                 Remark.info(
                     f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
@@ -137,28 +123,19 @@ def read_fit(
                 )
             )
         for one in beside.get(name, ()):
-            error = error + one.at(part.rows)
+            error[own] += one.at(rows)
             remarks.append(
                 Remark.info(
                     f"Beside this table acts {one.words}, which was off while {name!r} was"
                     " measured: this table corrects what it leaves."
                 )
             )
-        errors.append(error)
-    positions = np.concatenate([part.positions for part in parts])
-    direction = joined([part.direction for part in parts])
-    run = joined_runs([part.rows.run for part in parts], counts)
-    if run is not None and direction is not None:
-        run = cycles_of(run, direction)
-    order = joined([part.rows.time for part in parts])
-    timed = order is not None
-    if order is None:
-        order = np.arange(len(positions), dtype=float)
+    order = np.arange(len(error), dtype=float) if time is None else time
     repeated = run is not None and runs_overlap(
-        positions,
+        found.positions,
         run,
         tuple(nodes.positions for nodes in table.nodes),
-        direction if table.branches == 2 else None,
+        found.direction if table.branches == 2 else None,
     )
     if run is not None and not repeated and len(np.unique(run)) > 1:
         remarks.append(
@@ -168,18 +145,18 @@ def read_fit(
             )
         )
     return Readings(
-        positions=positions,
-        error=np.concatenate(errors),
-        direction=direction,
+        positions=found.positions,
+        error=error,
+        direction=found.direction,
         run=run,
-        order=np.asarray(order, dtype=float),
+        order=order,
         place=None if run is None else place_in_run(run, order),
-        datum=datum_of(job, index, fit),
-        slices=rows_of(fit.sources, counts),
+        datum=datum_of(tables.job, index, fit),
+        slices=found.slices,
         repeated=repeated,
         remarks=tuple(remarks),
-        timed=timed,
-        late=joined([part.rows.measured.late.get(fit.axis) for part in parts]),
+        timed=time is not None,
+        late=found.late,
     )
 
 

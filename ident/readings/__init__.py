@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 from .._lazy import importer
 from ._clocks import ClockState as ClockState
 from ._part import (
+    Joined as Joined,
     Part as Part,
     Wanted as Wanted,
     joined as joined,
     joined_runs as joined_runs,
-    read_part as read_part,
+    read_joined as read_joined,
     read_rows as read_rows,
     rows_of as rows_of,
     wanted_by as wanted_by,

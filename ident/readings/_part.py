@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from ...data.measurements import Measurement
 from ..kinds._keys import FitSpec, TableSpec
 from ._rows import Rows, reference_words
-from ._runs import ranked
+from ._runs import cycles_of, ranked
 from ._tables import Tables
 from ._zero import without_zero
 
@@ -61,31 +61,6 @@ class Part:
     remarks: tuple[str, ...]
 
 
-def read_part(tables: Tables, name: str, fit: FitSpec, wanted: Wanted) -> Part:
-    """Return the readings of one measurement for a fit.
-
-    Raises:
-        MeasurementError: If a role is missing or a value cannot be used.
-    """
-    measured = tables.measured(name, fit.axis, wanted.masters)
-    part = read_rows(tables.job, name, measured, fit, wanted)
-    rows = part.rows
-    return dataclasses.replace(
-        part,
-        error=without_zero(part.error, [*part.positions.T], rows.spec.remove),
-        remarks=(
-            *part.remarks,
-            *reference_words(
-                name,
-                rows.spec,
-                fit.axis,
-                lengths=wanted.lengths,
-                change=rows.change.get(fit.axis),
-            ),
-        ),
-    )
-
-
 def read_rows(
     job: "Job", name: str, measured: Measurement, fit: FitSpec, wanted: Wanted
 ) -> Part:
@@ -104,6 +79,69 @@ def read_rows(
     if wanted.direction != "no":
         direction = rows.direction(fit.axis, needed=wanted.direction == "needed")
     return Part(positions, error, direction, rows, tuple(rows.remarks))
+
+
+@dataclasses.dataclass(frozen=True)
+class Joined:
+    """The readings of all measurements of a fit, one after the other.
+
+    Attributes:
+        positions: Of the masters, in mm or °.
+        error: Actual − commanded in mm or °, reduced as the job asks.
+        direction: ±1, or None where it is neither needed nor known.
+        run: Cycle of each reading, or None where nothing was repeated.
+        time: In s, or None.
+        late: What one standard deviation of the instruments' delays makes of the error, or
+            None at standstill.
+        slices: Rows of each measurement.
+        rows: All columns of each measurement.
+        remarks: What was taken for granted.
+    """
+
+    positions: Float[np.ndarray, "t d"]
+    error: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"] | None
+    run: Int[np.ndarray, " t"] | None
+    time: Float[np.ndarray, " t"] | None
+    late: Float[np.ndarray, " t"] | None
+    slices: Mapping[str, slice]
+    rows: Mapping[str, Rows]
+    remarks: tuple[str, ...]
+
+
+def read_joined(tables: Tables, fit: FitSpec, wanted: Wanted) -> Joined:
+    """Return the readings of a fit, all its measurements joined.
+
+    Raises:
+        MeasurementError: If a role is missing or a value cannot be used.
+    """
+    parts, errors, remarks = list[Part](), list[np.ndarray](), list[str]()
+    for name in fit.sources:
+        measured = tables.measured(name, fit.axis, wanted.masters)
+        part = read_rows(tables.job, name, measured, fit, wanted)
+        rows, places = part.rows, [*part.positions.T]
+        parts.append(part)
+        errors.append(without_zero(part.error, places, rows.spec.remove))
+        remarks += part.remarks
+        remarks += reference_words(
+            name, rows.spec, fit.axis, wanted.lengths, rows.change.get(fit.axis)
+        )
+    counts = [len(error) for error in errors]
+    direction = joined([part.direction for part in parts])
+    run = joined_runs([part.rows.run for part in parts], counts)
+    if run is not None and direction is not None:
+        run = cycles_of(run, direction)
+    return Joined(
+        positions=np.concatenate([part.positions for part in parts]),
+        error=np.concatenate(errors),
+        direction=direction,
+        run=run,
+        time=joined([part.rows.time for part in parts]),
+        late=joined([part.rows.measured.late.get(fit.axis) for part in parts]),
+        slices=rows_of(fit.sources, counts),
+        rows={part.rows.name: part.rows for part in parts},
+        remarks=tuple(remarks),
+    )
 
 
 def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:

@@ -342,12 +342,7 @@ def first_motion(place: Float[np.ndarray, " t"]) -> int:
 
 
 def reference_words(
-    name: str,
-    spec: "MeasurementSpec",
-    axis: str,
-    *,
-    lengths: bool,
-    change: float | None,
+    name: str, spec: "MeasurementSpec", axis: str, lengths: bool, change: float | None
 ) -> tuple[str, ...]:
     """Say what was done about the temperature; nothing where no expansion is stated.
 

@@ -167,8 +167,8 @@ class LogReadings:
                 name,
                 self.job.spec.measurements[name],
                 self.fit.axis,
-                lengths=self.wanted.lengths,
-                change=self._changes.get(name),
+                self.wanted.lengths,
+                self._changes.get(name),
             )
         return tuple(Remark.info(words) for words in found)
 

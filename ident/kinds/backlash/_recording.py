@@ -9,15 +9,7 @@ from jaxtyping import Float, Int
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
 from ...job._result import Remark
-from ...readings import (
-    Tables,
-    Wanted,
-    cycles_of,
-    joined,
-    joined_runs,
-    read_part,
-    rows_of,
-)
+from ...readings import Tables, Wanted, read_joined
 from .effect import BacklashFit, fit_backlash, fit_backlash_trace
 from .keys import Spec
 
@@ -114,21 +106,18 @@ def read_recording(tables: Tables, fit: Spec) -> Recording:
             raise MeasurementError(str(measured.source), reason)
         return _trace(encoder, actual, time, tables.job.spec.axes[fit.axis].kind)
     wanted = Wanted((fit.axis,), "needed", lengths=True)
-    parts = [read_part(tables, each, fit, wanted) for each in fit.sources]
-    direction = joined([part.direction for part in parts])
-    assert direction is not None  # `read_part` refuses it otherwise
-    counts = [len(part.error) for part in parts]
-    run = joined_runs([part.rows.run for part in parts], counts)
+    found = read_joined(tables, fit, wanted)
+    assert found.direction is not None  # `read_joined` refuses it otherwise
     return Recording(
-        position=np.concatenate([part.positions[:, 0] for part in parts]),
-        error=np.concatenate([part.error for part in parts]),
-        direction=direction.astype(np.int64),
-        run=None if run is None else cycles_of(run, direction),
-        time=joined([part.rows.time for part in parts]),
+        position=found.positions[:, 0],
+        error=found.error,
+        direction=found.direction.astype(np.int64),
+        run=found.run,
+        time=found.time,
         reach=0.0,
         rotary=tables.job.spec.axes[fit.axis].kind != "linear",
-        slices=rows_of(fit.sources, counts),
-        remarks=tuple(Remark.info(words) for part in parts for words in part.remarks),
+        slices=found.slices,
+        remarks=tuple(map(Remark.info, found.remarks)),
     )
 
 
