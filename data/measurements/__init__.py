@@ -80,7 +80,7 @@ from ._moving import (
     with_error as with_error,
     without_motion as without_motion,
 )
-from ._read import PlainRows as PlainRows, read_table as read_table
+from ._read import read_table as read_table
 from ._roles import (
     KINDS as KINDS,
     ColumnSpec as ColumnSpec,

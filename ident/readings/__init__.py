@@ -5,7 +5,7 @@ with `_clocks` (several files on one clock), `_rows` (one measurement, a column 
 modulo, absurd values, reference temperature, with `_zero` of the instrument), `_runs` (repeated
 runs), `_part` (one measurement as a fit takes it; several one after the other). On top of them
 stand `_outside` (errors of all axes, for `doctor` and the whole axis) and `_observe` (all there
-is, for `discover`). `_plain_rows` reads plain numbers as machine code.
+is, for `discover`).
 """
 
 from typing import TYPE_CHECKING

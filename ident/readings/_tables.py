@@ -1,6 +1,5 @@
 """The files of a job's measurements, each read once, their columns in mm, °, s and °C."""
 
-import functools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -8,7 +7,6 @@ from ...data.measurements import (
     ColumnSpec,
     LargeFile,
     Measurement,
-    PlainRows,
     Table,
     measurement,
     open_large,
@@ -38,15 +36,6 @@ class Tables:
         self._read: dict[str, Table] = {}
         self._columns: dict[str, Mapping[str, ColumnSpec]] = {}
         self._large: dict[str, LargeFile | None] = {}
-
-    @functools.cached_property
-    def _plain_rows(self) -> PlainRows | None:
-        """What reads plain rows fast: machine code, where a fit of the job needs it anyway."""
-        if not any(fit.kind.compiles for fit in self.job.spec.fits):
-            return None
-        from ._plain_rows import plain_rows  # takes long to load
-
-        return plain_rows
 
     def columns(self, name: str) -> Mapping[str, ColumnSpec]:
         """Return the column of each role of a measurement; empty: as the file says.
@@ -104,7 +93,6 @@ class Tables:
             self.job.file(file),
             profile=spec.profile,
             lines=spec.lines,
-            plain_rows=self._plain_rows,
         )
         if spec.profile is not None and table.format not in PROFILE_FORMATS:
             raise self.job.error(
