@@ -21,6 +21,7 @@ from ..data.measurements import (
     find_role,
     measurement,
     read_table,
+    without_motion,
 )
 from .core import FitError
 from .fit.joint import AbstractEffect, JointData, Number, Temperature
@@ -108,8 +109,14 @@ def without_zero_of(
 def arrays_of(
     effects: Sequence[AbstractEffect | Friction], data: Measurement | Roles
 ) -> dict[str, np.ndarray]:
-    """Return the arrays by role that the effects need, and runs and time."""
+    """Return the arrays by role that the effects need, and runs and time.
+
+    Errors of a measurement in motion are those that a standstill would show.
+    """
     wanted = ["run", "time"]
+    if isinstance(data, Measurement):
+        axes = [one.axis for one in effects if isinstance(one, AbstractEffect)]
+        data = without_motion(data, axes).with_gaps()
     for one in effects:
         wanted += one.roles
         if isinstance(one, AbstractEffect):
@@ -117,7 +124,7 @@ def arrays_of(
     found: dict[str, np.ndarray] = {}
     for role in dict.fromkeys(wanted):
         if isinstance(data, Measurement):
-            values = _measured(data.with_gaps(), role)
+            values = _measured(data, role)
         else:
             values = None if role not in data else np.asarray(data[role])
         if values is None and role in ("run", "time") and role not in wanted[2:]:
