@@ -52,12 +52,6 @@ from ._iso230_words import (
     widest_reversal as widest_reversal,
     with_arrows as with_arrows,
 )
-from ._join import (
-    CLOCK as CLOCK,
-    TimedTable as TimedTable,
-    join_tables as join_tables,
-    joined_name as joined_name,
-)
 from ._large import (
     LargeFile as LargeFile,
     TablePart as TablePart,

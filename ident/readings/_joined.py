@@ -8,16 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.measurements import (
-    CLOCK,
     Column,
     ColumnError,
     ColumnSpec,
     MeasurementError,
     Table,
-    TimedTable,
     find_role,
-    join_tables,
-    joined_name,
     measurement,
 )
 from ..core import FitError
@@ -29,6 +25,8 @@ if TYPE_CHECKING:
 
 _PLACES = ("position", "encoder", "actual", "drive_position")
 """Kinds of role that show the motion of an axis."""
+_CLOCK = "time"
+"""Name of the common clock among the columns of joined files."""
 _OFFSET_WORDS = "or offsets = the known differences of their clocks in s"
 
 
@@ -103,18 +101,67 @@ def join_files(
         _refuse_apart(job, name, files[0], other, found)
         shifts.append(found.offset)
         clocks.append(found)
-    joined = join_tables(
-        [
-            TimedTable(file.table, file.time + shift)
-            for file, shift in zip(files, shifts, strict=True)
-        ]
-    )
-    remarks = (*joined.remarks, *map(_words, clocks))
+    table, columns = _side_by_side(files, shifts)
+    remarks = (*table.remarks, *map(_words, clocks))
     return JoinedFiles(
-        dataclasses.replace(joined, remarks=remarks),
-        _columns(files, joined),
-        tuple(clocks),
+        dataclasses.replace(table, remarks=remarks), columns, tuple(clocks)
     )
+
+
+def _side_by_side(
+    files: Sequence[_File], shifts: Sequence[float]
+) -> tuple[Table, dict[str, ColumnSpec]]:
+    """Return the columns of several files on one clock, and which of them has each role.
+
+    There is one row per row of each file, in order of time; a column has samples in the
+    rows of its own file only, so that `measurement` brings the channels together as it does
+    for channels of several sample times. Where several files have a role the first one
+    counts, and a name that several use is followed by that of the file.
+    """
+    tables = [file.table for file in files]
+    names = [column.name for table in tables for column in table.columns]
+    time = np.concatenate(
+        [file.time + shift for file, shift in zip(files, shifts, strict=True)]
+    )
+    order = np.argsort(time, kind="stable")
+    columns = [Column(_CLOCK, "time", "s", time[order], header=_CLOCK)]
+    roles = {"time": ColumnSpec(_CLOCK)}
+    ends = np.cumsum([table.rows for table in tables])
+    for file, end in zip(files, ends, strict=True):
+        own = slice(end - file.table.rows, end)
+        for role, spec in file.roles.items():
+            column = file.table.column(spec.column)
+            if role in roles or column.text is not None:
+                continue
+            name = column.name
+            if names.count(name) > 1 or name == _CLOCK:
+                name = f"{name} ({file.table.path.name})"
+            roles[role] = ColumnSpec(name, spec.unit)
+            if any(name == each.name for each in columns):
+                continue  # two roles of one column
+            values, present = np.full(len(time), np.nan), np.zeros(len(time), bool)
+            values[own] = column.values
+            present[own] = True if column.present is None else column.present
+            columns.append(
+                dataclasses.replace(
+                    column,
+                    name=name,
+                    header=name,
+                    values=values[order],
+                    present=present[order],
+                )
+            )
+    path = tables[0].path.with_name(" + ".join(table.path.name for table in tables))
+    joined = Table(
+        path=path,
+        format=tables[0].format,
+        columns=tuple(columns),
+        rows=len(time),
+        lines=np.concatenate([table.lines for table in tables])[order],
+        skipped=tuple(each for table in tables for each in table.skipped),
+        remarks=tuple(each for table in tables for each in table.remarks),
+    )
+    return joined, roles
 
 
 def _file(label: str, table: Table, spec: "MeasurementSpec") -> _File:
@@ -236,22 +283,6 @@ def _refuse_apart(
             " taken together"
         )
         raise job.error(("measurements", name, "files"), reason)
-
-
-def _columns(files: Sequence[_File], joined: Table) -> dict[str, ColumnSpec]:
-    """Return the column of each role among the joined ones; the first file has it."""
-    found = {"time": ColumnSpec(CLOCK)}
-    names = {column.name for column in joined.columns}
-    for file in files:
-        for role, spec in file.roles.items():
-            if role in found:
-                continue
-            column: Column = file.table.column(spec.column)
-            if column.text is not None:
-                continue
-            own = joined_name(file.table, column)
-            found[role] = ColumnSpec(own if own in names else column.name, spec.unit)
-    return found
 
 
 def _words(clock: ClockState) -> str:
