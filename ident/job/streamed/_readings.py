@@ -45,14 +45,13 @@ class LogSource:
         name: Of the measurement.
         file: The file.
         columns: Column of each role that is used.
-        all_roles: Every role that the file has.
+        roles: Every role that the file has.
     """
 
     name: str
     file: LargeFile
     columns: Mapping[str, ColumnSpec]
-    all_roles: frozenset[str]
-    axis: str
+    roles: frozenset[str]
 
     @classmethod
     def of(
@@ -67,20 +66,15 @@ class LogSource:
         columns = tables.columns(name) or own_roles(
             file.head, spec.axis or fit.axis, wanted.masters
         )
-        error = f"{fit.axis}.error"
-        roles = [f"{axis}.position" for axis in wanted.masters]
-        roles += (
-            [error]
-            if error in columns
-            else [f"{fit.axis}.actual", f"{fit.axis}.position"]
-        )
-        roles.append("run")
+        roles = ["run", *(f"{axis}.position" for axis in wanted.masters)]
+        kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
+        roles += [f"{fit.axis}.{kind}" for kind in kinds]
         if wanted.direction == "needed":
             roles.append(f"{fit.axis}.direction")
         if isinstance(spec.material_temperature, str):
             roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
         used = {role: columns[role] for role in roles if role in columns}
-        return cls(name, file, used, frozenset(columns), fit.axis)
+        return cls(name, file, used, frozenset(columns))
 
     @cached_property
     def headers(self) -> tuple[str, ...]:
@@ -92,28 +86,6 @@ class LogSource:
         head = self.file.head
         found = [head.column(one.column) for one in self.columns.values()]
         return tuple(dict.fromkeys(one.header or one.name for one in found))
-
-    @property
-    def in_motion(self) -> bool:
-        """Whether the error is that of a motion, which the rows alone do not tell."""
-        return f"{self.axis}.error" not in self.all_roles and "time" in self.all_roles
-
-    @property
-    def has_direction(self) -> bool:
-        """Whether the direction is a column."""
-        return f"{self.axis}.direction" in self.all_roles
-
-    @property
-    def has_runs(self) -> bool:
-        """Whether runs are numbered."""
-        return "run" in self.columns
-
-    @property
-    def names_runs(self) -> bool:
-        """Whether runs have names, which are numbered in order of appearance."""
-        if not self.has_runs:
-            return False
-        return self.file.head.column(self.columns["run"].column).text is not None
 
 
 @final
@@ -142,7 +114,9 @@ class LogReadings:
     @property
     def has_runs(self) -> bool:
         """Whether some readings belong to another run than others, as far as is known."""
-        return len(self.sources) > 1 or any(one.has_runs for one in self.sources)
+        return len(self.sources) > 1 or any(
+            "run" in one.columns for one in self.sources
+        )
 
     @cached_property
     def parts(self) -> list[Ahead]:
