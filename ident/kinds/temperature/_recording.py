@@ -48,7 +48,7 @@ def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
         FitError: If there is no plateau where one is asked for.
         JobError: If the measurements do not suit each other.
     """
-    effects = fit.effects
+    effects: dict[Effect, str] | None = fit.effects
     remarks: list[Remark] = []
     parts: list[tuple[Rows, ThermalReadings]] = []
     for name in fit.sources:
