@@ -9,13 +9,14 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from axcomp.ident.discover import discover
-from axcomp.ident.job import load_job, observe
+from axcomp.ident.job import load_job
 from axcomp.ident.machine.motion import (
     machine_with_everything,
     record,
     work_programme,
     write_motion_log,
 )
+from axcomp.ident.readings import observe
 
 SEEDS = [pytest.param(seed, id=f"seed{seed}") for seed in range(10)]
 OTHER = {"absent": [("backlash", "Z"), ("temperature", "Z")], "swapped": True}

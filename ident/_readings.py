@@ -21,6 +21,7 @@ from ..data.measurements import (
     find_role,
     measurement,
     read_table,
+    without_motion,
 )
 from .core import FitError
 from .fit.joint import AbstractEffect, JointData, Number, Temperature
@@ -96,23 +97,26 @@ def without_zero_of(
     """Return the arrays, the errors without the zero of the instrument."""
     result = dict(given)
     for axis in dict.fromkeys(one.axis for one in stack) if kind != "none" else ():
-        from .job._remove import without_zero  # loads more than a fit needs
+        from .readings import without_zero  # loads more than a fit needs
 
-        error = given[f"{axis}.error"].copy()
         roles = [role for one in stack if one.axis == axis for role in one.roles]
         own = dict.fromkeys(role for role in roles if role.endswith(".position"))
-        places = np.column_stack([np.zeros((len(error), 0)), *(given[r] for r in own)])
-        good = np.isfinite(error) & np.isfinite(places).all(axis=1)
-        error[good] = without_zero(error[good], places[good], kind)
-        result[f"{axis}.error"] = error
+        places = [given[role] for role in own]
+        result[f"{axis}.error"] = without_zero(given[f"{axis}.error"], places, kind)
     return result
 
 
 def arrays_of(
     effects: Sequence[AbstractEffect | Friction], data: Measurement | Roles
 ) -> dict[str, np.ndarray]:
-    """Return the arrays by role that the effects need, and runs and time."""
+    """Return the arrays by role that the effects need, and runs and time.
+
+    Errors of a measurement in motion are those that a standstill would show.
+    """
     wanted = ["run", "time"]
+    if isinstance(data, Measurement):
+        axes = [one.axis for one in effects if isinstance(one, AbstractEffect)]
+        data = without_motion(data, axes).with_gaps()
     for one in effects:
         wanted += one.roles
         if isinstance(one, AbstractEffect):
@@ -120,7 +124,7 @@ def arrays_of(
     found: dict[str, np.ndarray] = {}
     for role in dict.fromkeys(wanted):
         if isinstance(data, Measurement):
-            values = _measured(data.with_gaps(), role)
+            values = _measured(data, role)
         else:
             values = None if role not in data else np.asarray(data[role])
         if values is None and role in ("run", "time") and role not in wanted[2:]:

@@ -52,12 +52,6 @@ from ._iso230_words import (
     widest_reversal as widest_reversal,
     with_arrows as with_arrows,
 )
-from ._join import (
-    CLOCK as CLOCK,
-    TimedTable as TimedTable,
-    join_tables as join_tables,
-    joined_name as joined_name,
-)
 from ._large import (
     LargeFile as LargeFile,
     TablePart as TablePart,
@@ -80,7 +74,7 @@ from ._moving import (
     with_error as with_error,
     without_motion as without_motion,
 )
-from ._read import PlainRows as PlainRows, read_table as read_table
+from ._read import read_table as read_table
 from ._roles import (
     KINDS as KINDS,
     ColumnSpec as ColumnSpec,

@@ -22,7 +22,7 @@ from ._table import BadCell, Column, Lines, Skipped, Table, TextForm
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
 _COMMENT_OR_SEMICOLON = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!|;).*$")
-SHORT = 1 << 15
+_SHORT = 1 << 15
 """Characters up to which a body is short."""
 _SMALL = 1 << 20
 """Bytes up to which one thread reads a file."""
@@ -127,7 +127,7 @@ def _read_short(layout: Layout, text: str) -> _Read | None:
     Setting up pyarrow takes longer than that.
     """
     dialect, width = layout.dialect, len(layout.names)
-    if len(text) - layout.body > SHORT or dialect.separator == " ":
+    if len(text) - layout.body > _SHORT or dialect.separator == " ":
         return None
     if dialect.decimal != "." or not all(layout.numeric):
         return None

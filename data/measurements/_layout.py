@@ -320,11 +320,6 @@ def _name(cells: Sequence[str]) -> Name:
     return dataclasses.replace(name, unit=units[0], doubtful=False)
 
 
-def is_plain(text: str) -> bool:
-    """Whether a text, or the first lines of one, is a header above plain numbers."""
-    return _plain_layout(text) is not None
-
-
 def _plain_layout(text: str) -> Layout | None:
     """Return the layout of a header above rows of plain numbers between commas.
 

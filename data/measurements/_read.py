@@ -1,19 +1,15 @@
 """Read a measurement file of any known format, recognised by its content."""
 
-import dataclasses
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float
 
 from ._capture import is_capture, read_capture
-from ._csv import SHORT, number_column, read_cells, read_csv, table_of
+from ._csv import number_column, read_cells, read_csv, table_of
 from ._errors import MeasurementError
 from ._hdf5 import is_hdf5, read_hdf5
 from ._instruments import INSTRUMENTS
-from ._layout import Layout, find_layout, is_plain
+from ._layout import Layout, find_layout
 from ._mat import is_mat, read_mat
 from ._mesh import is_bed_mesh, is_height_map, read_bed_mesh, read_height_map
 from ._parquet import read_parquet
@@ -23,9 +19,6 @@ from ._scope_block import is_scope
 from ._table import Lines, Table
 from ._tdms import read_tdms
 from ._text import Text, decode, unpacked
-
-PlainRows: TypeAlias = Callable[[bytes, int, int], Float[np.ndarray, "k t"] | None]
-"""Numbers of a text from an offset to its end in so many columns, None if not plain."""
 
 _BULK = 1 << 22
 """Bytes from which on a file is not looked at as a whole."""
@@ -38,7 +31,6 @@ def read_table(
     *,
     profile: str | None = None,
     lines: Lines | None = None,
-    plain_rows: PlainRows | None = None,
 ) -> Table:
     """Return what a measurement file holds, in the file's own units.
 
@@ -52,8 +44,6 @@ def read_table(
         path: The file.
         profile: Which profile of a Klipper file with several; see `Table.remarks`.
         lines: What is known of the lines of a text table.
-        plain_rows: What reads rows of plain numbers faster, to the same bits, where the
-            caller has it.
 
     Raises:
         OSError: If the file cannot be read.
@@ -68,15 +58,11 @@ def read_table(
         return _without_lines(read_hdf5(path), lines)
     if magic.startswith(b"TDSm"):
         return _without_lines(read_tdms(path), lines)
-    if lines is None and plain_rows is None and path.stat().st_size >= _BULK:
+    if lines is None and path.stat().st_size >= _BULK:
         table = _bulk_table(path)
         if table is not None:
             return table
     raw = unpacked(path.read_bytes(), path)
-    if lines is None and plain_rows is not None and len(raw) > SHORT:
-        table = None if is_mat(raw) else _plain_table(path, raw, plain_rows)
-        if table is not None:
-            return table
     return _any_table(path, raw, profile, lines)
 
 
@@ -136,29 +122,6 @@ def _is_bulk(layout: Layout, text: str) -> bool:
     dialect = layout.dialect
     plain = dialect.separator != " " and not dialect.thousands and '"' not in text
     return plain and len(layout.names) > 1 and all(layout.numeric)
-
-
-def _plain_table(path: Path, raw: bytes, plain_rows: PlainRows) -> Table | None:
-    """Return a table of plain numbers below a header, None where it is not that.
-
-    Such rows tell nothing of what the file is: its first three lines do.
-    """
-    header = raw.find(b"\n") + 1
-    first = raw.find(b"\n", header) + 1
-    head = raw[: raw.find(b"\n", first) + 1]
-    if not is_plain(decode(head, path).text):
-        return None
-    values = plain_rows(raw, header, raw.count(b",", header, first) + 1)
-    table = None if values is None else _any_table(path, head, None, None)
-    if values is None or table is None or table.lines.tolist() != [2, 3]:
-        return None
-    columns = (
-        dataclasses.replace(column, values=own)
-        for column, own in zip(table.columns, values, strict=True)
-    )
-    rows = values.shape[1]
-    lines = np.arange(2, rows + 2)
-    return dataclasses.replace(table, columns=tuple(columns), rows=rows, lines=lines)
 
 
 def is_special(read: Text) -> bool:

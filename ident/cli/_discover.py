@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ..discover import Discovery
-    from ..job import Job, Observation
+    from ..job import Job
+    from ..readings import Observation
 
 _LONG = 10.0
 """Seconds after which progress is printed as plain lines."""
@@ -53,7 +54,8 @@ def discover(
         _refuse_place(job, write)
     with console.status("reading the job") as status:
         from ..discover import discover as look
-        from ..job import load_job, observe
+        from ..job import load_job
+        from ..readings import observe
 
         start = time.monotonic()
 

@@ -39,8 +39,9 @@ def doctor(
     Right, sign, unit, shift, wrong axis, applied twice, or that the measurements cannot
     tell. Exit status 0 where all is right.
     """
-    from ..job import load_job, read_outside, reading_of, use_compilation_cache
+    from ..job import load_job, reading_of, use_compilation_cache
     from ..proof import diagnose, not_judged
+    from ..readings import read_outside
 
     use_compilation_cache()
     old, new = (load_job(path, needs_fits=False) for path in (before, after))

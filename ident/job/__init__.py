@@ -2,7 +2,7 @@
 
 Read in this order: `_schema` (every key; those of a fit stand in the folders of `kinds`), `_load`
 with `_checks` (a job that can be run), `_run` (the whole way, in one function), `_plans` (every
-fit, planned), `_source` and `_readings` with `_remove` and `_trend` (from a file to readings),
+fit, planned), `_readings` and `_trend` (readings of a table, by `axcomp.ident.readings`),
 `_plan`, `_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
 (entries into the user's lists), `_gating`, `_whole` with `_acting` (the gate of a fit and of a
 whole axis), `_prove` (the files, read back), `_result` with `_verdict`, `_job_result`,
@@ -87,9 +87,6 @@ if TYPE_CHECKING:
         job_with_fits as job_with_fits,
         nodes_for as nodes_for,
     )
-    from ._observe import Observation as Observation, observe as observe
-    from ._outside import read_outside as read_outside
-    from ._remove import without_zero as without_zero
     from ._schema import Gate as Gate, JobFile as JobFile
     from ._trend import (
         Trend as Trend,
@@ -107,14 +104,10 @@ if TYPE_CHECKING:
     )
 
 _HOMES = {
-    "Observation": "_observe",
     "found_keys": "_found_fits",
     "job_with_fits": "_found_fits",
     "nodes_for": "_found_fits",
-    "read_outside": "_outside",
     "reading_of": "_acting",
-    "observe": "_observe",
-    "without_zero": "_remove",
     "Gate": "_schema",
     "JobFile": "_schema",
     "Trend": "_trend",

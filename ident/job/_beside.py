@@ -6,15 +6,14 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from ...data.measurements import DirectionUnknown, Measurement, explain_direction
 from ..exchange import ExchangeError, Motion
 from ..kinds import kind
 from ..kinds._keys import FitSpec
 from ..proof.axis import Loaded
+from ..readings import Rows
 from ._acting import acting_alone, acting_before
 from ._draft import AbstractDraft, AxisLists, Beside, Leftovers
 from ._load import Job
-from ._outside import positions_of
 from ._plans import Plans
 
 
@@ -90,19 +89,16 @@ class _Acting(Beside):
     loaded: Loaded
     words: str
 
-    def at(self, measured: Measurement) -> Float[np.ndarray, " t"]:
-        places = positions_of(self.job, measured)
+    def at(self, rows: Rows) -> Float[np.ndarray, " t"]:
+        axes = self.job.spec.axes
+        places = {axes[key].number: at for key, at in rows.positions().items()}
         directions = {}
         if "direction" in kind(self.name).follows:
-            try:
-                way = explain_direction(measured, self.axis).values
-                directions = {self.loaded.axis: way}
-            except DirectionUnknown:
-                pass
+            way = rows.direction(self.axis)
+            directions = {} if way is None else {self.loaded.axis: way}
         motion = Motion(positions=places, directions=directions, time=None)
         added = self.loaded.parts(motion)
         if self.name not in added:
-            axes = self.job.spec.axes
             missing = [
                 f"{name}.position"
                 for name, axis in axes.items()
@@ -112,7 +108,7 @@ class _Acting(Beside):
             raise self.job.error(
                 (),
                 f"{self.words} will act on {self.axis} as well and was off while"
-                f" {measured.source} was measured: found no {', '.join(missing)} there,"
+                f" {rows.measured.source} was measured: found no {', '.join(missing)} there,"
                 " expected it, so that the new table corrects what is left, or the same"
                 ' group = "…" in the [[fits]] of both',
             )

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.lists import ListFile, Value
-from ...data.measurements import Measurement
 from ...models import Conventions, TemperatureLine
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
@@ -21,9 +20,9 @@ from ._result import AbstractResult, ConventionState, Remark
 from ._second import SecondMeasurement
 
 if TYPE_CHECKING:
+    from ..readings import Rows, Tables
     from ._lists import AxisFiles
     from ._output import OutFolder
-    from ._source import Tables
 
 
 class Beside(abc.ABC):
@@ -36,7 +35,7 @@ class Beside(abc.ABC):
     words: str
 
     @abc.abstractmethod
-    def at(self, measured: Measurement) -> Float[np.ndarray, " t"]:
+    def at(self, rows: "Rows") -> Float[np.ndarray, " t"]:
         """Return what it adds to the readings of a measurement, in mm or °.
 
         Raises:

@@ -8,9 +8,9 @@ import numpy as np
 from .._job_text import edited_job
 from ..discover import Discovery, Found
 from ..kinds import kind
+from ..readings import Observation
 from ._found_nodes import grid_over, grids_for
 from ._load import Job
-from ._observe import Observation
 
 
 def job_with_fits(job: Job, observation: Observation, found: Discovery) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..proof import GateCheck
-from ._clocks import ClockState
+from ..readings import ClockState
 from ._result import AbstractResult, Remark, TableResult
 from ._verdict import Verdict
 

@@ -19,10 +19,10 @@ from ..exchange import (
 )
 from ..kinds._keys import TableSpec
 from ..kinds._parts import table_of as part_of_table
+from ..readings import Tables
 from ._errors import JobError
 from ._found_nodes import grid_words
 from ._load import Job
-from ._source import Tables, measured_for
 
 
 def table_of(
@@ -82,7 +82,7 @@ def _suited_nodes(tables: Tables, fit: TableSpec) -> str:
     if turning or any(tables.large(name) is not None for name in fit.sources):
         return ""
     try:
-        measured = [measured_for(tables, name, fit, masters) for name in fit.sources]
+        measured = [tables.measured(name, fit.axis, masters) for name in fit.sources]
         places = [
             np.concatenate([one.require(f"{axis}.position") for one in measured])
             for axis in masters

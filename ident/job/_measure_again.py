@@ -13,15 +13,14 @@ from ...data.errors import AxcompError
 from ...data.lists import ListFile
 from ..exchange import ExchangeError
 from ..proof import Diagnosis, diagnose, not_judged
+from ..readings import Tables, errors_in, read_outside
 from ._acting import reading_of
 from ._draft import AbstractDraft
 from ._lists import AxisFiles
 from ._load import Job, load_job, sha256
-from ._outside import errors_in, read_outside
 from ._result import AbstractResult, Remark
 from ._second import MeasuredAgain
 from ._settle import save_settled, settled_by, with_settled
-from ._source import Tables
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,11 +16,11 @@ from ..exchange import (
 )
 from ..kinds import kinds
 from ..kinds._keys import FitSpec, TableSpec
+from ..readings import Tables
 from ._draft import AxisLists
 from ._layout import empty_table, table_of
 from ._load import Job
 from ._result import Remark
-from ._source import Tables
 
 
 @dataclasses.dataclass(frozen=True)

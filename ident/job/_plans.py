@@ -9,11 +9,11 @@ from ..core import FitError
 from ..exchange import ExchangeError, axis_number
 from ..kinds._keys import FitSpec
 from ..kinds._parts import single_of
+from ..readings import Tables
 from ._checks import groups_of
 from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
 from ._faults import key_words
 from ._load import Job
-from ._source import Tables
 
 if TYPE_CHECKING:
     from .joint import GroupPlan

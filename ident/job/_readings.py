@@ -1,7 +1,6 @@
 """From measurements to readings of one fit: errors, positions, directions, runs."""
 
 import dataclasses
-import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,11 +9,10 @@ from jaxtyping import Float, Int
 from ..exchange import AbstractTable
 from ..kinds._keys import TableSpec
 from ..proof import RunTable
+from ..readings import Tables, place_in_run, read_joined, runs_overlap, wanted_by
 from ._draft import Beside
 from ._load import Job
 from ._result import Remark
-from ._runs import cycles_of, place_in_run, ranked, runs_overlap
-from ._source import Tables, read_part, wanted_by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,17 +109,13 @@ def read_fit(
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If the measurement does not suit the fit.
     """
-    job = tables.job
-    wanted = wanted_by(fit, table)
-    parts = [read_part(tables, name, fit, wanted) for name in fit.sources]
-    remarks = [*words]
-    remarks += [Remark.info(text) for part in parts for text in part.remarks]
-    slices = rows_of(fit.sources, [len(part.error) for part in parts])
-    errors: list[np.ndarray] = []
-    for name, part in zip(fit.sources, parts, strict=True):
-        error = part.error
+    found = read_joined(tables, fit, wanted_by(fit, table))
+    error, run, time = found.error.copy(), found.run, found.time
+    remarks = [*words, *map(Remark.info, found.remarks)]
+    for name, rows in found.rows.items():
+        own = found.slices[name]
         if name in extra:
-            error = error + extra[name]
+            error[own] += extra[name]
             remarks.append(
                 Remark.info(
                     f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
@@ -129,30 +123,19 @@ def read_fit(
                 )
             )
         for one in beside.get(name, ()):
-            assert part.measured is not None  # of `read_part`
-            error = error + one.at(part.measured)
+            error[own] += one.at(rows)
             remarks.append(
                 Remark.info(
                     f"Beside this table acts {one.words}, which was off while {name!r} was"
                     " measured: this table corrects what it leaves."
                 )
             )
-        errors.append(error)
-    positions = np.concatenate([part.positions for part in parts])
-    direction = joined([part.direction for part in parts])
-    run = joined_runs([(part.run, len(part.error)) for part in parts])
-    if run is not None and direction is not None:
-        run = cycles_of(run, direction)
-    times = [part.time for part in parts]
-    order = joined(times)
-    timed = order is not None
-    if order is None:
-        order = np.arange(len(positions), dtype=float)
+    order = np.arange(len(error), dtype=float) if time is None else time
     repeated = run is not None and runs_overlap(
-        positions,
+        found.positions,
         run,
         tuple(nodes.positions for nodes in table.nodes),
-        direction if table.branches == 2 else None,
+        found.direction if table.branches == 2 else None,
     )
     if run is not None and not repeated and len(np.unique(run)) > 1:
         remarks.append(
@@ -162,52 +145,19 @@ def read_fit(
             )
         )
     return Readings(
-        positions=positions,
-        error=np.concatenate(errors),
-        direction=direction,
+        positions=found.positions,
+        error=error,
+        direction=found.direction,
         run=run,
-        order=np.asarray(order, dtype=float),
+        order=order,
         place=None if run is None else place_in_run(run, order),
-        datum=datum_of(job, index, fit),
-        slices=slices,
+        datum=datum_of(tables.job, index, fit),
+        slices=found.slices,
         repeated=repeated,
         remarks=tuple(remarks),
-        timed=timed,
-        late=joined([part.late for part in parts]),
+        timed=time is not None,
+        late=found.late,
     )
-
-
-def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:
-    """Return the rows of each measurement, one after the other, by its name."""
-    ends = itertools.pairwise([0, *itertools.accumulate(counts)])
-    return {name: slice(*own) for name, own in zip(sources, ends, strict=True)}
-
-
-def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
-    """Return the columns of all measurements one after the other, if all have it."""
-    known = [part for part in parts if part is not None]
-    return np.concatenate(known) if len(known) == len(parts) else None
-
-
-def joined_runs(
-    parts: Sequence[tuple[Int[np.ndarray, " _t"] | None, int]],
-) -> Int[np.ndarray, " t"] | None:
-    """Number the runs of all measurements one after the other.
-
-    A measurement without runs is a run of its own beside others.
-
-    Args:
-        parts: Runs of each measurement, or None, and how many readings it has.
-    """
-    if len(parts) == 1 and parts[0][0] is None:
-        return None
-    numbered: list[np.ndarray] = []
-    first = 1
-    for run, count in parts:
-        own = np.zeros(count, dtype=np.int64) if run is None else ranked(run)[1]
-        numbered.append(own.astype(np.int64) + first)
-        first += int(own.max(initial=0)) + 1
-    return np.concatenate(numbered)
 
 
 def datum_of(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..proof import GateCheck
+from ..readings import ClockState, Tables
 from ._beside import hand_on, leftovers
-from ._clocks import ClockState
 from ._diagnosis import DIAGNOSIS, write_diagnosis
 from ._draft import AbstractDraft, Written
 from ._errors import UntoldError
@@ -28,7 +28,6 @@ from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
 from ._plans import Plans, left_out, plan_all, untold_alone
 from ._result import AbstractResult, Remark
-from ._source import Tables
 from ._whole import judge_whole
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
+from ...data.measurements import ColumnSpec, Lines
 from ..kinds import NAMES
 from ..kinds._keys import FitSpec, JobPart
 from ..kinds._parts import keys_of
@@ -186,6 +187,34 @@ class MeasurementSpec(JobPart, frozen=True):
     stream: Literal["auto"] | bool = "auto"
     """Whether a log is read in pieces, for logs larger than memory; `"auto"`: above 2 ×
     10⁷ cells. Example: `true`."""
+
+    @property
+    def column_specs(self) -> dict[str, ColumnSpec]:
+        """Where the values of each role are; empty: as the file says."""
+        return {role: _column_spec(one) for role, one in self.columns.items()}
+
+    @property
+    def lines(self) -> Lines | None:
+        """Which lines of its files count, or None where the job says nothing of them."""
+        rows = None if self.rows is None else (self.rows[0], self.rows[1])
+        return Lines.of(self.skip, self.header, rows)
+
+    def file_of(self, role: str) -> str | None:
+        """Return the file that holds a role, where the job names it."""
+        choice = self.columns[role]
+        return choice.file if isinstance(choice, ColumnChoice) else None
+
+
+def _column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
+    if isinstance(choice, str):
+        return ColumnSpec(choice)
+    if isinstance(choice, ColumnChoice):
+        return ColumnSpec(choice.column or "", choice.unit, choice.value)
+    parts = (
+        ColumnSpec(one.column, one.unit, run=one.run, direction=one.direction)
+        for one in choice
+    )
+    return ColumnSpec("", parts=tuple(parts))
 
 
 Limit = Annotated[float, Field(gt=0)]

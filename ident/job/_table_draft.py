@@ -11,6 +11,7 @@ from ...data.lists import ListFile, Value
 from ..exchange import ExchangeError
 from ..kinds._keys import FitSpec, TableSpec
 from ..proof import GateCheck
+from ..readings import Tables, without_zero
 from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Written
 from ._fitting import AbstractFitted, Fitted, fit_plan
 from ._gating import chosen_cycles, cycles_for, jump_of, pass_gate, switching_checks
@@ -18,10 +19,8 @@ from ._load import Job
 from ._plan import plan_fit
 from ._prove import Proof, offset_at_readings, prove, result_of
 from ._readings import read_fit
-from ._remove import without_zero
 from ._result import Remark, TableResult
 from ._second import SecondMeasurement
-from ._source import Tables
 from ._trend import refuse_unowned_trend
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
@@ -150,7 +149,7 @@ class AbstractTableDraft(AbstractDraft):
             added = added - table.offset(old, found.positions, branch)
         removed = {tables.job.spec.measurements[name].remove for name in fit.sources}
         if "line" in removed:  # a slope that no reading shows
-            added = without_zero(added, found.positions, "line")
+            added = without_zero(added, [*found.positions.T], "line")
         return SecondMeasurement.of(
             ", ".join(fit.sources),
             found.positions,

@@ -21,15 +21,14 @@ from ..proof.axis import (
     switching_cycles,
     warm_states,
 )
+from ..readings import Tables, read_error
 from ._acting import acting_after, acting_before, ranges_of
 from ._draft import AbstractDraft, AxisLists
 from ._gating import limits_of
 from ._job_result import WholeAxis
 from ._lists import AxisFiles
 from ._load import Job
-from ._outside import read_error
 from ._result import Remark
-from ._source import Tables
 
 _Read = tuple[Measured, Mapping[str, np.ndarray]]
 """The error of an axis in one measurement, and the temperatures in it."""

@@ -41,7 +41,6 @@ class Kind:
         fitted_first: It is fitted before the tables of its axis, which take what it leaves.
         partial: It may be written without what its readings do not tell.
         often_open: Readings may not tell it even where it is the only fit of its axis.
-        compiles: Its fit loads JAX in any case, and so may what reads the measurements.
         conventions: Beginnings of the names of the rules that its sign and owner rest on.
         noun: How a sentence calls it: ``the cross table``.
         manual: Entry that makes it wait for COMP ON; None: it has none.
@@ -73,7 +72,6 @@ class Kind:
     fitted_first: bool = False
     partial: bool = False
     often_open: bool = False
-    compiles: bool = False
     noun: str = ""
     manual: str | None = None
     owner: str | None = None

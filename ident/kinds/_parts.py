@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from ..exchange import AbstractTable
     from ..job._draft import AxisLists, Planned
     from ..job._load import Job
-    from ..job._source import Tables
     from ..job.joint._member import AbstractMember
+    from ..readings import Tables
     from ..report._body import Body
     from ..report._scale import Scale
 

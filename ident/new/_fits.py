@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..discover import Observed
-from ..job import Job, Observation, Trend, trend_through, without_zero
+from ..job import Job, Trend, trend_through
+from ..readings import Observation, without_zero
 
 _WARM = 1.0
 """K: less tells nothing of warmth."""
@@ -177,7 +178,7 @@ def trend_in(
     way = data.direction.get(one.axis)
     if "bilateral" in one.keys and way is not None:
         keys = np.column_stack([keys, way[rows][::step]])
-    left = without_zero(error, at, "line")
+    left = without_zero(error, [*at.T], "line")
     scale = 1.4826 * float(np.median(np.abs(left)))
     kept = np.abs(left) <= _WILD * scale if scale > 0 else np.full(len(left), True)
     at, error, keys = at[kept], error[kept], keys[kept]

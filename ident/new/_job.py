@@ -13,7 +13,8 @@ from ...data.lists import ListFile
 from ...data.measurements import MeasurementError, find_role, read_table
 from ...models import Conventions
 from ..exchange import axis_number
-from ..job import Job, JobFile, Observation, nodes_for, observe
+from ..job import Job, JobFile, nodes_for
+from ..readings import Observation, observe
 from ._columns import meaning_of
 from ._fits import suggestions
 from ._text import JobPage, Question

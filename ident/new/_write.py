@@ -9,9 +9,10 @@ from typing import Any
 from ...data.lists import ListFile
 from ...data.measurements import Table, find_role, find_unit
 from .._job_text import job_line
-from ..job import Gate, Job, JobFile, Observation, asks_for_owner, trend_words
+from ..job import Gate, Job, JobFile, asks_for_owner, trend_words
 from ..kinds import kind
 from ..proof import GateLimits
+from ..readings import Observation
 from ._columns import Meaning, Unclear
 from ._fits import Suggestion, trend_in
 from ._text import JobPage

@@ -7,7 +7,7 @@ import pytest
 
 from axcomp.data.measurements import Measurement, MeasurementError
 from axcomp.ident.job import JobError, load_job
-from axcomp.ident.job._source import Tables, measured_for
+from axcomp.ident.readings import Tables
 
 JOB = """
 [axes.X]
@@ -41,7 +41,7 @@ def measured(folder: Path, text: str, columns: str, keys: str = "") -> Measureme
     path.write_text(JOB.format(columns=columns, keys=keys))
     job = load_job(path)
     fit = job.spec.fits[0]
-    return measured_for(Tables(job), "laser", fit, ("X",))
+    return Tables(job).measured("laser", fit.axis)
 
 
 def test_columns_per_run_and_direction_become_one_reading_per_row(
@@ -94,7 +94,7 @@ def test_header_may_be_said_to_be_missing(tmp_path: Path) -> None:
     (tmp_path / "laser.csv").write_text("a,b,c\n0,1\n100,2\n200,3\n")
     job = load_job(path)
     fit = job.spec.fits[0]
-    found = measured_for(Tables(job), "laser", fit, ("X",))
+    found = Tables(job).measured("laser", fit.axis)
     assert found.require("X.error").tolist() == [1, 2, 3]
 
 

@@ -7,8 +7,13 @@ import pytest
 
 from axcomp.data.errors import AxcompError
 from axcomp.ident.job import JobError, JobResult, run_job
-from axcomp.ident.job._remove import without_zero
-from axcomp.ident.job._runs import cycles_of, place_in_run, ranked, runs_overlap
+from axcomp.ident.readings import (
+    cycles_of,
+    place_in_run,
+    runs_overlap,
+    without_zero,
+)
+from axcomp.ident.readings._runs import ranked
 from axcomp.ident.report._readings import readings_of
 from axcomp.ident.report._residuals import views_of
 from axcomp.ident.report._scale import scale_of
@@ -79,7 +84,7 @@ def test_zero_and_line_are_taken_off_whatever_a_wild_reading_says(
     noise = 1e-4 * rng.standard_normal(300)
     wild = np.zeros(300)
     wild[::50] = 1.0
-    left = without_zero(design @ tilt + noise + wild, place, kind)  # type: ignore[arg-type]
+    left = without_zero(design @ tilt + noise + wild, [*place.T], kind)  # type: ignore[arg-type]
     # 6 wild readings of 300 pull Huber's mean by about 0.03 of its scale of 0.1 µm.
     np.testing.assert_allclose(left - wild, noise, atol=5e-5)
 

@@ -58,6 +58,24 @@ def test_a_measurement_is_fitted_as_it_is_read(tmp_path: Path) -> None:
     assert fit.held_out["X"] == pytest.approx(0.0005, rel=0.4)
 
 
+def test_what_an_axis_lags_behind_its_command_is_no_error(tmp_path: Path) -> None:
+    time = np.arange(0.0, 20.0, 0.005)
+    command = 200.0 + 150.0 * np.sin(0.8 * time) + 40.0 * np.sin(2.2 * time)
+    scale = command - 0.01 * np.gradient(command, time)
+    noise = 1e-5 * np.random.default_rng(5).normal(size=time.size)
+    laser = scale + 0.005 * np.sin(scale / 50.0) + noise
+    rows = np.column_stack([time, command, scale, laser])
+    file = tmp_path / "log.csv"
+    np.savetxt(file, rows, delimiter=",", header="t,c,s,l", comments="", fmt="%.6f")
+    columns = {"time": "t", "X.position": "c", "X.encoder": "s", "X.actual": "l"}
+    table = axcomp.Leadscrew("X", start=20.0, interval=20.0, points=19)
+    fit = axcomp.fit([table], axcomp.read(file, columns))
+    # The clocks are brought together to some 10 µs, at 150 mm/s; the lag is up to 2 mm.
+    np.testing.assert_allclose(
+        fit["leadscrew"].model.pos, 0.005 * np.sin(table.nodes / 50.0), atol=1.5e-3
+    )
+
+
 def test_models_of_a_fit_take_the_error_off() -> None:
     rng = np.random.default_rng(3)
     x, y = rng.uniform(0.0, 100.0, (2, 600))

@@ -7,9 +7,9 @@ from ...fit.joint import (
     AbstractEffect,
     examine_design,
 )
+from ...readings import Tables
 from .._draft import AxisLists
 from .._load import Job
-from .._source import Tables
 from ._member import AbstractMember, at_once, few, members_of, needs_of
 from ._recording import GroupRecording, read_group
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 
 from ...exchange import ExchangeError
 from ...fit import FitError
+from ...readings import Tables
 from .._checks import groups_of
 from .._draft import AbstractDraft, AxisLists
 from .._load import Job
-from .._source import Tables
 from ._identify import IdentifiedGroup, identify_group
 from ._left_out import LeftOutDraft
 from ._member import AbstractMember, members_of, needs_of

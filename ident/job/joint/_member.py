@@ -10,11 +10,10 @@ from jaxtyping import Float
 from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
 from ...kinds._keys import FitSpec
 from ...kinds._parts import group_of
+from ...readings import Tables
 from .._draft import AbstractDraft, AxisLists
 from .._load import Job
-from .._source import Tables
-from ._reader import GroupNeeds
-from ._recording import GroupRecording
+from ._recording import GroupNeeds, GroupRecording
 from ._share import Share, lost
 
 _MOST = 10_000

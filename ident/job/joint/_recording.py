@@ -6,16 +6,37 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from ....data.measurements import DirectionUnknown, derive_error
 from ..._recording import CHANNELS, JointData, stacked
 from ...kinds._keys import FitSpec
-from .._readings import joined_runs, rows_of
+from ...readings import (
+    PLACES,
+    Rows,
+    Tables,
+    cycles_of,
+    first_motion,
+    joined,
+    joined_runs,
+    reference_words,
+    rows_of,
+)
 from .._result import Remark
-from .._source import Tables
-from ._reader import GroupNeeds, GroupReader, ReadPart
 
 _FOLDS, _BLOCKS = 5, 20
 """In how many turns readings are held out, and stretches of the recording."""
 _MOST_RUNS = 10
+
+
+@dataclasses.dataclass(frozen=True)
+class GroupNeeds:
+    """Which columns the effects of a group use, by axis or sensor; ``heated``: by axis too."""
+
+    error: tuple[str, ...]
+    position: tuple[str, ...]
+    direction: tuple[str, ...]
+    motion: tuple[str, ...]
+    temperature: tuple[str, ...]
+    heated: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,20 +85,21 @@ def read_group(
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If a measurement does not suit.
     """
-    parts, remarks = [], list[Remark]()
+    parts, moving, remarks = list[JointData](), set[str](), list[Remark]()
     lead = max(fits, key=lambda fit: len(fit.over))
+    masters = lead.over if len(lead.over) > 1 else needs.position or (lead.axis,)
     for name in lead.sources:
-        reader = GroupReader(tables, name, lead, fits, needs)
-        parts.append(reader.read())
-        remarks += [Remark.info(words) for words in dict.fromkeys(reader.remarks)]
-    counts = [part.count for part in parts]
-    time = None
-    if all(part.time is not None for part in parts):
-        time = np.concatenate([part.time for part in parts if part.time is not None])
-    label = joined_runs([(part.run, part.count) for part in parts])
+        measured = tables.measured(name, lead.axis, masters)
+        rows = Rows(tables.job, name, measured, needs.error, gaps=True)
+        parts.append(_columns(rows, fits, needs))
+        moving |= rows.moving & set(parts[-1].velocity)
+        remarks += [Remark.info(words) for words in dict.fromkeys(rows.remarks)]
+    counts = [len(part) for part in parts]
+    time = joined([part.time for part in parts])
+    label = joined_runs([part.run for part in parts], counts)
     several = label is not None and len(np.unique(label)) > 1
     heated = needs.heated  # runs without an offset: it is what tells the temperature
-    beside = _set_ups(parts, tables, lead.sources)
+    beside = _set_ups(counts, tables, lead.sources)
     data = JointData(
         **{table: stacked(parts, table, counts) for table in CHANNELS},
         time=time,
@@ -100,23 +122,86 @@ def read_group(
         timed=time is not None,
         fold=fold,
         by_run=by_run,
-        moving=frozenset().union(*(part.moving for part in parts)),
+        moving=frozenset(moving),
         drift=max(tables.job.spec.measurements[name].drift for name in lead.sources),
         remarks=tuple(remarks),
     )
 
 
+def _columns(rows: Rows, fits: Sequence[FitSpec], needs: GroupNeeds) -> JointData:
+    """Return every column of a measurement that the effects of a group need."""
+    why = f"for group {fits[0].group!r}"
+    asked = [axis for axis in needs.error if _has_error(rows, axis)]
+    if not asked:
+        derive_error(rows.measured, needs.error[0])  # says what is missing
+    kinds = ("position", "encoder") if rows.moving else ("position",)
+    position = {axis: rows.position(axis, why, kinds) for axis in needs.position}
+    error = {}
+    for axis in asked:
+        lengths = any(fit.lengths for fit in fits if fit.axis == axis)
+        error[axis] = rows.error(axis, position, lengths=lengths)
+        if axis in position:
+            rows.remarks += reference_words(
+                rows.name,
+                rows.spec,
+                axis,
+                lengths=lengths,
+                change=rows.change.get(axis),
+            )
+    velocity = {axis: rows.motion(axis, "velocity") for axis in needs.motion}
+    for axis in rows.moving:
+        if f"{axis}.velocity" in rows.measured.values:
+            velocity[axis] = rows.motion(axis, "velocity")
+    direction = {axis: _direction(rows, axis, fits[0]) for axis in needs.direction}
+    run = rows.run
+    if run is not None and len(direction) == 1:
+        way = next(iter(direction.values()))
+        if np.isin(way, (-1.0, 1.0)).all():
+            run = cycles_of(run, way.astype(np.int64))
+    return JointData(
+        position=position,
+        error=error,
+        direction=direction,
+        velocity=velocity,
+        acceleration={axis: rows.motion(axis, "acceleration") for axis in needs.motion},
+        temperature={
+            sensor: rows.temperature(sensor, why) for sensor in needs.temperature
+        },
+        time=rows.time,
+        run=run,
+    )
+
+
+def _has_error(rows: Rows, axis: str) -> bool:
+    return any(f"{axis}.{kind}" in rows.measured.values for kind in ("error", "actual"))
+
+
+def _direction(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
+    """Return ±1, or NaN where this measurement does not tell it."""
+    try:
+        found = rows.direction(axis, needed=True)
+    except DirectionUnknown:
+        if len(fit.sources) == 1:
+            raise
+        return np.full(len(rows), np.nan)
+    assert found is not None  # else it has raised
+    way = found.astype(float)
+    if rows.moving and rows.has_place(axis, PLACES):
+        way[: first_motion(rows.position(axis, kinds=PLACES))] = np.nan
+    return way
+
+
 def _set_ups(
-    parts: Sequence[ReadPart], tables: Tables, sources: Sequence[str]
+    counts: Sequence[int], tables: Tables, sources: Sequence[str]
 ) -> Int[np.ndarray, " t"] | None:
     """Return what has an offset of its own beside a temperature.
 
     Only where the zero of each measurement is arbitrary (``remove``), each has one.
     """
     removed = [tables.job.spec.measurements[name].remove != "none" for name in sources]
-    if len(parts) == 1 or not any(removed):
+    if len(counts) == 1 or not any(removed):
         return None
-    return np.repeat(np.arange(1, len(parts) + 1), [part.count for part in parts])
+    return np.repeat(np.arange(1, len(counts) + 1), counts)
 
 
 def _folds(

@@ -12,12 +12,12 @@ from ...fit import Samples, TableFit
 from ...fit.joint import AbstractEffect, Part
 from ...kinds._keys import TableSpec
 from ...proof import HeldOut
+from ...readings import Tables
 from .._draft import AxisLists
 from .._fitting import Fitted
 from .._load import Job
 from .._plan import Plan, plan_fit
 from .._readings import Readings
-from .._source import Tables
 from .._table_draft import TableDraft
 from .._trend import refuse_unowned_trend
 from ._member import AbstractMember

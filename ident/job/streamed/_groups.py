@@ -9,7 +9,7 @@ from jaxtyping import Int
 from ...exchange import AbstractTable
 from ...fit import AbstractPass, Grouping, Place, Samples, Stream, added
 from ...proof import blocks_of, run_groups
-from .._runs import places_of, visits_overlap
+from ...readings import places_of, visits_overlap
 from ._readings import LogReadings
 
 

@@ -12,12 +12,21 @@ from ....data.measurements import ColumnSpec, LargeFile, Table, TablePart, own_r
 from ...exchange import AbstractTable
 from ...fit import Ahead, Samples
 from ...kinds._keys import TableSpec
+from ...readings import (
+    Part,
+    Tables,
+    Wanted,
+    Zero,
+    measured_from,
+    read_rows,
+    reference_words,
+    sensor_name,
+    step_of,
+    zero_of,
+)
 from .._load import Job
 from .._readings import datum_of
-from .._reference import temperature_role, words_of_reference
-from .._remove import Zero, step_of, zero_of
 from .._result import Remark
-from .._source import Part, Tables, Wanted, measured_from, read_rows
 
 _PARTS = 32
 """Parts of a log: enough to read one ahead, few enough to keep their sums."""
@@ -36,14 +45,13 @@ class LogSource:
         name: Of the measurement.
         file: The file.
         columns: Column of each role that is used.
-        all_roles: Every role that the file has.
+        roles: Every role that the file has.
     """
 
     name: str
     file: LargeFile
     columns: Mapping[str, ColumnSpec]
-    all_roles: frozenset[str]
-    axis: str
+    roles: frozenset[str]
 
     @classmethod
     def of(
@@ -58,20 +66,15 @@ class LogSource:
         columns = tables.columns(name) or own_roles(
             file.head, spec.axis or fit.axis, wanted.masters
         )
-        error = f"{fit.axis}.error"
-        roles = [f"{axis}.position" for axis in wanted.masters]
-        roles += (
-            [error]
-            if error in columns
-            else [f"{fit.axis}.actual", f"{fit.axis}.position"]
-        )
-        roles.append("run")
+        roles = ["run", *(f"{axis}.position" for axis in wanted.masters)]
+        kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
+        roles += [f"{fit.axis}.{kind}" for kind in kinds]
         if wanted.direction == "needed":
             roles.append(f"{fit.axis}.direction")
         if isinstance(spec.material_temperature, str):
-            roles.append(temperature_role(spec.material_temperature))
+            roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
         used = {role: columns[role] for role in roles if role in columns}
-        return cls(name, file, used, frozenset(columns), fit.axis)
+        return cls(name, file, used, frozenset(columns))
 
     @cached_property
     def headers(self) -> tuple[str, ...]:
@@ -83,28 +86,6 @@ class LogSource:
         head = self.file.head
         found = [head.column(one.column) for one in self.columns.values()]
         return tuple(dict.fromkeys(one.header or one.name for one in found))
-
-    @property
-    def in_motion(self) -> bool:
-        """Whether the error is that of a motion, which the rows alone do not tell."""
-        return f"{self.axis}.error" not in self.all_roles and "time" in self.all_roles
-
-    @property
-    def has_direction(self) -> bool:
-        """Whether the direction is a column."""
-        return f"{self.axis}.direction" in self.all_roles
-
-    @property
-    def has_runs(self) -> bool:
-        """Whether runs are numbered."""
-        return "run" in self.columns
-
-    @property
-    def names_runs(self) -> bool:
-        """Whether runs have names, which are numbered in order of appearance."""
-        if not self.has_runs:
-            return False
-        return self.file.head.column(self.columns["run"].column).text is not None
 
 
 @final
@@ -127,12 +108,15 @@ class LogReadings:
     table: AbstractTable
     wanted: Wanted
     sources: tuple[LogSource, ...]
-    _said: dict[str, float | None] = dataclasses.field(default_factory=dict)
+    _said: dict[str, None] = dataclasses.field(default_factory=dict)
+    _changes: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def has_runs(self) -> bool:
         """Whether some readings belong to another run than others, as far as is known."""
-        return len(self.sources) > 1 or any(one.has_runs for one in self.sources)
+        return len(self.sources) > 1 or any(
+            "run" in one.columns for one in self.sources
+        )
 
     @cached_property
     def parts(self) -> list[Ahead]:
@@ -151,13 +135,14 @@ class LogReadings:
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """What was taken for granted, once the log has been read."""
-        found = [words for words, change in self._said.items() if change is None]
-        for source in self.sources:
-            if self.job.spec.measurements[source.name].expansion is None:
-                continue
-            change = self._said.get(_change_of(source.name))
-            found.append(
-                words_of_reference(self.job, source.name, self.fit, self.wanted, change)
+        found = list(self._said)
+        for name in (source.name for source in self.sources):
+            found += reference_words(
+                name,
+                self.job.spec.measurements[name],
+                self.fit.axis,
+                self.wanted.lengths,
+                self._changes.get(name),
             )
         return tuple(Remark.info(words) for words in found)
 
@@ -176,20 +161,21 @@ class LogReadings:
         run = None
         if self.has_runs:
             run = np.full(len(error), number * _MANY, dtype=np.int64)
-            if part.run is not None:
-                run += part.run
+            if part.rows.run is not None:
+                run += part.rows.run
         return Samples(part.positions, error, branch, run=run)
 
     def _rows(self, source: LogSource, table: Table) -> Part:
         measured = measured_from(
-            self.job, source.name, table, source.columns, self.fit, self.wanted.masters
-        )
+            self.job, source.name, table, source.columns,
+            self.fit.axis, self.wanted.masters,
+        )  # fmt: skip
         part = read_rows(self.job, source.name, measured, self.fit, self.wanted)
-        for words in part.remarks:
-            self._said.setdefault(words, None)
-        if part.change is not None:
-            name = _change_of(source.name)
-            self._said[name] = max(part.change, self._said.get(name) or 0.0)
+        self._said.update(dict.fromkeys(part.remarks))
+        for change in part.rows.change.values():
+            self._changes[source.name] = max(
+                change, self._changes.get(source.name, 0.0)
+            )
         return part
 
     @cached_property
@@ -218,7 +204,3 @@ class LogReadings:
         for part in self._parts_of(source):
             for table in part.tables():
                 yield self._rows(source, table)
-
-
-def _change_of(name: str) -> str:
-    return f"\0{name}"

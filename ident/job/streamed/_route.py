@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 from ...exchange import AbstractTable
 from ...kinds._keys import TableSpec
+from ...readings import Tables, wanted_by
 from .._load import Job
 from .._result import Remark
-from .._source import Tables, wanted_by
 from ._readings import LogReadings, LogSource
 
 LARGE = 20_000_000
@@ -96,17 +96,19 @@ def _obstacles(job: Job, fit: TableSpec, readings: LogReadings) -> Iterator[_Obs
         if set(other.sources) & set(fit.sources):
             yield _Obstacle(f"the {other.compensation} fit of {fit.axis} shares it")
     for one in readings.sources:
-        if one.in_motion:
+        if f"{fit.axis}.error" not in one.roles and "time" in one.roles:
             yield _Obstacle(
                 f"the error of {fit.axis} in {one.name!r} is not a column but rests on"
                 " what its instrument lags behind, which the whole log tells"
             )
-        if readings.wanted.direction == "needed" and not one.has_direction:
+        needs_way = readings.wanted.direction == "needed"
+        if needs_way and f"{fit.axis}.direction" not in one.roles:
             yield _Obstacle(
                 f"{one.name!r} has no column for '{fit.axis}.direction', so that the"
                 " whole log tells it"
             )
-        if one.names_runs:
+        run = one.columns.get("run")
+        if run is not None and one.file.head.column(run.column).text is not None:
             yield _Obstacle(f"the runs of {one.name!r} have names and not numbers")
     if readings.has_runs:
         yield _Obstacle("each of its runs is then allowed an offset of its own", True)

@@ -8,10 +8,8 @@ from jaxtyping import Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...job._readings import joined, joined_runs, rows_of
 from ...job._result import Remark
-from ...job._runs import cycles_of
-from ...job._source import Tables, Wanted, measured_for, read_part
+from ...readings import Tables, Wanted, read_joined
 from .effect import BacklashFit, fit_backlash, fit_backlash_trace
 from .keys import Spec
 
@@ -98,7 +96,7 @@ def read_recording(tables: Tables, fit: Spec) -> Recording:
             cannot be used.
     """
     name = fit.sources[0]
-    measured = measured_for(tables, name, fit, (fit.axis,))
+    measured = tables.measured(name, fit.axis, (fit.axis,))
     encoder = measured.get(f"{fit.axis}.encoder")
     actual = measured.get(f"{fit.axis}.actual")
     time = measured.get("time")
@@ -108,20 +106,18 @@ def read_recording(tables: Tables, fit: Spec) -> Recording:
             raise MeasurementError(str(measured.source), reason)
         return _trace(encoder, actual, time, tables.job.spec.axes[fit.axis].kind)
     wanted = Wanted((fit.axis,), "needed", lengths=True)
-    parts = [read_part(tables, each, fit, wanted) for each in fit.sources]
-    direction = joined([part.direction for part in parts])
-    assert direction is not None  # `read_part` refuses it otherwise
-    run = joined_runs([(part.run, len(part.error)) for part in parts])
+    found = read_joined(tables, fit, wanted)
+    assert found.direction is not None  # `read_joined` refuses it otherwise
     return Recording(
-        position=np.concatenate([part.positions[:, 0] for part in parts]),
-        error=np.concatenate([part.error for part in parts]),
-        direction=direction.astype(np.int64),
-        run=None if run is None else cycles_of(run, direction),
-        time=joined([part.time for part in parts]),
+        position=found.positions[:, 0],
+        error=found.error,
+        direction=found.direction.astype(np.int64),
+        run=found.run,
+        time=found.time,
         reach=0.0,
         rotary=tables.job.spec.axes[fit.axis].kind != "linear",
-        slices=rows_of(fit.sources, [len(part.error) for part in parts]),
-        remarks=tuple(Remark.info(words) for part in parts for words in part.remarks),
+        slices=found.slices,
+        remarks=tuple(map(Remark.info, found.remarks)),
     )
 
 

@@ -10,10 +10,10 @@ from ...fit import DriftNoise, FitError
 from ...fit.joint import Backlash
 from ...job._draft import AxisLists
 from ...job._load import Job
-from ...job._source import Tables
 from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
+from ...readings import Tables
 from ._recording import Recording
 from .effect import BacklashFit
 from .job import BacklashDraft, KnownBacklash, known_backlash

@@ -17,13 +17,13 @@ from ...job._load import Job
 from ...job._plan import was_active
 from ...job._result import staged
 from ...job._second import SecondMeasurement
-from ...job._source import Tables
 from ...proof import (
     GateCheck,
     gate_check,
     reversal_dynamics,
 )
 from ...proof.axis import check_switching
+from ...readings import Tables
 from .._keys import FitSpec
 from ._recording import Recording, read_recording
 from ._result import BacklashResult, ReversalView, remarks_of

@@ -9,12 +9,11 @@ from ....data.measurements import (
     Measurement,
     MeasurementError,
     MissingRole,
+    derive_error,
     derive_motion,
-    wrap_degrees,
 )
-from ....models import Conventions
 from ...job._result import Remark
-from ...job._source import POSITION_ORDER, Tables, measured_for, motion_of
+from ...readings import POSITION_ORDER, Rows, Tables
 from .effect import CrosstalkReadings
 from .keys import Spec
 
@@ -57,88 +56,59 @@ def read_crosstalk(tables: Tables, fit: Spec) -> CrosstalkRecording:
         MeasurementError: If a role is missing, the motion of the master cannot be
             derived, or time does not ascend.
     """
-    rules = tables.job.conventions
     names = fit.adapts_to
     parts: list[CrosstalkReadings] = []
     remarks: list[Remark] = []
     for name in fit.sources:
-        measured = measured_for(tables, name, fit, names or (fit.master,))
-        part, words = _part(measured, fit, names, rules)
-        parts.append(part)
-        remarks += [Remark.info(each) for each in (*measured.remarks, *words)]
+        measured = tables.measured(name, fit.axis, names or (fit.master,))
+        rows = Rows(tables.job, name, measured)
+        parts.append(_part(rows, fit))
+        remarks += map(Remark.info, rows.remarks)
     return CrosstalkRecording(joined_logs(parts), names, tuple(remarks))
 
 
-def _part(
-    measured: Measurement,
-    fit: Spec,
-    names: tuple[str, ...],
-    rules: Conventions,
-) -> tuple[CrosstalkReadings, list[str]]:
-    why = f"for the crosstalk fit of {fit.axis}"
-    time = np.asarray(measured.require("time", why), dtype=float)
+def _part(rows: Rows, fit: Spec) -> CrosstalkReadings:
+    why, rules = f"for the crosstalk fit of {fit.axis}", rows.job.conventions
+    time = np.asarray(rows.measured.require("time", why), dtype=float)
     back = np.flatnonzero(np.diff(time) <= 0)
     if back.size:
         reason = (
-            f"line {measured.lines[int(back[0]) + 1]}: found time that does not"
+            f"line {rows.measured.lines[int(back[0]) + 1]}: found time that does not"
             " ascend, expected a log in the order of time"
         )
-        raise MeasurementError(str(measured.source), reason)
+        raise MeasurementError(str(rows.measured.source), reason)
     order = POSITION_ORDER[rules.crosstalk_input]
-    acceleration, words = motion_of(measured, fit.master, "acceleration", rules)
     turning = fit.axis if rules.crosstalk_velocity == "slave" else fit.master
-    velocity, more = motion_of(measured, turning, "velocity", rules)
-    places = [_place(measured, axis, order, why) for axis in names]
-    error, said = _error(measured, fit.axis, len(time))
-    readings = CrosstalkReadings(
+    places = [rows.position(axis, why, order) for axis in fit.adapts_to]
+    return CrosstalkReadings(
         time=time,
-        acceleration=acceleration,
-        velocity=velocity,
-        error=error,
+        acceleration=rows.motion(fit.master, "acceleration"),
+        velocity=rows.motion(turning, "velocity"),
+        error=_error(rows, fit.axis),
         positions=np.stack(places, axis=1) if places else np.zeros((len(time), 0)),
     )
-    return readings, [*words, *more, *said]
 
 
-def _place(
-    measured: Measurement, axis: str, order: tuple[str, ...], why: str
-) -> Float[np.ndarray, " t"]:
-    known = [f"{axis}.{kind}" for kind in order if f"{axis}.{kind}" in measured.values]
-    role = known[0] if known else f"{axis}.position"
-    return np.asarray(measured.require(role, why), dtype=float)
-
-
-def _error(
-    measured: Measurement, axis: str, rows: int
-) -> tuple[Float[np.ndarray, " t"], list[str]]:
+def _error(rows: Rows, axis: str) -> Float[np.ndarray, " t"]:
     """Return the error of the slave, NaN where it was missed or moves by itself."""
-    known = measured.with_gaps()
-    error = known.get(f"{axis}.error")
-    if error is not None:
-        error = np.asarray(error, dtype=float)
-        rotary = measured.units[f"{axis}.error"] == "deg"
-        return (wrap_degrees(error) if rotary else error), []
-    actual = known.get(f"{axis}.actual")
-    other = next(
-        (kind for kind in ("encoder", "position") if f"{axis}.{kind}" in known.values),
-        None,
-    )
-    if actual is None or other is None:
+    known = rows.measured.with_gaps()
+    if f"{axis}.error" in known.values:
+        return derive_error(known, axis)
+    kinds = ("encoder", "position")
+    other = next((kind for kind in kinds if f"{axis}.{kind}" in known.values), None)
+    if f"{axis}.actual" not in known.values or other is None:
         why = f"or '{axis}.actual' and '{axis}.encoder'"
-        raise MissingRole(
-            str(measured.source), f"{axis}.error", why, tuple(measured.values)
-        )
-    own = np.asarray(known.require(f"{axis}.{other}"), dtype=float)
-    error = np.asarray(actual, dtype=float) - own
-    still = _still(measured, axis)
-    words = []
-    if not still.all():
-        error = np.where(still, error, np.nan)
-        words.append(
-            f"{axis} itself moves in {1 - still.mean():.0%} of the {rows} readings:"
-            " these are left out, since what its motion adds is no crosstalk."
-        )
-    return error, words
+        raise MissingRole(str(known.source), f"{axis}.error", why, tuple(known.values))
+    own = known.require(f"{axis}.{other}")
+    error = np.asarray(known.require(f"{axis}.actual") - own, dtype=float)
+    still = _still(rows.measured, axis)
+    if still.all():
+        return error
+    rows.remarks.append(
+        f"{axis} itself moves in {1 - still.mean():.0%} of the {len(rows)} readings:"
+        " these are left out, since what its motion adds is no crosstalk."
+    )
+    return np.where(still, error, np.nan)
 
 
 def _still(measured: Measurement, axis: str) -> Bool[np.ndarray, " t"]:

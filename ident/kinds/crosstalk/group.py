@@ -10,10 +10,10 @@ from ...fit import FitError
 from ...fit.joint import Crosstalk, JointFit, Part
 from ...job._draft import AxisLists
 from ...job._load import Job
-from ...job._source import Tables
 from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
+from ...readings import Tables
 from ._existing import Existing, active_in, read_existing
 from ._gate import events_under
 from ._identify import Choice, Identified, choice_of

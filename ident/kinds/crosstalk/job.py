@@ -13,8 +13,8 @@ from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
 from ...job._load import Job
 from ...job._result import Remark, staged
-from ...job._source import Tables
 from ...proof import GateCheck, error_figures
+from ...readings import Tables
 from ._existing import (
     Existing,
     active_in,

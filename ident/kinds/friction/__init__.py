@@ -15,7 +15,6 @@ KIND = Kind(
     follows=frozenset({"velocity"}),
     demanded=False,
     adds_current=True,
-    compiles=True,
     noun="the friction",
     adds="The controller adds sign(v) times the value over the velocity to the motor current,"
     " scaled by scaling_factor (0.1 %).",

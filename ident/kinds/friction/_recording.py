@@ -15,7 +15,7 @@ from ....data.measurements import (
 from ....data.signals import Motion, SignalError, examine, filtered_motion
 from ...friction import DriveSamples
 from ...job._result import Remark
-from ...job._source import Tables, measured_for
+from ...readings import Tables
 from .keys import Spec
 
 _NO_LIST = (
@@ -56,7 +56,7 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
             motion cannot be derived.
     """
     name, axis = fit.sources[0], fit.axis
-    measured = measured_for(tables, name, fit, (axis,))
+    measured = tables.measured(name, axis)
     source = str(measured.source)
     if len(fit.sources) > 1:
         reason = "found several recordings for a friction fit, expected one"

@@ -14,8 +14,8 @@ from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of
 from ...job._load import Job
 from ...job._result import Remark
-from ...job._source import Tables
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
+from ...readings import Tables
 from ._identify import Identified, identify
 from ._listing import FIRST_LEVEL, LawCurve, OutUnit, law_curve, numbers_of, out_unit
 from ._proof import view_of

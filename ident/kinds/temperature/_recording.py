@@ -6,21 +6,12 @@ import itertools
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.measurements import (
-    Measurement,
-    MeasurementError,
-    MissingRole,
-    derive_error,
-    without_motion,
-)
+from ....data.measurements import Measurement, MeasurementError
 from ...fit import FitError
-from ...job._remove import without_zero
 from ...job._result import Remark
-from ...job._source import ABSURD, Tables, measured_for
+from ...readings import Rows, Tables, joined, sensor_name
 from .effect import ThermalReadings, steady
 from .keys import Effect, Spec
-
-_SENSOR = "temperature."
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,11 +40,6 @@ class ThermalRecording:
     carriers: tuple[str, ...] | None = None
 
 
-def sensor_name(text: str) -> str:
-    """Return the name of a sensor, given with or without ``temperature.``."""
-    return text.removeprefix(_SENSOR)
-
-
 def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
     """Return the readings of a temperature fit, all its measurements joined.
 
@@ -62,41 +48,41 @@ def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
         FitError: If there is no plateau where one is asked for.
         JobError: If the measurements do not suit each other.
     """
-    effects = fit.effects
+    effects: dict[Effect, str] | None = fit.effects
     remarks: list[Remark] = []
-    parts = []
+    parts: list[tuple[Rows, ThermalReadings]] = []
     for name in fit.sources:
-        measured = measured_for(tables, name, fit, (fit.axis,))
-        measured = without_motion(measured, [fit.axis]).with_gaps()
-        remarks += [Remark.info(words) for words in measured.remarks]
+        measured = tables.measured(name, fit.axis, (fit.axis,))
+        rows = Rows(tables.job, name, measured, [fit.axis], gaps=True)
         if effects is None:
-            only = only_sensor(measured, fit.axis)
-            effects = _both(only)
-        parts.append(_part(tables, name, measured, fit, effects))
+            only = only_sensor(rows.measured, fit.axis)
+            effects = {"offset": only, "coefficient": only}
+        parts.append((rows, _part(rows, fit, effects)))
+        remarks += map(Remark.info, rows.remarks)
     assert effects is not None  # there is at least one measurement
     names = tuple(dict.fromkeys(sensor_name(each) for each in effects.values()))
-    time, words = _one_clock([part.time for part in parts])
+    time, words = _one_clock([rows.time for rows, _ in parts])
     remarks += words
-    places = [part.position for part in parts if part.position is not None]
     readings = ThermalReadings(
-        np.concatenate([part.error for part in parts]),
-        np.concatenate([part.temperature for part in parts]),
-        np.concatenate(places) if places else None,
+        np.concatenate([part.error for _, part in parts]),
+        np.concatenate([part.temperature for _, part in parts]),
+        joined([part.position for _, part in parts]),
         time,
     )
-    rows = np.arange(len(readings.error))
+    kept = np.arange(len(readings.error))
     if fit.steady is not None:
-        plateau = np.concatenate([part.plateau for part in parts])
-        keep = _plateau(fit, plateau, time)
-        remarks.append(_plateau_words(fit, plateau, keep))
-        readings, rows = readings.take(keep), rows[keep]
+        sensor = fit.steady.sensor
+        plateau = [rows.temperature(sensor, "for steady") for rows, _ in parts]
+        keep, said = _plateau(fit, np.concatenate(plateau), time)
+        remarks.append(said)
+        readings, kept = readings.take(keep), kept[keep]
     datum, reference = _common(tables, fit)
     numbers: dict[Effect, int] = {}
     for effect, sensor in effects.items():
         numbers[effect] = names.index(sensor_name(sensor))
     return ThermalRecording(
         readings=readings,
-        rows=rows,
+        rows=kept,
         sensors=names,
         effects=numbers,
         datum=datum,
@@ -105,58 +91,20 @@ def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class _Part:
-    """Readings of one measurement."""
-
-    error: Float[np.ndarray, " t"]
-    temperature: Float[np.ndarray, "t s"]
-    position: Float[np.ndarray, " t"] | None
-    time: Float[np.ndarray, " t"] | None
-    plateau: Float[np.ndarray, " t"]
-
-
-def _part(
-    tables: Tables,
-    name: str,
-    measured: Measurement,
-    fit: Spec,
-    effects: dict[Effect, str],
-) -> _Part:
+def _part(rows: Rows, fit: Spec, effects: dict[Effect, str]) -> ThermalReadings:
+    """Return the readings of one measurement."""
     why = f"for the temperature fit of {fit.axis}"
     names = dict.fromkeys(sensor_name(each) for each in effects.values())
-    temperature = np.stack(
-        [measured.require(_SENSOR + each, why) for each in names], axis=1
-    ).astype(float)
-    error = np.array(derive_error(measured, fit.axis), dtype=float)
-    error[np.abs(error) > ABSURD] = np.nan
+    temperature = np.stack([rows.temperature(each, why) for each in names], axis=1)
     position = None
     if "coefficient" in effects:
-        position = measured.get(f"{fit.axis}.position")
-        if position is None:
-            raise MissingRole(
-                str(measured.source),
-                f"{fit.axis}.position",
-                f"{why}, or sensors = {{ offset = … }} where the error was measured at"
-                " one position",
-                measured.values.keys(),
-            )
-        position = np.asarray(position, dtype=float)
-    known = np.isfinite(error)
-    places = np.zeros(len(error)) if position is None else position
-    known &= np.isfinite(places)
-    remove = tables.job.spec.measurements[name].remove
-    if known.any():
-        error[known] = without_zero(error[known], places[known, None], remove)
-    plateau = np.zeros(len(error))
-    if fit.steady is not None:
-        role = _SENSOR + sensor_name(fit.steady.sensor)
-        plateau = np.asarray(measured.require(role, "for steady"), dtype=float)
-    return _Part(error, temperature, position, measured.get("time"), plateau)
-
-
-def _both(sensor: str) -> dict[Effect, str]:
-    return {"offset": sensor, "coefficient": sensor}
+        why += (
+            ", or sensors = { offset = … } where the error was measured at one position"
+        )
+        position = rows.position(fit.axis, why)
+    places = {} if position is None else {fit.axis: position}
+    error = rows.error(fit.axis, places, lengths=False)
+    return ThermalReadings(error, temperature, position, None)
 
 
 def only_sensor(measured: Measurement, axis: str) -> str:
@@ -165,7 +113,7 @@ def only_sensor(measured: Measurement, axis: str) -> str:
     Raises:
         MeasurementError: If there is none, or several.
     """
-    found = [role for role in measured.values if role.startswith(_SENSOR)]
+    found = [role for role in measured.values if sensor_name(role) != role]
     if len(found) == 1:
         return found[0]
     listed = ", ".join(found) or "no temperature"
@@ -179,7 +127,7 @@ def _one_clock(
     times: list[np.ndarray | None],
 ) -> tuple[np.ndarray | None, list[Remark]]:
     """Return the instants of all measurements, where they follow each other."""
-    known = [np.asarray(time, dtype=float) for time in times if time is not None]
+    known = [time for time in times if time is not None]
     if len(known) < len(times):
         return None, [
             Remark.info(
@@ -201,32 +149,24 @@ def _one_clock(
 
 
 def _plateau(
-    fit: Spec,
-    values: Float[np.ndarray, " t"],
-    time: Float[np.ndarray, " t"] | None,
-) -> Bool[np.ndarray, " t"]:
+    fit: Spec, values: Float[np.ndarray, " t"], time: Float[np.ndarray, " t"] | None
+) -> tuple[Bool[np.ndarray, " t"], Remark]:
+    """Return which readings were taken while a temperature stayed, and say so."""
     asked = fit.steady
     assert asked is not None  # the caller has seen to it
     clock = np.arange(len(values), dtype=float) if time is None else time
     try:
-        return np.asarray(steady(clock, values, asked.within, asked.level))
+        keep = np.asarray(steady(clock, values, asked.within, asked.level))
     except FitError as error:
         msg = f"steady: {asked.sensor}: {error}"
         raise FitError(msg) from None
-
-
-def _plateau_words(
-    fit: Spec,
-    values: Float[np.ndarray, " t"],
-    keep: Bool[np.ndarray, " t"],
-) -> Remark:
-    assert fit.steady is not None
     level = float(np.median(values[keep]))
-    return Remark.info(
+    words = (
         f"Only the {int(keep.sum())} of {len(keep)} readings count that were taken while"
-        f" {sensor_name(fit.steady.sensor)} stayed at {level:.4g} °C within"
-        f" ±{fit.steady.within:g} K (steady)."
+        f" {sensor_name(asked.sensor)} stayed at {level:.4g} °C within"
+        f" ±{asked.within:g} K (steady)."
     )
+    return keep, Remark.info(words)
 
 
 def _common(tables: Tables, fit: Spec) -> tuple[float | None, float]:

@@ -11,12 +11,12 @@ from ...fit import DriftNoise
 from ...fit.joint import Leadscrew, Temperature, examine_design
 from ...job._draft import AxisLists
 from ...job._load import Job
-from ...job._source import Tables, measured_for
 from ...job.joint._member import AbstractMember, at_once, few
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
+from ...readings import Tables, sensor_name
 from ._identify import Identified, drift_instead
-from ._recording import ThermalRecording, only_sensor, sensor_name
+from ._recording import ThermalRecording, only_sensor
 from .effect import (
     LEAST_RANGE,
     Lag,
@@ -47,7 +47,7 @@ def member(
     refuse_unstated_law(job, fit, lists)
     effects: dict[Effect, str] | None = fit.effects
     if effects is None:
-        measured = measured_for(tables, fit.sources[0], fit, (fit.axis,))
+        measured = tables.measured(fit.sources[0], fit.axis, (fit.axis,))
         only = only_sensor(measured, fit.axis)
         effects = {"offset": only, "coefficient": only}
     sensors: dict[Effect, str] = {

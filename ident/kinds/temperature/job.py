@@ -17,9 +17,9 @@ from ...job._load import Job
 from ...job._plan import refuse_unstated
 from ...job._result import Remark, staged
 from ...job._second import SecondMeasurement
-from ...job._source import Tables
 from ...proof import GateCheck, reversal_dynamics
 from ...proof.axis import check_switching
+from ...readings import Tables
 from .._keys import FitSpec
 from . import KIND
 from ._identify import Identified, identify

@@ -66,107 +66,82 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
     Readings of one place and direction are averaged. Where the second measurement has
     places of its own, the first is interpolated between its own, never beyond.
     """
-    moved = _moved([*before, *after])
-    directed = all(one.direction is not None for one in (*before, *after))
-    old, new = _Places(before, moved, directed), _Places(after, moved, directed)
-    shared = [key for key in new.groups if key in old.groups]
-    if len(shared) >= _MATCHED * len(new.groups):
-        values = np.array([old.mean(key) for key in shared])
-        counts = np.array([old.count(key) for key in shared], dtype=float)
-        keys = shared
+    every = [*before, *after]
+    # Only axes whose positions every measurement has.
+    moved = sorted(set.intersection(*(set(one.positions) for one in every)))
+    directed = all(one.direction is not None for one in every)
+    old, new = _places(before, moved, directed), _places(after, moved, directed)
+    number = {tuple(key): k for k, key in enumerate(old.keys.tolist())}
+    same = np.array([number.get(tuple(key), -1) for key in new.keys.tolist()])
+    if np.sum(same >= 0) >= _MATCHED * len(same):
+        early = np.where(same >= 0, old.level[same], np.nan)
+        counts = old.count[same]
     else:
-        keys, values = old.interpolated(new)
-        counts = np.full(len(keys), float(np.mean([old.count(k) for k in old.groups])))
-    late = np.array([new.mean(key) for key in keys])
-    number = np.array([new.count(key) for key in keys], dtype=float)
-    places = np.array([key[:-1] for key in keys], dtype=float).reshape(len(keys), -1)
-    positions = {axis: places[:, k] * _PLACE for k, axis in enumerate(moved)}
+        early = _interpolated(old, new.keys)
+        counts = np.full(len(same), float(np.mean(old.count)))
+    told = np.isfinite(early)
+    keys = new.keys[told]
+    positions = {axis: keys[:, k] * _PLACE for k, axis in enumerate(moved)}
     free = [np.ones(len(keys))]
-    if any(one.line for one in (*before, *after)):
+    if any(one.line for one in every):
         free += list(positions.values())
-    errors = np.concatenate([one.error for one in before])
     return Difference(
         axis=before[0].axis,
         positions=positions,
-        direction=(
-            np.array([key[-1] for key in keys], dtype=np.int64) if directed else None
-        ),
-        change=late - values,
-        variance=1.0 / counts + 1.0 / number,
+        direction=keys[:, -1] if directed else None,
+        change=new.level[told] - early[told],
+        variance=1.0 / counts[told] + 1.0 / new.count[told],
         free=np.stack(free, axis=1),
-        before=float(np.std(errors)),
+        before=float(np.std(np.concatenate([one.error for one in before]))),
     )
 
 
-def _moved(measured: Sequence[Measured]) -> tuple[int, ...]:
-    """Return the axes whose positions every measurement has."""
-    sets = [set(one.positions) for one in measured]
-    return tuple(sorted(set.intersection(*sets)))
-
-
+@dataclasses.dataclass(frozen=True)
 class _Places:
-    """Readings by place and direction."""
+    """Readings by place and direction: the place in units of `_PLACE`, the direction last."""
 
-    def __init__(
-        self, measured: Sequence[Measured], axes: tuple[int, ...], directed: bool
-    ) -> None:
-        keys, errors = [], []
-        for one in measured:
-            columns = [np.rint(one.positions[axis] / _PLACE) for axis in axes]
-            ways = one.direction if directed else None
-            columns.append(np.zeros(len(one.error)) if ways is None else ways)
-            keys.append(np.stack(columns, axis=1).astype(np.int64))
-            errors.append(one.error)
-        rows, values = np.concatenate(keys), np.concatenate(errors)
-        order = np.lexsort((values, *rows.T))
-        rows, values = rows[order], values[order]
-        first = np.any(rows[1:] != rows[:-1], axis=1)
-        starts = np.concatenate([[0], np.flatnonzero(first) + 1])
-        counts = np.diff(np.append(starts, len(rows)))
-        middle = 0.5 * (
-            values[starts + (counts - 1) // 2] + values[starts + counts // 2]
-        )
-        # One wild reading among several must not count.
-        means = np.add.reduceat(values, starts) / counts
-        level = np.where(counts > _SEVERAL, middle, means)
-        self.groups: dict[tuple[int, ...], tuple[float, int]] = {
-            tuple(key): (value, count)
-            for key, value, count in zip(
-                rows[starts].tolist(), level.tolist(), counts.tolist(), strict=True
+    keys: Int[np.ndarray, "g k"]
+    level: Float[np.ndarray, " g"]
+    count: Int[np.ndarray, " g"]
+
+
+def _places(
+    measured: Sequence[Measured], axes: Sequence[int], directed: bool
+) -> _Places:
+    rows = []
+    for one in measured:
+        columns = [np.rint(one.positions[axis] / _PLACE) for axis in axes]
+        ways = one.direction if directed else None
+        columns.append(np.zeros(len(one.error)) if ways is None else ways)
+        rows.append(np.stack(columns, axis=1).astype(np.int64))
+    keys, values = np.concatenate(rows), np.concatenate([one.error for one in measured])
+    order = np.lexsort((values, *keys.T))
+    keys, values = keys[order], values[order]
+    starts = np.flatnonzero(np.any(np.diff(keys, axis=0, prepend=keys[:1] - 1), axis=1))
+    counts = np.diff(np.append(starts, len(keys)))
+    middle = 0.5 * (values[starts + (counts - 1) // 2] + values[starts + counts // 2])
+    # One wild reading among several must not count.
+    mean = np.add.reduceat(values, starts) / counts
+    return _Places(keys[starts], np.where(counts > _SEVERAL, middle, mean), counts)
+
+
+def _interpolated(
+    known: _Places, asked: Int[np.ndarray, "g k"]
+) -> Float[np.ndarray, " g"]:
+    """Return the error at places between those that are known; NaN beyond them."""
+    found = np.full(len(asked), np.nan)
+    for way in np.unique(known.keys[:, -1]):
+        own, rows = known.keys[:, -1] == way, asked[:, -1] == way
+        places, level = known.keys[own, :-1].astype(float), known.level[own]
+        varied = np.flatnonzero(np.ptp(places, axis=0) > 0)
+        at, ask = places[:, varied], asked[rows][:, varied].astype(float)
+        if varied.size == 1:
+            rank = np.argsort(at[:, 0])
+            found[rows] = np.interp(
+                ask[:, 0], at[rank, 0], level[rank], left=np.nan, right=np.nan
             )
-        }
+        elif varied.size > 1 and rows.any():
+            from scipy.interpolate import LinearNDInterpolator
 
-    def mean(self, key: tuple[int, ...]) -> float:
-        return self.groups[key][0]
-
-    def count(self, key: tuple[int, ...]) -> int:
-        return self.groups[key][1]
-
-    def interpolated(
-        self, other: "_Places"
-    ) -> tuple[list[tuple[int, ...]], Float[np.ndarray, " g"]]:
-        """Return the places of another measurement that lie inside, with values here."""
-        keys: list[tuple[int, ...]] = []
-        values: list[np.ndarray] = []
-        for way in sorted({key[-1] for key in self.groups}):
-            mine = sorted(key for key in self.groups if key[-1] == way)
-            theirs = sorted(key for key in other.groups if key[-1] == way)
-            if not theirs:
-                continue
-            known = np.array([key[:-1] for key in mine], dtype=float)
-            asked = np.array([key[:-1] for key in theirs], dtype=float)
-            level = np.array([self.mean(key) for key in mine])
-            varied = np.flatnonzero(np.ptp(known, axis=0) > 0)
-            if varied.size == 0:
-                continue
-            if varied.size == 1:
-                at, ask = known[:, varied[0]], asked[:, varied[0]]
-                found = np.interp(ask, at, level, left=np.nan, right=np.nan)
-            else:
-                from scipy.interpolate import LinearNDInterpolator
-
-                found = LinearNDInterpolator(known[:, varied], level)(asked[:, varied])
-            inside = np.isfinite(found)
-            keys += [key for key, use in zip(theirs, inside, strict=True) if use]
-            values.append(found[inside])
-        return keys, np.concatenate(values) if values else np.zeros(0)
+            found[rows] = LinearNDInterpolator(at, level)(ask)
+    return found

@@ -165,7 +165,7 @@ def test_motion_seen_by_two_instruments_tells_milliseconds(
         '"temperature.spindle" = "spindle"\n"Z.position" = "command"\n'
         '"Z.encoder" = "scale"\n',
     )
-    from axcomp.ident.job._source import Tables
+    from axcomp.ident.readings import Tables
 
     tables = Tables(load_job(path))
     tables.table("warm")

@@ -19,8 +19,8 @@ from axcomp.ident.job._draft import (
 from axcomp.ident.job._gating import limits_of
 from axcomp.ident.job._load import Job
 from axcomp.ident.job._result import AbstractResult, Remark, staged
-from axcomp.ident.job._source import Tables, Wanted, read_part
 from axcomp.ident.proof import GateCheck, gate_check
+from axcomp.ident.readings import Tables, Wanted, read_joined
 
 from .entries import ENTRIES, Constant
 from .keys import Spec
@@ -31,8 +31,7 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
 
     def draft(left: Leftovers) -> AbstractDraft:
         wanted = Wanted((fit.axis,), "no", lengths=False)
-        parts = [read_part(tables, name, fit, wanted) for name in fit.sources]
-        return OffsetDraft(index, fit, lists, np.concatenate([p.error for p in parts]))
+        return OffsetDraft(index, fit, lists, read_joined(tables, fit, wanted).error)
 
     return draft
 

@@ -65,6 +65,7 @@ class Offset:
     explained: float
 
 
+@one_blas_thread()
 def find_offset(
     time: Float[np.ndarray, " t"],
     signal: Float[np.ndarray, " t"],
@@ -72,10 +73,12 @@ def find_offset(
     other: Float[np.ndarray, " l"],
     position: Float[np.ndarray, " t"] | None = None,
 ) -> Offset:
-    """Return the offset between the clocks of two files.
+    r"""Return the offset between the clocks of two files.
 
-    Searched over all offsets at which half of the shorter record meets the other, then
-    refined by `clock_offset`.
+    The signal is taken as a line in what the other file saw (the same temperature measured
+    twice; an error that follows a temperature), with positions as a line whose slope and
+    offset both follow it. Searched over all offsets at which half of the shorter record
+    meets the other: by correlation, then on a grid, then by `regress_curve`.
 
     Args:
         time: Of the first file in s, ascending.
@@ -88,69 +91,29 @@ def find_offset(
     Raises:
         FitError: If they do not tell it.
     """
-    if position is not None:
-        span = min(float(np.ptp(time)), float(np.ptp(other_time)))
+    span = min(float(np.ptp(time)), float(np.ptp(other_time)))
+    if position is None:
+        base, search = _coarse(time, signal, other_time, other)
+    else:
         base = 0.5 * float(time[0] + time[-1] - other_time[0] - other_time[-1])
         search = _OVERLAP * span
-    else:
-        base, search = _coarse(time, signal, other_time, other)
-    found = clock_offset(
-        time, signal, other_time + base, other, search=search, position=position
-    )
-    if found.explained < _ALIKE:
-        msg = (
-            f"at the best offset one explains {100 * max(found.explained, 0.0):.0f} % of"
-            f" the scatter of the other, expected {100 * _ALIKE:.0f} % at least."
-        )
-        raise FitError(msg)
-    return dataclasses.replace(found, seconds=found.seconds + base)
-
-
-@one_blas_thread()
-def clock_offset(
-    time: Float[np.ndarray, " t"],
-    signal: Float[np.ndarray, " t"],
-    log_time: Float[np.ndarray, " l"],
-    log_signal: Float[np.ndarray, " l"],
-    *,
-    search: float,
-    position: Float[np.ndarray, " t"] | None = None,
-) -> Offset:
-    r"""Return the offset between two clocks from what both instruments saw.
-
-    The signal is taken as a line in the log's signal (the same temperature measured twice; an
-    error that follows a temperature), with positions as a line whose slope and offset both
-    follow it. The sum over the offset is searched on a grid, then refined by `regress_curve`.
-
-    Args:
-        time: Of the first log in s.
-        signal: What it measured.
-        log_time: Of the other log in s, ascending.
-        log_signal: What that measured.
-        search: Largest offset that is tried, in s.
-        position: Of the axis in mm where the signal is an error at several positions.
-
-    Raises:
-        FitError: If the logs do not overlap, or the signals do not tell the offset.
-    """
-    known = np.isfinite(log_signal)
-    log_time, log_signal = log_time[known], log_signal[known]
+    told = np.isfinite(other)
+    other_time, other = other_time[told], other[told]
     rows = np.isfinite(signal) & np.isfinite(time)
     time, signal = time[rows], signal[rows]
     away = None if position is None else position[rows] - float(np.mean(position[rows]))
-    span = min(float(np.ptp(time)), float(np.ptp(log_time)))
 
     def inside(offset: float) -> Bool[np.ndarray, " t"]:
         there = time - offset
-        return np.asarray((there >= log_time[0]) & (there <= log_time[-1]))
+        return np.asarray((there >= other_time[0]) & (there <= other_time[-1]))
 
     def columns(
         offset: float, keep: Bool[np.ndarray, " t"]
     ) -> Float[np.ndarray, "k c"]:
-        other = np.interp(time[keep] - offset, log_time, log_signal)
-        parts = [np.ones(int(keep.sum())), other - log_signal.mean()]
+        seen = np.interp(time[keep] - offset, other_time, other) - other.mean()
+        parts = [np.ones(len(seen)), seen]
         if away is not None:
-            parts += [away[keep], away[keep] * parts[1]]
+            parts += [away[keep], away[keep] * seen]
         return np.column_stack(parts)
 
     def cost(offset: float) -> float:
@@ -162,18 +125,12 @@ def clock_offset(
         size = np.abs(signal[keep] - design @ value)
         return float(np.minimum(size, 5.0 * np.median(size) + 1e-300).mean())
 
-    grid = np.linspace(-search, search, _GRID)
+    grid = base + np.linspace(-search, search, _GRID)
     costs = np.array([cost(offset) for offset in grid])
-    if not np.isfinite(costs).any():
-        msg = (
-            f"the logs overlap nowhere within ±{search:g} s, expected common time or a "
-            "wider search."
-        )
-        raise FitError(msg)
-    start = float(grid[np.argmin(costs)])
-    if not costs.min() < _FLAT * float(costs[np.isfinite(costs)].max()):
+    finite = costs[np.isfinite(costs)]
+    if not finite.size or not finite.min() < _FLAT * finite.max():
         raise FitError(_SAME)
-    step = float(grid[1] - grid[0])
+    start, step = float(grid[np.argmin(costs)]), float(grid[1] - grid[0])
     # A slope over less than the distance of the readings would be one of the log's noise.
     width = 0.5 * max(float(np.median(np.diff(np.unique(time)))), 0.2 * step)
     # The same readings for all offsets that are near.
@@ -191,15 +148,18 @@ def clock_offset(
     except FitError as error:
         raise FitError(_SAME) from error
     deviation = float(found.standard_deviation[-1])
-    spread = float(np.var(signal[keep]))
-    explained = 1.0 - float(np.var(found.residual[~found.wild])) / max(spread, 1e-300)
-    if abs(offset) > search:
-        msg = f"the best offset lies beyond ±{search:g} s: widen the search."
-        raise FitError(msg)
     if not deviation < search:
         msg = (
             f"the offset between the clocks is uncertain by {deviation:.3g} s, expected "
             "signals that change sharply enough to tell it."
+        )
+        raise FitError(msg)
+    spread = max(float(np.var(signal[keep])), 1e-300)
+    explained = 1.0 - float(np.var(found.residual[~found.wild])) / spread
+    if explained < _ALIKE:
+        msg = (
+            f"at the best offset one explains {100 * max(explained, 0.0):.0f} % of the"
+            f" scatter of the other, expected {100 * _ALIKE:.0f} % at least."
         )
         raise FitError(msg)
     return Offset(float(offset), deviation, explained)

@@ -2,30 +2,31 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from ...data.measurements import (
-    CLOCK,
     Column,
     ColumnError,
     ColumnSpec,
     MeasurementError,
     Table,
-    TimedTable,
     find_role,
-    join_tables,
-    joined_name,
     measurement,
 )
-from ..fit import FitError
+from ..core import FitError
 from ._clocks import ClockState, find_offset
-from ._load import Job
-from ._schema import ColumnChoice, ColumnOfRun, MeasurementSpec
+
+if TYPE_CHECKING:
+    from ..job._load import Job
+    from ..job._schema import MeasurementSpec
 
 _PLACES = ("position", "encoder", "actual", "drive_position")
 """Kinds of role that show the motion of an axis."""
+_CLOCK = "time"
+"""Name of the common clock among the columns of joined files."""
 _OFFSET_WORDS = "or offsets = the known differences of their clocks in s"
 
 
@@ -69,7 +70,7 @@ class _File:
 
 
 def join_files(
-    job: Job, name: str, spec: MeasurementSpec, tables: Sequence[Table]
+    job: "Job", name: str, spec: "MeasurementSpec", tables: Sequence[Table]
 ) -> JoinedFiles:
     """Put the files of a measurement onto the clock of the first one.
 
@@ -100,50 +101,80 @@ def join_files(
         _refuse_apart(job, name, files[0], other, found)
         shifts.append(found.offset)
         clocks.append(found)
-    joined = join_tables(
-        [
-            TimedTable(file.table, file.time + shift)
-            for file, shift in zip(files, shifts, strict=True)
-        ]
-    )
-    remarks = (*joined.remarks, *map(_words, clocks))
+    table, columns = _side_by_side(files, shifts)
+    remarks = (*table.remarks, *map(_words, clocks))
     return JoinedFiles(
-        dataclasses.replace(joined, remarks=remarks),
-        _columns(files, joined),
-        tuple(clocks),
+        dataclasses.replace(table, remarks=remarks), columns, tuple(clocks)
     )
 
 
-def column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
-    """Return where the values of a role are, as a job has it."""
-    if isinstance(choice, str):
-        return ColumnSpec(choice)
-    if isinstance(choice, ColumnChoice):
-        return ColumnSpec(choice.column or "", choice.unit, choice.value)
-    parts = (
-        ColumnSpec(one.column, one.unit, run=one.run, direction=one.direction)
-        for one in choice
+def _side_by_side(
+    files: Sequence[_File], shifts: Sequence[float]
+) -> tuple[Table, dict[str, ColumnSpec]]:
+    """Return the columns of several files on one clock, and which of them has each role.
+
+    There is one row per row of each file, in order of time; a column has samples in the
+    rows of its own file only, so that `measurement` brings the channels together as it does
+    for channels of several sample times. Where several files have a role the first one
+    counts, and a name that several use is followed by that of the file.
+    """
+    tables = [file.table for file in files]
+    names = [column.name for table in tables for column in table.columns]
+    time = np.concatenate(
+        [file.time + shift for file, shift in zip(files, shifts, strict=True)]
     )
-    return ColumnSpec("", parts=tuple(parts))
+    order = np.argsort(time, kind="stable")
+    columns = [Column(_CLOCK, "time", "s", time[order], header=_CLOCK)]
+    roles = {"time": ColumnSpec(_CLOCK)}
+    ends = np.cumsum([table.rows for table in tables])
+    for file, end in zip(files, ends, strict=True):
+        own = slice(end - file.table.rows, end)
+        for role, spec in file.roles.items():
+            column = file.table.column(spec.column)
+            if role in roles or column.text is not None:
+                continue
+            name = column.name
+            if names.count(name) > 1 or name == _CLOCK:
+                name = f"{name} ({file.table.path.name})"
+            roles[role] = ColumnSpec(name, spec.unit)
+            if any(name == each.name for each in columns):
+                continue  # two roles of one column
+            values, present = np.full(len(time), np.nan), np.zeros(len(time), bool)
+            values[own] = column.values
+            present[own] = True if column.present is None else column.present
+            columns.append(
+                dataclasses.replace(
+                    column,
+                    name=name,
+                    header=name,
+                    values=values[order],
+                    present=present[order],
+                )
+            )
+    path = tables[0].path.with_name(" + ".join(table.path.name for table in tables))
+    joined = Table(
+        path=path,
+        format=tables[0].format,
+        columns=tuple(columns),
+        rows=len(time),
+        lines=np.concatenate([table.lines for table in tables])[order],
+        skipped=tuple(each for table in tables for each in table.skipped),
+        remarks=tuple(each for table in tables for each in table.remarks),
+    )
+    return joined, roles
 
 
-def _file(label: str, table: Table, spec: MeasurementSpec) -> _File:
-    roles: dict[str, ColumnSpec] = {}
+def _file(label: str, table: Table, spec: "MeasurementSpec") -> _File:
+    own = {c.role: ColumnSpec(c.header or c.name) for c in table.columns if c.role}
+    roles = {role: one for role, one in own.items() if find_role(role) is not None}
     if spec.columns:
-        for role, column in spec.columns.items():
-            if isinstance(column, ColumnChoice) and column.file not in (None, label):
-                continue
-            wished = column_spec(column)
-            try:
-                table.column(wished.column)
-            except ColumnError:
-                continue
-            roles[role] = wished
-    else:
-        for each in table.columns:
-            if each.role is not None and find_role(each.role) is not None:
-                roles[each.role] = ColumnSpec(each.header or each.name)
-    clock = roles.pop("time", None) or _own_clock(table)
+        wished = {
+            role: one
+            for role, one in spec.column_specs.items()
+            if spec.file_of(role) in (None, label) and _holds(table, one)
+        }
+        roles = {"time": own["time"]} | wished if "time" in own else wished
+    clock = roles.pop("time", None)
     if clock is None:
         names = ", ".join(column.name for column in table.columns[:12])
         reason = f"found columns {names}, expected one for the role time in each of the files"
@@ -159,20 +190,21 @@ def _file(label: str, table: Table, spec: MeasurementSpec) -> _File:
     return _File(label, table, np.asarray(time, dtype=float), roles)
 
 
-def _own_clock(table: Table) -> ColumnSpec | None:
-    own = next((c for c in table.columns if c.role == "time"), None)
-    return None if own is None else ColumnSpec(own.header or own.name)
+def _holds(table: Table, spec: ColumnSpec) -> bool:
+    try:
+        table.column(spec.column)
+    except ColumnError:
+        return False
+    return True
 
 
-def _refuse_missing(files: Sequence[_File], spec: MeasurementSpec) -> None:
+def _refuse_missing(files: Sequence[_File], spec: "MeasurementSpec") -> None:
     known = {role for file in files for role in file.roles} | {"time"}
-    for role, column in spec.columns.items():
-        if role in known:
-            continue
-        wanted = column_spec(column).column
-        names = [c.name for file in files for c in file.table.columns]
-        listed = " + ".join(file.name for file in files)
-        raise ColumnError(listed, wanted, names, None)
+    for role, wanted in spec.column_specs.items():
+        if role not in known:
+            names = [c.name for file in files for c in file.table.columns]
+            listed = " + ".join(file.name for file in files)
+            raise ColumnError(listed, wanted.column, names, None)
 
 
 def _offset(name: str, first: _File, other: _File) -> ClockState:
@@ -241,7 +273,7 @@ def _by_axis(file: _File) -> dict[str, str]:
 
 
 def _refuse_apart(
-    job: Job, name: str, first: _File, other: _File, found: ClockState
+    job: "Job", name: str, first: _File, other: _File, found: ClockState
 ) -> None:
     begin, end = other.time[0] + found.offset, other.time[-1] + found.offset
     if begin > first.time[-1] or end < first.time[0]:
@@ -251,22 +283,6 @@ def _refuse_apart(
             " taken together"
         )
         raise job.error(("measurements", name, "files"), reason)
-
-
-def _columns(files: Sequence[_File], joined: Table) -> dict[str, ColumnSpec]:
-    """Return the column of each role among the joined ones; the first file has it."""
-    found = {"time": ColumnSpec(CLOCK)}
-    names = {column.name for column in joined.columns}
-    for file in files:
-        for role, spec in file.roles.items():
-            if role in found:
-                continue
-            column: Column = file.table.column(spec.column)
-            if column.text is not None:
-                continue
-            own = joined_name(file.table, column)
-            found[role] = ColumnSpec(own if own in names else column.name, spec.unit)
-    return found
 
 
 def _words(clock: ClockState) -> str:

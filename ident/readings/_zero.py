@@ -1,6 +1,7 @@
 """Take off what is the instrument's: an arbitrary zero, an arbitrary slope."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -36,21 +37,28 @@ class Zero:
 
 
 def without_zero(
-    error: Float[np.ndarray, " t"], positions: Float[np.ndarray, "t d"], kind: Kind
+    error: Float[np.ndarray, " t"],
+    positions: Sequence[Float[np.ndarray, " t"]],
+    kind: Kind,
 ) -> Float[np.ndarray, " t"]:
     """Return the error without its mean, or without the line (plane) through it.
 
-    Of very many readings every n-th one judges them.
+    Of very many readings every n-th one judges them. Rows with a NaN stay as they are.
 
     Args:
         error: In mm or °.
-        positions: Of the masters.
+        positions: Of each master; none: the error hangs on no place.
         kind: ``none``, ``offset`` or ``line`` (over two masters, a plane).
     """
-    if kind == "none":
+    places = np.stack([*positions] or [np.zeros(len(error))], axis=1)
+    known = np.isfinite(error) & np.isfinite(places).all(axis=1)
+    if kind == "none" or not known.any():
         return error
-    step = step_of(len(error))
-    return zero_of(error[::step], positions[::step], kind).off(error, positions)
+    own, at = error[known], places[known]
+    step = step_of(len(own))
+    result = error.copy()
+    result[known] = zero_of(own[::step], at[::step], kind).off(own, at)
+    return result
 
 
 def step_of(count: int) -> int:

@@ -1,0 +1,65 @@
+"""From the files of a job to readings: one reader for fits, groups, `discover` and `doctor`.
+
+To be read in this order: `_tables` (each file once, its columns in mm, °, s and °C), `_joined`
+with `_clocks` (several files on one clock), `_rows` (one measurement, a column at a time: motion,
+modulo, absurd values, reference temperature, with `_zero` of the instrument), `_runs` (repeated
+runs), `_part` (one measurement as a fit takes it; several one after the other). On top of them
+stand `_outside` (errors of all axes, for `doctor` and the whole axis) and `_observe` (all there
+is, for `discover`).
+"""
+
+from typing import TYPE_CHECKING
+
+from .._lazy import importer
+from ._clocks import ClockState as ClockState
+from ._part import (
+    Joined as Joined,
+    Part as Part,
+    Wanted as Wanted,
+    joined as joined,
+    joined_runs as joined_runs,
+    read_joined as read_joined,
+    read_rows as read_rows,
+    rows_of as rows_of,
+    wanted_by as wanted_by,
+)
+from ._rows import (
+    PLACES as PLACES,
+    POSITION_ORDER as POSITION_ORDER,
+    Rows as Rows,
+    first_motion as first_motion,
+    reference_words as reference_words,
+    sensor_name as sensor_name,
+)
+from ._runs import (
+    cycles_of as cycles_of,
+    place_in_run as place_in_run,
+    places_of as places_of,
+    runs_overlap as runs_overlap,
+    visits_overlap as visits_overlap,
+)
+from ._tables import Tables as Tables, measured_from as measured_from
+from ._zero import (
+    Zero as Zero,
+    step_of as step_of,
+    without_zero as without_zero,
+    zero_of as zero_of,
+)
+
+if TYPE_CHECKING:
+    from ._observe import Observation as Observation, observe as observe
+    from ._outside import (
+        errors_in as errors_in,
+        read_error as read_error,
+        read_outside as read_outside,
+    )
+
+_HOMES = {
+    "Observation": "_observe",
+    "errors_in": "_outside",
+    "observe": "_observe",
+    "read_error": "_outside",
+    "read_outside": "_outside",
+}
+
+__getattr__ = importer(__name__, _HOMES)

@@ -1,0 +1,369 @@
+"""One measurement of a job, a column at a time: the only place where readings are made."""
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...data.measurements import (
+    DirectionUnknown,
+    Measurement,
+    MeasurementError,
+    MissingRole,
+    derive_error,
+    derive_motion,
+    explain_direction,
+    reduce_length,
+    with_error,
+    without_motion,
+)
+from ...data.signals import Motion
+from ._zero import without_zero
+
+if TYPE_CHECKING:
+    from ..job._load import Job
+    from ..job._schema import MeasurementSpec
+
+SENSOR = "temperature."
+"""How the role of a temperature begins; the name of its sensor follows."""
+PLACES = ("position", "encoder", "actual")
+"""Kinds of role that tell where an axis is."""
+POSITION_ORDER = {"command": PLACES, "actual": ("encoder", "actual", "position")}
+"""The same, the best first, by the rule `crosstalk_input`."""
+
+_ABSURD = 1e9
+"""mm or °: a thousand kilometres, or some million turns."""
+_LEFT = 1e-3
+"""Share of its travel that an axis has gone when it has surely moved."""
+
+
+def sensor_name(text: str) -> str:
+    """Return the name of a sensor, given with or without ``temperature.``."""
+    return text.removeprefix(SENSOR)
+
+
+def has_error(measured: Measurement, axis: str) -> bool:
+    """Return whether the error of an axis was recorded, or what it is derived from."""
+    there = measured.values
+    if f"{axis}.error" in there:
+        return True
+    others = (f"{axis}.position", f"{axis}.encoder")
+    return f"{axis}.actual" in there and any(role in there for role in others)
+
+
+class Rows:
+    """The rows of one measurement; each method makes one column of them.
+
+    Motion and the delay of an instrument, modulo axes, values that no machine has, the
+    reference temperature and the zero of an instrument are dealt with here, for fits,
+    groups, logs in pieces, `discover` and `doctor` alike.
+
+    Attributes:
+        job: The job.
+        name: Of the measurement.
+        spec: What the job says of it.
+        measured: Its roles; the errors that were asked for are those of a standstill.
+        moving: Axes whose error was recorded in motion.
+        gaps: Whether rows stay in which a value was missed, as NaN.
+        remarks: What was taken for granted so far, one sentence each.
+        change: Largest change of an error by the reference temperature, by axis.
+    """
+
+    def __init__(
+        self,
+        job: "Job",
+        name: str,
+        measured: Measurement,
+        axes: Iterable[str] = (),
+        *,
+        gaps: bool = False,
+    ) -> None:
+        """Take a measurement.
+
+        Args:
+            job: The job.
+            name: Of the measurement.
+            measured: As its file says it.
+            axes: Whose errors are asked for.
+            gaps: Keep rows in which a value was missed, or that no machine has, as NaN.
+                Else rows without an error are left out and other such values refused.
+
+        Raises:
+            MeasurementError: If an axis moves all the time and its error cannot be told
+                from what it lags behind.
+        """
+        self.job, self.name, self.gaps = job, name, gaps
+        self.spec = job.spec.measurements[name]
+        asked = tuple(axes)
+        found = without_motion(measured, asked)
+        derived = [axis for axis in asked if f"{axis}.error" not in measured.values]
+        self.moving = frozenset(
+            axis for axis in derived if f"{axis}.error" in found.values
+        )
+        if gaps:
+            found = found.with_gaps()
+        else:
+            for axis in asked:
+                found = with_error(found, axis)
+        self.measured = found
+        self.remarks = list(found.remarks)
+        self.change: dict[str, float] = {}
+
+    def __len__(self) -> int:
+        return self.measured.rows
+
+    @property
+    def time(self) -> Float[np.ndarray, " t"] | None:
+        """Instants in s, or None."""
+        return self._numbers("time")
+
+    @property
+    def run(self) -> Int[np.ndarray, " t"] | None:
+        """Numbers of the runs, or None."""
+        run = self.measured.get("run")
+        return None if run is None else np.asarray(run).astype(np.int64)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the temperatures."""
+        roles = [role for role in self.measured.values if role.startswith(SENSOR)]
+        return tuple(map(sensor_name, roles))
+
+    def temperature(self, sensor: str, why: str = "") -> Float[np.ndarray, " t"]:
+        """Return a temperature in °C.
+
+        Raises:
+            MissingRole: If it was not recorded; ``why`` ends the sentence.
+        """
+        return self._required(SENSOR + sensor_name(sensor), why)
+
+    def current(self, axis: str) -> Float[np.ndarray, " t"] | None:
+        """Return the current of a drive in its unit, or None."""
+        return self._numbers(f"{axis}.current")
+
+    def has_place(self, axis: str, kinds: Iterable[str] = ("position",)) -> bool:
+        """Return whether the position of an axis was recorded, as one of the kinds."""
+        return any(f"{axis}.{kind}" in self.measured.values for kind in kinds)
+
+    def position(
+        self, axis: str, why: str = "", kinds: Iterable[str] = ("position",)
+    ) -> Float[np.ndarray, " t"]:
+        """Return the position of an axis in mm or °, within its modulo range.
+
+        Args:
+            axis: Name of the axis.
+            why: End of the sentence "expected 'X.position' …".
+            kinds: Of the role, the best first.
+
+        Raises:
+            MissingRole: If none was recorded.
+            MeasurementError: If a value is one that no machine has.
+        """
+        known = [kind for kind in kinds if f"{axis}.{kind}" in self.measured.values]
+        role = f"{axis}.{known[0] if known else 'position'}"
+        place = self._sane(role, self._required(role, why))
+        span = self.job.spec.axes[axis].modulo
+        if span is None:
+            return place
+        return span[0] + np.mod(place - span[0], span[1] - span[0])
+
+    def positions(
+        self, kinds: Iterable[str] = ("position",)
+    ) -> dict[str, Float[np.ndarray, " t"]]:
+        """Return the positions of all axes that have one, by name."""
+        axes = [axis for axis in self.job.spec.axes if self.has_place(axis, kinds)]
+        return {axis: self.position(axis, kinds=kinds) for axis in axes}
+
+    def raw_error(self, axis: str) -> Float[np.ndarray, " t"]:
+        """Return the error of an axis as measured, in mm or °.
+
+        Raises:
+            MissingRole: If there is none.
+            MeasurementError: If a value is one that no machine has.
+        """
+        error = np.array(derive_error(self.measured, axis), dtype=float)
+        return self._sane(f"{axis}.error", error)
+
+    def error(
+        self,
+        axis: str,
+        position: Mapping[str, Float[np.ndarray, " t"]],
+        *,
+        lengths: bool = True,
+    ) -> Float[np.ndarray, " t"]:
+        """Return the error of an axis at the reference temperature, the zero taken off.
+
+        Args:
+            axis: Name of the axis.
+            position: Of the axes over which a line may be taken off, by name.
+            lengths: The error is one of length along the axis.
+
+        Raises:
+            MeasurementError: If there is none, or a value is one that no machine has.
+        """
+        error = self.raw_error(axis)
+        if lengths and axis in position:
+            error = self.at_reference(axis, error, position[axis])
+        return without_zero(error, [*position.values()], self.spec.remove)
+
+    def at_reference(
+        self,
+        axis: str,
+        error: Float[np.ndarray, " t"],
+        position: Float[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " t"]:
+        """Return errors of length along an axis as at the reference temperature.
+
+        Args:
+            axis: Name of the axis.
+            error: As measured, in mm.
+            position: Of the axis itself.
+        """
+        spec, warmth = self.spec, self.spec.material_temperature
+        if spec.expansion is None or spec.already_compensated or warmth is None:
+            return error
+        at = spec.datum.at if spec.datum is not None else 0.0
+        reduced = reduce_length(
+            error,
+            position,
+            expansion=spec.expansion,
+            material_temperature=(
+                self.temperature(warmth, "as material_temperature")
+                if isinstance(warmth, str)
+                else float(warmth)
+            ),
+            reference_temperature=spec.reference_temperature,
+            datum=float(at if isinstance(at, float | int) else at[0]),
+        )
+        change = np.abs(reduced - error)
+        self.change[axis] = float(np.max(change, initial=0.0, where=~np.isnan(change)))
+        return reduced
+
+    def direction(
+        self, axis: str, *, needed: bool = False
+    ) -> Int[np.ndarray, " t"] | None:
+        """Return the direction of motion, ±1; None where it cannot be told.
+
+        Args:
+            axis: Name of the axis.
+            needed: Raise instead, and say what was taken for granted.
+
+        Raises:
+            DirectionUnknown: If it cannot be told and is needed.
+            MissingRole: If there is neither direction nor position, and it is needed.
+        """
+        try:
+            found = explain_direction(self.measured, axis)
+        except (DirectionUnknown, MissingRole):
+            if needed:
+                raise
+            return None
+        if needed:
+            self.remarks += found.remarks
+        return found.values
+
+    def motion(
+        self, axis: str, what: str, kinds: tuple[str, ...] | None = None
+    ) -> Float[np.ndarray, " t"]:
+        """Return velocity or acceleration, per s or s², as recorded or else derived.
+
+        Args:
+            axis: Name of the axis.
+            what: ``velocity`` or ``acceleration``.
+            kinds: Positions from which to derive it, the best first; left out: by the
+                conventions of the controller.
+
+        Raises:
+            MeasurementError: If it was not recorded and cannot be derived.
+        """
+        given = self._numbers(f"{axis}.{what}")
+        if given is not None:
+            return given
+        kinds = kinds or POSITION_ORDER[self.job.conventions.crosstalk_input]
+        if (axis, kinds) not in self._motions:
+            derived = derive_motion(self.measured, axis, order=kinds)
+            self._motions[axis, kinds] = derived
+        motion = self._motions[axis, kinds]
+        self.remarks.append(
+            f"The {what} of {axis} was not recorded: it is derived from the position, up"
+            f" to {motion.bandwidth:.3g} Hz."
+        )
+        return np.asarray(getattr(motion, what), dtype=float)
+
+    @cached_property
+    def _motions(self) -> dict[tuple[str, tuple[str, ...]], Motion]:
+        return {}
+
+    def _numbers(self, role: str) -> Float[np.ndarray, " t"] | None:
+        values = self.measured.get(role)
+        return None if values is None else np.asarray(values, dtype=float)
+
+    def _required(self, role: str, why: str) -> Float[np.ndarray, " t"]:
+        return np.asarray(self.measured.require(role, why), dtype=float)
+
+    def _sane(
+        self, role: str, values: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return values without those that no machine has: markers for "no reading".
+
+        The square of such a one may be beyond floating point, so that no robust loss could
+        set it aside.
+        """
+        wrong = np.flatnonzero(np.abs(values) > _ABSURD)
+        if wrong.size and not self.gaps:
+            at = int(wrong[0])
+            reason = (
+                f"line {self.measured.lines[at]}: found {values[at]:g} mm or ° for {role},"
+                f" expected less than {_ABSURD:g}"
+            )
+            raise MeasurementError(str(self.measured.source), reason)
+        if wrong.size:
+            values = np.where(np.abs(values) > _ABSURD, np.nan, values)
+            self.remarks.append(
+                f"{wrong.size} of {len(values)} values of {role} lie beyond {_ABSURD:g} mm"
+                " or °: these readings are left out."
+            )
+        return values
+
+
+def first_motion(place: Float[np.ndarray, " t"]) -> int:
+    """Return the row with which an axis has left the place where it stood.
+
+    Whence it came before that nobody recorded.
+    """
+    known = np.flatnonzero(np.isfinite(place))
+    if not known.size:
+        return len(place)
+    gone = np.abs(place[known] - place[known[0]])
+    far = np.flatnonzero(gone > _LEFT * float(gone.max()))
+    return int(known[far[0]]) if far.size else len(place)
+
+
+def reference_words(
+    name: str, spec: "MeasurementSpec", axis: str, lengths: bool, change: float | None
+) -> tuple[str, ...]:
+    """Say what was done about the temperature; nothing where no expansion is stated.
+
+    Args:
+        name: Of the measurement.
+        spec: What the job says of it.
+        axis: Whose error it is.
+        lengths: The error is one of length along the axis.
+        change: `Rows.change` of it, or None.
+    """
+    degrees = f"{spec.reference_temperature:g} °C"
+    if spec.expansion is None:
+        return ()
+    if not lengths:
+        return (
+            f"expansion of measurement {name!r} concerns lengths along an axis; the error"
+            f" of {axis} over other axes is taken as it is.",
+        )
+    if change is None:
+        return (f"Measurement {name!r} refers to {degrees} as it is.",)
+    return (
+        f"Measurement {name!r} was reduced to {degrees}; that changed readings by up to"
+        f" {1e3 * change:.1f} µm.",
+    )
