@@ -19,7 +19,6 @@ from ._lists import AxisFiles
 from ._load import Job
 from ._output import OutFolder
 
-_TEMPLATE = "first_run.nc.jinja"
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _STEP = 10
 
@@ -102,7 +101,7 @@ def write_first_run(
 
 def _program(channel: int, states: Sequence[_State], title: str) -> str:
     plain = title.encode("ascii", "replace").decode()
-    text = _template().render(
+    text = template("first_run.nc.jinja").render(
         channel=channel,
         states=states,
         words=list(dict.fromkeys(state.word for state in states)),
@@ -117,12 +116,13 @@ def _program(channel: int, states: Sequence[_State], title: str) -> str:
 
 
 @functools.cache
-def _template() -> jinja2.Template:
+def template(name: str) -> jinja2.Template:
+    """Return a text of this folder that is no HTML."""
     folder = resources.files("axcomp.ident.job")
     environment = jinja2.Environment(
-        autoescape=False,  # no HTML; words are checked, the title stands in a comment
+        autoescape=False,  # in a program words are checked, the title is a comment
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         keep_trailing_newline=True,
     )
-    return environment.from_string(folder.joinpath(_TEMPLATE).read_text("utf-8"))
+    return environment.from_string(folder.joinpath(name).read_text("utf-8"))
