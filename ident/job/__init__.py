@@ -5,7 +5,7 @@ with `_checks` (a job that can be run), `_run` (the whole way, in one function),
 fit, planned), `_source` and `_readings` with `_remove` and `_trend` (from a file to readings),
 `_plan`, `_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
 (entries into the user's lists), `_gating`, `_whole` with `_acting` (the gate of a fit and of a
-whole axis), `_prove` (the files, read back), `_result` with `_verdict`, `_job_result`,
+whole axis), `_result` with `_verdict`, `_job_result`,
 `_loadsheet`, and `_measure_again` (the second measurement).
 
 What is special about one compensation stands in `axcomp.ident.kinds` (`_parts` says what a job

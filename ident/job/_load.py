@@ -48,6 +48,18 @@ class Job:
         """Line of every key, looked for once something is wrong with one."""
         return key_lines(self.text)
 
+    @property
+    def increments(self) -> dict[int, float]:
+        """Worth of an encoder increment in mm or °, by logical number of the axis."""
+        axes = self.spec.axes.values()
+        return {a.number: a.increment for a in axes if a.increment is not None}
+
+    @property
+    def ranges(self) -> dict[int, tuple[float, float]]:
+        """Range in ° of the axes that turn, by logical number."""
+        axes = self.spec.axes.values()
+        return {a.number: (a.modulo[0], a.modulo[1]) for a in axes if a.modulo}
+
     def file(self, name: str) -> Path:
         """Return a path of the job, which is relative to the job file."""
         return self.path.parent / name

@@ -1,8 +1,8 @@
 """A plane as a job handles it: one of the tables."""
 
 from ...exchange import PlaneTable
+from ...job._fitting import plan_table as plan
 from ...job._load import Job
-from ...job._table_draft import plan_table as plan
 from .keys import Spec
 
 __all__ = ["empty_table", "plan"]
