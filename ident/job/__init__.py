@@ -99,10 +99,8 @@ if TYPE_CHECKING:
     from .joint import (
         AxisSum as AxisSum,
         EffectShare as EffectShare,
-        Freedom as Freedom,
         GroupResult as GroupResult,
         LeftOutResult as LeftOutResult,
-        LostPair as LostPair,
     )
 
 _HOMES = {
@@ -125,13 +123,11 @@ _HOMES = {
     "CrosstalkView": ".kinds.crosstalk._result",
     "EffectShare": "joint",
     "EventCourse": ".kinds.crosstalk._result",
-    "Freedom": "joint",
     "FrictionResult": ".kinds.friction._result",
     "FrictionView": ".kinds.friction._result",
     "GroupResult": "joint",
     "LawCurve": ".kinds.friction._result",
     "LeftOutResult": "joint",
-    "LostPair": "joint",
     "choice_sentence": ".kinds.friction._result",
     "TemperatureResult": ".kinds.temperature._result",
     "ThermalLaw": ".kinds.temperature._law",
