@@ -5,8 +5,6 @@ from collections.abc import Sequence
 
 from ...data.lists import ListFile, new_list
 from ..exchange import (
-    Increments,
-    Ranges,
     entries_of_activation,
 )
 from ..kinds import kinds
@@ -26,8 +24,8 @@ def acting_before(job: Job, axis: str, lists: AxisLists) -> Loaded:
         number,
         _lists(number, lists.compensation, lists.machine),
         job.conventions,
-        increments_of(job),
-        ranges_of(job),
+        job.increments,
+        job.ranges,
     )
 
 
@@ -72,26 +70,8 @@ def acting_alone(job: Job, draft: AbstractDraft) -> Loaded:
         number,
         _lists(number, _read_back(listing), None),
         job.conventions,
-        modulo=ranges_of(job),
+        modulo=job.ranges,
     )
-
-
-def ranges_of(job: Job) -> Ranges:
-    """Return the range in ° of the axes that turn, by logical number."""
-    return {
-        axis.number: (axis.modulo[0], axis.modulo[1])
-        for axis in job.spec.axes.values()
-        if axis.modulo is not None
-    }
-
-
-def increments_of(job: Job) -> Increments:
-    """Return the worth of an encoder increment, by logical number."""
-    return {
-        axis.number: axis.increment
-        for axis in job.spec.axes.values()
-        if axis.increment is not None
-    }
 
 
 def _lists(

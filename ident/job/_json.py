@@ -4,7 +4,6 @@ import datetime
 import json
 import math
 from collections.abc import Mapping
-from json.encoder import encode_basestring_ascii
 from pathlib import Path
 from typing import Any
 
@@ -15,31 +14,7 @@ from ._result import AbstractResult
 
 _DEPTH = 3
 """Down to the entries of a fit."""
-_PLAIN = (dict, list, int, float, type(None))
-_NUMPY = (np.ndarray, np.generic)
-_WORDS: Mapping[Any, str] = {None: "null", True: "true", False: "false"}
-
-
-def _known(value: Any) -> Any:
-    """Return a value in terms that JSON knows, what it holds left as it is."""
-    if isinstance(value, _PLAIN):
-        return value
-    if isinstance(value, tuple):
-        return list(value)
-    if isinstance(value, _NUMPY):
-        return value.tolist()
-    # Last but one, since to ask for a `Mapping` takes longest.
-    if isinstance(value, Mapping):
-        return dict(value)
-    if isinstance(value, Path | datetime.date):
-        return str(value)
-    msg = (
-        f"found {type(value).__name__}, expected a number, a text, a list or a mapping"
-    )
-    raise TypeError(msg)
-
-
-_TEXT = json.JSONEncoder(allow_nan=False, default=_known).encode
+_text = json.JSONEncoder(allow_nan=False).encode
 
 
 def result_json(result: JobResult) -> str:
@@ -49,35 +24,17 @@ def result_json(result: JobResult) -> str:
 
 def tree_json(tree: Mapping[str, Any]) -> str:
     """Return the tree of ``result.json`` as text."""
-    try:
-        return _lines(tree, _DEPTH) + "\n"
-    except (TypeError, ValueError):
-        # Something that JSON does not know, such as a NaN: look at every number then.
-        return _lines(plain(tree), _DEPTH) + "\n"
+    return _lines(plain(tree), _DEPTH) + "\n"
 
 
 def _lines(value: Any, depth: int) -> str:
     """Return JSON with an entry per line down to a depth; tables stay on one line."""
-    # To set up the encoder takes longer than to encode what is no table.
-    kind = type(value)
-    if kind is str:
-        return encode_basestring_ascii(value)
-    if kind is int or (kind is float and math.isfinite(value)):
-        return repr(value)
-    if value is None or kind is bool:
-        return _WORDS[value]
-    if not depth:
-        return _TEXT(value)
-    value = _known(value)
-    if value and isinstance(value, dict):
-        below = [
-            f"{encode_basestring_ascii(str(k))}: {_lines(v, depth - 1)}"
-            for k, v in value.items()
-        ]
+    if depth and value and isinstance(value, dict):
+        below = [f"{_text(key)}: {_lines(v, depth - 1)}" for key, v in value.items()]
         return "{\n" + ",\n".join(below) + "\n}"
-    if value and isinstance(value, list):
+    if depth and value and isinstance(value, list):
         return "[\n" + ",\n".join([_lines(v, depth - 1) for v in value]) + "\n]"
-    return _TEXT(value)
+    return _text(value)
 
 
 def as_tree(result: JobResult) -> dict[str, Any]:
@@ -133,22 +90,15 @@ def plain(value: Any) -> Any:
     """Return a value that JSON can hold; NaN and infinity become null."""
     if value is None or type(value) in (str, int, bool):
         return value
-    if type(value) is float:
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     if isinstance(value, np.ndarray):
-        numbers = value.dtype.kind == "f"
-        whole = not numbers or bool(np.isfinite(value).all())
+        whole = value.dtype.kind != "f" or bool(np.isfinite(value).all())
         return value.tolist() if whole else plain(value.tolist())
     if isinstance(value, np.generic):
         return plain(value.item())
     if isinstance(value, Mapping):
-        return plain(dict(value))
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Path | datetime.date):
-        return str(value)
-    return value
+        return {str(key): plain(item) for key, item in value.items()}
+    return str(value) if isinstance(value, Path | datetime.date) else value

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 from ..proof import GateCheck
 from ._beside import hand_on, leftovers
-from ._clocks import ClockState
 from ._diagnosis import DIAGNOSIS, write_diagnosis
 from ._draft import AbstractDraft, Written
 from ._errors import UntoldError
@@ -32,7 +31,7 @@ from ._source import Tables
 from ._whole import judge_whole
 
 if TYPE_CHECKING:
-    from .joint import GroupDraft, GroupResult
+    from .joint import GroupDraft
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
 
@@ -126,10 +125,22 @@ def begin_job(
         dataclasses.replace(each, group=together.get(one.index))
         for one, each in zip(drafts, results, strict=True)
     ]
-    return JobRun(
-        job, folder, files, drafts, results, tuple(sums), failed, tables.clocks,
-        (*remarks, *moved, *lost), start, second, whole,
-    )  # fmt: skip
+    result = JobResult(
+        title=job.spec.title or job.path.stem,
+        machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
+        fits=tuple(results),
+        inputs=_hashes(job),
+        versions=_versions(),
+        load_sheet=(),
+        remarks=(*remarks, *moved, *lost),
+        files=(),
+        wall_time=0.0,
+        job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
+        clocks=tables.clocks,
+        groups=tuple(sums),
+        whole=whole,
+    )
+    return JobRun(job, folder, files, drafts, failed, start, second, result)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,28 +152,20 @@ class JobRun:
         folder: Where its files lie.
         files: Lists by axis.
         drafts: All fits.
-        results: What came of them, in the same order.
-        groups: Fits that were identified together.
         failed: Axes whose lists must not be loaded.
-        clocks: How files of one measurement were put onto one clock.
-        remarks: What concerns the job as a whole.
         start: When it began (`time.perf_counter`).
         second: The second measurement, where there is one.
-        whole: All that will act on each axis, judged together.
+        result: What came of it, without the load sheet and the second measurement.
     """
 
     job: Job
     folder: OutFolder
     files: Sequence[AxisFiles]
     drafts: Sequence[AbstractDraft]
-    results: Sequence[AbstractResult]
-    groups: tuple["GroupResult", ...]
     failed: Sequence[str]
-    clocks: tuple[ClockState, ...]
-    remarks: tuple[Remark, ...]
     start: float
     second: Second | None
-    whole: tuple[WholeAxis, ...]
+    result: JobResult
 
     def measured_again(self, after: Path) -> "JobRun":
         """Return the run with a second measurement, made with the lists that it wrote.
@@ -177,36 +180,16 @@ class JobRun:
 
     def finish(self) -> JobResult:
         """Write ``result.json``, with what a second measurement says, and return it."""
-        job, second = self.job, self.second
-        results, remarks = list(self.results), list(self.remarks)
+        job, second, root = self.job, self.second, self.folder.root
+        result = self.result
         if second is not None:
-            sums = {
-                one.axis: (
-                    one.error["before"].sound.rms,
-                    one.error["predicted"].sound.rms,
-                )
-                for group in self.groups
-                for one in group.axes
-            }
-            results, more = measure_again(
-                job, second, self.drafts, results, self.folder.root, sums
-            )
-            remarks += more
-        result = JobResult(
-            title=job.spec.title or job.path.stem,
-            machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
-            fits=tuple(results),
-            inputs=_hashes(job),
-            versions=_versions(),
-            load_sheet=load_sheet(job, self.files, self.drafts, results, self.failed),
-            remarks=tuple(remarks),
+            result = measure_again(job, second, self.drafts, result, root)
+        sheet = load_sheet(job, self.files, self.drafts, result.fits, self.failed)
+        result = dataclasses.replace(
+            result,
+            load_sheet=sheet,
             files=(*self.folder.written, Path("result.json")),
             wall_time=time.perf_counter() - self.start,
-            job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
-            clocks=self.clocks,
-            groups=self.groups,
-            second=None if second is None else second.record,
-            whole=self.whole,
         )
         self.folder.write("result.json", result_json(result).encode())
         return result

@@ -21,7 +21,7 @@ from ..proof.axis import (
     switching_cycles,
     warm_states,
 )
-from ._acting import acting_after, acting_before, ranges_of
+from ._acting import acting_after, acting_before
 from ._draft import AbstractDraft, AxisLists
 from ._gating import limits_of
 from ._job_result import WholeAxis
@@ -231,7 +231,7 @@ class _Axis:
             for axis in axes.values()
             if axis.limits is not None
         }
-        spans |= ranges_of(self.job)
+        spans |= self.job.ranges
         reached: dict[int, tuple[float, float]] = {}
         for _, _, reading in self._measured:
             places = {} if isinstance(reading, str) else reading[0].positions
