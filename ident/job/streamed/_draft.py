@@ -208,7 +208,11 @@ class _Tally:
 
 
 def _size(error: Float[np.ndarray, " t"]) -> list[float]:
-    return [len(error), float(error @ error), float(np.abs(error).max(initial=0.0))]
+    return [
+        float(len(error)),
+        float(error @ error),
+        float(np.abs(error).max(initial=0.0)),
+    ]
 
 
 def _largest(
