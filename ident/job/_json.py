@@ -1,5 +1,6 @@
 """``result.json``: what a job found, for machines (interface.md)."""
 
+import dataclasses
 import datetime
 import json
 import math
@@ -23,8 +24,8 @@ def result_json(result: JobResult) -> str:
 
 
 def tree_json(tree: Mapping[str, Any]) -> str:
-    """Return the tree of ``result.json`` as text."""
-    return _lines(plain(tree), _DEPTH) + "\n"
+    """Return the tree of ``result.json``, all of it `plain`, as text."""
+    return _lines(dict(tree), _DEPTH) + "\n"
 
 
 def _lines(value: Any, depth: int) -> str:
@@ -38,25 +39,26 @@ def _lines(value: Any, depth: int) -> str:
 
 
 def as_tree(result: JobResult) -> dict[str, Any]:
-    """Return a job's result as nested dictionaries and lists."""
-    return {
+    """Return a job's result as nested dictionaries and lists that JSON can hold."""
+    tree = {
         "title": result.title,
-        "machine": dict(result.machine),
+        "machine": result.machine,
         "passed": result.passed,
         "verdict": str(result.verdict),
         "fits": [_fit(fit) for fit in result.fits],
         "whole": {one.axis: one.as_tree() for one in result.whole},
         "groups": [group.as_tree() for group in result.groups],
-        "remarks": [vars(remark) for remark in result.remarks],
-        "load_sheet": [vars(step) for step in result.load_sheet],
-        "files": [str(file) for file in result.files],
+        "remarks": result.remarks,
+        "load_sheet": result.load_sheet,
+        "files": result.files,
         "second_measurement": result.second,
-        "clocks": [vars(clock) for clock in result.clocks],
-        "inputs": dict(result.inputs),
-        "versions": dict(result.versions),
+        "clocks": result.clocks,
+        "inputs": result.inputs,
+        "versions": result.versions,
         "wall_time": result.wall_time,
-        "job": dict(result.job),
+        "job": result.job,
     }
+    return {key: plain(value) for key, value in tree.items()}
 
 
 def _fit(fit: AbstractResult) -> dict[str, Any]:
@@ -76,18 +78,18 @@ def _fit(fit: AbstractResult) -> dict[str, Any]:
         "passed": fit.passed,
         "verdict": str(judged.verdict),
         "reasons": [reason.as_tree() for reason in judged.reasons],
-        "gate": [vars(check) for check in fit.gate],
-        "findings": [dict(finding) for finding in fit.findings],
-        "remarks": [vars(remark) for remark in fit.remarks],
-        "conventions": [vars(convention) for convention in fit.conventions],
-        "files": [str(file) for file in fit.files],
-        "verified_by": dict(again.source) if again and fit.confirmed else None,
+        "gate": fit.gate,
+        "findings": fit.findings,
+        "remarks": fit.remarks,
+        "conventions": fit.conventions,
+        "files": fit.files,
+        "verified_by": again.source if again and fit.confirmed else None,
         "diagnosis": None if diagnosis is None else diagnosis.as_tree(),
     }
 
 
 def plain(value: Any) -> Any:
-    """Return a value that JSON can hold; NaN and infinity become null."""
+    """Return a value that JSON can hold: NaN and infinity null, a record its fields."""
     if value is None or type(value) in (str, int, bool):
         return value
     if isinstance(value, float):
@@ -101,4 +103,7 @@ def plain(value: Any) -> Any:
         return plain(value.item())
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        return {name: plain(getattr(value, name)) for name in names}
     return str(value) if isinstance(value, Path | datetime.date) else value

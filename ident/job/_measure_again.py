@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime
+import functools
 import hashlib
 import json
 import os
@@ -40,16 +41,16 @@ class Second:
     date: str
     lists: Mapping[str, str]
 
+    @functools.cached_property
+    def source(self) -> dict[str, str]:
+        """File, hash and date, as result.json names them."""
+        hashed = sha256(self.job.path)
+        return {"file": self.name, "sha256": hashed, "date": self.date}
+
     @property
     def record(self) -> dict[str, Any]:
         """What result.json keeps of it, so that a rerun does not lose it."""
-        return {
-            "file": self.name,
-            "sha256": sha256(self.job.path),
-            "date": self.date,
-            "inputs": _hashes(self.job),
-            "lists": dict(self.lists),
-        }
+        return {**self.source, "inputs": _hashes(self.job), "lists": dict(self.lists)}
 
 
 def plan_second(
@@ -155,10 +156,7 @@ def measure_again(
         if readings is not None or diagnosis is not None:
             figures = fit.error if fit.group is None else sums.get(fit.axis, fit.error)
             before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
-            again = MeasuredAgain(
-                second.name, sha256(second.job.path), second.date,
-                readings, diagnosis, before, predicted,
-            )  # fmt: skip
+            again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         found.append(dataclasses.replace(fit, again=again))
     settled, more = settled_by(found)
     if settled:

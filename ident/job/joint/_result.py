@@ -125,10 +125,10 @@ class GroupResult:
         """Return what result.json says of the group."""
         return {
             "name": self.name,
-            "fits": list(self.fits),
-            "effects": [vars(effect) for effect in self.effects],
-            "gauges": [vars(freedom) for freedom in self.freedoms],
-            "confusions": [vars(pair) for pair in self.lost],
+            "fits": self.fits,
+            "effects": self.effects,
+            "gauges": self.freedoms,
+            "confusions": self.lost,
             "axes": {
                 one.axis: {
                     "unit": one.unit,
@@ -137,12 +137,12 @@ class GroupResult:
                     "readings": len(one.rows),
                     "wild": int(np.sum(one.wild)),
                     "error": {key: each.as_tree() for key, each in one.error.items()},
-                    "runs": [vars(run) for run in one.runs],
+                    "runs": one.runs,
                 }
                 for one in self.axes
             },
             "held_out": self.held_out,
             "converged": self.converged,
             "message": self.message,
-            "remarks": [vars(remark) for remark in self.remarks],
+            "remarks": self.remarks,
         }
