@@ -129,8 +129,8 @@ class Written:
 
 
 @dataclasses.dataclass(frozen=True)
-class AbstractDraft(abc.ABC):
-    """A compensation of one axis, fitted and not yet written.
+class AbstractOfFit(abc.ABC):
+    """What belongs to one fit of the job.
 
     Attributes:
         index: Of the fit in the job.
@@ -156,6 +156,16 @@ class AbstractDraft(abc.ABC):
     def compensation(self) -> str:
         """Name of the compensation, as in the job."""
         return self.fit.compensation
+
+    @property
+    def name(self) -> str:
+        """Compensation and axis, for messages."""
+        return self.fit.name
+
+
+@dataclasses.dataclass(frozen=True)
+class AbstractDraft(AbstractOfFit):
+    """A compensation of one axis, fitted and not yet written."""
 
     @property
     def written(self) -> bool:

@@ -168,7 +168,7 @@ def left_out(job: Job, plans: Plans, k: int, reason: str) -> AbstractDraft:
     spec = job.spec.fits[k]
     start = f"{spec.name} from {', '.join(spec.sources)}: "
     why = reason.removeprefix(f"{key_words(('fits', k))}: ").removeprefix(start)
-    return LeftOutDraft(k, spec, plans.lists[spec.axis], spec.name, why)
+    return LeftOutDraft(k, spec, plans.lists[spec.axis], why)
 
 
 def untold_alone(job: Job, tables: Tables, plans: Plans) -> dict[int, str]:

@@ -64,10 +64,9 @@ class GroupPlan:
             raise job.error(where, f"{start}: {error}") from None
         drafts = [_draft(job, one, Share(found, k)) for k, one in enumerate(members)]
         left_out = tuple(
-            LeftOutDraft(
-                every[k].index, every[k].fit, every[k].lists, every[k].name, why
-            )
-            for k, why in unfit.items()
+            LeftOutDraft(one.index, one.fit, one.lists, unfit[k])
+            for k, one in enumerate(every)
+            if k in unfit
         )
         return GroupDraft(found, tuple(drafts), left_out)
 
@@ -87,12 +86,11 @@ def plan_groups(
 
 
 def _draft(job: Job, one: AbstractMember, share: Share) -> AbstractDraft:
-    name = share.part.name
     if not share.group.written[share.number]:
-        return LeftOutDraft(one.index, one.fit, one.lists, name, "", share)
+        return LeftOutDraft(one.index, one.fit, one.lists, "", share)
     try:
         return one.draft(job, share)
     except FitError as error:
-        return LeftOutDraft(one.index, one.fit, one.lists, name, str(error), share)
+        return LeftOutDraft(one.index, one.fit, one.lists, str(error), share)
     except ExchangeError as error:
         raise job.error(("fits", one.index), f"{one.name}: {error}") from None

@@ -65,18 +65,20 @@ class LeftOutDraft(AbstractDraft):
     """A fit that nothing is written of.
 
     Attributes:
-        name: Of the effect.
         why: In words; empty: what the readings do not tell is said.
         share: Its part of the joint fit; None where it was not fitted at all.
     """
 
-    name: str
     why: str = ""
     share: Share | None = None
 
     @property
     def written(self) -> bool:
         return False
+
+    @property
+    def name(self) -> str:
+        return self.fit.name if self.share is None else self.share.part.name
 
     @property
     def needs(self) -> str:
