@@ -1,7 +1,6 @@
 """What acts on an axis: while its readings were taken, and with the files of a job."""
 
 import dataclasses
-from collections.abc import Sequence
 
 from ...data.lists import ListFile, new_list
 from ..exchange import (
@@ -29,31 +28,16 @@ def acting_before(job: Job, axis: str, lists: AxisLists) -> Loaded:
     )
 
 
-def acting_after(
-    job: Job,
-    axis: str,
-    lists: AxisLists,
-    files: AxisFiles | None = None,
-    drafts: Sequence[AbstractDraft] = (),
-) -> Loaded:
-    """Return what acts on an axis with the files of a job, as they will be read.
-
-    Args:
-        job: The job.
-        axis: Its name in the job.
-        lists: What it has already.
-        files: What is written for it; None: nothing.
-        drafts: The fits of this axis.
-    """
-    number = job.spec.axes[axis].number
-    before = acting_before(job, axis, lists)
-    if files is None:
-        return before
+def acting_after(job: Job, files: AxisFiles) -> Loaded:
+    """Return what acts on an axis with the files of a job, as they will be read."""
+    number, lists = files.number, files.existing
+    before = acting_before(job, files.axis, lists)
     listing = _read_back(files.compensation) or lists.compensation
     machine = _read_back(files.machine) or lists.machine
     if lists.machine is None and machine is not None:
         machine = _with_all_on(machine, before)
-    lines = [line for one in drafts if one.written and (line := one.line(job, machine))]
+    drafts = [one for one in files.drafts if one.written]
+    lines = [line for one in drafts if (line := one.line(job, machine))]
     return dataclasses.replace(
         before,
         lists=_lists(number, listing, machine),

@@ -96,19 +96,24 @@ class Written:
     Attributes:
         job: The job.
         folder: Where the files lie.
-        files: The lists of the axis.
-        names: Names in the folder of what was written for the axis, the compensation list
-            first where there is one.
+        files: The axis with its lists.
         gate: What the gate said.
-        cycles: P-AXIS-00243 of the axis, where a fit of it asks for one.
     """
 
     job: Job
     folder: "OutFolder"
     files: "AxisFiles"
-    names: tuple[Path, ...]
     gate: tuple[GateCheck, ...]
-    cycles: int | None
+
+    @property
+    def names(self) -> tuple[Path, ...]:
+        """Names in the folder of what was written for the axis."""
+        return self.files.written
+
+    @property
+    def cycles(self) -> int | None:
+        """P-AXIS-00243 of the axis, where a fit of it asks for one."""
+        return self.files.cycles
 
     def path(self, name: str) -> Path | None:
         """Return where a file of the axis lies, or None."""

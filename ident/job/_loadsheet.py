@@ -66,26 +66,22 @@ class _Line:
 
 
 def load_sheet(
-    job: Job,
-    files: Sequence[AxisFiles],
-    drafts: Sequence[AbstractDraft],
-    results: Sequence[AbstractResult],
-    rejected: Sequence[str],
+    job: Job, files: Sequence[AxisFiles], results: Sequence[AbstractResult]
 ) -> tuple[LoadStep, ...]:
     """Return the steps that bring the lists of a job onto the controller.
 
-    The first ones settle signs that are assumed, the last one measures again.
+    The first ones settle signs that are assumed, the last one measures again. Axes whose
+    lists failed the gate have no step.
 
     Args:
         job: The job.
-        files: Lists by axis.
-        drafts: All fits.
-        results: What came of them, in the same order.
-        rejected: Axes whose lists failed the gate: they have no step.
+        files: The axes with their drafts and lists.
+        results: What came of all fits, in the order of the job.
     """
+    drafts = sorted((d for one in files for d in one.drafts), key=lambda d: d.index)
     pairs = [(d, r) for d, r in zip(drafts, results, strict=True) if d.written]
     lines = [_Line.of(job, draft, result) for draft, result in pairs]
-    let_out = [one for one in files if one.axis not in rejected and one.lists]
+    let_out = [one for one in files if one.lists and not one.failed]
     axes = [one.axis for one in let_out]
     written = [one for one in lines if one.axis in axes]
     changed = [
@@ -98,7 +94,7 @@ def load_sheet(
     text = template("load_sheet.txt.jinja").render(
         job=job.path.name,
         axes=job.spec.axes,
-        rejected=rejected,
+        rejected=[one.axis for one in files if one.failed],
         files=let_out,
         unsettled=[one for one in lines if one.conventions],
         plc_objects={
@@ -114,7 +110,7 @@ def load_sheet(
             for one in changed
             if one.machine is not None and job.spec.axes[one.axis].machine_data is None
         ],
-        programs=list(first_run_programs(job, let_out, drafts, ())),
+        programs=list(first_run_programs(job, let_out)),
         nameless=[(axis, repr(job.spec.nc_word(axis))) for axis in nameless(job, axes)],
         written=written,
         demanded=[f"{axis}: {' | '.join(own)}" for axis, own in demanded.items()],

@@ -58,7 +58,6 @@ def plan_second(
     asked: Path | None,
     root: Path,
     files: Sequence[AxisFiles],
-    failed: Sequence[str],
 ) -> tuple[Second | None, tuple[Remark, ...]]:
     """Return the second measurement of a run, before its lists are written.
 
@@ -71,7 +70,6 @@ def plan_second(
         asked: Job of the second measurement, as the user names it.
         root: The output folder, as an earlier run left it.
         files: The lists of this run.
-        failed: Axes whose lists must not be loaded.
 
     Raises:
         JobError: If the second measurement that is asked for was made with other lists.
@@ -80,7 +78,7 @@ def plan_second(
     lists = {
         name: hashlib.sha256(listing.dumps()).hexdigest()
         for one in files
-        if one.axis not in failed
+        if not one.failed
         for name, listing in one.lists
     }
     earlier = _earlier(root)

@@ -188,10 +188,9 @@ def added_by_files(
         recording: What was measured.
         rows: Readings of it that count.
     """
-    lists, source = drafts[0].lists, drafts[0].fit.sources[0]
-    before = acting_before(job, files.axis, lists)
-    after = acting_after(job, files.axis, lists, files, drafts)
-    active = job.spec.measurements[source].active
+    before = acting_before(job, files.axis, files.existing)
+    after = acting_after(job, files)
+    active = job.spec.measurements[drafts[0].fit.sources[0]].active
     motion = _motion(job, drafts, recording, rows)
     own = {draft.compensation for draft in drafts} | set(active)
     added = added_beyond(after, before, active, motion)
