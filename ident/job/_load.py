@@ -12,7 +12,7 @@ import pydantic
 from ...models import Conventions
 from ..exchange import TomlError, read_conventions, read_toml
 from ._checks import find_fault
-from ._errors import JobError, UntoldError
+from ._errors import JobError
 from ._faults import first_fault, key_words
 from ._lines import Path as KeyPath, key_lines, line_of
 from ._schema import JobFile
@@ -71,11 +71,6 @@ class Job:
             line_of(self.lines, where),
             f"{key_words(where)}: {reason}" if where else reason,
         )
-
-    def untold(self, where: KeyPath, reason: str) -> UntoldError:
-        """Return the error that readings do not determine a fit, ready to raise."""
-        error = self.error(where, reason)
-        return UntoldError(error.source, error.line, error.reason)
 
 
 def load_job(path: Path, *, needs_fits: bool = True) -> Job:

@@ -10,10 +10,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core import FitError
+from ..exchange import ExchangeError
+from ..kinds._keys import FitSpec
 from ._beside import hand_on, leftovers
 from ._diagnosis import DIAGNOSIS, write_diagnosis
 from ._draft import AbstractDraft, Written
-from ._errors import UntoldError
 from ._first_run import program_names, write_first_run
 from ._gating import limits_of
 from ._job_result import JobResult
@@ -225,7 +227,7 @@ def _fit_all(
         drafts |= {one.index: one for one in (*group.drafts, *group.unfit)}
         for one in group.drafts:
             hand_on(job, plans, one, left)
-    untold: list[UntoldError] = []
+    untold: dict[int, FitError] = {}
     alone = untold_alone(job, tables, plans)
     order = sorted(plans.single, key=lambda k: not fits[k].kind.fitted_first)
     for place, k in enumerate(order):
@@ -235,11 +237,13 @@ def _fit_all(
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
         try:
             drafts[k] = one = plans.single[k](left)
-        except UntoldError as error:
+        except FitError as error:
             if k not in alone:
-                untold.append(error)
-            drafts[k] = left_out(job, plans, k, alone.get(k, error.reason))
+                untold[k] = error
+            drafts[k] = left_out(job, plans, k, alone.get(k, str(error)))
             continue
+        except ExchangeError as error:
+            raise job.error(("fits", k), f"{_start(fits[k])}: {error}") from None
         if k in alone and one.written and not one.partial:
             drafts[k] = left_out(job, plans, k, alone[k])
             continue
@@ -249,8 +253,13 @@ def _fit_all(
         left.take(one.left_by())
         hand_on(job, plans, one, left)
     if len(untold) == len(fits):
-        raise untold[0]
+        k = next(iter(untold))
+        raise job.error(("fits", k), f"{_start(fits[k])}: {untold[k]}")
     return [drafts[k] for k in range(len(fits))], groups
+
+
+def _start(fit: FitSpec) -> str:
+    return f"{fit.name} from {', '.join(fit.sources)}"
 
 
 def _write(
