@@ -78,7 +78,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     say("loading the lists and measuring again")
     loaded = machine.with_lists(
         ListFile.read(out / "result" / fit.files[0])
-        for fit in run.results
+        for fit in run.result.fits
         if isinstance(fit, TableResult)
     )
     job = run.measured_again(_measure_again(out, loaded)).finish()

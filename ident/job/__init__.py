@@ -5,7 +5,7 @@ with `_checks` (a job that can be run), `_run` (the whole way, in one function),
 fit, planned), `_readings` and `_trend` (readings of a table, by `axcomp.ident.readings`),
 `_plan`, `_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
 (entries into the user's lists), `_gating`, `_whole` with `_acting` (the gate of a fit and of a
-whole axis), `_prove` (the files, read back), `_result` with `_verdict`, `_job_result`,
+whole axis), `_result` with `_verdict`, `_job_result`,
 `_loadsheet`, and `_measure_again` (the second measurement).
 
 What is special about one compensation stands in `axcomp.ident.kinds` (`_parts` says what a job
@@ -97,40 +97,23 @@ if TYPE_CHECKING:
     from .joint import (
         AxisSum as AxisSum,
         EffectShare as EffectShare,
-        Freedom as Freedom,
         GroupResult as GroupResult,
         LeftOutResult as LeftOutResult,
-        LostPair as LostPair,
     )
 
-_HOMES = {
-    "found_keys": "_found_fits",
-    "job_with_fits": "_found_fits",
-    "nodes_for": "_found_fits",
-    "reading_of": "_acting",
-    "Gate": "_schema",
-    "JobFile": "_schema",
-    "Trend": "_trend",
-    "asks_for_owner": "_trend",
-    "trend_through": "_trend",
-    "trend_words": "_trend",
-    "AxisSum": "joint",
-    "BacklashResult": ".kinds.backlash._result",
-    "CrosstalkResult": ".kinds.crosstalk._result",
-    "CrosstalkView": ".kinds.crosstalk._result",
-    "EffectShare": "joint",
-    "EventCourse": ".kinds.crosstalk._result",
-    "Freedom": "joint",
-    "FrictionResult": ".kinds.friction._result",
-    "FrictionView": ".kinds.friction._result",
-    "GroupResult": "joint",
-    "LawCurve": ".kinds.friction._listing",
-    "LeftOutResult": "joint",
-    "LostPair": "joint",
-    "choice_sentence": ".kinds.friction._result",
-    "TemperatureResult": ".kinds.temperature._result",
-    "ThermalLaw": ".kinds.temperature._law",
-    "ThermalView": ".kinds.temperature._result",
+_NAMES = {
+    "_acting": "reading_of",
+    "_found_fits": "found_keys job_with_fits nodes_for",
+    "_schema": "Gate JobFile",
+    "_trend": "Trend asks_for_owner trend_through trend_words",
+    "joint": "AxisSum EffectShare GroupResult LeftOutResult",
+    ".kinds.backlash._result": "BacklashResult",
+    ".kinds.crosstalk._result": "CrosstalkResult CrosstalkView EventCourse",
+    ".kinds.friction._listing": "LawCurve",
+    ".kinds.friction._result": "FrictionResult FrictionView choice_sentence",
+    ".kinds.temperature._result": "TemperatureResult ThermalView",
+    ".kinds.temperature._law": "ThermalLaw",
 }
+_HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
 
 __getattr__ = importer(__name__, _HOMES)

@@ -1,11 +1,9 @@
 """What acts on an axis: while its readings were taken, and with the files of a job."""
 
 import dataclasses
-from collections.abc import Sequence
 
 from ...data.lists import ListFile, new_list
 from ..exchange import (
-    Ranges,
     Reading,
     entries_of_activation,
 )
@@ -29,31 +27,16 @@ def acting_before(job: Job, axis: str, lists: AxisLists) -> Loaded:
     )
 
 
-def acting_after(
-    job: Job,
-    axis: str,
-    lists: AxisLists,
-    files: AxisFiles | None = None,
-    drafts: Sequence[AbstractDraft] = (),
-) -> Loaded:
-    """Return what acts on an axis with the files of a job, as they will be read.
-
-    Args:
-        job: The job.
-        axis: Its name in the job.
-        lists: What it has already.
-        files: What is written for it; None: nothing.
-        drafts: The fits of this axis.
-    """
-    number = job.spec.axes[axis].number
-    before = acting_before(job, axis, lists)
-    if files is None:
-        return before
+def acting_after(job: Job, files: AxisFiles) -> Loaded:
+    """Return what acts on an axis with the files of a job, as they will be read."""
+    number, lists = files.number, files.existing
+    before = acting_before(job, files.axis, lists)
     listing = _read_back(files.compensation) or lists.compensation
     machine = _read_back(files.machine) or lists.machine
     if lists.machine is None and machine is not None:
         machine = _with_all_on(machine, before)
-    lines = [line for one in drafts if one.written and (line := one.line(job, machine))]
+    drafts = [one for one in files.drafts if one.written]
+    lines = [line for one in drafts if (line := one.line(job, machine))]
     return dataclasses.replace(
         before,
         lists=_lists(number, listing, machine),
@@ -75,23 +58,9 @@ def acting_alone(job: Job, draft: AbstractDraft) -> Loaded:
     )
 
 
-def ranges_of(job: Job) -> Ranges:
-    """Return the range in ° of the axes that turn, by logical number."""
-    return {
-        axis.number: (axis.modulo[0], axis.modulo[1])
-        for axis in job.spec.axes.values()
-        if axis.modulo is not None
-    }
-
-
 def reading_of(job: Job) -> Reading:
     """Return how the lists of a job are read, what waits for COMP ON as switched on."""
-    increments = {
-        axis.number: axis.increment
-        for axis in job.spec.axes.values()
-        if axis.increment is not None
-    }
-    return Reading(job.conventions, increments, ranges_of(job), commanded=True)
+    return Reading(job.conventions, job.increments, job.ranges, commanded=True)
 
 
 def _lists(

@@ -17,13 +17,9 @@ DIAGNOSIS = (OBJECTS, SCOPE)
 """Names of the files."""
 
 
-def write_diagnosis(
-    job: Job, folder: OutFolder, files: Sequence[AxisFiles], failed: Sequence[str]
-) -> None:
+def write_diagnosis(job: Job, folder: OutFolder, files: Sequence[AxisFiles]) -> None:
     """Write the objects of the compensations that are let out, and how to record them."""
-    lists = [
-        listing for one in files if one.axis not in failed for _, listing in one.lists
-    ]
+    lists = [listing for one in files if not one.failed for _, listing in one.lists]
     rows = observables(lists, job.conventions) if lists else ()
     if not rows:
         for name in DIAGNOSIS:

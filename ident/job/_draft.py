@@ -95,19 +95,24 @@ class Written:
     Attributes:
         job: The job.
         folder: Where the files lie.
-        files: The lists of the axis.
-        names: Names in the folder of what was written for the axis, the compensation list
-            first where there is one.
+        files: The axis with its lists.
         gate: What the gate said.
-        cycles: P-AXIS-00243 of the axis, where a fit of it asks for one.
     """
 
     job: Job
     folder: "OutFolder"
     files: "AxisFiles"
-    names: tuple[Path, ...]
     gate: tuple[GateCheck, ...]
-    cycles: int | None
+
+    @property
+    def names(self) -> tuple[Path, ...]:
+        """Names in the folder of what was written for the axis."""
+        return self.files.written
+
+    @property
+    def cycles(self) -> int | None:
+        """P-AXIS-00243 of the axis, where a fit of it asks for one."""
+        return self.files.cycles
 
     def path(self, name: str) -> Path | None:
         """Return where a file of the axis lies, or None."""
@@ -128,8 +133,8 @@ class Written:
 
 
 @dataclasses.dataclass(frozen=True)
-class AbstractDraft(abc.ABC):
-    """A compensation of one axis, fitted and not yet written.
+class AbstractOfFit(abc.ABC):
+    """What belongs to one fit of the job.
 
     Attributes:
         index: Of the fit in the job.
@@ -155,6 +160,16 @@ class AbstractDraft(abc.ABC):
     def compensation(self) -> str:
         """Name of the compensation, as in the job."""
         return self.fit.compensation
+
+    @property
+    def name(self) -> str:
+        """Compensation and axis, for messages."""
+        return self.fit.name
+
+
+@dataclasses.dataclass(frozen=True)
+class AbstractDraft(AbstractOfFit):
+    """A compensation of one axis, fitted and not yet written."""
 
     @property
     def written(self) -> bool:

@@ -15,10 +15,6 @@ class JobError(AxcompError, ValueError):
         return f"{where}: {self.reason}"
 
 
-class UntoldError(JobError):
-    """A fit that its readings do not determine; other fits of the job can be written."""
-
-
 class OutputError(AxcompError, OSError):
     """A folder or file that cannot be written."""
 

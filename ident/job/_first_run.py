@@ -14,12 +14,10 @@ from importlib import resources
 
 import jinja2
 
-from ._draft import AbstractDraft
 from ._lists import AxisFiles
 from ._load import Job
 from ._output import OutFolder
 
-_TEMPLATE = "first_run.nc.jinja"
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _STEP = 10
 
@@ -46,23 +44,19 @@ def program_names(job: Job) -> tuple[str, ...]:
     return tuple(program_name(channel) for channel in sorted(channels))
 
 
-def first_run_programs(
-    job: Job,
-    files: Sequence[AxisFiles],
-    drafts: Sequence[AbstractDraft],
-    failed: Sequence[str],
-) -> dict[str, str]:
+def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
     """Return the programs of a job in ASCII, by name of the file.
 
     Axes whose lists failed have no part in them, nor have axes without a word that an NC
     program understands (`nameless`).
     """
-    let_out = [one.axis for one in files if one.axis not in failed and one.lists]
-    wordless = nameless(job, let_out)
+    wordless = nameless(job, [one.axis for one in files])
+    let_out = [
+        one for one in files if one.lists and not (one.failed or one.axis in wordless)
+    ]
+    drafts = [draft for one in let_out for draft in one.drafts if draft.written]
     channels: dict[int, list[_State]] = {}
-    for draft in drafts:
-        if not draft.written or draft.axis not in let_out or draft.axis in wordless:
-            continue
+    for draft in sorted(drafts, key=lambda draft: draft.index):
         found, word = draft.kind, job.spec.nc_word(draft.axis)
         state = _State(
             word=word,
@@ -84,15 +78,9 @@ def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
     return tuple(axis for axis in axes if not _WORD.fullmatch(job.spec.nc_word(axis)))
 
 
-def write_first_run(
-    job: Job,
-    folder: OutFolder,
-    files: Sequence[AxisFiles],
-    drafts: Sequence[AbstractDraft],
-    failed: Sequence[str],
-) -> None:
+def write_first_run(job: Job, folder: OutFolder, files: Sequence[AxisFiles]) -> None:
     """Write the programs; those of an earlier run that have none now go."""
-    programs = first_run_programs(job, files, drafts, failed)
+    programs = first_run_programs(job, files)
     for name in program_names(job):
         if name in programs:
             folder.accept(name, programs[name].encode("ascii"))
@@ -102,7 +90,7 @@ def write_first_run(
 
 def _program(channel: int, states: Sequence[_State], title: str) -> str:
     plain = title.encode("ascii", "replace").decode()
-    text = _template().render(
+    text = template("first_run.nc.jinja").render(
         channel=channel,
         states=states,
         words=list(dict.fromkeys(state.word for state in states)),
@@ -117,12 +105,13 @@ def _program(channel: int, states: Sequence[_State], title: str) -> str:
 
 
 @functools.cache
-def _template() -> jinja2.Template:
+def template(name: str) -> jinja2.Template:
+    """Return a text of this folder that is no HTML."""
     folder = resources.files("axcomp.ident.job")
     environment = jinja2.Environment(
-        autoescape=False,  # no HTML; words are checked, the title stands in a comment
+        autoescape=False,  # in a program words are checked, the title is a comment
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         keep_trailing_newline=True,
     )
-    return environment.from_string(folder.joinpath(_TEMPLATE).read_text("utf-8"))
+    return environment.from_string(folder.joinpath(name).read_text("utf-8"))

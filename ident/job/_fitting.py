@@ -1,153 +1,89 @@
-"""One fit: readings in, integers of the list and what they leave of the error out."""
+"""A table from its plan to its draft: readings in memory or in pieces, fitted."""
 
-import abc
 import dataclasses
 from collections import Counter
-from collections.abc import Sequence
-from typing import final
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..exchange import AbstractTable
-from ..fit import Samples, TableFit, TableLayout, fit_table, predict
-from ..proof import HeldOut, held_out
+from ..fit import Samples, TableLayout, fit_table
+from ..kinds._keys import TableSpec
+from ..proof import held_out
+from ..readings import Tables
+from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned
 from ._found_nodes import grid_words, suit
 from ._load import Job
-from ._plan import Plan
-from ._readings import Readings
+from ._plan import Plan, plan_fit
+from ._readings import Readings, read_fit
 from ._result import Remark
+from ._table_draft import AbstractTableDraft, TableDraft
+from ._trend import refuse_unowned_trend
+from .streamed import fit_log, in_pieces
 
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class AbstractFitted(abc.ABC):
-    """A fit before it is written.
+def plan_table(
+    job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
+) -> Planned:
+    """Plan a table fit; what it returns fits it.
 
-    Attributes:
-        plan: What is written.
-        fit: The estimate, zero at the datum (sign of the error).
-        integers: Entries of the new table.
-        rounding: Largest change of an offset by rounding, in mm or °.
-        run_effects: What each run was allowed of its own.
+    Raises:
+        JobError: If nodes, masters or existing lists do not suit; of what it returns: if
+            the readings do not determine the fit, or show a constant or a slope and the
+            job does not say whose.
     """
+    plan = plan_fit(job, tables, index, fit, lists)
 
-    plan: Plan
-    fit: TableFit
-    integers: Int[np.ndarray, "..."]
-    rounding: float
-    run_effects: str
+    def draft(left: Leftovers) -> AbstractDraft:
+        log, words = in_pieces(tables, index, fit, plan.table)
+        beside = {
+            name: left.beside[index, name]
+            for name in fit.sources
+            if (index, name) in left.beside
+        }
+        found: AbstractTableDraft
+        if log is not None:
+            _refuse_beside(job, index, beside)
+            found = fit_log(plan, log)
+        else:
+            extra = {
+                name: left.earlier[fit.axis, name]
+                for name in fit.sources
+                if (fit.axis, name) in left.earlier
+            }
+            readings = read_fit(tables, index, fit, plan.table, extra, beside, words)
+            found = fit_plan(plan, readings)
+        refuse_unowned_trend(job, plan, found.estimate)
+        return found
 
-    @property
-    def offset(self) -> Float[np.ndarray, "..."]:
-        """Offset at the nodes in mm or ° as it is written."""
-        return self.plan.table.to_offsets(self.integers)
-
-    @property
-    def change(self) -> Float[np.ndarray, "..."] | None:
-        """Offset at the nodes against that of the old table, or None."""
-        old = self.plan.old_offset
-        return None if old is None else self.offset - old
-
-
-@final
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Fitted(AbstractFitted):
-    """A fit to readings in memory.
-
-    Attributes:
-        readings: What was measured.
-        samples: The same as the estimator saw it.
-        before: Error of each reading, zero at the datum, in mm or °.
-        active: Offset that was active at each reading while measuring.
-        held_out: Each reading under the list that was fitted without it.
-    """
-
-    readings: Readings
-    samples: Samples
-    before: Float[np.ndarray, " t"]
-    active: Float[np.ndarray, " t"]
-    held_out: HeldOut
+    return draft
 
 
-@dataclasses.dataclass(frozen=True)
-class Rounded:
-    """From an estimate to the entries of a list.
-
-    Attributes:
-        job: The job.
-        plan: What is written.
-        datum: Where the error is zero, per master, or None.
-    """
-
-    job: Job
-    plan: Plan
-    datum: tuple[float, ...] | None
-
-    def offset(self, estimate: TableFit) -> Float[np.ndarray, "..."]:
-        """Return the offset at the nodes that an estimate asks for, in mm or °."""
-        residual = estimate.values - self.zero(estimate)
-        old = self.plan.old_offset if self.plan.active else None
-        return -residual if old is None else old - residual
-
-    def integers(self, estimate: TableFit) -> Int[np.ndarray, "..."]:
-        """Return the entries of its list."""
-        return np.asarray(self.integers_of([estimate])[0])
-
-    def integers_of(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
-        """Return the entries of the lists of several estimates."""
-        offsets = np.stack([self.offset(estimate) for estimate in estimates])
-        return self.plan.table.to_integers(offsets)
-
-    def rounding(self, estimate: TableFit, entries: Int[np.ndarray, "..."]) -> float:
-        """Return the largest change of an offset by rounding, in mm or °.
-
-        Between nodes the table is a weighted mean, which cannot be off by more.
-
-        Args:
-            estimate: What is written.
-            entries: Of its list.
-        """
-        written = self.plan.table.to_offsets(entries)
-        return float(np.max(np.abs(written - self.offset(estimate))))
-
-    def zero(self, estimate: TableFit) -> float:
-        """Return what the table says at the datum, the mean of both directions.
-
-        Raises:
-            JobError: If it lies outside the table.
-        """
-        plan = self.plan
-        if self.datum is None:
-            return 0.0
-        for place, nodes in zip(self.datum, plan.table.nodes, strict=True):
-            ends = nodes.positions[[0, -1]]
-            if not ends[0] <= place <= ends[1]:
-                raise self.job.error(
-                    ("measurements", plan.fit.sources[0], "datum", "at"),
-                    f"found {place:g}, expected a position within the table of"
-                    f" fits[{plan.index}], {ends[0]:g} to {ends[1]:g}",
-                )
-        count = plan.table.branches
-        where = np.tile(np.array([self.datum]), (count, 1))
-        branch = np.arange(count) if count == 2 else None
-        return float(np.mean(predict(estimate, where, branch)[0]))
+def _refuse_beside(
+    job: Job, index: int, beside: Mapping[str, Sequence[Beside]]
+) -> None:
+    for name, others in beside.items():
+        raise job.error(
+            ("measurements", name, "stream"),
+            f"found a log that is read in pieces, beside {others[0].words}, which was off"
+            f" while measuring and will act as well: expected stream = false, so that"
+            f" fits[{index}] can correct what it leaves",
+        )
 
 
-def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
-    """Fit the table of a plan to its readings and round it to the list.
+def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
+    """Fit the table of a plan to its readings.
 
     Raises:
         FitError: If the readings cannot determine it.
         ExchangeError: If the result fits no list.
     """
     table, spec = plan.table, plan.fit
-    branch = None
-    if table.branches == 2:
-        assert readings.direction is not None  # `read_fit` refuses it otherwise
-        branch = (readings.direction < 0).astype(np.int64)
+    branch = plan.branch(readings.direction)
     samples = Samples(
         positions=readings.positions,
         error=readings.error,
@@ -171,30 +107,25 @@ def fit_plan(job: Job, plan: Plan, readings: Readings) -> Fitted:
         if not suit([nodes.positions for nodes in table.nodes], places):
             words += f" Nodes that suit these readings: {grid_words(places)}."
         readings = readings.with_remark(Remark.warning(words))
-    rounded = Rounded(job, plan, readings.datum)
-    zero = rounded.zero(fit)
+    zero = plan.zero(fit)
     before = readings.error - zero
-    entries = rounded.integers(fit)
-    active = np.zeros(len(before))
-    if plan.active and plan.old is not None:
-        active = table.offset(plan.old, readings.positions, branch)
-    return Fitted(
+    acted = plan.acted(readings.positions, branch)
+    late = _late(table, samples, readings.late)
+    return TableDraft(
+        plan.index,
+        spec,
+        plan.lists,
         plan=plan,
-        readings=readings,
-        samples=samples,
-        fit=dataclasses.replace(
+        estimate=dataclasses.replace(
             fit,
             values=fit.values - zero,
-            standard_deviation=np.hypot(
-                fit.standard_deviation, _late(table, samples, readings.late)
-            ),
+            standard_deviation=np.hypot(fit.standard_deviation, late),
         ),
-        before=before,
-        active=active,
-        integers=entries,
-        rounding=rounded.rounding(fit, entries),
-        held_out=held_out(table, samples, fit, rounded.integers_of, before, active),
         run_effects=effects,
+        readings=readings,
+        samples=samples,
+        before=before,
+        held_out=held_out(table, samples, fit, plan.integers, before, acted),
     )
 
 

@@ -1,6 +1,6 @@
 """The gate of one fit: its table and the limits of the job, brought together."""
 
-import numpy as np
+from typing import TYPE_CHECKING
 
 from ...data.lists import ListFile
 from ..exchange import by_branch
@@ -12,23 +12,17 @@ from ..proof import (
     judge,
 )
 from ..proof.axis import check_switching, largest_step, switching_cycles
-from ._fitting import AbstractFitted
 from ._load import Job
 from ._result import Remark
+
+if TYPE_CHECKING:
+    from ._table_draft import AbstractTableDraft
 
 
 def limits_of(job: Job) -> GateLimits:
     """Return the limits of a job, defaults where it names none."""
     given = {name: value for name, value in job.spec.gate if value is not None}
     return GateLimits(**given)
-
-
-def cycles_for(job: Job, fitted: AbstractFitted) -> int | None:
-    """Return the cycles that spread a reversal jump, None for one branch only."""
-    if fitted.plan.table.branches == 1:
-        return None
-    jump = float(abs(fitted.offset[0] - fitted.offset[1]).max())
-    return spread_over(job, jump, fitted.plan.axis_list, "lr_param.n_backlash_cyc")
 
 
 def spread_over(
@@ -52,30 +46,26 @@ def spread_over(
 
 
 def pass_gate(
-    job: Job, fitted: AbstractFitted, cycles: int | None
+    job: Job, one: "AbstractTableDraft", cycles: int | None
 ) -> tuple[GateCheck, ...]:
     """Return every line of the gate for a fitted table."""
-    table = fitted.plan.table
-    names = fitted.plan.fit.over
-    closed = []
-    for name, nodes in zip(names, table.nodes, strict=True):
+    table, closed = one.plan.table, []
+    for name, nodes in zip(one.fit.over, table.nodes, strict=True):
         limits = job.spec.axes[name].limits
         ends = nodes.positions[[0, -1]]
         closed.append(
             limits is not None and bool(ends[0] <= limits[0] and ends[1] >= limits[1])
         )
-    change = fitted.change
+    change = one.change
     return judge(
         GateTable(
-            names=names,
+            names=one.fit.over,
             nodes=tuple(nodes.positions for nodes in table.nodes),
-            offset=tuple(by_branch(table, fitted.offset).values()),
+            offset=tuple(by_branch(table, one.offset).values()),
             change=None if change is None else tuple(by_branch(table, change).values()),
             closed=tuple(closed),
             periodic=table.periodic,
-            unit="mm"
-            if job.spec.axes[fitted.plan.fit.axis].kind == "linear"
-            else "deg",
+            unit="mm" if job.spec.axes[one.axis].kind == "linear" else "deg",
             cycles=cycles or 0,
             cycle_time=job.spec.controller.cycle_time,
         ),
@@ -83,58 +73,43 @@ def pass_gate(
     )
 
 
-def jump_of(one: AbstractFitted) -> float:
-    """Return the largest offset that switching or reloading a table brings, mm or °."""
-    change = one.change
-    both = (one.offset,) if change is None else (one.offset, change)
-    return max(float(np.abs(part).max()) for part in both)
-
-
-def cycles_entry(one: AbstractFitted) -> str | None:
-    """Return the entry that spreads the switching; a leadscrew table has none."""
-    cycles = one.plan.fit.kind.cycles
-    return None if cycles is None else cycles[0]
-
-
-def chosen_cycles(job: Job, one: AbstractFitted) -> int | None:
+def chosen_cycles(job: Job, one: "AbstractTableDraft") -> int | None:
     """Return the `n_cycles` to write, or None where that of the list stays.
 
     As the job says; else the smallest that keeps every step within `max_switching`.
     """
-    name = cycles_entry(one)
-    if one.plan.fit.n_cycles is not None or name is None:
-        return one.plan.fit.n_cycles
+    if one.fit.n_cycles is not None or one.kind.cycles is None:
+        return one.fit.n_cycles
     limit = limits_of(job).max_switching
-    return switching_cycles(jump_of(one), limit, _existing(one, name))
+    return switching_cycles(one.jump(job), limit, _existing(one))
 
 
-def switching_checks(job: Job, one: AbstractFitted) -> list[GateCheck]:
+def switching_checks(job: Job, one: "AbstractTableDraft") -> list[GateCheck]:
     """Return the line of the gate for switching a table, where it can be spread."""
-    name = cycles_entry(one)
-    if name is None:
+    if one.kind.cycles is None:  # a leadscrew table
         return []
-    cycles, unit = _cycles(job, one, name), _unit(job, one)
-    return [check_switching(jump_of(one), cycles, limits_of(job), unit, name)]
+    cycles, unit = _cycles(job, one), job.spec.axes[one.axis].unit
+    name = one.kind.cycles[0]
+    return [check_switching(one.jump(job), cycles, limits_of(job), unit, name)]
 
 
-def switching_remarks(job: Job, one: AbstractFitted) -> list[Remark]:
+def switching_remarks(job: Job, one: "AbstractTableDraft") -> list[Remark]:
     """Return what the user must know of switching a table; nothing where it is small."""
-    name, jump, limit = cycles_entry(one), jump_of(one), limits_of(job).max_switching
+    axis, jump, limit = one.axis, one.jump(job), limits_of(job).max_switching
     if largest_step(jump, 0) <= limit:
         return []
-    axis, kind = one.plan.fit.axis, one.plan.table.compensation
-    keyword, unit = one.plan.table.keyword, _unit(job, one)
+    table, unit = one.plan.table, job.spec.axes[axis].unit
     start = (
-        f"Switching the {kind} table of {axis} (COMP ON/OFF {keyword}, homing, reload)"
-        f" moves {axis} by up to {jump:.4g} {unit}"
+        f"Switching the {table.compensation} table of {axis} (COMP ON/OFF {table.keyword},"
+        f" homing, reload) moves {axis} by up to {jump:.4g} {unit}"
     )
-    if name is None:
+    if one.kind.cycles is None:
         words = (
             f"{start} in one cycle: the controller has no n_cycles for it. At standstill"
             " only, without a tool in cut, best where the table is near 0."
         )
         return [Remark.info(words)]
-    cycles = _cycles(job, one, name)
+    name, cycles = one.kind.cycles[0], _cycles(job, one)
     step = largest_step(jump, cycles)
     words = f"{start}: {name} {cycles} spreads it, {step:.3g} {unit} per cycle at most."
     if step <= limit:
@@ -150,16 +125,13 @@ def switching_remarks(job: Job, one: AbstractFitted) -> list[Remark]:
     return [Remark.warning(words)]
 
 
-def _cycles(job: Job, one: AbstractFitted, name: str) -> int:
+def _cycles(job: Job, one: "AbstractTableDraft") -> int:
     """Return the `n_cycles` that the list will hold."""
     chosen = chosen_cycles(job, one)
-    return (_existing(one, name) or 0) if chosen is None else chosen
+    return (_existing(one) or 0) if chosen is None else chosen
 
 
-def _existing(one: AbstractFitted, name: str) -> int | None:
-    listing = one.plan.existing
-    return None if listing is None else listing.integer(name)
-
-
-def _unit(job: Job, one: AbstractFitted) -> str:
-    return job.spec.axes[one.plan.fit.axis].unit
+def _existing(one: "AbstractTableDraft") -> int | None:
+    listing, cycles = one.lists.compensation, one.kind.cycles
+    assert cycles is not None  # of a table that can be spread
+    return None if listing is None else listing.integer(cycles[0])

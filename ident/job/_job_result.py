@@ -52,12 +52,7 @@ class WholeAxis:
 
     def as_tree(self) -> dict[str, Any]:
         """Return what result.json says of the axis; its remarks stand with its fits."""
-        known = {
-            name: None if value != value else value  # NaN
-            for name, value in vars(self).items()
-            if name != "remarks"
-        }
-        return known | {"gate": [vars(check) for check in self.gate]}
+        return {name: value for name, value in vars(self).items() if name != "remarks"}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,23 +1,32 @@
 """What the checker says of the lists of a job, each alone and as a set."""
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from ...data.lists import Finding, ListFile, check
+from ._draft import AxisLists
 from ._lists import AxisFiles
 from ._load import Job
 from ._result import Remark
 
 
 def judge_files(
-    job: Job, files: Sequence[AxisFiles]
+    job: Job, files: Sequence[AxisFiles], lists: Mapping[str, AxisLists]
 ) -> tuple[tuple[AxisFiles, ...], tuple[Remark, ...]]:
     """Return the lists with their findings, and what the set as a whole has.
 
     New lists are judged beside the existing ones of the other axes. What stood in the
     user's lists before is named as such; an error that is new fails the list.
+
+    Args:
+        job: The job.
+        files: The axes that are fitted.
+        lists: What every axis of the job has already.
     """
-    existing = {axis: _existing(job, axis) for axis in job.spec.axes}
+    existing = {
+        axis: [one for one in (own.compensation, own.machine) if one is not None]
+        for axis, own in lists.items()
+    }
     theirs = [listing for own in existing.values() for listing in own]
     fitted = {one.axis for one in files}
     others = [
@@ -38,12 +47,6 @@ def judge_files(
     rest = [item for item in findings if item.file in {one.source for one in others}]
     new = [item for item in rest if _identity(item) not in known]
     return tuple(judged), tuple(_remarks(new, known))
-
-
-def _existing(job: Job, name: str) -> list[ListFile]:
-    axis = job.spec.axes[name]
-    files = (axis.listing, axis.machine_data)
-    return [ListFile.read(job.file(file)) for file in files if file is not None]
 
 
 def _check(job: Job, lists: Sequence[ListFile]) -> list[Finding]:

@@ -5,40 +5,63 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ...data.lists import Finding, ListFile, Value, compare, new_list
-from ._draft import AbstractDraft
+from ..proof import GateCheck
+from ._draft import AbstractDraft, AxisLists
 from ._load import Job
 from ._result import Remark
 
 
 @dataclasses.dataclass(frozen=True)
 class AxisFiles:
-    """What is written for one axis.
+    """One axis from its drafts to its files.
 
     Attributes:
         axis: Name in the job.
+        number: Its logical number.
+        existing: What it has already.
+        drafts: All its fits, in the order of the job.
+        cycles: Value of P-AXIS-00243, where a fit asks for one.
+        gates: What the gate says of each fit, by its index; empty where it is not written.
         compensation: The compensation list, or None where no fit needs one.
-        compensation_name: Its file name.
         machine: The axis list, or the entries to add to it, or None likewise.
-        machine_name: Its file name.
         extra: Further files by name, such as those for the PLC.
-        is_new: There was no compensation list before.
         restart: Why the controller must be restarted, or None where a reload is enough.
         remarks: What the user must know.
         findings: What `check` says of both; empty until `judge_files`.
         same: Names of lists that say what the controller's own ones say already.
+        written: Names in the folder of what was written, the compensation list first where
+            there is one; empty until then.
     """
 
     axis: str
+    number: int
+    existing: AxisLists
+    drafts: tuple[AbstractDraft, ...]
+    cycles: int | None
+    gates: Mapping[int, tuple[GateCheck, ...]]
     compensation: ListFile | None
-    compensation_name: str
     machine: ListFile | None
-    machine_name: str
     extra: Mapping[str, bytes]
-    is_new: bool
     restart: str | None
     remarks: tuple[Remark, ...]
     findings: tuple[Finding, ...] = ()
     same: frozenset[str] = frozenset()
+    written: tuple[Path, ...] = ()
+
+    @property
+    def compensation_name(self) -> str:
+        """File name of the compensation list."""
+        return f"achskw{self.number}.lis"
+
+    @property
+    def machine_name(self) -> str:
+        """File name of the axis list, or of the entries to add to it."""
+        return _machine_name(self.number, self.existing)
+
+    @property
+    def is_new(self) -> bool:
+        """Whether there was no compensation list before."""
+        return self.compensation is not None and self.existing.compensation is None
 
     @property
     def lists(self) -> tuple[tuple[str, ListFile], ...]:
@@ -49,72 +72,96 @@ class AxisFiles:
         )
         return tuple((name, one) for name, one in pairs if one is not None)
 
+    @property
+    def failed(self) -> bool:
+        """Whether its lists must not be loaded."""
+        checks = [check for gate in self.gates.values() for check in gate]
+        loud = any(remark.level == "error" for remark in self.remarks)
+        return loud or not all(check.passed for check in checks)
+
+    def judged(
+        self, gate: Sequence[GateCheck], remarks: Sequence[Remark]
+    ) -> "AxisFiles":
+        """Return it with what was found of the axis as a whole.
+
+        A list is let out with all that acts on its axis, or not at all: every fit that is
+        written has the lines of its axis.
+        """
+        drafts = {one.index: one for one in self.drafts}
+        gates = {
+            k: (*own, *gate) if drafts[k].written else own
+            for k, own in self.gates.items()
+        }
+        return dataclasses.replace(self, gates=gates, remarks=(*self.remarks, *remarks))
+
     def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
         """Return those of the written files that are lists, not the PLC's."""
         return tuple(file for file in written if file.name not in self.extra)
 
 
-def axis_files(
-    job: Job, axis: str, drafts: Sequence[AbstractDraft], cycles: int | None
-) -> AxisFiles:
-    """Return the lists of one axis with all that was fitted for it.
-
-    Args:
-        job: The job.
-        axis: Its name in the job.
-        drafts: The fits of this axis.
-        cycles: Value of P-AXIS-00243, where a fit asks for one.
+def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]:
+    """Return what is written for each axis.
 
     Raises:
         JobError: If a table does not fit into a list of the controller's build, or
             is not found again in it.
     """
-    name = f"achskw{job.spec.axes[axis].number}.lis"
-    lists = drafts[0].lists
-    existing = lists.compensation
-    drafts = [one for one in drafts if one.written]
+    axes = dict.fromkeys(one.axis for one in drafts)
+    return tuple(
+        _axis_files(job, tuple(one for one in drafts if one.axis == axis))
+        for axis in axes
+    )
+
+
+def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
+    axis, lists = every[0].axis, every[0].lists
+    number, existing = job.spec.axes[axis].number, lists.compensation
+    name = f"achskw{number}.lis"
+    drafts = [one for one in every if one.written]
+    spreads = [spread for one in drafts if (spread := one.cycles(job)) is not None]
+    cycles = max(spreads, default=None)
+    gates = {one.index: one.gate(job, cycles) if one.written else () for one in every}
     entries: dict[str, Value] = {}
+    extra: dict[str, bytes] = {}
     for one in drafts:
         entries |= one.entries(job)
+        extra |= one.extra_files(job)
     listing, remarks = None, list[Remark]()
     if entries and existing is None:
         listing = _new(job, axis, entries)
-        remarks.append(
-            Remark.info(
-                f"{name} is a new list, since no list of {axis} was given: copied over"
-                " another one, it would lose that one's other compensations."
-            )
+        words = (
+            f"{name} is a new list, since no list of {axis} was given: copied over"
+            " another one, it would lose that one's other compensations."
         )
+        remarks.append(Remark.info(words))
     elif entries and existing is not None:
-        number = job.spec.axes[axis].number
         listing, more = _edited(existing, number, entries, drafts)
         remarks += more
     if listing is not None:
         listing = dataclasses.replace(listing, source=name)
         for one in drafts:
             one.refuse_misread(job, listing)
-    machine, machine_name, more = machine_list(job, axis, lists.machine, drafts, cycles)
+    machine, more = _machine_list(job, axis, lists, drafts, cycles)
     pairs = (existing, listing), (lists.machine, machine)
-    same = {
-        new.source
-        for old, new in pairs
-        if old is not None and new is not None and compare(old, new).action == "none"
-    }
-    remarks += more
-    extra: dict[str, bytes] = {}
-    for one in drafts:
-        extra |= one.extra_files(job)
     return AxisFiles(
         axis=axis,
+        number=number,
+        existing=lists,
+        drafts=every,
+        cycles=cycles,
+        gates=gates,
         compensation=listing,
-        compensation_name=name,
         machine=machine,
-        machine_name=machine_name,
         extra=extra,
-        is_new=listing is not None and existing is None,
         restart=_restart(pairs, drafts),
-        remarks=tuple(remarks),
-        same=frozenset(same),
+        remarks=(*remarks, *more),
+        same=frozenset(
+            new.source
+            for old, new in pairs
+            if old is not None
+            and new is not None
+            and compare(old, new).action == "none"
+        ),
     )
 
 
@@ -202,66 +249,58 @@ def _restart(
     return next((reason for reason in reasons if reason is not None), None)
 
 
-def machine_list(
+def _machine_name(number: int, existing: AxisLists) -> str:
+    return f"achsmds{number}{'.add' if existing.machine is None else ''}.lis"
+
+
+def _machine_list(
     job: Job,
     axis: str,
-    existing: ListFile | None,
+    lists: AxisLists,
     drafts: Sequence[AbstractDraft],
     cycles: int | None,
-) -> tuple[ListFile | None, str, list[Remark]]:
-    """Return the axis list, edited, or just the entries to add to it.
+) -> tuple[ListFile | None, list[Remark]]:
+    """Return the axis list, edited, or just the entries to add to it; and remarks.
+
+    None where nothing is to be set.
 
     Args:
         job: The job.
         axis: Its name in the job.
-        existing: The axis list that is there, or None.
+        lists: What it has already.
         drafts: The fits of this axis that are written.
         cycles: Value of P-AXIS-00243, where a fit asks for one.
-
-    Returns:
-        The list or None where nothing is to be set, its file name, and what the user
-        must know.
     """
-    number = job.spec.axes[axis].number
+    number, existing = job.spec.axes[axis].number, lists.machine
     values: dict[str, Value] = {}
     remarks: list[Remark] = []
     for one in drafts:
         values |= one.machine_entries(job, cycles)
         remarks += one.machine_remarks()
-    if existing is not None:
-        name = f"achsmds{number}.lis"
-        if not values:
-            return None, name, remarks
+    if not values:
+        return None, remarks
+    if existing is None:
+        words = (
+            f"Entries to set in achsmds{number}.lis of axis {axis}: no whole axis list"
+        )
+        edited = new_list(values, comment=(words,))
+    else:
         edited = existing.merge(values)
         if added := [entry for entry in values if existing.get(entry) is None]:
             words = f"Added to {existing.source}: {', '.join(added)}."
             remarks.append(Remark.info(words))
-        return dataclasses.replace(edited, source=name), name, remarks
-    name = f"achsmds{number}.add.lis"
-    if not values:
-        return None, name, remarks
-    fragment = new_list(
-        values,
-        comment=(
-            f"Entries to set in achsmds{number}.lis of axis {axis}: no whole axis list",
-        ),
-    )
-    return dataclasses.replace(fragment, source=name), name, remarks
+    return dataclasses.replace(edited, source=_machine_name(number, lists)), remarks
 
 
-def startup_fragment(job: Job, fresh: Sequence[tuple[str, str]]) -> ListFile | None:
-    """Return the start-up entries of new lists, or None where there are none.
-
-    Args:
-        job: The job.
-        fresh: Axis and file name of each new list.
-    """
+def startup_fragment(files: Sequence[AxisFiles]) -> ListFile | None:
+    """Return the start-up entries of new lists that are let out, or None."""
+    fresh = [one for one in files if one.is_new and not one.failed]
     if not fresh:
         return None
     values: dict[str, Value] = {"zahl_kw": len(fresh)}
-    for k, (axis, name) in enumerate(fresh):
-        values[f"achs_kw_log_ax_nr[{k}]"] = job.spec.axes[axis].number
-        values[f"achs_kw[{k}]"] = name
+    for k, one in enumerate(fresh):
+        values[f"achs_kw_log_ax_nr[{k}]"] = one.number
+        values[f"achs_kw[{k}]"] = one.compensation_name
     fragment = new_list(
         values,
         comment=(

@@ -12,7 +12,7 @@ import pydantic
 from ...models import Conventions
 from ..exchange import TomlError, read_conventions, read_toml
 from ._checks import find_fault
-from ._errors import JobError, UntoldError
+from ._errors import JobError
 from ._faults import first_fault, key_words
 from ._lines import Path as KeyPath, key_lines, line_of
 from ._schema import JobFile
@@ -48,6 +48,18 @@ class Job:
         """Line of every key, looked for once something is wrong with one."""
         return key_lines(self.text)
 
+    @property
+    def increments(self) -> dict[int, float]:
+        """Worth of an encoder increment in mm or °, by logical number of the axis."""
+        axes = self.spec.axes.values()
+        return {a.number: a.increment for a in axes if a.increment is not None}
+
+    @property
+    def ranges(self) -> dict[int, tuple[float, float]]:
+        """Range in ° of the axes that turn, by logical number."""
+        axes = self.spec.axes.values()
+        return {a.number: (a.modulo[0], a.modulo[1]) for a in axes if a.modulo}
+
     def file(self, name: str) -> Path:
         """Return a path of the job, which is relative to the job file."""
         return self.path.parent / name
@@ -59,11 +71,6 @@ class Job:
             line_of(self.lines, where),
             f"{key_words(where)}: {reason}" if where else reason,
         )
-
-    def untold(self, where: KeyPath, reason: str) -> UntoldError:
-        """Return the error that readings do not determine a fit, ready to raise."""
-        error = self.error(where, reason)
-        return UntoldError(error.source, error.line, error.reason)
 
 
 def load_job(path: Path, *, needs_fits: bool = True) -> Job:

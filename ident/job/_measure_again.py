@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime
+import functools
 import hashlib
 import json
 import os
@@ -16,6 +17,7 @@ from ..proof import Diagnosis, diagnose, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._acting import reading_of
 from ._draft import AbstractDraft
+from ._job_result import JobResult
 from ._lists import AxisFiles
 from ._load import Job, load_job, sha256
 from ._result import AbstractResult, Remark
@@ -39,16 +41,16 @@ class Second:
     date: str
     lists: Mapping[str, str]
 
+    @functools.cached_property
+    def source(self) -> dict[str, str]:
+        """File, hash and date, as result.json names them."""
+        hashed = sha256(self.job.path)
+        return {"file": self.name, "sha256": hashed, "date": self.date}
+
     @property
     def record(self) -> dict[str, Any]:
         """What result.json keeps of it, so that a rerun does not lose it."""
-        return {
-            "file": self.name,
-            "sha256": sha256(self.job.path),
-            "date": self.date,
-            "inputs": _hashes(self.job),
-            "lists": dict(self.lists),
-        }
+        return {**self.source, "inputs": _hashes(self.job), "lists": dict(self.lists)}
 
 
 def plan_second(
@@ -56,7 +58,6 @@ def plan_second(
     asked: Path | None,
     root: Path,
     files: Sequence[AxisFiles],
-    failed: Sequence[str],
 ) -> tuple[Second | None, tuple[Remark, ...]]:
     """Return the second measurement of a run, before its lists are written.
 
@@ -69,7 +70,6 @@ def plan_second(
         asked: Job of the second measurement, as the user names it.
         root: The output folder, as an earlier run left it.
         files: The lists of this run.
-        failed: Axes whose lists must not be loaded.
 
     Raises:
         JobError: If the second measurement that is asked for was made with other lists.
@@ -78,7 +78,7 @@ def plan_second(
     lists = {
         name: hashlib.sha256(listing.dumps()).hexdigest()
         for one in files
-        if one.axis not in failed
+        if not one.failed
         for name, listing in one.lists
     }
     earlier = _earlier(root)
@@ -117,58 +117,54 @@ def measure_again(
     job: Job,
     second: Second,
     drafts: Sequence[AbstractDraft],
-    results: Sequence[AbstractResult],
+    result: JobResult,
     root: Path,
-    sums: Mapping[str, tuple[float, float]],
-) -> tuple[list[AbstractResult], list[Remark]]:
-    """Return the results with what the second measurement says, and save what it settles.
+) -> JobResult:
+    """Return a result with what the second measurement says, and save what it settles.
 
     Args:
         job: The first job.
         second: The second measurement.
         drafts: All fits.
-        results: What came of them, in the same order.
+        result: What came of them.
         root: Folder of the lists.
-        sums: Error of axes that groups were identified on, before and predicted, as rms
-            in mm or °: what the group as a whole is compared with.
 
     Raises:
         AxcompError: If the measurement cannot be used.
         OSError: If a file cannot be read.
     """
-    diagnoses, remarks = _diagnoses(job, second, results, root)
+    diagnoses, remarks = _diagnoses(job, second, result.fits, root)
     tables = Tables(second.job)
     measured = errors_in(tables)
+    # A fit of a group is compared as the group as a whole.
+    sums = {one.axis: one.error for group in result.groups for one in group.axes}
     found = []
-    for draft, result in zip(drafts, results, strict=True):
-        diagnosis = diagnoses.get((result.axis_number, result.compensation))
+    for draft, fit in zip(drafts, result.fits, strict=True):
+        diagnosis = diagnoses.get((fit.axis_number, fit.compensation))
         readings = None
-        names = [name for name, axes in measured.items() if result.axis in axes]
+        names = [name for name, axes in measured.items() if fit.axis in axes]
         names = [name for name in draft.fit.sources if name in names] or names
-        if result.files and names:
+        if fit.files and names:
             update = {"measurement": None, "measurements": names}
             try:
                 readings = draft.left_over(tables, draft.fit.model_copy(update=update))
             except AxcompError as error:
                 remarks.append(Remark.warning(f"Not measured again: {error}"))
-        if readings is None and diagnosis is None:
-            found.append(result)
-            continue
-        before, predicted = (
-            sums[result.axis]
-            if result.group is not None and result.axis in sums
-            else (result.error[key].sound.rms for key in ("before", "predicted"))
-        )
-        again = MeasuredAgain(
-            second.name, sha256(second.job.path), second.date,
-            readings, diagnosis, before, predicted,
-        )  # fmt: skip
-        found.append(dataclasses.replace(result, again=again))
+        again = None
+        if readings is not None or diagnosis is not None:
+            figures = fit.error if fit.group is None else sums.get(fit.axis, fit.error)
+            before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
+            again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
+        found.append(dataclasses.replace(fit, again=again))
     settled, more = settled_by(found)
     if settled:
         more += save_settled(job, root, settled)
-    found = [_with_figures(with_settled(one, settled)) for one in found]
-    return found, [*remarks, *more]
+    return dataclasses.replace(
+        result,
+        fits=tuple(_with_figures(with_settled(one, settled)) for one in found),
+        remarks=(*result.remarks, *remarks, *more),
+        second=second.record,
+    )
 
 
 def _with_figures(result: AbstractResult) -> AbstractResult:

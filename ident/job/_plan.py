@@ -1,11 +1,12 @@
 """Which table each fit writes: nodes, masters and the list that is there already."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+import functools
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ...data.lists import ListFile
 from ..exchange import (
@@ -14,36 +15,38 @@ from ..exchange import (
     Model,
     refuse_lost_nodes,
 )
+from ..fit import TableFit, predict
 from ..kinds import kinds
 from ..kinds._keys import FitSpec, TableSpec
 from ..readings import Tables
 from ._draft import AxisLists
 from ._layout import empty_table, table_of
 from ._load import Job
+from ._readings import datum_of
 from ._result import Remark
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """One fit before its measurement is looked at.
+    """One table before its measurement is looked at.
 
     Attributes:
+        job: The job.
         index: Of the fit in the job.
         fit: Its specification.
+        lists: What the axis has already.
         table: What will be written.
-        existing: The axis's compensation list, or None.
-        axis_list: The axis's axis list, or None.
         old: Table of this compensation in the existing list, or None.
         active: Whether it was active while measuring: the new table is then old +
             residual, else it replaces the old one.
         remarks: What the user must know.
     """
 
+    job: Job
     index: int
     fit: TableSpec
+    lists: AxisLists
     table: AbstractTable
-    existing: ListFile | None
-    axis_list: ListFile | None
     old: Model | None
     active: bool
     remarks: tuple[Remark, ...]
@@ -52,6 +55,61 @@ class Plan:
     def old_offset(self) -> Float[np.ndarray, "..."] | None:
         """Offset of the old table at the new nodes in mm or °, or None."""
         return None if self.old is None else self.table.at_nodes(self.old)
+
+    @functools.cached_property
+    def datum(self) -> tuple[float, ...] | None:
+        """Where the error is zero, per master, or None."""
+        return datum_of(self.job, self.index, self.fit)
+
+    def zero(self, estimate: TableFit) -> float:
+        """Return what a table says at the datum, the mean of both directions, in mm or °.
+
+        Raises:
+            JobError: If the datum lies outside the table.
+        """
+        if self.datum is None:
+            return 0.0
+        for place, nodes in zip(self.datum, self.table.nodes, strict=True):
+            ends = nodes.positions[[0, -1]]
+            if not ends[0] <= place <= ends[1]:
+                raise self.job.error(
+                    ("measurements", self.fit.sources[0], "datum", "at"),
+                    f"found {place:g}, expected a position within the table of"
+                    f" fits[{self.index}], {ends[0]:g} to {ends[1]:g}",
+                )
+        count = self.table.branches
+        where = np.tile(np.array([self.datum]), (count, 1))
+        branch = np.arange(count) if count == 2 else None
+        return float(np.mean(predict(estimate, where, branch)[0]))
+
+    def offset(self, residual: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Return the offset at the nodes that a residual there asks for, in mm or °."""
+        old = self.old_offset if self.active else None
+        return -residual if old is None else old - residual
+
+    def integers(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
+        """Return the entries of the lists of several estimates."""
+        wanted = [self.offset(one.values - self.zero(one)) for one in estimates]
+        return self.table.to_integers(np.stack(wanted))
+
+    def branch(
+        self, direction: Int[np.ndarray, " t"] | None
+    ) -> Int[np.ndarray, " t"] | None:
+        """Return which branch of the table holds at each reading; None: it has one."""
+        if self.table.branches == 1:
+            return None
+        assert direction is not None  # the reader refuses it otherwise
+        return (direction < 0).astype(np.int64)
+
+    def acted(
+        self,
+        positions: Float[np.ndarray, "t d"],
+        branch: Int[np.ndarray, " t"] | None,
+    ) -> Float[np.ndarray, " t"]:
+        """Return what the old table added at readings while measuring, in mm or °."""
+        if not self.active or self.old is None:
+            return np.zeros(len(positions))
+        return self.table.offset(self.old, positions, branch)
 
 
 def plan_fit(
@@ -87,11 +145,11 @@ def plan_fit(
         raise job.error(where, str(error)) from None
     fit.refuse(job, index, table)
     return Plan(
+        job=job,
         index=index,
         fit=fit,
         table=table,
-        existing=existing,
-        axis_list=axis_list,
+        lists=lists,
         old=old,
         active=active,
         remarks=(*unread, *_remarks(job, fit, existing, axis_list, old, active)),
@@ -103,14 +161,6 @@ def _holder(fit: TableSpec, existing: ListFile | None) -> str | None:
     if existing is None or fit.kind.entries.adds_nothing(existing):
         return None
     return existing.source
-
-
-def _increments(job: Job) -> Mapping[int, float]:
-    return {
-        axis.number: axis.increment
-        for axis in job.spec.axes.values()
-        if axis.increment is not None
-    }
 
 
 def _old_table(
@@ -126,7 +176,7 @@ def _old_table(
     if existing is None or not probe.is_in(existing):
         return None, []
     try:
-        return probe.read(existing, _increments(job)), []
+        return probe.read(existing, job.increments), []
     except ExchangeError as error:
         if active or not fit.nodes or job.spec.gate.max_change is not None:
             raise

@@ -5,14 +5,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ...data.lists import ListFile
-from ..core import FitError
 from ..exchange import ExchangeError, axis_number
-from ..kinds._keys import FitSpec
 from ..kinds._parts import single_of
 from ..readings import Tables
 from ._checks import groups_of
-from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
-from ._faults import key_words
+from ._draft import AbstractDraft, AxisLists, Planned
 from ._load import Job
 
 if TYPE_CHECKING:
@@ -45,15 +42,17 @@ def plan_all(job: Job, tables: Tables) -> Plans:
     """
     lists = existing_lists(job)
     grouped = groups_of(job.spec)
-    _refuse_streams(job, {index for own in grouped.values() for index in own})
+    together = {index for own in grouped.values() for index in own}
+    _refuse_streams(job, together)
     groups: tuple[GroupPlan, ...] = ()
     if grouped:
         from .joint import plan_groups
 
         groups = plan_groups(job, tables, lists)
-    together = {index for own in grouped.values() for index in own}
     single = {
-        index: _plan(job, tables, index, fit, lists[fit.axis])
+        index: single_of(fit.compensation).plan(
+            job, tables, index, fit, lists[fit.axis]
+        )
         for index, fit in enumerate(job.spec.fits)
         if index not in together
     }
@@ -78,22 +77,6 @@ def _refuse_streams(job: Job, grouped: set[int]) -> None:
                     f"found true, but {whose} needs its log in memory, expected it for"
                     " plane, cross and leadscrew fits of their own",
                 )
-
-
-def _plan(
-    job: Job, tables: Tables, index: int, fit: FitSpec, lists: AxisLists
-) -> Planned:
-    planned = single_of(fit.compensation).plan(job, tables, index, fit, lists)
-
-    def draft(left: Leftovers) -> AbstractDraft:
-        try:
-            return planned(left)
-        except (FitError, ExchangeError) as error:
-            reason = f"{fit.name} from {', '.join(fit.sources)}: {error}"
-            raised = job.untold if isinstance(error, FitError) else job.error
-            raise raised(("fits", index), reason) from None
-
-    return draft
 
 
 def existing_lists(job: Job) -> dict[str, AxisLists]:
@@ -161,14 +144,12 @@ def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None
         )
 
 
-def left_out(job: Job, plans: Plans, k: int, reason: str) -> AbstractDraft:
+def left_out(job: Job, plans: Plans, k: int, why: str) -> AbstractDraft:
     """Return what stands for a fit that its readings do not tell: the rest is written."""
     from .joint import LeftOutDraft
 
     spec = job.spec.fits[k]
-    start = f"{spec.name} from {', '.join(spec.sources)}: "
-    why = reason.removeprefix(f"{key_words(('fits', k))}: ").removeprefix(start)
-    return LeftOutDraft(k, spec, plans.lists[spec.axis], spec.name, why)
+    return LeftOutDraft(k, spec, plans.lists[spec.axis], why)
 
 
 def untold_alone(job: Job, tables: Tables, plans: Plans) -> dict[int, str]:

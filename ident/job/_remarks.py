@@ -1,15 +1,19 @@
 """What a fit has to say for itself, in sentences."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ..exchange import AbstractTable
-from ._fitting import AbstractFitted
+from ..proof import ErrorFigures
 from ._readings import Readings
 from ._result import Remark
+
+if TYPE_CHECKING:
+    from ._table_draft import AbstractTableDraft
 
 _MANY = 0.05
 """Share of wild readings from which on the instrument deserves a look."""
@@ -38,7 +42,9 @@ class Counts:
     places: tuple[str, ...] = ()
 
 
-def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> Iterator[Remark]:
+def fit_remarks(
+    one: "AbstractTableDraft", counts: Counts, linear: bool
+) -> Iterator[Remark]:
     """Return gaps, suspicious nodes and runs, and what each run was allowed.
 
     Args:
@@ -46,7 +52,7 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> Iterator[R
         counts: Of its readings.
         linear: Whether lengths are in mm, else in °.
     """
-    fit = one.fit
+    fit = one.estimate
     empty = int(np.sum(fit.support == 0))
     if empty:
         why = "were not measured"
@@ -100,8 +106,32 @@ def fit_remarks(one: AbstractFitted, counts: Counts, linear: bool) -> Iterator[R
                 f" next {known}. A second measurement, given together with the first,"
                 " brings it in."
             )
-    if not fit.converged or fit.loss != one.plan.fit.loss:
+    if not fit.converged or fit.loss != one.fit.loss:
         yield Remark.warning(fit.message)
+
+
+def use_remarks(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark]:
+    """Return a warning where the list would not have helped on data it has not seen."""
+    if error["predicted"].sound.rms < error["before"].sound.rms:
+        return []
+    if by_run:
+        why = (
+            "what was measured is scatter or drift, which no table takes away. Measure"
+            " again before loading it."
+        )
+    else:
+        # A block that is left out takes all readings of its nodes with it: that shows
+        # what the surroundings tell of a place, not whether the place would repeat.
+        why = (
+            "its surroundings do not tell the error of a place. That is scatter, or an"
+            " error that changes from node to node: repeated runs would tell which."
+        )
+    return [
+        Remark.warning(
+            "On readings that the fit did not see, this list leaves no less error than"
+            f" there is without it: {why}"
+        )
+    ]
 
 
 def outside(
@@ -143,16 +173,14 @@ def places_of(
     return tuple(found)
 
 
-def _node(one: AbstractFitted, index: int) -> str:
+def _node(one: "AbstractTableDraft", index: int) -> str:
     """Return a node of the flattened table in words."""
     table = one.plan.table
     place = np.unravel_index(index, table.layout.shape)
     own = [int(k) for k in place[-len(table.nodes) :]]
     words = ", ".join(
         f"{name} = {nodes.positions[k]:g}"
-        for name, nodes, k in zip(
-            one.plan.fit.over, table.nodes, reversed(own), strict=True
-        )
+        for name, nodes, k in zip(one.fit.over, table.nodes, reversed(own), strict=True)
     )
     if table.branches == 2:
         words += " (positive)" if place[0] == 0 else " (negative)"

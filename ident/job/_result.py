@@ -302,20 +302,20 @@ class TableResult(AbstractResult):
         """Return parameters, deviations and support for result.json."""
         parameters: dict[str, Any] = {
             "table": _values(self.table),
-            "nodes": [list(nodes) for nodes in self.nodes],
+            "nodes": self.nodes,
         }
         if self.cycles is not None:
             parameters["n_backlash_cyc"] = self.cycles
         return {
-            "masters": list(self.masters),
+            "masters": self.masters,
             "parameters": parameters,
             "standard_deviations": {"table": _values(self.standard_deviation)},
             "support": _values(self.support),
             "noise": self.fit.noise,
             "line_offset": self.fit.line_offset,
-            "smoothness": dict(self.fit.smoothness),
+            "smoothness": self.fit.smoothness,
             "loss": self.fit.loss,
-            "runs": [vars(run) for run in self.fit.runs],
+            "runs": self.fit.runs,
             "message": self.fit.message,
             "rounding": self.rounding,
             "route": "in memory" if self.streamed is None else "stream",

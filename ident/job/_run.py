@@ -6,22 +6,23 @@ import importlib.metadata
 import os
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..proof import GateCheck
-from ..readings import ClockState, Tables
+from ..core import FitError
+from ..exchange import ExchangeError
+from ..kinds._keys import FitSpec
+from ..readings import Tables
 from ._beside import hand_on, leftovers
 from ._diagnosis import DIAGNOSIS, write_diagnosis
 from ._draft import AbstractDraft, Written
-from ._errors import UntoldError
 from ._first_run import program_names, write_first_run
 from ._gating import limits_of
-from ._job_result import JobResult, WholeAxis
+from ._job_result import JobResult
 from ._json import result_json
 from ._judge import judge_files
-from ._lists import AxisFiles, axis_files, startup_fragment
+from ._lists import AxisFiles, files_of, startup_fragment
 from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
@@ -31,7 +32,7 @@ from ._result import AbstractResult, Remark
 from ._whole import judge_whole
 
 if TYPE_CHECKING:
-    from .joint import GroupDraft, GroupResult
+    from .joint import GroupDraft
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
 
@@ -89,46 +90,44 @@ def begin_job(
     except BaseException:
         folder.drop()
         raise
-    cycles: dict[str, int] = {}
-    for one in drafts:
-        if one.written and (spread := one.cycles(job)) is not None:
-            cycles[one.axis] = max(spread, cycles.get(one.axis, 0))
-    gates = [
-        one.gate(job, cycles.get(one.axis)) if one.written else () for one in drafts
-    ]
     say("writing lists")
+    files, remarks = judge_files(job, files_of(job, drafts), plans.lists)
+    whole = judge_whole(tables, files, plans.lists)
+    found = {one.axis: one for one in whole}
     files = tuple(
-        axis_files(
-            job, axis, [one for one in drafts if one.axis == axis], cycles.get(axis)
-        )
-        for axis in dict.fromkeys(one.axis for one in drafts)
+        one.judged(found[one.axis].gate, found[one.axis].remarks)
+        if one.axis in found
+        else one
+        for one in files
     )
-    files, remarks = judge_files(job, files)
-    whole = judge_whole(tables, drafts, gates, files, plans.lists)
-    files, gates = _with_whole(whole, drafts, files, gates)
-    failed = _failed(drafts, gates, files)
-    second, lost = plan_second(job, after, out, files, failed)
-    written, moved = _write(job, folder, files, failed)
-    write_first_run(job, folder, files, drafts, failed)
-    results: list[AbstractResult] = []
-    for one, gate in zip(drafts, gates, strict=True):
-        own = next(each for each in files if each.axis == one.axis)
-        results.append(
-            one.prove(
-                Written(job, folder, own, written[one.axis], gate, cycles.get(one.axis))
-            )
-        )
+    second, lost = plan_second(job, after, out, files)
+    files, moved = _write(job, folder, files)
+    write_first_run(job, folder, files)
     by_axis = {one.axis: one for one in files}
     sums = [group.prove(job, by_axis) for group in groups]
     together = {index: one.name for one in sums for index in one.fits}
-    results = [
-        dataclasses.replace(each, group=together.get(one.index))
-        for one, each in zip(drafts, results, strict=True)
-    ]
-    return JobRun(
-        job, folder, files, drafts, results, tuple(sums), failed, tables.clocks,
-        (*remarks, *moved, *lost), start, second, whole,
-    )  # fmt: skip
+    results: list[AbstractResult] = []
+    for draft in drafts:
+        own = by_axis[draft.axis]
+        proven = draft.prove(Written(job, folder, own, own.gates[draft.index]))
+        group = together.get(draft.index)
+        results.append(dataclasses.replace(proven, group=group))
+    result = JobResult(
+        title=job.spec.title or job.path.stem,
+        machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
+        fits=tuple(results),
+        inputs=_hashes(job),
+        versions=_versions(),
+        load_sheet=(),
+        remarks=(*remarks, *moved, *lost),
+        files=(),
+        wall_time=0.0,
+        job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
+        clocks=tables.clocks,
+        groups=tuple(sums),
+        whole=whole,
+    )
+    return JobRun(job, folder, files, drafts, start, second, result)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,28 +139,18 @@ class JobRun:
         folder: Where its files lie.
         files: Lists by axis.
         drafts: All fits.
-        results: What came of them, in the same order.
-        groups: Fits that were identified together.
-        failed: Axes whose lists must not be loaded.
-        clocks: How files of one measurement were put onto one clock.
-        remarks: What concerns the job as a whole.
         start: When it began (`time.perf_counter`).
         second: The second measurement, where there is one.
-        whole: All that will act on each axis, judged together.
+        result: What came of it, without the load sheet and the second measurement.
     """
 
     job: Job
     folder: OutFolder
     files: Sequence[AxisFiles]
     drafts: Sequence[AbstractDraft]
-    results: Sequence[AbstractResult]
-    groups: tuple["GroupResult", ...]
-    failed: Sequence[str]
-    clocks: tuple[ClockState, ...]
-    remarks: tuple[Remark, ...]
     start: float
     second: Second | None
-    whole: tuple[WholeAxis, ...]
+    result: JobResult
 
     def measured_again(self, after: Path) -> "JobRun":
         """Return the run with a second measurement, made with the lists that it wrote.
@@ -170,42 +159,20 @@ class JobRun:
             AxcompError: If that measurement's job cannot be used.
             OSError: If it cannot be read.
         """
-        root, failed = self.folder.root, self.failed
-        second, _ = plan_second(self.job, after, root, self.files, failed)
+        second, _ = plan_second(self.job, after, self.folder.root, self.files)
         return dataclasses.replace(self, second=second)
 
     def finish(self) -> JobResult:
         """Write ``result.json``, with what a second measurement says, and return it."""
-        job, second = self.job, self.second
-        results, remarks = list(self.results), list(self.remarks)
+        job, second, root = self.job, self.second, self.folder.root
+        result = self.result
         if second is not None:
-            sums = {
-                one.axis: (
-                    one.error["before"].sound.rms,
-                    one.error["predicted"].sound.rms,
-                )
-                for group in self.groups
-                for one in group.axes
-            }
-            results, more = measure_again(
-                job, second, self.drafts, results, self.folder.root, sums
-            )
-            remarks += more
-        result = JobResult(
-            title=job.spec.title or job.path.stem,
-            machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
-            fits=tuple(results),
-            inputs=_hashes(job),
-            versions=_versions(),
-            load_sheet=load_sheet(job, self.files, self.drafts, results, self.failed),
-            remarks=tuple(remarks),
+            result = measure_again(job, second, self.drafts, result, root)
+        result = dataclasses.replace(
+            result,
+            load_sheet=load_sheet(job, self.files, result.fits),
             files=(*self.folder.written, Path("result.json")),
             wall_time=time.perf_counter() - self.start,
-            job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
-            clocks=self.clocks,
-            groups=self.groups,
-            second=None if second is None else second.record,
-            whole=self.whole,
         )
         self.folder.write("result.json", result_json(result).encode())
         return result
@@ -260,7 +227,7 @@ def _fit_all(
         drafts |= {one.index: one for one in (*group.drafts, *group.unfit)}
         for one in group.drafts:
             hand_on(job, plans, one, left)
-    untold: list[UntoldError] = []
+    untold: dict[int, FitError] = {}
     alone = untold_alone(job, tables, plans)
     order = sorted(plans.single, key=lambda k: not fits[k].kind.fitted_first)
     for place, k in enumerate(order):
@@ -270,11 +237,13 @@ def _fit_all(
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
         try:
             drafts[k] = one = plans.single[k](left)
-        except UntoldError as error:
+        except FitError as error:
             if k not in alone:
-                untold.append(error)
-            drafts[k] = left_out(job, plans, k, alone.get(k, error.reason))
+                untold[k] = error
+            drafts[k] = left_out(job, plans, k, alone.get(k, str(error)))
             continue
+        except ExchangeError as error:
+            raise job.error(("fits", k), f"{_start(fits[k])}: {error}") from None
         if k in alone and one.written and not one.partial:
             drafts[k] = left_out(job, plans, k, alone[k])
             continue
@@ -284,89 +253,44 @@ def _fit_all(
         left.take(one.left_by())
         hand_on(job, plans, one, left)
     if len(untold) == len(fits):
-        raise untold[0]
+        k = next(iter(untold))
+        raise job.error(("fits", k), f"{_start(fits[k])}: {untold[k]}")
     return [drafts[k] for k in range(len(fits))], groups
 
 
-def _with_whole(
-    whole: Sequence[WholeAxis],
-    drafts: Sequence[AbstractDraft],
-    files: Sequence[AxisFiles],
-    gates: Sequence[tuple[GateCheck, ...]],
-) -> tuple[tuple[AxisFiles, ...], list[tuple[GateCheck, ...]]]:
-    """Return lists and gates with what was found of each axis as a whole.
-
-    A list is let out with all that acts on its axis, or not at all: every fit that is
-    written has the lines of its axis.
-    """
-    lines = {one.axis: one.gate for one in whole}
-    remarks = {one.axis: one.remarks for one in whole}
-    return (
-        tuple(
-            dataclasses.replace(one, remarks=(*one.remarks, *remarks.get(one.axis, ())))
-            for one in files
-        ),
-        [
-            (*gate, *lines.get(one.axis, ())) if one.written else gate
-            for one, gate in zip(drafts, gates, strict=True)
-        ],
-    )
-
-
-def _failed(
-    drafts: Sequence[AbstractDraft],
-    gates: Sequence[Sequence[GateCheck]],
-    files: Sequence[AxisFiles],
-) -> list[str]:
-    """Return the axes whose lists must not be loaded."""
-    failed = [
-        one.axis
-        for one, gate in zip(drafts, gates, strict=True)
-        if not all(check.passed for check in gate)
-    ]
-    failed += [
-        one.axis for one in files if any(r.level == "error" for r in one.remarks)
-    ]
-    return list(dict.fromkeys(failed))
+def _start(fit: FitSpec) -> str:
+    return f"{fit.name} from {', '.join(fit.sources)}"
 
 
 def _write(
-    job: Job, folder: OutFolder, files: Sequence[AxisFiles], failed: Sequence[str]
-) -> tuple[Mapping[str, tuple[Path, ...]], list[Remark]]:
-    """Write all lists and return their names by axis, and what was moved away."""
-    written: dict[str, tuple[Path, ...]] = {}
+    job: Job, folder: OutFolder, files: Sequence[AxisFiles]
+) -> tuple[tuple[AxisFiles, ...], list[Remark]]:
+    """Write all lists and return the axes with their names, and what was moved away."""
+    found = []
     retired: list[tuple[str, Path | None]] = []
     for one in files:
         contents = {name: listing.dumps() for name, listing in one.lists}
         names: list[Path] = []
         for name, content in (contents | dict(one.extra)).items():
-            if one.axis in failed:
+            if one.failed:
                 rejected, earlier = folder.reject(name, content)
                 names.append(rejected)
                 retired.append((name, earlier))
             else:
                 names.append(folder.accept(name, content))
-        written[one.axis] = tuple(names)
+        found.append(dataclasses.replace(one, written=tuple(names)))
         # The other kind of axis list would contradict this one.
-        number = job.spec.axes[one.axis].number
-        kinds = {f"achsmds{number}.lis", f"achsmds{number}.add.lis"}
-        for fit in job.spec.fits:
-            if fit.axis == one.axis:
-                kinds |= set(fit.plc_files)
+        kinds = {f"achsmds{one.number}.lis", f"achsmds{one.number}.add.lis"}
+        kinds |= {name for draft in one.drafts for name in draft.fit.plc_files}
         stale = {one.compensation_name, *kinds} - set(contents) - set(one.extra)
         for name in sorted(stale):
             retired.append((name, folder.retire(name)))
-    fresh = [
-        (one.axis, one.compensation_name)
-        for one in files
-        if one.is_new and one.axis not in failed
-    ]
-    fragment = startup_fragment(job, fresh)
+    fragment = startup_fragment(files)
     if fragment is not None:
         folder.write("hochlauf.add.lis", fragment.dumps())
     else:
         retired.append(("hochlauf.add.lis", folder.retire("hochlauf.add.lis")))
-    write_diagnosis(job, folder, files, failed)
+    write_diagnosis(job, folder, files)
     moved = [
         Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
@@ -376,7 +300,7 @@ def _write(
         if earlier is not None
     ]
     moved += [Remark.warning(words) for words in folder.remarks]
-    return written, moved
+    return tuple(found), moved
 
 
 def _relative(job: Job, file: Path) -> Path:

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -105,9 +104,9 @@ class MeasuredAgain:
     """What a second measurement says of one fit.
 
     Attributes:
-        job: Job of the second measurement, relative to the first one.
-        sha256: Its hash.
-        date: Day on which it was first evaluated, as ``2026-11-22``.
+        source: ``file``, the job of the second measurement relative to the first one,
+            its ``sha256``, and the ``date`` on which it was first evaluated, as
+            ``2026-11-22``.
         readings: The error with the list active; None where it shows none of this fit.
         diagnosis: What the list does, by what changed between the measurements; None
             where no such measurement tells it.
@@ -116,9 +115,7 @@ class MeasuredAgain:
         predicted: Likewise, as predicted with the list active.
     """
 
-    job: str
-    sha256: str
-    date: str
+    source: Mapping[str, str]
     readings: SecondMeasurement | None
     diagnosis: Diagnosis | None
     before: float
@@ -146,8 +143,3 @@ class MeasuredAgain:
         """Whether the list surely does what it says."""
         found = self.diagnosis
         return self.shown or (found is not None and found.verdict == "right")
-
-    @property
-    def source(self) -> Mapping[str, Any]:
-        """File, hash and date, as result.json names them."""
-        return {"file": self.job, "sha256": self.sha256, "date": self.date}

@@ -2,76 +2,56 @@
 
 import abc
 import dataclasses
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ...data.lists import ListFile, Value
-from ..exchange import ExchangeError
+from ..exchange import LIST_UNITS, ExchangeError, Model, by_branch
+from ..fit import Samples, TableFit
 from ..kinds._keys import FitSpec, TableSpec
-from ..proof import GateCheck
+from ..proof import ErrorFigures, GateCheck, HeldOut
 from ..readings import Tables, without_zero
-from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned, Written
-from ._fitting import AbstractFitted, Fitted, fit_plan
-from ._gating import chosen_cycles, cycles_for, jump_of, pass_gate, switching_checks
+from ._draft import AbstractDraft, Written
+from ._gating import (
+    chosen_cycles,
+    pass_gate,
+    spread_over,
+    switching_checks,
+    switching_remarks,
+)
 from ._load import Job
-from ._plan import plan_fit
-from ._prove import Proof, offset_at_readings, prove, result_of
-from ._readings import read_fit
-from ._result import Remark, TableResult
+from ._plan import Plan
+from ._readings import Readings, read_fit
+from ._remarks import Counts, fit_remarks, outside, places_of, use_remarks
+from ._result import Remark, SampleView, Streamed, TableResult, staged
 from ._second import SecondMeasurement
-from ._trend import refuse_unowned_trend
-from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
 
-def plan_table(
-    job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
-) -> Planned:
-    """Plan a table fit; what it returns fits it.
+@dataclasses.dataclass(frozen=True)
+class Proof:
+    """A fit and its readings under the file as it lies in the folder.
 
-    Raises:
-        JobError: If nodes, masters or existing lists do not suit; of what it returns: if
-            the readings do not determine the fit, or show a constant or a slope and the
-            job does not say whose.
+    Attributes:
+        fit: The estimate; its arrays over readings are those of ``samples``.
+        samples: The readings that are shown.
+        error: By stage, over all readings.
+        counts: Of the readings.
+        by_run: Whether runs were held out, else spatial blocks.
+        remarks: What is to be said of the readings.
+        streamed: What was read in pieces; None: all readings were in memory.
     """
-    plan = plan_fit(job, tables, index, fit, lists)
 
-    def draft(left: Leftovers) -> AbstractDraft:
-        log, words = in_pieces(tables, index, fit, plan.table)
-        beside = {
-            name: left.beside[index, name]
-            for name in fit.sources
-            if (index, name) in left.beside
-        }
-        if log is not None:
-            _refuse_beside(job, index, beside)
-            streamed = fit_log_plan(job, plan, log)
-            refuse_unowned_trend(job, plan, streamed.fit)
-            return StreamedDraft(index, fit, lists, streamed)
-        extra = {
-            name: left.earlier[fit.axis, name]
-            for name in fit.sources
-            if (fit.axis, name) in left.earlier
-        }
-        readings = read_fit(tables, index, fit, plan.table, extra, beside, words)
-        fitted = fit_plan(job, plan, readings)
-        refuse_unowned_trend(job, plan, fitted.fit)
-        return TableDraft(index, fit, lists, fitted)
-
-    return draft
-
-
-def _refuse_beside(
-    job: Job, index: int, beside: Mapping[str, Sequence[Beside]]
-) -> None:
-    for name, others in beside.items():
-        raise job.error(
-            ("measurements", name, "stream"),
-            f"found a log that is read in pieces, beside {others[0].words}, which was off"
-            f" while measuring and will act as well: expected stream = false, so that"
-            f" fits[{index}] can correct what it leaves",
-        )
+    fit: TableFit
+    samples: SampleView
+    error: Mapping[str, ErrorFigures]
+    counts: Counts
+    by_run: bool
+    remarks: tuple[Remark, ...]
+    streamed: Streamed | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,10 +59,40 @@ class AbstractTableDraft(AbstractDraft):
     """A fitted table, wherever its readings are.
 
     Attributes:
-        one: The fit.
+        plan: What is written.
+        estimate: The fit, zero at the datum (sign of the error).
+        run_effects: What each run was allowed of its own.
     """
 
-    one: AbstractFitted
+    fit: TableSpec
+    plan: Plan
+    estimate: TableFit
+    run_effects: str
+
+    @functools.cached_property
+    def integers(self) -> Int[np.ndarray, "..."]:
+        """Entries of the new table."""
+        return self.plan.table.to_integers(self.plan.offset(self.estimate.values))
+
+    @functools.cached_property
+    def offset(self) -> Float[np.ndarray, "..."]:
+        """Offset at the nodes in mm or ° as it is written."""
+        return self.plan.table.to_offsets(self.integers)
+
+    @functools.cached_property
+    def change(self) -> Float[np.ndarray, "..."] | None:
+        """Offset at the nodes against that of the old table, or None."""
+        old = self.plan.old_offset
+        return None if old is None else self.offset - old
+
+    @property
+    def rounding(self) -> float:
+        """Largest change of an offset by rounding, in mm or °.
+
+        Between nodes the table is a weighted mean, which cannot be off by more.
+        """
+        exact = self.plan.offset(self.estimate.values)
+        return float(np.max(np.abs(self.offset - exact)))
 
     @property
     def needs(self) -> str:
@@ -91,10 +101,32 @@ class AbstractTableDraft(AbstractDraft):
 
     @property
     def replaces(self) -> tuple[str, ...]:
-        return (f"{self.one.plan.table.prefix}.table[",)
+        return (f"{self.plan.table.prefix}.table[",)
 
     def entries(self, job: Job) -> dict[str, Value]:
-        return table_entries(job, self.one)
+        prefix = self.plan.table.prefix
+        try:
+            found: dict[str, Value] = dict(
+                self.plan.table.entries(
+                    self.integers,
+                    existing=self.lists.compensation,
+                    max_points=self.fit.max_points,
+                    build=job.spec.controller.build,
+                )
+            )
+        except ExchangeError as error:
+            raise job.error(("fits", self.index), str(error)) from None
+        options = {
+            "n_cycles": chosen_cycles(job, self),
+            "manual_activation": self.fit.manual_activation,
+        }
+        sizes = {key: value for key, value in found.items() if "[" not in key}
+        chosen = {
+            f"{prefix}.{key}": int(value)
+            for key, value in options.items()
+            if value is not None
+        }
+        return sizes | chosen | {k: v for k, v in found.items() if "[" in k}
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
         values: dict[str, Value] = super().machine_entries(job, cycles)
@@ -119,34 +151,43 @@ class AbstractTableDraft(AbstractDraft):
         ]
 
     def cycles(self, job: Job) -> int | None:
-        return cycles_for(job, self.one)
+        if not self._bilateral:
+            return None
+        jump = float(abs(self.offset[0] - self.offset[1]).max())
+        return spread_over(job, jump, self.lists.machine, "lr_param.n_backlash_cyc")
 
     def jump(self, job: Job) -> float:
-        return jump_of(self.one)
+        both = (self.offset,) if self.change is None else (self.offset, self.change)
+        return max(float(np.abs(part).max()) for part in both)
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        lines = pass_gate(job, self.one, cycles if self._bilateral else None)
-        return (*lines, *switching_checks(job, self.one))
+        lines = pass_gate(job, self, cycles if self._bilateral else None)
+        return (*lines, *switching_checks(job, self))
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
-        refuse_misread(job, listing, self.one)
+        table = self.plan.table
+        back = table.read(ListFile.parse(listing.dumps(), listing.source))
+        if not np.array_equal(table.to_integers(table.at_nodes(back)), self.integers):
+            raise job.error(
+                ("fits", self.index),
+                f"found another table in {listing.source} when it was read back, expected"
+                " the one that was fitted",
+            )
 
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
-        return restart_of_table(existing, listing, self.one)
+        name = f"{self.plan.table.prefix}.max_points"
+        if existing.integer(name) == listing.integer(name):
+            return None
+        return f"{name} changes (a reload would end in error {self.kind.resized})"
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
-        table = self.one.plan.table
+        plan, table = self.plan, self.plan.table
         found = read_fit(tables, self.index, fit, table, {}, {})
         own = table.masters == (table.axis,)
-        branch = None
-        if table.branches == 2:
-            assert found.direction is not None  # `read_fit` refuses it otherwise
-            branch = (found.direction < 0).astype(np.int64)
-        model = table.model(self.one.integers)
-        added = table.offset(model, found.positions, branch)
-        if self.one.plan.active and (old := self.one.plan.old) is not None:
-            added = added - table.offset(old, found.positions, branch)
+        branch = plan.branch(found.direction)
+        added = table.offset(table.model(self.integers), found.positions, branch)
+        added = added - plan.acted(found.positions, branch)
         removed = {tables.job.spec.measurements[name].remove for name in fit.sources}
         if "line" in removed:  # a slope that no reading shows
             added = without_zero(added, [*found.positions.T], "line")
@@ -160,111 +201,117 @@ class AbstractTableDraft(AbstractDraft):
         )
 
     def prove(self, done: Written) -> TableResult:
-        return result_of(self.one, self.proof(done), self.frame(done), done)
+        plan, table, job = self.plan, self.plan.table, done.job
+        listing = done.compensation
+        assert listing is not None  # a table stands in it
+        proof = self.proof(table.read(listing))
+        old, deviation = plan.old_offset, written_deviation(self.estimate)
+        linear = job.spec.axes[self.axis].kind == "linear"
+        return TableResult(
+            **self.frame(done),
+            masters=self.fit.over,
+            nodes=tuple(nodes.positions for nodes in table.nodes),
+            table=by_branch(table, table.sign * self.offset),
+            old_table=None if old is None else by_branch(table, table.sign * old),
+            standard_deviation=by_branch(table, deviation),
+            support=by_branch(table, self.estimate.support),
+            fit=proof.fit,
+            samples=proof.samples,
+            error=proof.error,
+            rounding=self.rounding,
+            remarks=(
+                *plan.remarks,
+                *proof.remarks,
+                *fit_remarks(self, proof.counts, linear),
+                *use_remarks(proof.error, proof.by_run),
+                *switching_remarks(job, self),
+                *done.files.remarks,
+            ),
+            files=done.files.of_lists(done.names),
+            cycles=done.cycles if self._bilateral else None,
+            held_out="run" if proof.by_run else "block",
+            streamed=proof.streamed,
+        )
 
     @abc.abstractmethod
-    def proof(self, done: Written) -> Proof:
-        """Return the proof of the fit: its file, read back."""
+    def proof(self, back: Model) -> Proof:
+        """Return the proof of the fit; ``back`` is the written table, read back."""
 
     @property
     def _bilateral(self) -> bool:
-        return self.one.plan.table.branches == 2
+        return self.plan.table.branches == 2
 
 
 @final
 @dataclasses.dataclass(frozen=True)
 class TableDraft(AbstractTableDraft):
-    """A table fitted to readings in memory."""
+    """A table fitted to readings in memory.
 
-    one: Fitted
+    Attributes:
+        readings: What was measured.
+        samples: The same as the estimator saw it.
+        before: Error of each reading, zero at the datum, in mm or °.
+        held_out: Each reading under the list that was fitted without it.
+    """
+
+    readings: Readings
+    samples: Samples
+    before: Float[np.ndarray, " t"]
+    held_out: HeldOut
 
     @property
     def predicted(self) -> float | None:
-        left = self.one.held_out.residual[~self.one.fit.wild]
+        left = self.held_out.residual[~self.estimate.wild]
         return float(np.std(left)) if left.size else None
 
     def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
-        one = self.one
-        added = offset_at_readings(one, one.plan.table.model(one.integers)) - one.active
+        added = self._added(self.plan.table.model(self.integers)) - self._acted
         return {
-            (self.axis, name): added[rows] for name, rows in one.readings.slices.items()
+            (self.axis, name): added[rows]
+            for name, rows in self.readings.slices.items()
         }
 
-    def proof(self, done: Written) -> Proof:
-        return prove(self.one, done)
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class StreamedDraft(AbstractTableDraft):
-    """A table fitted to a log in pieces."""
-
-    one: StreamedFitted
-
-    @property
-    def in_memory(self) -> bool:
-        return False
-
-    def proof(self, done: Written) -> Proof:
-        return prove_streamed(self.one, done)
-
-
-def table_entries(job: Job, one: AbstractFitted) -> dict[str, Value]:
-    """Return the entries of one table, with the options of its fit.
-
-    Raises:
-        JobError: If it fits no list of the controller's build.
-    """
-    plan = one.plan
-    spec, prefix = plan.fit, plan.table.prefix
-    try:
-        found: dict[str, Value] = dict(
-            plan.table.entries(
-                one.integers,
-                existing=plan.existing,
-                max_points=spec.max_points,
-                build=job.spec.controller.build,
-            )
-        )
-    except ExchangeError as error:
-        raise job.error(("fits", plan.index), str(error)) from None
-    options = {
-        "n_cycles": chosen_cycles(job, one),
-        "manual_activation": spec.manual_activation,
-    }
-    sizes = {key: value for key, value in found.items() if "[" not in key}
-    table = {key: value for key, value in found.items() if "[" in key}
-    chosen = {
-        f"{prefix}.{key}": int(value)
-        for key, value in options.items()
-        if value is not None
-    }
-    return sizes | chosen | table
-
-
-def refuse_misread(job: Job, listing: ListFile, one: AbstractFitted) -> None:
-    """Raise where the bytes to be written, read back, are not the table that was fitted.
-
-    Raises:
-        JobError: Naming the list; nothing has been written then.
-    """
-    table = one.plan.table
-    back = table.read(ListFile.parse(listing.dumps(), listing.source))
-    if not np.array_equal(table.to_integers(table.at_nodes(back)), one.integers):
-        raise job.error(
-            ("fits", one.plan.index),
-            f"found another table in {listing.source} when it was read back, expected"
-            " the one that was fitted",
+    def proof(self, back: Model) -> Proof:
+        readings, table, estimate = self.readings, self.plan.table, self.estimate
+        from_file = self.before + self._added(back) - self._acted
+        runs = readings.run_table(table.masters == (table.axis,))
+        wild, left = estimate.wild, self.held_out
+        return Proof(
+            fit=estimate,
+            samples=SampleView(
+                positions=readings.positions,
+                direction=readings.direction,
+                run=readings.run,
+                order=readings.order,
+                before=self.before,
+                predicted=left.residual,
+                from_file=from_file,
+                predicted_sd=left.standard_deviation,
+                share=estimate.share,
+                timed=readings.timed,
+            ),
+            error=staged(self.before, left.residual, from_file, wild, runs),
+            counts=Counts(
+                len(self.before),
+                int(wild.sum()),
+                int(outside(table, readings.positions).sum()),
+                places_of(readings, wild, self.fit.over),
+            ),
+            by_run=left.by_run,
+            remarks=tuple(readings.remarks),
         )
 
+    def _added(self, model: Model) -> Float[np.ndarray, " t"]:
+        """Return what a table adds at each reading, in mm or °."""
+        positions, branch = self.readings.positions, self.samples.branch
+        return self.plan.table.offset(model, positions, branch)
 
-def restart_of_table(
-    existing: ListFile, listing: ListFile, one: AbstractFitted
-) -> str | None:
-    """Return why a table needs a restart, or None where a reload is enough."""
-    table = one.plan.table
-    name = f"{table.prefix}.max_points"
-    if existing.integer(name) == listing.integer(name):
-        return None
-    number = one.plan.fit.kind.resized
-    return f"{name} changes (a reload would end in error {number})"
+    @functools.cached_property
+    def _acted(self) -> Float[np.ndarray, " t"]:
+        return self.plan.acted(self.readings.positions, self.samples.branch)
+
+
+def written_deviation(fit: TableFit) -> Float[np.ndarray, "..."]:
+    """Return the standard deviation of entries in mm or °: rounding is part of it."""
+    rounding = 1.0 / (12.0 * LIST_UNITS**2)
+    return np.asarray(np.sqrt(np.square(fit.standard_deviation) + rounding))

@@ -22,7 +22,7 @@ from ..proof.axis import (
     warm_states,
 )
 from ..readings import Tables, read_error
-from ._acting import acting_after, acting_before, ranges_of
+from ._acting import acting_after, acting_before
 from ._draft import AbstractDraft, AxisLists
 from ._gating import limits_of
 from ._job_result import WholeAxis
@@ -35,49 +35,35 @@ _Read = tuple[Measured, Mapping[str, np.ndarray]]
 
 
 def judge_whole(
-    tables: Tables,
-    drafts: Sequence[AbstractDraft],
-    gates: Sequence[Sequence[GateCheck]],
-    files: Sequence[AxisFiles],
-    lists: Mapping[str, AxisLists],
+    tables: Tables, files: Sequence[AxisFiles], lists: Mapping[str, AxisLists]
 ) -> tuple[WholeAxis, ...]:
     """Return what acts on each axis that is written, judged as one.
 
     Args:
         tables: Files of the job.
-        drafts: All fits.
-        gates: What the gate said of each.
-        files: The lists of each axis.
+        files: The axes with their drafts, gates and lists.
         lists: What every axis of the job has already.
     """
     job, found = tables.job, []
-    every = {one.axis: one for one in files}
     for own in files:
-        mine = [k for k, draft in enumerate(drafts) if draft.axis == own.axis]
-        acting = {
-            k: drafts[k] for k in mine if drafts[k].written and drafts[k].jump(job) > 0
-        }
+        acting = tuple(d for d in own.drafts if d.written and d.jump(job) > 0)
         if not acting:
             continue
-        axis = _Axis(tables, own.axis, tuple(acting.values()), lists[own.axis])
+        axis = _Axis(tables, own, acting)
         loaded = None
         try:
             if len(acting) > 1 or axis.has_others():
-                own_lists = lists[own.axis]
-                loaded = acting_after(job, own.axis, own_lists, own, axis.drafts)
+                loaded = acting_after(job, own)
             names = axis.compensations(loaded)
             if loaded is not None and len(names) > 1:
                 whole = axis.together(loaded, names)
             else:
-                k = next(k for k in acting if drafts[k].compensation in names)
-                whole = axis.alone(drafts[k], gates[k])
+                whole = axis.alone(next(d for d in acting if d.compensation in names))
         except ExchangeError as error:
             whole = axis.unread(error)
-        steps = {
-            one.compensation: _step(job, one, gates[k]) for k, one in acting.items()
-        }
+        steps = {d.compensation: _step(job, d, own.gates[d.index]) for d in acting}
         whole = dataclasses.replace(whole, switching=steps)
-        found.append(_with_partner(job, whole, every, lists, drafts))
+        found.append(_with_partner(job, whole, files, lists))
     return tuple(found)
 
 
@@ -89,12 +75,19 @@ def _step(job: Job, draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class _Axis:
-    """One axis with the fits that are written for it."""
+    """One axis with the fits that move it."""
 
     tables: Tables
-    name: str
+    files: AxisFiles
     drafts: tuple[AbstractDraft, ...]
-    lists: AxisLists
+
+    @property
+    def name(self) -> str:
+        return self.files.axis
+
+    @property
+    def lists(self) -> AxisLists:
+        return self.files.existing
 
     @property
     def job(self) -> Job:
@@ -128,7 +121,7 @@ class _Axis:
             if name in fitted or not kind(name).entries.adds_nothing(one.listing)
         )
 
-    def alone(self, draft: AbstractDraft, lines: Sequence[GateCheck]) -> WholeAxis:
+    def alone(self, draft: AbstractDraft) -> WholeAxis:
         """Return an axis on which one fit acts alone: its gate is that of the axis."""
         jump = draft.jump(self.job)
         where = f"{draft.compensation}, in all, where it comes or goes"
@@ -136,7 +129,8 @@ class _Axis:
             "max_jump", jump, limits_of(self.job).max_jump, self.unit, where
         )
         names = (draft.compensation,)
-        return self._whole(names, (check,), {c.name: c.value for c in lines}, (), [])
+        values = {each.name: each.value for each in self.files.gates[draft.index]}
+        return self._whole(names, (check,), values, (), [])
 
     def together(self, loaded: Loaded, names: tuple[str, ...]) -> WholeAxis:
         """Return an axis on which several compensations act.
@@ -230,7 +224,7 @@ class _Axis:
             for axis in axes.values()
             if axis.limits is not None
         }
-        spans |= ranges_of(self.job)
+        spans |= self.job.ranges
         reached: dict[int, tuple[float, float]] = {}
         for _, _, reading in self._measured:
             places = {} if isinstance(reading, str) else reading[0].positions
@@ -349,9 +343,8 @@ class _Axis:
 def _with_partner(
     job: Job,
     whole: WholeAxis,
-    files: Mapping[str, AxisFiles],
+    files: Sequence[AxisFiles],
     lists: Mapping[str, AxisLists],
-    drafts: Sequence[AbstractDraft],
 ) -> WholeAxis:
     """Return an axis with what its gantry partner lacks of its compensations."""
     axes = job.spec.axes
@@ -361,8 +354,8 @@ def _with_partner(
         if name == axes[whole.axis].gantry or axis.gantry == whole.axis
     ]
     for partner in partners:
-        own = [one for one in drafts if one.axis == partner]
-        loaded = acting_after(job, partner, lists[partner], files.get(partner), own)
+        fitted = [acting_after(job, one) for one in files if one.axis == partner]
+        (loaded,) = fitted or [acting_before(job, partner, lists[partner])]
         lacking = [name for name in whole.compensations if name not in loaded.used]
         where = f"{partner} has all that acts on {whole.axis}"
         if lacking:

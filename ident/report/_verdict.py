@@ -170,7 +170,8 @@ _SENTENCES: dict[Code, Callable[[AbstractResult, Scale, Reason], str]] = {
 def _again(fit: AbstractResult, scale: Scale) -> str:
     again = fit.again
     assert again is not None  # the reasons that ask for it come from it
-    text = f"a second measurement with the list active ({again.job}, {again.date})"
+    source = f"{again.source['file']}, {again.source['date']}"
+    text = f"a second measurement with the list active ({source})"
     if again.rms is None:
         return f"{text} shows what it does"
     return f"{text} found {scale.figure(again.rms)} {scale.error} rms"

@@ -52,7 +52,11 @@ def again(fit: TableResult, size: float, verdict: str = "right") -> TableResult:
     return dataclasses.replace(
         fit,
         again=MeasuredAgain(
-            "after.toml", "ab" * 32, "2026-11-22", seen, found, before, after
+            {"file": "after.toml", "sha256": "ab" * 32, "date": "2026-11-22"},
+            seen,
+            found,
+            before,
+            after,
         ),
         conventions=(ConventionState("leadscrew_sign", "-1", "verified", "", "sign"),),
     )

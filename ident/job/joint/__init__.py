@@ -7,8 +7,6 @@ from ._proof import GroupDraft as GroupDraft
 from ._result import (
     AxisSum as AxisSum,
     EffectShare as EffectShare,
-    Freedom as Freedom,
     GroupResult as GroupResult,
-    LostPair as LostPair,
 )
 from ._share import TOGETHER as TOGETHER

@@ -1,7 +1,7 @@
 """A group of fits from its plan to its drafts."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from ...exchange import ExchangeError
 from ...fit import FitError
@@ -9,11 +9,11 @@ from ...readings import Tables
 from .._checks import groups_of
 from .._draft import AbstractDraft, AxisLists
 from .._load import Job
-from ._identify import IdentifiedGroup, identify_group
+from ._identify import identify_group
 from ._left_out import LeftOutDraft
 from ._member import AbstractMember, members_of, needs_of
 from ._proof import GroupDraft
-from ._recording import GroupRecording, read_group
+from ._recording import read_group
 from ._share import Share
 
 
@@ -59,23 +59,16 @@ class GroupPlan:
             reason = "; ".join(f"{every[k].name}: {why}" for k, why in unfit.items())
             raise job.error(where, f"{start}: {reason}")
         try:
-            found = identify_group(job, members, recording)
+            found = identify_group(job, self.name, members, recording)
         except FitError as error:
             raise job.error(where, f"{start}: {error}") from None
-        shares = tuple(
-            _share(self.name, k, members, recording, found) for k in range(len(members))
-        )
-        drafts = []
-        for one, share in zip(members, shares, strict=True):
-            drafts.append(_draft(job, one, share))
+        drafts = [_draft(job, one, Share(found, k)) for k, one in enumerate(members)]
         left_out = tuple(
-            LeftOutDraft(one.index, one.fit, one.lists, one.name, unfit[k])
+            LeftOutDraft(one.index, one.fit, one.lists, unfit[k])
             for k, one in enumerate(every)
             if k in unfit
         )
-        return GroupDraft(
-            self.name, members, recording, found, shares, tuple(drafts), left_out
-        )
+        return GroupDraft(found, tuple(drafts), left_out)
 
 
 def plan_groups(
@@ -92,43 +85,12 @@ def plan_groups(
     )
 
 
-def _share(
-    name: str,
-    k: int,
-    members: Sequence[AbstractMember],
-    recording: GroupRecording,
-    found: IdentifiedGroup,
-) -> Share:
-    part = found.parts[k]
-    axis = part.effect.axis
-    beside = [
-        j for j, each in enumerate(found.parts) if j != k and each.effect.axis == axis
-    ]
-    return Share(
-        group=name,
-        others=tuple(found.parts[j].name for j in beside),
-        tables=tuple(
-            found.parts[j].name
-            for j in beside
-            if members[j].takes_constant and found.written[j]
-        ),
-        recording=recording,
-        fit=found.fit,
-        part=part,
-        constant=found.constant[k],
-        predicted=found.held_out[axis],
-        written=found.written[k],
-    )
-
-
 def _draft(job: Job, one: AbstractMember, share: Share) -> AbstractDraft:
-    if not share.written:
-        name = share.part.name
-        return LeftOutDraft(one.index, one.fit, one.lists, name, "", share)
+    if not share.group.written[share.number]:
+        return LeftOutDraft(one.index, one.fit, one.lists, "", share)
     try:
         return one.draft(job, share)
     except FitError as error:
-        name = share.part.name
-        return LeftOutDraft(one.index, one.fit, one.lists, name, str(error), share)
+        return LeftOutDraft(one.index, one.fit, one.lists, str(error), share)
     except ExchangeError as error:
         raise job.error(("fits", one.index), f"{one.name}: {error}") from None

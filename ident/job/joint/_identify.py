@@ -1,6 +1,7 @@
 """The joint fit of a group, and what readings left out say of it."""
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -26,26 +27,55 @@ class IdentifiedGroup:
     """A joint fit with its proof.
 
     Attributes:
+        name: Of the group in the job.
+        members: Its fits.
+        recording: What was measured.
         fit: The estimate; the parts of the members first, in their order.
-        parts: One per member.
-        helpers: What was fitted beside them and no list of the group holds.
-        written: Whether each member's part may be written.
-        constant: By member, what its table takes over of the axis's datum.
-        left_constant: By axis, the datum that no table of the group holds.
         held_out: Error less the whole sum as fitted without the reading, by axis.
     """
 
+    name: str
+    members: tuple[AbstractMember, ...]
+    recording: GroupRecording
     fit: JointFit
-    parts: tuple[Part, ...]
-    helpers: tuple[Part, ...]
-    written: tuple[bool, ...]
-    constant: tuple[float, ...]
-    left_constant: Mapping[str, float]
     held_out: Mapping[str, Float[np.ndarray, " t"]]
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """One per member."""
+        return self.fit.parts[: len(self.members)]
+
+    @property
+    def helpers(self) -> tuple[Part, ...]:
+        """What was fitted beside them and no list of the group holds."""
+        return self.fit.parts[len(self.members) :]
+
+    @functools.cached_property
+    def written(self) -> tuple[bool, ...]:
+        """Whether each member's part may be written."""
+        pairs = zip(self.members, self.parts, strict=True)
+        return tuple(one.may_be_written(part, self.fit) for one, part in pairs)
+
+    @functools.cached_property
+    def datum(self) -> tuple[tuple[float, ...], dict[str, float]]:
+        """By member what its table takes over of the axis's datum; by axis what is left."""
+        members = self.members
+        left = {axis: float(value) for axis, (value, _) in self.fit.datum.items()}
+        constant = [0.0] * len(members)
+        takers = [
+            k for k, m in enumerate(members) if m.takes_constant and self.written[k]
+        ]
+        for k in sorted(takers, key=lambda k: members[k].fit.kind.takes_constant or 0):
+            axis = members[k].axis
+            constant[k], left[axis] = left.get(axis, 0.0), 0.0
+        return tuple(constant), left
 
 
 def identify_group(
-    job: Job, members: Sequence[AbstractMember], recording: GroupRecording
+    job: Job,
+    name: str,
+    members: tuple[AbstractMember, ...],
+    recording: GroupRecording,
 ) -> IdentifiedGroup:
     """Fit all members together and hold readings out.
 
@@ -55,21 +85,7 @@ def identify_group(
     effects = _effects(job, members, recording)
     helpers = _helpers(members, recording)
     fit = _fit(members, recording, [*effects, *helpers])
-    count = len(effects)
-    parts = fit.parts[:count]
-    written = tuple(
-        one.may_be_written(part, fit) for one, part in zip(members, parts, strict=True)
-    )
-    constant, left = _datum(members, fit, written)
-    return IdentifiedGroup(
-        fit=fit,
-        parts=parts,
-        helpers=fit.parts[count:],
-        written=written,
-        constant=constant,
-        left_constant=left,
-        held_out=_held_out(recording, fit),
-    )
+    return IdentifiedGroup(name, members, recording, fit, _held_out(recording, fit))
 
 
 def _effects(
@@ -135,19 +151,6 @@ def _fit(
         smoothness=tables[0].smoothness if tables else "auto",
         drift=recording.drift,
     )
-
-
-def _datum(
-    members: Sequence[AbstractMember], fit: JointFit, written: Sequence[bool]
-) -> tuple[tuple[float, ...], dict[str, float]]:
-    """Return the constant of each axis where a table takes it, and what is left."""
-    left = {axis: float(value) for axis, (value, _) in fit.datum.items()}
-    constant = [0.0] * len(members)
-    takers = [k for k, one in enumerate(members) if one.takes_constant and written[k]]
-    for k in sorted(takers, key=lambda k: members[k].fit.kind.takes_constant or 0):
-        axis = members[k].axis
-        constant[k], left[axis] = left.get(axis, 0.0), 0.0
-    return tuple(constant), left
 
 
 def _held_out(

@@ -4,8 +4,8 @@ import dataclasses
 from typing import Any, final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
+from ...fit.joint import Part
 from ...proof import ErrorFigures, error_figures
 from .._draft import AbstractDraft, Written
 from .._result import AbstractResult, Remark
@@ -18,31 +18,18 @@ class LeftOutResult(AbstractResult):
     """A fit that nothing was written of.
 
     Attributes:
-        masters: Axes on which it depends.
-        sensors: Temperatures on which it depends.
-        labels: What each of its values is.
-        values: In the unit of the effect; sign of the error.
-        standard_deviation: Of the values; inf where the readings do not tell it.
-        support: Readings that touch each value.
-        determined: Whether the readings tell the value.
-        share: Information that is left of it beside the other effects, 0 to 1.
+        part: Its part of the joint fit; None where it was not fitted at all.
         noise: Of one reading.
     """
 
-    masters: tuple[str, ...]
-    sensors: tuple[str, ...]
-    labels: tuple[str, ...]
-    values: Float[np.ndarray, " p"]
-    standard_deviation: Float[np.ndarray, " p"]
-    support: Int[np.ndarray, " p"]
-    determined: Bool[np.ndarray, " p"]
-    share: float
+    part: Part | None
     noise: float
 
     @property
     def over(self) -> tuple[str, ...]:
         """Axes over whose positions it acts, where these are others than its own."""
-        return tuple(name for name in self.masters if name != self.axis)
+        masters = () if self.part is None else self.part.effect.masters
+        return tuple(name for name in masters if name != self.axis)
 
     @property
     def left_out(self) -> bool:
@@ -51,16 +38,23 @@ class LeftOutResult(AbstractResult):
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        told = np.where(self.determined, self.values, np.nan)
+        part = self.part
+        if part is None:
+            parameters: dict[str, Any] = {"labels": [], "error": []}
+        else:
+            told = np.where(part.determined, part.values, np.nan)
+            parameters = {"labels": list(part.labels), "error": told}
         return {
-            "masters": list(self.masters),
-            "sensors": list(self.sensors),
+            "masters": [] if part is None else list(part.effect.masters),
+            "sensors": [] if part is None else list(part.effect.sensor_names),
             "left_out": True,
-            "parameters": {"labels": list(self.labels), "error": told},
-            "standard_deviations": {"error": self.standard_deviation},
-            "support": self.support,
-            "determined": self.determined,
-            "share_of_information": self.share,
+            "parameters": parameters,
+            "standard_deviations": {
+                "error": [] if part is None else part.standard_deviation
+            },
+            "support": [] if part is None else part.support,
+            "determined": [] if part is None else part.determined,
+            "share_of_information": 0.0 if part is None else part.share,
             "noise": self.noise,
         }
 
@@ -71,12 +65,10 @@ class LeftOutDraft(AbstractDraft):
     """A fit that nothing is written of.
 
     Attributes:
-        name: Of the effect.
         why: In words; empty: what the readings do not tell is said.
         share: Its part of the joint fit; None where it was not fitted at all.
     """
 
-    name: str
     why: str = ""
     share: Share | None = None
 
@@ -85,49 +77,27 @@ class LeftOutDraft(AbstractDraft):
         return False
 
     @property
+    def name(self) -> str:
+        return self.fit.name if self.share is None else self.share.part.name
+
+    @property
     def needs(self) -> str:
         return ""
 
     def prove(self, done: Written) -> LeftOutResult:
         share = self.share
-        if share is None:
-            # There is nothing to say of it but why.
-            nothing = np.zeros(0)
-            own: dict[str, Any] = {
-                "masters": (),
-                "sensors": (),
-                "labels": (),
-                "values": nothing,
-                "standard_deviation": nothing,
-                "support": nothing.astype(np.int64),
-                "determined": nothing.astype(bool),
-                "share": 0.0,
-                "noise": np.nan,
-            }
-            figures, remarks = ErrorFigures(np.nan, np.nan), list[Remark]()
-        else:
-            part = share.part
-            own = {
-                "held_out": share.recording.held_out,
-                "masters": part.effect.masters,
-                "sensors": part.effect.sensor_names,
-                "labels": part.labels,
-                "values": part.values,
-                "standard_deviation": part.standard_deviation,
-                "support": part.support,
-                "determined": part.determined,
-                "share": part.share,
-                "noise": share.noise,
-            }
+        figures, remarks = ErrorFigures(np.nan, np.nan), list[Remark]()
+        if share is not None:
             figures = error_figures(share.error, wild=share.wild)
             remarks = share.remarks()
-        frame = self.frame(done) | {"conventions": ()}
         return LeftOutResult(
-            **frame,
-            **own,
+            **self.frame(done) | {"conventions": ()},
             error=dict.fromkeys(("before", "predicted", "from_file"), figures),
             remarks=(Remark.error(self._words()), *remarks, *done.files.remarks),
             files=(),
+            held_out="block" if share is None else share.recording.held_out,
+            part=None if share is None else share.part,
+            noise=np.nan if share is None else share.noise,
         )
 
     def _words(self) -> str:

@@ -8,10 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
-from ...kinds._keys import FitSpec
 from ...kinds._parts import group_of
 from ...readings import Tables
-from .._draft import AbstractDraft, AxisLists
+from .._draft import AbstractDraft, AbstractOfFit, AxisLists
 from .._load import Job
 from ._recording import GroupNeeds, GroupRecording
 from ._share import Share, lost
@@ -21,28 +20,8 @@ _MOST = 10_000
 
 
 @dataclasses.dataclass(frozen=True)
-class AbstractMember(abc.ABC):
-    """One fit of a group.
-
-    Attributes:
-        index: Of the fit in the job.
-        fit: Its specification.
-        lists: What the axis has already.
-    """
-
-    index: int
-    fit: FitSpec
-    lists: AxisLists
-
-    @property
-    def axis(self) -> str:
-        """The compensated axis."""
-        return self.fit.axis
-
-    @property
-    def name(self) -> str:
-        """Compensation and axis, for messages."""
-        return self.fit.name
+class AbstractMember(AbstractOfFit):
+    """One fit of a group."""
 
     @property
     def positions(self) -> tuple[str, ...]:

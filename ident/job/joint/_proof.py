@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...exchange import Motion
-from ...fit.joint import Gauge, Part
+from ...fit.joint import Gauge
 from ...proof.axis import added_beyond
 from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
@@ -16,9 +16,8 @@ from .._load import Job
 from .._result import Remark, staged
 from ._identify import IdentifiedGroup
 from ._left_out import LeftOutDraft
-from ._member import AbstractMember
 from ._recording import GroupRecording
-from ._result import AxisSum, EffectShare, Freedom, GroupResult, LostPair
+from ._result import AxisSum, EffectShare, GroupResult
 from ._share import Share, in_words, lost
 
 
@@ -27,20 +26,12 @@ class GroupDraft:
     """A fitted group.
 
     Attributes:
-        name: In the job.
-        members: Its fits.
-        recording: What was measured.
         found: The joint fit and its proof.
-        shares: What each member gets of it.
         drafts: One per member.
         unfit: Fits of the group that its readings tell nothing of, and were not fitted.
     """
 
-    name: str
-    members: tuple[AbstractMember, ...]
-    recording: GroupRecording
     found: IdentifiedGroup
-    shares: tuple[Share, ...]
     drafts: tuple[AbstractDraft, ...]
     unfit: tuple[LeftOutDraft, ...] = ()
 
@@ -51,23 +42,19 @@ class GroupDraft:
             job: The job.
             files: Lists by axis.
         """
-        fit, unfit = self.found.fit, [one.index for one in self.unfit]
+        found, fit, recording = self.found, self.found.fit, self.found.recording
         return GroupResult(
-            name=self.name,
-            fits=tuple(sorted([*(one.index for one in self.members), *unfit])),
-            effects=self._effects(),
+            name=found.name,
+            fits=tuple(sorted(one.index for one in (*self.drafts, *self.unfit))),
+            effects=tuple(self._effects()),
             freedoms=tuple(
-                Freedom(each.effects, each.sentence, self._rule(each))
-                for each in fit.gauges
+                dataclasses.replace(each, rule=self._rule(each)) for each in fit.gauges
             ),
-            lost=tuple(
-                LostPair(each.effects, each.parameters, each.correlation, each.sentence)
-                for each in fit.confusions
-            ),
+            lost=fit.confusions,
             axes=tuple(self._sum(job, files[axis]) for axis in fit.axes),
-            order=self.recording.order,
-            timed=self.recording.timed,
-            held_out=self.recording.held_out,
+            order=recording.order,
+            timed=recording.timed,
+            held_out=recording.held_out,
             converged=fit.converged,
             message=fit.message,
             remarks=tuple(self._remarks()),
@@ -76,86 +63,57 @@ class GroupDraft:
     def _rule(self, gauge: Gauge) -> str:
         """Return how a freedom was fixed, and where the lists have the datum."""
         rule = gauge.rule
-        for k, value in enumerate(self.found.constant):
-            part = self.found.parts[k]
+        for part, value in zip(self.found.parts, self.found.datum[0], strict=True):
             if value and f"datum of {part.effect.axis}" in gauge.effects:
                 rule += f" In the lists the {part.name} holds the datum."
         return rule
 
-    def _effects(self) -> tuple[EffectShare, ...]:
-        found = []
-        for k, (part, draft) in enumerate(
-            zip(self.found.parts, self.drafts, strict=True)
-        ):
-            missing = lost(part, self.found.fit)
-            found.append(
-                EffectShare(
-                    index=self.members[k].index,
-                    name=part.name,
-                    axis=part.effect.axis,
-                    compensation=part.effect.compensation,
-                    rms=_size(part),
-                    information=part.share,
-                    determined=not missing,
-                    written=draft.written,
-                    why=in_words(missing),
-                )
+    def _effects(self) -> Iterator[EffectShare]:
+        found = self.found
+        for draft, part in zip(self.drafts, found.parts, strict=True):
+            missing = lost(part, found.fit)
+            yield EffectShare.of(
+                draft.index, part, not missing, draft.written, in_words(missing)
             )
         for one in self.unfit:
-            found.append(
-                EffectShare(
-                    index=one.index,
-                    name=one.name,
-                    axis=one.axis,
-                    compensation=one.compensation,
-                    rms=0.0,
-                    information=0.0,
-                    determined=False,
-                    written=False,
-                    why=one.why,
-                )
+            nothing = (0.0, 0.0, False, False)
+            yield EffectShare(
+                one.index, one.name, one.axis, one.compensation, *nothing, one.why
             )
-        for part in self.found.helpers:
-            late = part.effect.compensation == "delay"
-            own = f"line of {part.effect.axis} over its own position"
-            found.append(
-                EffectShare(
-                    index=None,
-                    name=part.name if late else own,
-                    axis=part.effect.axis,
-                    compensation=part.effect.compensation,
-                    rms=_size(part),
-                    information=part.share,
-                    determined=part.known,
-                    written=False,
-                    why="the instrument's" if late else "no fit of the group holds it",
-                )
-            )
-        return tuple(found)
+        for part in found.helpers:
+            if part.effect.compensation == "delay":
+                yield EffectShare.of(None, part, part.known, False, "the instrument's")
+                continue
+            why = "no fit of the group holds it"
+            name = f"line of {part.effect.axis} over its own position"
+            share = EffectShare.of(None, part, part.known, False, why)
+            yield dataclasses.replace(share, name=name)
 
     def _sum(self, job: Job, files: AxisFiles) -> AxisSum:
-        axis, fit, found = files.axis, self.found.fit, self.found
-        mine = [k for k, one in enumerate(self.members) if one.axis == axis]
-        rows = np.flatnonzero(self.shares[mine[0]].rows)
-        error = self.recording.data.error[axis][rows]
-        if self.recording.drifting:
-            data = self.recording.data
+        axis, found, recording = files.axis, self.found, self.found.recording
+        fit, data = found.fit, recording.data
+        mine = [k for k, one in enumerate(found.members) if one.axis == axis]
+        rows = np.flatnonzero(Share(found, mine[0]).rows)
+        error = data.error[axis][rows]
+        if recording.drifting:
             drift = fit.predict(data, runs=True)[axis] - fit.predict(data)[axis]
             error = error - drift[rows]
-        helpers = [part for part in found.helpers if part.effect.axis == axis]
-        for part in helpers:
+        predicted = found.held_out[axis][rows].copy()
+        unwritten = [found.parts[k] for k in mine if not self.drafts[k].written]
+        for part in found.helpers:
+            if part.effect.axis != axis:
+                continue
             if part.effect.compensation == "delay":
                 error = error - part.contribution[rows]
-        predicted = found.held_out[axis][rows].copy()
-        unwritten = [found.parts[k] for k in mine if not self.drafts[k].written] + [
-            part for part in helpers if part.effect.compensation != "delay"
-        ]
+            else:
+                unwritten.append(part)
         for part in unwritten:
             predicted += part.contribution[rows]
         own = [self.drafts[k] for k in mine]
-        from_file = error + added_by_files(job, files, own, self.recording, rows)
+        from_file = error + added_by_files(job, files, own, recording, rows)
         wild = np.asarray(fit.wild[axis][rows])
-        if not any(found.constant[k] for k in mine):
+        constant, left = found.datum
+        if not any(constant[k] for k in mine):
             # No list takes a constant away: what is left is judged about its middle.
             error, predicted, from_file = (
                 each - float(np.median(each)) for each in (error, predicted, from_file)
@@ -165,7 +123,7 @@ class GroupDraft:
             axis=axis,
             unit="mm" if linear else "deg",
             noise=float(fit.noise[axis]),
-            datum=found.left_constant[axis],
+            datum=left[axis],
             error=staged(error, predicted, from_file, wild),
             rows=rows,
             before=error,
@@ -176,32 +134,32 @@ class GroupDraft:
         )
 
     def _remarks(self) -> Iterator[Remark]:
-        fit = self.found.fit
-        yield from [Remark.info(words) for words in _unique(self.recording.remarks)]
+        found, fit = self.found, self.found.fit
+        words = dict.fromkeys(each.message for each in found.recording.remarks)
+        yield from map(Remark.info, words)
         if not fit.converged:
             yield Remark.warning(fit.message)
+        names = {part.name for part in found.parts}
+        fine = {part.name for part in found.parts if not lost(part, fit)}
         left_out = {
-            share.part.name
-            for share, draft in zip(self.shares, self.drafts, strict=True)
+            part.name
+            for part, draft in zip(found.parts, self.drafts, strict=True)
             if isinstance(draft, LeftOutDraft)
         }
-        fine = {
-            part.name for part in self.found.parts if not lost(part, self.found.fit)
-        }
         for each in fit.confusions:
-            own = {part.name for part in self.found.parts} & set(each.effects)
+            own = names & set(each.effects)
             if own <= fine:
                 # Only values that hardly any reading reaches: the prior fills them.
                 yield Remark.info(each.sentence)
             elif not left_out & own:
                 yield Remark.error(each.sentence)
-        for axis, value in self.found.left_constant.items():
+        for axis, value in found.datum[1].items():
             if value:
                 yield Remark.info(
                     f"A constant error of {axis} stands in no list of this group:"
                     " figures of the sum are about their middle."
                 )
-        for part in self.found.helpers:
+        for part in found.helpers:
             if part.effect.compensation == "delay":
                 continue
             yield Remark.info(
@@ -209,15 +167,6 @@ class GroupDraft:
                 " fitted beside the group: it belongs to a leadscrew, and no list of"
                 " this group holds it."
             )
-
-
-def _unique(remarks: Sequence[Remark]) -> list[str]:
-    return list(dict.fromkeys(each.message for each in remarks))
-
-
-def _size(part: Part) -> float:
-    known = part.contribution[np.isfinite(part.contribution)]
-    return float(np.std(known)) if known.size else 0.0
 
 
 def added_by_files(
@@ -239,10 +188,9 @@ def added_by_files(
         recording: What was measured.
         rows: Readings of it that count.
     """
-    lists, source = drafts[0].lists, drafts[0].fit.sources[0]
-    before = acting_before(job, files.axis, lists)
-    after = acting_after(job, files.axis, lists, files, drafts)
-    active = job.spec.measurements[source].active
+    before = acting_before(job, files.axis, files.existing)
+    after = acting_after(job, files)
+    active = job.spec.measurements[drafts[0].fit.sources[0]].active
     motion = _motion(job, drafts, recording, rows)
     own = {draft.compensation for draft in drafts} | set(active)
     added = added_beyond(after, before, active, motion)

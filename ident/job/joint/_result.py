@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...fit import RunEffect
+from ...fit.joint import Confusion, Gauge, Part
 from ...proof import ErrorFigures
 from .._result import Remark
 
@@ -38,37 +39,23 @@ class EffectShare:
     written: bool
     why: str = ""
 
-
-@dataclasses.dataclass(frozen=True)
-class Freedom:
-    """What may be moved between effects without changing their sum.
-
-    Attributes:
-        effects: Between which.
-        sentence: In words.
-        rule: How it was fixed.
-    """
-
-    effects: tuple[str, ...]
-    sentence: str
-    rule: str
-
-
-@dataclasses.dataclass(frozen=True)
-class LostPair:
-    """What these readings cannot tell apart.
-
-    Attributes:
-        effects: Names.
-        parameters: What is lost, in words.
-        correlation: Of what the two do to the readings, −1 to 1.
-        sentence: What it is, and what to measure.
-    """
-
-    effects: tuple[str, ...]
-    parameters: tuple[str, ...]
-    correlation: float
-    sentence: str
+    @classmethod
+    def of(
+        cls, index: int | None, part: Part, determined: bool, written: bool, why: str
+    ) -> "EffectShare":
+        """Return how much a part of the joint fit is."""
+        known = part.contribution[np.isfinite(part.contribution)]
+        return cls(
+            index=index,
+            name=part.name,
+            axis=part.effect.axis,
+            compensation=part.effect.compensation,
+            rms=float(np.std(known)) if known.size else 0.0,
+            information=part.share,
+            determined=determined,
+            written=written,
+            why=why,
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,8 +111,8 @@ class GroupResult:
     name: str
     fits: tuple[int, ...]
     effects: tuple[EffectShare, ...]
-    freedoms: tuple[Freedom, ...]
-    lost: tuple[LostPair, ...]
+    freedoms: tuple[Gauge, ...]
+    lost: tuple[Confusion, ...]
     axes: tuple[AxisSum, ...]
     order: Float[np.ndarray, " t"]
     timed: bool
@@ -138,10 +125,10 @@ class GroupResult:
         """Return what result.json says of the group."""
         return {
             "name": self.name,
-            "fits": list(self.fits),
-            "effects": [vars(effect) for effect in self.effects],
-            "gauges": [vars(freedom) for freedom in self.freedoms],
-            "confusions": [vars(pair) for pair in self.lost],
+            "fits": self.fits,
+            "effects": self.effects,
+            "gauges": self.freedoms,
+            "confusions": self.lost,
             "axes": {
                 one.axis: {
                     "unit": one.unit,
@@ -150,12 +137,12 @@ class GroupResult:
                     "readings": len(one.rows),
                     "wild": int(np.sum(one.wild)),
                     "error": {key: each.as_tree() for key, each in one.error.items()},
-                    "runs": [vars(run) for run in one.runs],
+                    "runs": one.runs,
                 }
                 for one in self.axes
             },
             "held_out": self.held_out,
             "converged": self.converged,
             "message": self.message,
-            "remarks": [vars(remark) for remark in self.remarks],
+            "remarks": self.remarks,
         }

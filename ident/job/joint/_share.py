@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -9,6 +10,9 @@ from jaxtyping import Bool, Float
 from ...fit.joint import JointFit, Part
 from .._result import Remark
 from ._recording import GroupRecording
+
+if TYPE_CHECKING:
+    from ._identify import IdentifiedGroup
 
 TOGETHER = "Identified "
 """How the remark begins that says with what a fit was identified."""
@@ -19,26 +23,55 @@ class Share:
     """One part of a joint fit with the readings that show it.
 
     Attributes:
-        group: Name of the group.
-        others: Names of the other effects on the same axis.
-        recording: What was measured.
-        fit: The joint fit.
-        part: The part.
-        tables: Names of those of them that are tables and are written.
-        constant: In mm or °, what its table takes over of the axis's datum.
-        predicted: Error of each reading less the whole sum as fitted without it.
-        written: Whether the data tell it, so that it may be written.
+        group: The joint fit with its proof.
+        number: Of the member.
     """
 
-    group: str
-    others: tuple[str, ...]
-    tables: tuple[str, ...]
-    recording: GroupRecording
-    fit: JointFit
-    part: Part
-    constant: float
-    predicted: Float[np.ndarray, " t"]
-    written: bool
+    group: "IdentifiedGroup"
+    number: int
+
+    @property
+    def recording(self) -> GroupRecording:
+        """What was measured."""
+        return self.group.recording
+
+    @property
+    def fit(self) -> JointFit:
+        """The joint fit."""
+        return self.group.fit
+
+    @property
+    def part(self) -> Part:
+        """The part."""
+        return self.fit.parts[self.number]
+
+    @property
+    def constant(self) -> float:
+        """In mm or °, what its table takes over of the axis's datum."""
+        return self.group.datum[0][self.number]
+
+    @property
+    def predicted(self) -> Float[np.ndarray, " t"]:
+        """Error of each reading less the whole sum as fitted without it."""
+        return self.group.held_out[self.axis]
+
+    @property
+    def beside(self) -> tuple[int, ...]:
+        """Numbers of the other members on the same axis."""
+        axes = [part.effect.axis for part in self.group.parts]
+        return tuple(
+            k for k, own in enumerate(axes) if own == self.axis and k != self.number
+        )
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of those of them that are tables and are written."""
+        group = self.group
+        return tuple(
+            group.parts[k].name
+            for k in self.beside
+            if group.members[k].takes_constant and group.written[k]
+        )
 
     @property
     def axis(self) -> str:
@@ -105,13 +138,14 @@ class Share:
 
     def remarks(self) -> list[Remark]:
         """Return what was taken for granted, and what the figures of this fit are."""
-        beside = ", ".join(self.others)
+        group = self.group.name
+        beside = ", ".join(self.group.parts[k].name for k in self.beside)
         words = (
-            f"{TOGETHER}together with {beside} (group {self.group!r}): the error before"
+            f"{TOGETHER}together with {beside} (group {group!r}): the error before"
             " is what these leave of the readings, and what is predicted or left from"
             " the file is the rest of the whole sum."
             if beside
-            else f"{TOGETHER}in group {self.group!r}, alone on {self.axis}."
+            else f"{TOGETHER}in group {group!r}, alone on {self.axis}."
         )
         return [Remark.info(words), *self.recording.remarks]
 

@@ -14,7 +14,6 @@ from ...kinds._keys import TableSpec
 from ...proof import HeldOut
 from ...readings import Tables
 from .._draft import AxisLists
-from .._fitting import Fitted
 from .._load import Job
 from .._plan import Plan, plan_fit
 from .._readings import Readings
@@ -68,62 +67,47 @@ class AbstractTableMember(AbstractMember):
         return self.table_effect()
 
     def draft(self, job: Job, share: Share) -> TableDraft:
-        plan, table = self.plan, self.plan.table
-        part, rows = share.part, share.rows
+        plan, recording, rows = self.plan, share.recording, share.rows
         positions = np.stack(
             [share.column("position", name) for name in self.fit.over], axis=1
         )
-        direction, branch = None, None
-        if table.branches == 2:
+        direction = None
+        if plan.table.branches == 2:
             direction = share.column("direction", self.axis).astype(np.int64)
-            branch = (direction < 0).astype(np.int64)
-        run = share.recording.data.run
-        run = None if run is None else run[rows]
+        run = None if recording.data.run is None else recording.data.run[rows]
         readings = Readings(
             positions=positions,
             error=share.error,
             direction=direction,
             run=run,
-            order=share.recording.order[rows],
+            order=recording.order[rows],
             place=None,
             datum=None,
             slices=share.slices(),
             repeated=run is not None,
             remarks=tuple(share.remarks()),
-            timed=share.recording.timed,
+            timed=recording.timed,
         )
-        samples = Samples(
-            positions=positions, error=share.error, branch=branch, run=run
-        )
-        fit = self._table_fit(share, part)
+        fit = self._table_fit(share, share.part)
         refuse_unowned_trend(job, plan, fit)
-        old = plan.old_offset if plan.active else None
-        exact = -fit.values if old is None else old - fit.values
-        active = np.zeros(len(share.error))
-        if plan.active and plan.old is not None:
-            active = table.offset(plan.old, positions, branch)
-        integers = table.to_integers(exact)
         spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
         return TableDraft(
             self.index,
             self.fit,
             self.lists,
-            Fitted(
-                plan=plan,
-                readings=readings,
-                samples=samples,
-                fit=fit,
-                before=share.error,
-                active=active,
-                integers=integers,
-                rounding=float(np.max(np.abs(table.to_offsets(integers) - exact))),
-                held_out=HeldOut(
-                    residual=share.predicted[rows],
-                    standard_deviation=np.full(len(share.error), spread),
-                    groups=share.recording.fold[rows],
-                    by_run=share.recording.by_run,
-                ),
-                run_effects="offset" if share.fit.runs.get(self.axis) else "none",
+            plan=plan,
+            estimate=fit,
+            run_effects="offset" if share.fit.runs.get(self.axis) else "none",
+            readings=readings,
+            samples=Samples(
+                positions, share.error, branch=plan.branch(direction), run=run
+            ),
+            before=share.error,
+            held_out=HeldOut(
+                residual=share.predicted[rows],
+                standard_deviation=np.full(len(share.error), spread),
+                groups=recording.fold[rows],
+                by_run=recording.by_run,
             ),
         )
 

@@ -1,7 +1,7 @@
 """A plane as a job handles it: one of the tables."""
 
+from ...job._fitting import plan_table as plan
 from ...job._load import Job
-from ...job._table_draft import plan_table as plan
 from .entries import PlaneTable
 from .keys import Spec
 
