@@ -16,6 +16,7 @@ from ._predict import (
     leave_out as leave_out,
     predict as predict,
     spatial_blocks as spatial_blocks,
+    zeroed as zeroed,
 )
 from ._stream import (
     AbstractPass as AbstractPass,

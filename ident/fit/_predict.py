@@ -1,5 +1,6 @@
 """What a fitted table says elsewhere, and what it says without some of its readings."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 
 import jax.numpy as jnp
@@ -36,7 +37,17 @@ def predict(
     Raises:
         FitError: If a table with two directions is asked without any.
     """
-    layout = fit.layout
+    nodes, shares = _design(fit.layout, positions, branch)
+    values = fit.layout.effect.to_values(fit.values)
+    mean = np.einsum("tk,tk->t", shares, values[nodes])
+    return mean, np.sqrt(fit.covariance.variance(nodes, shares))
+
+
+def _design(
+    layout: TableLayout,
+    positions: Float[np.ndarray, "t d"],
+    branch: Int[np.ndarray, " t"] | None,
+) -> tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]:
     if layout.branches == 2 and branch is None:
         msg = (
             "a table with two directions says something else in each: "
@@ -44,10 +55,43 @@ def predict(
         )
         raise FitError(msg)
     samples = Samples(positions, np.zeros(len(positions)), branch)
-    nodes, shares = layout.effect.design(samples.readings)
-    values = fit.layout.effect.to_values(fit.values)
-    mean = np.einsum("tk,tk->t", shares, values[nodes])
-    return mean, np.sqrt(fit.covariance.variance(nodes, shares))
+    return layout.effect.design(samples.readings)
+
+
+def zeroed(
+    fit: TableFit,
+    positions: Float[np.ndarray, "t d"],
+    branch: Int[np.ndarray, " t"] | None = None,
+) -> tuple[float, TableFit]:
+    """Return the mean of what a table says at positions, and the table less that.
+
+    The standard deviations of its values are those of the differences: what the readings do
+    not tell of the zero is the same doubt everywhere but at these positions.
+
+    Args:
+        fit: By `fit_table` or `fit_streamed`, all its readings.
+        positions: As for `predict`.
+        branch: As for `predict`.
+
+    Raises:
+        FitError: As `predict`.
+    """
+    effect = fit.layout.effect
+    nodes, shares = _design(fit.layout, positions, branch)
+    row = np.zeros(effect.size)
+    np.add.at(row, nodes, shares / len(positions))
+    zero = float(row @ effect.to_values(fit.values))
+    assert fit.estimate is not None  # only folds have none
+    posterior = fit.estimate.posterior
+    here = posterior.problem.stack.here(0)
+    unknowns = np.zeros(len(posterior.values))
+    unknowns[here] = row
+    shared = fit.variance * posterior.factor.solve(unknowns)[here]
+    gain = effect.to_table(row @ shared - 2.0 * shared)
+    deviation = np.sqrt(np.maximum(np.square(fit.standard_deviation) + gain, 0.0))
+    return zero, dataclasses.replace(
+        fit, values=fit.values - zero, standard_deviation=deviation
+    )
 
 
 def deviations(

@@ -150,6 +150,7 @@ def result_of(
         covariance=post.covariance(table.offsets).scaled(variance),
         converged=found.converged,
         message=found.message(count, judged),
+        variance=variance,
         estimate=found,
     )
 

@@ -107,7 +107,7 @@ def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
         if not suit([nodes.positions for nodes in table.nodes], places):
             words += f" Nodes that suit these readings: {grid_words(places)}."
         readings = readings.with_remark(Remark.warning(words))
-    zero = plan.zero(fit)
+    zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     late = _late(table, samples, readings.late)
@@ -117,9 +117,8 @@ def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
         plan.lists,
         plan=plan,
         estimate=dataclasses.replace(
-            fit,
-            values=fit.values - zero,
-            standard_deviation=np.hypot(fit.standard_deviation, late),
+            estimate,
+            standard_deviation=np.hypot(estimate.standard_deviation, late),
         ),
         run_effects=effects,
         readings=readings,

@@ -15,7 +15,7 @@ from ..exchange import (
     Model,
     refuse_lost_nodes,
 )
-from ..fit import TableFit, predict
+from ..fit import TableFit, predict, zeroed
 from ..kinds import kinds
 from ..kinds._keys import FitSpec, TableSpec
 from ..readings import Tables
@@ -61,14 +61,25 @@ class Plan:
         """Where the error is zero, per master, or None."""
         return datum_of(self.job, self.index, self.fit)
 
-    def zero(self, estimate: TableFit) -> float:
-        """Return what a table says at the datum, the mean of both directions, in mm or °.
+    def zeroed(self, estimate: TableFit) -> tuple[float, TableFit]:
+        """Return what a table says at the datum, the mean of both directions, and it less that.
 
         Raises:
             JobError: If the datum lies outside the table.
         """
+        at = self._at_datum()
+        return (0.0, estimate) if at is None else zeroed(estimate, *at)
+
+    def _zero(self, estimate: TableFit) -> float:
+        at = self._at_datum()
+        return 0.0 if at is None else float(np.mean(predict(estimate, *at)[0]))
+
+    def _at_datum(
+        self,
+    ) -> tuple[Float[np.ndarray, "b d"], Int[np.ndarray, " b"] | None] | None:
+        """Return the datum in every direction, and the direction."""
         if self.datum is None:
-            return 0.0
+            return None
         for place, nodes in zip(self.datum, self.table.nodes, strict=True):
             ends = nodes.positions[[0, -1]]
             if not ends[0] <= place <= ends[1]:
@@ -79,8 +90,7 @@ class Plan:
                 )
         count = self.table.branches
         where = np.tile(np.array([self.datum]), (count, 1))
-        branch = np.arange(count) if count == 2 else None
-        return float(np.mean(predict(estimate, where, branch)[0]))
+        return where, np.arange(count) if count == 2 else None
 
     def offset(self, residual: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """Return the offset at the nodes that a residual there asks for, in mm or °."""
@@ -89,7 +99,7 @@ class Plan:
 
     def integers(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
         """Return the entries of the lists of several estimates."""
-        wanted = [self.offset(one.values - self.zero(one)) for one in estimates]
+        wanted = [self.offset(one.values - self._zero(one)) for one in estimates]
         return self.table.to_integers(np.stack(wanted))
 
     def branch(

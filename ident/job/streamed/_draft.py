@@ -137,13 +137,13 @@ def fit_log(plan: Plan, readings: LogReadings) -> StreamedDraft:
         smoothness=spec.smoothness,
         loss=spec.loss,
     )
-    zero = plan.zero(found.fit)
+    zero, estimate = plan.zeroed(found.fit)
     return StreamedDraft(
         plan.index,
         spec,
         plan.lists,
         plan=plan,
-        estimate=dataclasses.replace(found.fit, values=found.fit.values - zero),
+        estimate=estimate,
         run_effects="none",
         readings=readings,
         found=found,
