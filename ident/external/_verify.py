@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ...data.measurements import EXTERNAL_LOG, ControllerLog
-from ...models import Conventions, ExternalCompensation, OffsetStack
+from ...models import Conventions, OffsetStack
 from ..exchange import (
     ExchangeError,
     Increments,
@@ -101,14 +101,17 @@ def verify_snapshot(
     Raises:
         ExchangeError: If a list makes no table, or there are more axes than values.
     """
-    numbers, law = _law(lists, conventions, increment, modulo)
-    count = len(numbers)
-    if count > len(snapshot.positions):
+    numbers = _numbers(lists, conventions)
+    if len(numbers) > len(snapshot.positions):
         raise ExchangeError(
             where="diagdata",
             found=f"{len(snapshot.positions)} axes",
-            expected=f"at least the {count} that the lists name",
+            expected=f"at least the {len(numbers)} that the lists name",
         )
+    law = external_from_lists(
+        lists, conventions, increment, axes=numbers, modulo=modulo
+    )
+    count = len(numbers)
     wanted = np.asarray(law.offsets(snapshot.positions[None, :count]))
     idle = [name for name, value in snapshot.flags.items() if value != 1]
     return tuple(
@@ -145,7 +148,10 @@ def verify_external(
     # Recordings of all objects hold zeros where no external compensation is.
     if not any(one.values.any() for one in columns):
         return (), without
-    numbers, law = _law(lists, conventions, increment, modulo)
+    numbers = _numbers(lists, conventions)
+    law = external_from_lists(
+        lists, conventions, increment, axes=numbers, modulo=modulo
+    )
     stack = law.law
     assert isinstance(stack, OffsetStack)
     masters = {column for part in stack.parts for column in part.masters}
@@ -170,19 +176,9 @@ def verify_external(
     return tuple(verdicts), without
 
 
-def _law(
-    lists: Sequence[ListFile],
-    conventions: Conventions,
-    increment: Increments,
-    modulo: Ranges | None,
-) -> tuple[tuple[int, ...], ExternalCompensation]:
-    """Return the axes that lists name, and what their tables add to their positions."""
+def _numbers(lists: Sequence[ListFile], conventions: Conventions) -> tuple[int, ...]:
     machine = machine_lists(lists)
-    numbers = axes_in_use(machine.in_use(conventions), machine)
-    law = external_from_lists(
-        lists, conventions, increment, axes=numbers, modulo=modulo
-    )
-    return numbers, law
+    return axes_in_use(machine.in_use(conventions), machine)
 
 
 def _judged(
