@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
-from axcomp.ident.exchange import external_axis_from_list, startup_from_list
+from axcomp.ident.exchange import EXTERNAL, external_axis_from_list
 from axcomp.ident.external import OffsetLaw
 
 from .conftest import UNITS, Built, compiled
@@ -109,7 +109,7 @@ def test_limits_let_the_model_through_and_little_else(built: Built) -> None:
         assert external_axis_from_list(listing) == limit
         assert largest[axis] < limit.warning <= 1.1 * largest[axis] + 2.1e-4
         assert limit.warning < limit.error <= 1.5 * largest[axis] + 1.2e-3
-    assert startup_from_list(ListFile.read(built.folder / "hochlauf.add.lis")).external
+    assert ListFile.read(built.folder / "hochlauf.add.lis").boolean(EXTERNAL)
 
 
 def test_accelerations_of_a_motion_stay_below_the_limit(built: Built) -> None:
