@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ...data.measurements import EXTERNAL_LOG, ControllerLog
-from ...models import ExternalCompensation, OffsetStack
+from ...models import Conventions, OffsetStack
 from ..exchange import (
     ExchangeError,
     Reading,
@@ -95,14 +95,15 @@ def verify_snapshot(
     Raises:
         ExchangeError: If a list makes no table, or there are more axes than values.
     """
-    numbers, law = _law(lists, reading)
-    count = len(numbers)
-    if count > len(snapshot.positions):
+    numbers = _numbers(lists, reading.conventions)
+    if len(numbers) > len(snapshot.positions):
         raise ExchangeError(
             where="diagdata",
             found=f"{len(snapshot.positions)} axes",
-            expected=f"at least the {count} that the lists name",
+            expected=f"at least the {len(numbers)} that the lists name",
         )
+    law = external_from_lists(lists, reading, axes=numbers)
+    count = len(numbers)
     wanted = np.asarray(law.offsets(snapshot.positions[None, :count]))
     idle = [name for name, value in snapshot.flags.items() if value != 1]
     return tuple(
@@ -134,7 +135,8 @@ def verify_external(
     # Recordings of all objects hold zeros where no external compensation is.
     if not any(one.values.any() for one in columns):
         return (), without
-    numbers, law = _law(lists, reading)
+    numbers = _numbers(lists, reading.conventions)
+    law = external_from_lists(lists, reading, axes=numbers)
     stack = law.law
     assert isinstance(stack, OffsetStack)
     masters = {column for part in stack.parts for column in part.masters}
@@ -159,13 +161,9 @@ def verify_external(
     return tuple(verdicts), without
 
 
-def _law(
-    lists: Sequence[ListFile], reading: Reading
-) -> tuple[tuple[int, ...], ExternalCompensation]:
-    """Return the axes that lists name, and what their tables add to their positions."""
+def _numbers(lists: Sequence[ListFile], conventions: Conventions) -> tuple[int, ...]:
     machine = machine_lists(lists)
-    numbers = axes_in_use(machine.in_use(reading.conventions), machine)
-    return numbers, external_from_lists(lists, reading, axes=numbers)
+    return axes_in_use(machine.in_use(conventions), machine)
 
 
 def _judged(
