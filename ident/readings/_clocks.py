@@ -52,7 +52,7 @@ class ClockState:
 
 @dataclasses.dataclass(frozen=True)
 class Offset:
-    """An offset between two clocks, or why there is none.
+    """An offset between two clocks.
 
     Attributes:
         seconds: First clock − other clock.
