@@ -143,12 +143,9 @@ if TYPE_CHECKING:
         entries_of_plane as entries_of_plane,
         plane_from_list as plane_from_list,
     )
-    from ..kinds.temperature._plc_table import (
-        read_temperature_table as read_temperature_table,
-        temperature_line as temperature_line,
-    )
     from ..kinds.temperature.entries import (
         entries_of_temperature as entries_of_temperature,
+        read_temperature_table as read_temperature_table,
         temperature_from_list as temperature_from_list,
     )
 
@@ -167,8 +164,9 @@ _OF_KINDS = {
         "LeadscrewTable", "entries_of_leadscrew", "leadscrew_from_list",
     ),
     "plane.entries": ("PlaneTable", "entries_of_plane", "plane_from_list"),
-    "temperature._plc_table": ("read_temperature_table", "temperature_line"),
-    "temperature.entries": ("entries_of_temperature", "temperature_from_list"),
+    "temperature.entries": (
+        "entries_of_temperature", "read_temperature_table", "temperature_from_list",
+    ),
 }  # fmt: skip
 
 __getattr__ = importer(

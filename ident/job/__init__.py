@@ -67,8 +67,6 @@ if TYPE_CHECKING:
     from ..kinds.backlash._result import BacklashResult as BacklashResult
     from ..kinds.crosstalk._result import (
         CrosstalkResult as CrosstalkResult,
-        CrosstalkView as CrosstalkView,
-        EventCourse as EventCourse,
     )
     from ..kinds.friction._result import (
         FrictionResult as FrictionResult,
@@ -122,9 +120,7 @@ _HOMES = {
     "AxisSum": "joint",
     "BacklashResult": ".kinds.backlash._result",
     "CrosstalkResult": ".kinds.crosstalk._result",
-    "CrosstalkView": ".kinds.crosstalk._result",
     "EffectShare": "joint",
-    "EventCourse": ".kinds.crosstalk._result",
     "Freedom": "joint",
     "FrictionResult": ".kinds.friction._result",
     "FrictionView": ".kinds.friction._result",

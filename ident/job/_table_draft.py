@@ -26,7 +26,7 @@ from ._trend import refuse_unowned_trend
 from .streamed import StreamedFitted, fit_log_plan, in_pieces, prove_streamed
 
 
-def plan_table(
+def plan(
     job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
 ) -> Planned:
     """Plan a table fit; what it returns fits it.

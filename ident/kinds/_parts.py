@@ -8,6 +8,8 @@ A folder ``kinds/<name>/`` has these modules, each imported on first use:
 * ``group`` (`GroupPart`): a fit of a group, from its effect to the same draft.
 * ``page`` (`PagePart`): what the report shows of its result.
 
+A table (`Kind.table`) needs no ``job`` and no ``page``: all tables share theirs.
+
 A draft (`AbstractDraft`) is what a job writes, judges and proves; it makes the result
 (`AbstractResult`) that stands in ``result.json`` and in the report.
 """
@@ -18,7 +20,6 @@ from . import kind
 from ._keys import FitSpec
 
 if TYPE_CHECKING:
-    from ..exchange import AbstractTable
     from ..job._draft import AxisLists, Planned
     from ..job._load import Job
     from ..job._source import Tables
@@ -60,15 +61,6 @@ class SinglePart(Protocol):
 
 
 @runtime_checkable
-class TablePart(SinglePart, Protocol):
-    """The module ``job`` of a compensation that is a table."""
-
-    def empty_table(self, job: "Job", fit: Any) -> "AbstractTable":
-        """Return the table that a fit writes, its nodes not yet known."""
-        ...
-
-
-@runtime_checkable
 class GroupPart(Protocol):
     """The module ``group`` of a compensation."""
 
@@ -100,12 +92,11 @@ def keys_of(name: str) -> type[FitSpec]:
 
 def single_of(name: str) -> SinglePart:
     """Return how a fit of a compensation is planned that stands alone."""
+    if kind(name).table:
+        from ..job import _table_draft
+
+        return _table_draft
     return cast(SinglePart, kind(name).part("job"))
-
-
-def table_of(name: str) -> TablePart:
-    """Return how a fit of a table is planned."""
-    return cast(TablePart, kind(name).part("job"))
 
 
 def group_of(name: str) -> GroupPart:
@@ -115,4 +106,8 @@ def group_of(name: str) -> GroupPart:
 
 def page_of(name: str) -> PagePart:
     """Return how the report shows a compensation."""
+    if kind(name).table:
+        from ..report import _table_body
+
+        return _table_body
     return cast(PagePart, kind(name).part("page"))

@@ -23,7 +23,7 @@ from ..exchange._units import ModelUnit
 from ._kind import Kind
 
 if TYPE_CHECKING:
-    pass
+    from ..exchange._table import AbstractTable
 
 Axes = tuple[int, ...]
 """Logical numbers of axes, or their columns."""
@@ -41,6 +41,7 @@ class AbstractEntries(abc.ABC):
             beginnings.
         comes_last: It may look up the position with what the others add.
         columns: Columns of its table in a list; none: it is no table.
+        table: What a fit of a table writes; None: it is no table.
         coupled: The controller takes it as `Coupled`: with other axes, or with cycles.
     """
 
@@ -51,6 +52,7 @@ class AbstractEntries(abc.ABC):
     stale: tuple[str, ...] = ("table[",)
     comes_last: bool = False
     columns: tuple[str, ...] = ()
+    table: "type[AbstractTable] | None" = None
     coupled: bool = True
 
     # ------------------------------------------------------------------ where it stands

@@ -397,9 +397,10 @@ def test_result_and_report_say_what_was_found(tmp_path: Path) -> None:
     text = page.read_text()
     assert "NaN" not in text
     assert "The structure follows frame with" in text
+    assert "Readings left out are predicted within" in text
     assert "Take temperature_X.st into the PLC project" in text
     assert [plot.name.split("-")[-1] for plot in plots] == [
-        "lines.svg", "time.svg", "law.svg", "scores.svg",
+        "lines.svg", "time.svg", "law.svg",
     ]  # fmt: skip
 
 

@@ -144,6 +144,7 @@ class CrossEntries(AbstractEntries):
     models = (Cross,)
     value = f"{PREFIX}.table[].correction"
     columns = ("correction",)
+    table = CrossTable
 
     def is_in(self, listing: ListFile) -> bool:
         return bool(listing.table(PREFIX, "setpoint"))

@@ -17,7 +17,7 @@ from ...exchange import (
 from ...fit import FitError
 from ...job._load import Job
 from ...job._plan import was_active
-from ._gate import four_offsets
+from ._gate import four_offsets, rates_of
 from .effect import CrosstalkFit
 from .keys import Spec
 
@@ -32,57 +32,10 @@ class Existing:
     Attributes:
         model: As the controller runs it.
         masters: Logical numbers: the axis that accelerates, then adaptation axes.
-        by_speed: Rule by which it tells acceleration from deceleration.
     """
 
     model: Crosstalk | LegacyCrosstalk
     masters: tuple[int, ...]
-    by_speed: bool
-
-    @property
-    def rates(self) -> tuple[float, float]:
-        """Specified acceleration and deceleration in mm/s²."""
-        assert isinstance(self.model, Crosstalk)  # `active_in` has seen to it
-        return float(self.model.acceleration), float(self.model.deceleration)
-
-    @property
-    def points(self) -> Float[np.ndarray, "p k"]:
-        """Where its tests stand, in mm."""
-        assert isinstance(self.model, Crosstalk)
-        return np.asarray(self.model.surface.points, dtype=float)
-
-    def holds(self, points: Float[np.ndarray, "q k"]) -> np.ndarray:
-        """Return which of these places are tests of the list."""
-        apart = np.abs(points[:, None, :] - self.points[None, :, :])
-        return np.asarray((apart <= _SAME).all(axis=-1).any(axis=-1))
-
-    def points_with(
-        self, wished: Float[np.ndarray, "q k"] | None
-    ) -> Float[np.ndarray, "q k"]:
-        """Return the tests of the new list: those of this one, or more.
-
-        Raises:
-            FitError: If the wished ones lack one of these.
-        """
-        if wished is None:
-            return self.points
-        if wished.shape[1] == self.points.shape[1]:
-            apart = np.abs(self.points[:, None, :] - wished[None, :, :])
-            if (apart <= _SAME).all(axis=-1).any(axis=-1).all():
-                return wished
-        msg = (
-            "positions: found others than the tests of the list that was active while"
-            " measuring, expected those and, if you like, more."
-        )
-        raise FitError(msg)
-
-    def at(
-        self, acceleration: float, deceleration: float, points: Float[np.ndarray, "p k"]
-    ) -> Float[np.ndarray, "4 p"]:
-        """Return what it adds in mm at full acceleration, by row of the entries."""
-        return four_offsets(
-            self.model, acceleration, deceleration, self.by_speed, points
-        )
 
 
 def read_existing(
@@ -93,15 +46,42 @@ def read_existing(
         return None, ""
     try:
         model = crosstalk_from_list(listing, rules)
-        masters = crosstalk_masters(listing)
+        return Existing(model, crosstalk_masters(listing)), ""
     except ExchangeError as error:
         return None, str(error)
-    return Existing(model, masters, rules.crosstalk_accelerate == "speed"), ""
+
+
+def are_among(
+    points: Float[np.ndarray, "q k"], others: Float[np.ndarray, "p k"]
+) -> Bool[np.ndarray, " q"]:
+    """Return which of these places are tests of another list."""
+    apart = np.abs(points[:, None, :] - others[None, :, :])
+    return np.asarray((apart <= _SAME).all(axis=-1).any(axis=-1))
+
+
+def wished_points(
+    model: Crosstalk, wished: Float[np.ndarray, "q k"] | None
+) -> Float[np.ndarray, "q k"]:
+    """Return the tests of the list that follows an active one: its own, or more.
+
+    Raises:
+        FitError: If the wished ones lack one of these.
+    """
+    own = np.asarray(model.surface.points, dtype=float)
+    if wished is None:
+        return own
+    if wished.shape[1] == own.shape[1] and are_among(own, wished).all():
+        return wished
+    msg = (
+        "positions: found others than the tests of the list that was active while"
+        " measuring, expected those and, if you like, more."
+    )
+    raise FitError(msg)
 
 
 def active_in(
     job: Job, index: int, fit: Spec, existing: Existing | None, why: str
-) -> Existing | None:
+) -> Crosstalk | None:
     """Return the crosstalk that acted while measuring, or None where it was off.
 
     Raises:
@@ -125,7 +105,7 @@ def active_in(
             "crosstalk was active by a list of the older form, to which no tests can be"
             " added, expected a measurement with COMP OFF CROSSTALK",
         )
-    axes = job.spec.axes
+    axes, rates = job.spec.axes, rates_of(existing.model)
     named = tuple(axes[name].number for name in (fit.master, *fit.adapts_to))
     if named != existing.masters:
         raise job.error(
@@ -133,15 +113,15 @@ def active_in(
             f"found master and adaptation axes {list(named)}, expected"
             f" {list(existing.masters)} as in the list that was active",
         )
-    for key, own in zip(("acceleration", "deceleration"), existing.rates, strict=True):
+    for key, own in zip(("acceleration", "deceleration"), rates, strict=True):
         given = getattr(fit, key)
         if given is not None and given != own:
             reason = f"found {given:g}, expected {own:g} as in the list that was active"
             raise job.error((*where, key), reason)
-    return existing
+    return existing.model
 
 
-def kept_tests(fit: CrosstalkFit, active: Existing | None) -> Bool[np.ndarray, " p"]:
+def kept_tests(fit: CrosstalkFit, active: Crosstalk | None) -> Bool[np.ndarray, " p"]:
     """Return which tests are written: all four values measured, or known from before.
 
     Args:
@@ -151,18 +131,20 @@ def kept_tests(fit: CrosstalkFit, active: Existing | None) -> Bool[np.ndarray, "
     """
     if active is None:
         return fit.complete
-    return np.asarray(fit.complete | active.holds(fit.points))
+    own = np.asarray(active.surface.points, dtype=float)
+    return np.asarray(fit.complete | are_among(fit.points, own))
 
 
 def list_model(
-    fit: CrosstalkFit, active: Existing | None, rules: Conventions
+    fit: CrosstalkFit, active: Crosstalk | None, rules: Conventions
 ) -> Crosstalk:
     """Return the list of the kept tests as the controller runs it, without a filter."""
     kept = kept_tests(fit, active)
     points = fit.points[kept]
     offset = np.where(fit.complete, -fit.values, 0.0)[:, kept]
     if active is not None:
-        offset = offset + active.at(fit.acceleration, fit.deceleration, points)
+        rates = fit.acceleration, fit.deceleration
+        offset = offset + four_offsets(active, rates, active.by_speed, points)
     return Crosstalk(
         surface_through(points),
         jnp.asarray(rules.crosstalk_sign * offset),

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -94,6 +94,11 @@ class CrosstalkFit:
             **rules.of_crosstalk,
         )
 
+    def of_events(self, name: str) -> np.ndarray:
+        """Return an attribute of all events, one row each."""
+        found = np.array([getattr(event, name) for event in self.events])
+        return found.reshape(len(found), -1) if name == "positions" else found
+
     def largest_error(self) -> float:
         """Return the largest known value in mm."""
         known = np.abs(self.values[np.isfinite(self.values)])
@@ -106,12 +111,8 @@ def fit_crosstalk(
     *,
     acceleration: float | None = None,
     deceleration: float | None = None,
-    mode: int | str = "auto",
-    positions: Float[np.ndarray, "p k"] | None = None,
-    velocity_dependent: bool | Literal["auto"] = "auto",
-    most_tests: int = SAFE_TESTS,
     conventions: Conventions | None = None,
-    loss: str = "student",
+    **options: Any,
 ) -> CrosstalkFit:
     """Fit the tests of a crosstalk list to acceleration events of a log.
 
@@ -122,20 +123,45 @@ def fit_crosstalk(
         readings: Log of master and slave.
         acceleration: Specified, in mm/s², above 0; None = as measured.
         deceleration: Specified, in mm/s², below 0; None = as measured.
-        mode: 1, 2 or 3 (number of adaptation axes + 1), or ``"auto"``: events held out choose.
-        positions: Of the tests in mm, one column per adaptation axis (of the mode; of the
-            readings where that is ``"auto"``); None = chosen from the events.
-        velocity_dependent: Values of their own per direction; ``"auto"``: if they differ.
-        most_tests: Tests at most, 1 to 15.
         conventions: How accelerations and directions are defined; None = the defaults.
-        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        options: As for `fit_events`.
 
     Raises:
         FitError: If there are no events or the arguments cannot be met.
     """
     rules = Conventions() if conventions is None else conventions
-    up, down = specified(readings, acceleration, deceleration)
-    events = cut_events(readings, up, down, conventions=rules)
+    rates = specified(readings, acceleration, deceleration)
+    events = cut_events(readings, *rates, conventions=rules)
+    return fit_events(events, rates, rules, **options)
+
+
+def fit_events(
+    events: tuple[Event, ...],
+    rates: tuple[float, float],
+    rules: Conventions,
+    *,
+    mode: int | str = "auto",
+    positions: Float[np.ndarray, "p k"] | None = None,
+    velocity_dependent: bool | Literal["auto"] = "auto",
+    most_tests: int = SAFE_TESTS,
+    loss: str = "student",
+) -> CrosstalkFit:
+    """Fit the tests of a crosstalk list to events.
+
+    Args:
+        events: One value each.
+        rates: Specified acceleration and deceleration in mm/s².
+        rules: How accelerations and directions are defined.
+        mode: 1, 2 or 3 (number of adaptation axes + 1), or ``"auto"``: events held out choose.
+        positions: Of the tests in mm, one column per adaptation axis (of the mode; of the
+            readings where that is ``"auto"``); None = chosen from the events.
+        velocity_dependent: Values of their own per direction; ``"auto"``: if they differ.
+        most_tests: Tests at most, 1 to 15.
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+
+    Raises:
+        FitError: If the arguments cannot be met.
+    """
     directions: Directions = "given"
     apart = velocity_dependent
     if isinstance(apart, str):
@@ -148,7 +174,7 @@ def fit_crosstalk(
         axes = tuple(range(positions.shape[1]))
         points = np.asarray(positions, float)
     else:
-        every = tuple(range(1, readings.positions.shape[1] + 2))
+        every = tuple(range(1, table.positions.shape[1] + 2))
         modes = (mode,) if isinstance(mode, int) else every
         axes, nodes, scores = choose_tests(table, modes, most_tests)
         points = points_of(nodes)
@@ -179,8 +205,8 @@ def fit_crosstalk(
         standard_deviation=deviation,
         support=support,
         complete=np.asarray((support > 0).all(axis=0)),
-        acceleration=up,
-        deceleration=down,
+        acceleration=rates[0],
+        deceleration=rates[1],
         velocity_dependent=bool(apart),
         directions=directions,
         noise=tuple(noise.tolist()),

@@ -13,38 +13,37 @@ SHORT = ("accelerating +", "accelerating −", "decelerating +", "decelerating �
 """Words for the rows of `Crosstalk.values`: what the master does, and its direction."""
 
 
-def full_motion(
-    acceleration: float, deceleration: float, by_speed: bool
-) -> tuple[Float[np.ndarray, " 4"], Float[np.ndarray, " 4"]]:
-    """Return acceleration in mm/s² and velocity in mm/s at which each entry acts fully."""
-    velocity = np.array([1.0, -1.0, 1.0, -1.0])
-    sizes = np.array([acceleration, acceleration, deceleration, deceleration])
-    return (sizes * velocity if by_speed else sizes), velocity
-
-
 def four_offsets(
     model: Crosstalk | LegacyCrosstalk,
-    acceleration: float,
-    deceleration: float,
+    rates: tuple[float, float],
     by_speed: bool,
     points: Float[np.ndarray, "p k"],
 ) -> Float[np.ndarray, "4 p"]:
-    """Return what a list adds at full acceleration at each place, by row of the entries."""
-    rows = zip(*full_motion(acceleration, deceleration, by_speed), strict=True)
+    """Return what a list adds at full acceleration at each place, by row of the entries.
+
+    Args:
+        model: The list.
+        rates: Specified acceleration and deceleration in mm/s².
+        by_speed: Rule by which the controller tells one from the other.
+        points: Places of the adaptation axes in mm.
+    """
+    velocity = np.array([1.0, -1.0, 1.0, -1.0])
+    pull = np.repeat(rates, 2) * (velocity if by_speed else 1.0)
+    every = np.tile(points, (4, 1))
     count = len(points)
-    return np.stack(
-        [
-            np.asarray(model.offset(np.full(count, a), np.full(count, v), points))
-            for a, v in rows
-        ]
-    )
+    added = model.offset(np.repeat(pull, count), np.repeat(velocity, count), every)
+    return np.asarray(added).reshape(4, count)
+
+
+def rates_of(model: Crosstalk) -> tuple[float, float]:
+    """Return specified acceleration and deceleration of a list in mm/s²."""
+    return float(model.acceleration), float(model.deceleration)
 
 
 def full_offsets(model: Crosstalk) -> Float[np.ndarray, "4 p"]:
     """Return what a list adds at full acceleration at its tests, by row of the entries."""
-    rates = float(model.acceleration), float(model.deceleration)
     points = np.asarray(model.surface.points, dtype=float)
-    return four_offsets(model, *rates, model.by_speed, points)
+    return four_offsets(model, rates_of(model), model.by_speed, points)
 
 
 def reversal_jumps(
@@ -141,10 +140,9 @@ def _along(
         for low, high in zip(points.min(axis=0), points.max(axis=0), strict=True)
     ]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
-    four = four_offsets(
-        model, float(model.acceleration), float(model.deceleration), model.by_speed,
-        grid.reshape(-1, len(names)),
-    ).reshape(4, *grid.shape[:-1])  # fmt: skip
+    places = grid.reshape(-1, len(names))
+    four = four_offsets(model, rates_of(model), model.by_speed, places)
+    four = four.reshape(4, *grid.shape[:-1])
     steepest, along = 0.0, names[0]
     for axis, (name, line) in enumerate(zip(names, lines, strict=True), start=1):
         step = float(line[1] - line[0])

@@ -3,65 +3,64 @@
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from ...report import _style as style
 from ...report._body import Plot
 from ...report._scale import Scale, number, percent
+from .._drawing import directed_marks, left_out_words, side_by_side
 from ._result import CrosstalkResult
-from .effect import BRANCHES
+from .effect import BRANCHES, Event
 
 _WAY = (1, -1, 1, -1)
 """Direction of the master in each row of `BRANCHES`."""
+_COURSES = 8
+"""Events of each sign and direction that are shown in full."""
+_QUIET = 0.02
+"""Share of the largest acceleration up to which the master does not accelerate."""
 
 
 def events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw the error that each event shows over its acceleration, before and after."""
-    view = fit.view
-    figure, panels = style.new_figure(3.2, columns=2, sharey=True)
-    stages = {"before": view.before, "from the file": view.from_file}
+    own, sound = fit.fit, ~fit.wild
+    across, up = f"acceleration of {fit.master} in mm/s²", _error_of(fit, scale)
+    figure, panels = side_by_side(3.2, ("before", "from the file"), across, up)
+    branch, peak = own.of_events("branch"), np.abs(own.of_events("peak"))
+    full = np.where(branch < 2, own.acceleration, -own.deceleration)
+    share = np.minimum(peak / full, 1.0) * scale.factor
     # Of accelerations by speed the sign of the peak does not tell the entry.
-    reach = np.where(view.branch < 2, 1.0, -1.0) * np.abs(view.peak)
-    sound = ~view.wild
-    for panel, (name, values) in zip(panels, stages.items(), strict=True):
-        shown = values * view.share * scale.factor
+    reach = np.where(branch < 2, 1.0, -1.0) * peak
+    for panel, values in zip(panels, (fit.before, fit.from_file), strict=True):
         for way in (1, -1):
-            rows = np.flatnonzero((np.array(_WAY)[view.branch] == way) & sound)
-            panel.plot(
-                reach[rows], shown[rows], linestyle="none",
-                marker=style.DIRECTION_MARKER[way], markersize=4, markeredgewidth=0,
-                alpha=0.7, color=style.DIRECTION_COLOR[way],
-                rasterized=style.as_raster(rows.size), label=style.DIRECTION_NAME[way],
-            )  # fmt: skip
-        panel.axhline(0, color=style.INK, linewidth=0.7)
-        panel.set_title(name)
-        panel.set_xlabel(f"acceleration of {fit.master} in mm/s²")
+            rows = (np.array(_WAY)[branch] == way) & sound
+            directed_marks(panel, way, reach[rows], (values * share)[rows], 4.0)
         panel.locator_params(axis="x", nbins=5)
     _mean_lines(panels[0], fit, scale)
-    panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")
     panels[0].legend(loc="best")
     before, after = (fit.error[key].sound.rms for key in ("before", "from_file"))
     caption = (
         f"Each mark is one acceleration of {fit.master} (right of 0) or deceleration"
-        f" (left): the error of {fit.axis} at its peak. At full acceleration events show"
-        f" {number(before * scale.factor)} {scale.error} rms, with the written list"
-        f" {number(after * scale.factor)}."
+        f" (left): the error of {fit.axis} at its peak."
     )
     if not len(fit.points):
-        caption = (
-            f"Each mark is one acceleration of {fit.master} (right of 0) or deceleration"
-            f" (left): the error of {fit.axis} at its peak. No list is written."
-        )
-    elif fit.adaptation:
+        caption += " No list is written."
+    else:
         caption += (
-            f" The spread before is that over {' and '.join(fit.adaptation)}; the lines"
-            " are the means of the tests."
+            f" At full acceleration events show {number(before * scale.factor)}"
+            f" {scale.error} rms, with the written list {number(after * scale.factor)}."
         )
-    if view.wild.any():
-        caption += (
-            f" {int(view.wild.sum())} events that contradict the others are left out."
-        )
+        if fit.adaptation:
+            caption += (
+                f" The spread before is that over {' and '.join(fit.adaptation)}; the"
+                " lines are the means of the tests."
+            )
+    caption += left_out_words(int(fit.wild.sum()), "contradicting event")
     return Plot("events", "Every acceleration, before and after", figure, caption)
+
+
+def _error_of(fit: CrosstalkResult, scale: Scale) -> str:
+    return f"error of {fit.axis} in {scale.error}"
 
 
 def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
@@ -81,36 +80,34 @@ def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
 
 def tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot | None:
     """Draw the values over the adaptation axes with the events that tell them."""
-    if len(fit.adaptation) == 1:
-        return _along_one(fit, scale)
-    if len(fit.adaptation) == 2:
-        return _over_two(fit, scale)
-    return None
+    if not fit.adaptation:
+        return None
+    return (_along_one if len(fit.adaptation) == 1 else _over_two)(fit, scale)
+
+
+def _shown(fit: CrosstalkResult, row: int) -> tuple[Float[np.ndarray, "n k"], Any]:
+    """Return places and errors of the events of a branch, wild ones left out."""
+    rows = (fit.fit.of_events("branch") == row) & ~fit.wild
+    return fit.fit.of_events("positions")[rows], fit.before[rows]
 
 
 def _along_one(fit: CrosstalkResult, scale: Scale) -> Plot:
-    view, own = fit.view, fit.fit
-    figure, panels = style.new_figure(3.0, columns=2)
-    for panel, rows in zip(panels, ((0, 1), (2, 3)), strict=True):
-        for row in rows:
-            way = _WAY[row]
-            events = np.flatnonzero((view.branch == row) & ~view.wild)
-            panel.plot(
-                view.positions[events, 0], view.before[events] * scale.factor,
-                linestyle="none", marker=style.DIRECTION_MARKER[way], markersize=3.5,
-                markeredgewidth=0, alpha=0.45, color=style.DIRECTION_COLOR[way],
-            )  # fmt: skip
-            known = np.isfinite(own.values[row])
-            panel.errorbar(
-                own.points[known, 0], own.values[row, known] * scale.factor,
-                yerr=own.standard_deviation[row, known] * scale.factor,
-                marker="s", markersize=4, capsize=2, linewidth=1.2,
-                color=style.DIRECTION_COLOR[way], label=style.DIRECTION_NAME[way],
-            )  # fmt: skip
-        panel.axhline(0, color=style.INK, linewidth=0.7)
-        panel.set_title("accelerating" if rows[0] == 0 else "decelerating")
-        panel.set_xlabel(f"{fit.adaptation[0]} in mm")
-    panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")
+    own = fit.fit
+    figure, panels = side_by_side(
+        3.0, ("accelerating", "decelerating"), f"{fit.adaptation[0]} in mm",
+        _error_of(fit, scale), shared=False,
+    )  # fmt: skip
+    for row, way in enumerate(_WAY):
+        panel = panels[row // 2]
+        places, errors = _shown(fit, row)
+        directed_marks(panel, way, places[:, 0], errors * scale.factor, 3.5, 0.45)
+        known = np.isfinite(own.values[row])
+        panel.errorbar(
+            own.points[known, 0], own.values[row, known] * scale.factor,
+            yerr=own.standard_deviation[row, known] * scale.factor,
+            marker="s", markersize=4, capsize=2, linewidth=1.2,
+            color=style.DIRECTION_COLOR[way],
+        )  # fmt: skip
     panels[0].legend(loc="best")
     caption = (
         f"Error at full acceleration over {fit.adaptation[0]}: events, and the tests"
@@ -122,31 +119,27 @@ def _along_one(fit: CrosstalkResult, scale: Scale) -> Plot:
 
 
 def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
-    view, own = fit.view, fit.fit
+    own = fit.fit
     figure, panels = style.new_figure(6.0, rows=2, columns=2, sharex=True, sharey=True)
-    known = view.before[~view.wild]
-    limit = float(np.max(np.abs(known), initial=0.0)) * scale.factor or 1.0
-    shown = None
+    known = np.abs(fit.before[~fit.wild])
+    limit = float(np.max(known, initial=0.0)) * scale.factor or 1.0
+    # Any: matplotlib gives every keyword a type of its own.
+    options: dict[str, Any] = {"cmap": style.DIVERGING, "vmin": -limit, "vmax": limit}
     for row, panel in enumerate(panels):
-        # Any: matplotlib gives every keyword a type of its own.
-        options: dict[str, Any] = {
-            "cmap": style.DIVERGING,
-            "vmin": -limit,
-            "vmax": limit,
-        }
-        events = np.flatnonzero((view.branch == row) & ~view.wild)
+        places, errors = _shown(fit, row)
         shown = panel.scatter(
-            view.positions[events, 0], view.positions[events, 1], s=14, linewidths=0,
-            c=view.before[events] * scale.factor, **options,
+            places[:, 0], places[:, 1], s=14, linewidths=0,
+            c=errors * scale.factor, **options,
         )  # fmt: skip
         told = np.isfinite(own.values[row])
+        first, second = own.points.T
         panel.scatter(
-            own.points[told, 0], own.points[told, 1], s=70, marker="s",
-            c=own.values[row, told] * scale.factor, edgecolors=style.INK, **options,
+            first[told], second[told], s=70, marker="s", edgecolors=style.INK,
+            c=own.values[row, told] * scale.factor, **options,
         )  # fmt: skip
         panel.scatter(
-            own.points[~told, 0], own.points[~told, 1], s=60, marker="x",
-            color=style.INK, linewidths=1.2,
+            first[~told], second[~told], s=60, marker="x", color=style.INK,
+            linewidths=1.2,
         )  # fmt: skip
         panel.set_title(BRANCHES[row], fontsize=8)
         (x0, x1), (y0, y1) = fit.workspace
@@ -157,10 +150,7 @@ def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
         panel.set_xlabel(f"{fit.adaptation[0]} in mm")
     for panel in panels[::2]:
         panel.set_ylabel(f"{fit.adaptation[1]} in mm")
-    if shown is not None:
-        figure.colorbar(
-            shown, ax=panels, label=f"error of {fit.axis} in {scale.error}", shrink=0.7
-        )
+    figure.colorbar(shown, ax=panels, label=_error_of(fit, scale), shrink=0.7)
     caption = (
         "Error at full acceleration over the adaptation axes: dots are events, squares"
         " the tests, crosses tests without events. The frame is the workspace, of which"
@@ -169,24 +159,22 @@ def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
     return Plot("tests", "Tests over the adaptation axes", figure, caption)
 
 
-def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot | None:
+def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw single events in time, before and with the written list."""
-    if not fit.view.courses:
-        return None
     figure, panels = style.new_figure(4.4, rows=2, columns=2, sharey=True)
     for row, panel in enumerate(panels):
-        own = [course for course in fit.view.courses if course.branch == row]
-        for k, course in enumerate(own):
-            words = ("before", "with the list") if k == 0 else (None, None)
-            clock = 1e3 * course.time
-            panel.plot(
-                clock, course.before * scale.factor, color=style.ORANGE,
-                linewidth=0.7, alpha=0.6, label=words[0],
-            )  # fmt: skip
-            panel.plot(
-                clock, course.after * scale.factor, color=style.BLUE,
-                linewidth=0.7, alpha=0.6, label=words[1],
-            )  # fmt: skip
+        own = [each for each in fit.fit.events if each.branch == row and not each.wild]
+        # Spread evenly over the log.
+        picks = np.linspace(0, len(own) - 1, min(len(own), _COURSES)).astype(int)
+        for k, event in enumerate(own[pick] for pick in picks):
+            clock, before, added = _course(fit, event)
+            stages = {"before": before, "with the list": before + added}
+            colours = (style.ORANGE, style.BLUE)
+            for (name, values), colour in zip(stages.items(), colours, strict=True):
+                panel.plot(
+                    1e3 * clock, values * scale.factor, color=colour,
+                    linewidth=0.7, alpha=0.6, label=None if k else name,
+                )  # fmt: skip
         if not own:
             panel.text(0.5, 0.5, "no event", ha="center", transform=panel.transAxes)
         panel.axvline(0, color=style.INK, linewidth=0.7)
@@ -202,3 +190,16 @@ def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot | None:
         " What stands before 0 and on the right belongs to the events beside."
     )
     return Plot("courses", "Single events in time", figure, caption)
+
+
+def _course(fit: CrosstalkResult, event: Event) -> tuple[Float[np.ndarray, " t"], ...]:
+    """Return time in s, error about its level beside the event, and what is added, in mm."""
+    log, length = fit.readings, event.stop - event.start
+    rows = slice(max(event.start - length, 0), event.stop + length)
+    full = max(fit.fit.acceleration, -fit.fit.deceleration)
+    error = log.error[rows]
+    quiet = np.abs(log.acceleration[rows]) < _QUIET * full
+    beside = error[quiet & np.isfinite(error)]
+    level = np.median(beside) if beside.size else np.nanmedian(error)
+    clock = log.time[rows] - log.time[event.start]
+    return clock, error - float(level), fit.added[rows]

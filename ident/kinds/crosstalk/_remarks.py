@@ -65,10 +65,8 @@ def _of_the_log(fit: Spec, found: Identified) -> Iterator[Remark]:
             " correction will come too early by as much."
         )
     own = found.fit
-    peaks = np.array([event.peak for event in own.events])
-    branch = np.array([event.branch for event in own.events])
-    full = np.where(branch < 2, own.acceleration, -own.deceleration)
-    over = float(np.max(np.abs(peaks) / full))
+    full = np.where(own.of_events("branch") < 2, own.acceleration, -own.deceleration)
+    over = float(np.max(np.abs(own.of_events("peak")) / full))
     if over > _ABOVE:
         yield Remark.warning(
             f"{fit.master} accelerates up to {over:.0%} of the specified"
@@ -144,9 +142,7 @@ def _assumed(fit: Spec) -> Remark:
 
 def remarks_of_fit(fit: CrosstalkFit) -> Iterator[Remark]:
     """Return what must be known of events and tests."""
-    counts = np.bincount(
-        [event.branch for event in fit.events], minlength=len(BRANCHES)
-    )
+    counts = np.bincount(fit.of_events("branch"), minlength=len(BRANCHES))
     if fit.directions == "unknown":
         missing = " or ".join(BRANCHES[k] for k in np.flatnonzero(counts == 0))
         words = (

@@ -16,5 +16,6 @@ from ._fit import (
     SAFE_TESTS as SAFE_TESTS,
     CrosstalkFit as CrosstalkFit,
     fit_crosstalk as fit_crosstalk,
+    fit_events as fit_events,
 )
 from ._tests import ModeScore as ModeScore

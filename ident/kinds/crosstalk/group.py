@@ -6,6 +6,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
+from .... import models
 from ...fit import FitError
 from ...fit.joint import Crosstalk, JointFit, Part
 from ...job._draft import AxisLists
@@ -16,7 +17,7 @@ from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
 from ._existing import Existing, active_in, read_existing
 from ._gate import events_under
-from ._identify import Choice, Identified, choice_of
+from ._identify import Identified, options_of
 from ._recording import CrosstalkRecording, joined_logs
 from .effect import (
     BRANCHES,
@@ -24,6 +25,7 @@ from .effect import (
     CrosstalkReadings,
     Event,
     cut_events,
+    fit_crosstalk,
 )
 from .job import CrosstalkDraft
 from .keys import Spec
@@ -38,7 +40,7 @@ def member(
         JobError: If existing lists do not suit.
     """
     old, why = read_existing(lists.compensation, job.conventions)
-    active = active_in(job, index, fit, old, why) is not None
+    active = active_in(job, index, fit, old, why)
     return CrosstalkMember(index, fit, lists, old, active, why)
 
 
@@ -49,13 +51,13 @@ class CrosstalkMember(AbstractMember):
 
     Attributes:
         old: Crosstalk of the list that is there, or None.
-        active: Whether that was active while measuring.
+        active: The same where it was active while measuring.
         unread: Why the list that is there holds none that can be read, or nothing.
     """
 
     fit: Spec
     old: Existing | None
-    active: bool
+    active: models.Crosstalk | None
     unread: str
 
     @property
@@ -94,32 +96,33 @@ class CrosstalkMember(AbstractMember):
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
     ) -> Crosstalk | None:
-        choice = self._choice(job)
-        rates = choice.options["acceleration"], choice.options["deceleration"]
-        way = choice.options["velocity_dependent"]
-        plain = choice.mode == 1 or choice.points is not None
-        if plain and None not in rates and way != "auto":
-            assert isinstance(choice.mode, int)  # 1, or as many as the tests tell
-            return Crosstalk(
-                self.axis, self.fit.master, rates[0], rates[1],
-                adaptation=self.fit.adapts_to[: choice.mode - 1],
-                positions=choice.points,
-                velocity_dependent=bool(way), conventions=job.conventions,
-            )  # fmt: skip
-        if left is None:
-            return None
-        # The form is that of a fit to what the other effects leave.
-        found = choice.fit(self._log(recording, left))
-        return Crosstalk(
-            self.axis, self.fit.master, found.acceleration, found.deceleration,
-            adaptation=tuple(self.fit.adapts_to[k] for k in found.axes),
-            positions=found.points if found.axes else None,
-            velocity_dependent=found.velocity_dependent, conventions=job.conventions,
+        options = options_of(self.fit, self.active, job.conventions)
+        mode, points, way, *rates = (
+            options[key]
+            for key in (
+                "mode", "positions", "velocity_dependent", "acceleration", "deceleration"
+            )
         )  # fmt: skip
-
-    def _choice(self, job: Job) -> Choice:
-        active = self.old if self.active else None
-        return choice_of(self.fit, active, job.conventions)
+        names = self.fit.adapts_to
+        plain = mode == 1 or points is not None
+        if plain and None not in rates and way != "auto":
+            names = names[: mode - 1]
+        elif left is None:
+            return None
+        else:
+            # The form is that of a fit to what the other effects leave.
+            found = fit_crosstalk(self._log(recording, left), **options)
+            names = tuple(names[k] for k in found.axes)
+            points = found.points if names else None
+            rates, way = (
+                [found.acceleration, found.deceleration],
+                found.velocity_dependent,
+            )
+        return Crosstalk(
+            self.axis, self.fit.master, rates[0], rates[1],
+            adaptation=names, positions=points,
+            velocity_dependent=bool(way), conventions=job.conventions,
+        )  # fmt: skip
 
     def _log(
         self,
@@ -162,13 +165,11 @@ class CrosstalkMember(AbstractMember):
         kept = np.isfinite(log.error)
         added = np.where(kept, np.nan_to_num(left.error - log.error), 0.0)
         held_out = events_under(log, added, *rates, job.conventions)
-        fold = np.zeros(len(events), dtype=np.int64)
         fit = self._tests(job, share, effect, events)
         found = Identified(
             fit=fit,
             readings=log,
             masters=effect.adaptation,
-            fold=fold,
             held_out=held_out,
             judged=np.ones(len(events), dtype=bool),
             delay=0.0,

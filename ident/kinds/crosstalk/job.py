@@ -23,11 +23,17 @@ from ._existing import (
     list_model,
     read_existing,
 )
-from ._gate import events_under, full_offsets, judge_crosstalk, largest_jump
+from ._gate import (
+    events_under,
+    four_offsets,
+    full_offsets,
+    judge_crosstalk,
+    largest_jump,
+)
 from ._identify import Identified, identify
 from ._recording import CrosstalkRecording, read_crosstalk
 from ._remarks import remarks_of
-from ._result import CrosstalkResult, view_of
+from ._result import CrosstalkResult
 from .keys import Spec
 
 _OLD = ("table[", "last_index", "master_ax_nr")
@@ -49,9 +55,7 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_crosstalk(tables, fit)
         found = identify(recording, fit, active, job.conventions)
-        return CrosstalkDraft(
-            index, fit, lists, recording, found, old, active is not None, why
-        )
+        return CrosstalkDraft(index, fit, lists, recording, found, old, active, why)
 
     return draft
 
@@ -65,7 +69,7 @@ class CrosstalkDraft(AbstractDraft):
         recording: What was measured.
         found: The estimate and its proof.
         old: Crosstalk of the list that is there, or None.
-        active: Whether that was active while measuring.
+        active: The same where it was active while measuring.
         unread: Why the list that is there holds none that can be read, or nothing.
     """
 
@@ -73,13 +77,13 @@ class CrosstalkDraft(AbstractDraft):
     recording: CrosstalkRecording
     found: Identified
     old: Existing | None
-    active: bool
+    active: Crosstalk | None
     unread: str
 
     @property
     def kept(self) -> Bool[np.ndarray, " p"]:
         """Tests that are written: all four values measured, or known from before."""
-        return kept_tests(self.found.fit, self.old if self.active else None)
+        return kept_tests(self.found.fit, self.active)
 
     @property
     def written(self) -> bool:
@@ -95,8 +99,7 @@ class CrosstalkDraft(AbstractDraft):
 
     def model(self, job: Job) -> Crosstalk:
         """Return the list as the controller runs it."""
-        active = self.old if self.active else None
-        model = list_model(self.found.fit, active, job.conventions)
+        model = list_model(self.found.fit, self.active, job.conventions)
         if self.fit.n_cycles is not None:
             return dataclasses.replace(model, cycles=self.fit.n_cycles)
         jump = largest_jump(full_offsets(model), model.by_speed)
@@ -148,7 +151,8 @@ class CrosstalkDraft(AbstractDraft):
             return None
         model = self.model(job)
         points = np.asarray(model.surface.points)
-        before = old.at(fit.acceleration, fit.deceleration, points)
+        rates = fit.acceleration, fit.deceleration
+        before = four_offsets(old.model, rates, model.by_speed, points)
         return np.asarray(full_offsets(model) - before)
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
@@ -174,8 +178,7 @@ class CrosstalkDraft(AbstractDraft):
         left = events_under(
             found.readings, added, fit.acceleration, fit.deceleration, fit.conventions
         )
-        view = view_of(found, left, added)
-        wild, judged = view.wild, found.judged
+        before, wild = fit.of_events("value"), fit.of_events("wild").astype(bool)
         workspace = self._workspace(job)
         shown = self.kept if self.written else np.zeros(len(fit.points), dtype=bool)
         coverage = 0.0
@@ -184,13 +187,13 @@ class CrosstalkDraft(AbstractDraft):
         if model is not None:
             entries = np.asarray(model.values)
             coverage = coverage_of(model, workspace)
-        predicted = {}
+        error, judged = staged(before, before, left, wild), found.judged
         if judged.any():
-            held_out = error_figures(view.predicted[judged], wild=wild[judged])
-            predicted = {"predicted": held_out}
+            predicted = error_figures(found.held_out[judged], wild=wild[judged])
+            error["predicted"] = predicted
         return CrosstalkResult(
             **self.frame(done),
-            error=staged(view.before, view.before, view.from_file, wild) | predicted,
+            error=error,
             remarks=(
                 *self.recording.remarks,
                 *remarks_of(
@@ -217,7 +220,10 @@ class CrosstalkDraft(AbstractDraft):
             coverage=coverage,
             workspace=workspace,
             fit=fit,
-            view=view,
+            predicted=found.held_out,
+            from_file=left,
+            readings=found.readings,
+            added=added,
         )
 
     def added_to_log(self, done: Written) -> Float[np.ndarray, " t"]:
@@ -230,8 +236,8 @@ class CrosstalkDraft(AbstractDraft):
         if back is None:
             raise job.error(("fits", self.index), f"the written list: {why}")
         added = np.asarray(back.model.offset(*motion))
-        if self.active and self.old is not None:
-            added = added - np.asarray(self.old.model.offset(*motion))
+        if self.active is not None:
+            added = added - np.asarray(self.active.offset(*motion))
         return added
 
     def _workspace(self, job: Job) -> Float[np.ndarray, "k 2"]:
@@ -250,6 +256,6 @@ class CrosstalkDraft(AbstractDraft):
         if self.old is None:
             return []
         words = "off while measuring: the new one replaces it."
-        if self.active:
+        if self.active is not None:
             words = "active while measuring: the new one is old + residual."
         return [Remark.info(f"The old crosstalk was {words}")]

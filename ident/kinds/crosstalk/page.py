@@ -6,11 +6,10 @@ import numpy as np
 
 from ...report._body import Body
 from ...report._scale import Scale, count, number, percent, place
+from ._gate import SHORT
 from ._plots import course_plot, events_plot, tests_plot
 from ._result import CrosstalkResult
 from .effect import BRANCHES
-
-_NAMES = ("accelerating +", "accelerating −", "decelerating +", "decelerating −")
 
 
 def body(fit: CrosstalkResult, scale: Scale) -> Body:
@@ -19,7 +18,7 @@ def body(fit: CrosstalkResult, scale: Scale) -> Body:
     return Body(
         plots=[plot for plot in drawn if plot is not None],
         facts=[*_facts(fit, scale)],
-        wild_count=int(np.sum(fit.view.wild)),
+        wild_count=int(fit.wild.sum()),
     )
 
 
@@ -32,7 +31,7 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     if noise:
         yield (
             "Events",
-            f"{count(len(fit.view.time), 'acceleration')} cut out of the log; one"
+            f"{count(len(own.events), 'acceleration')} cut out of the log; one"
             f" scatters by {number(max(noise) * scale.factor)} {scale.error} (1 sd)"
             " about the list at most.",
         )
@@ -53,7 +52,6 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f"The values pass a sin² filter over {fit.cycles} cycles (n_cycles,"
             " P-COMP-00064).",
         )
-    yield ("The fit itself", fit.message)
 
 
 def _law(fit: CrosstalkResult) -> str:
@@ -77,7 +75,7 @@ def _tests(fit: CrosstalkResult, scale: Scale) -> list[tuple[str, str]]:
     for k, point in enumerate(fit.points):
         parts = []
         for name, entry, sd, support in zip(
-            _NAMES,
+            SHORT,
             fit.entries[:, k],
             fit.standard_deviation[:, k],
             fit.support[:, k],

@@ -266,6 +266,7 @@ class LeadscrewEntries(AbstractEntries):
     models = (Leadscrew,)
     value = f"{PREFIX}.table[].pos"
     columns = ("pos", "neg")
+    table = LeadscrewTable
     comes_last = True
 
     def is_in(self, listing: ListFile) -> bool:

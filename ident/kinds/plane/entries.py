@@ -187,6 +187,7 @@ class PlaneEntries(AbstractEntries):
     models = (Plane,)
     value = f"{PREFIX}.table[][].correction"
     columns = ("correction",)
+    table = PlaneTable
 
     def is_in(self, listing: ListFile) -> bool:
         return bool(listing.table(PREFIX, "correction"))

@@ -1,24 +1,25 @@
 """The temperature estimator: errors over position and temperature in, the line out."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from ...core import FitError, Regression, one_blas_thread
+from ...fit.joint import Temperature
 from ._choice import Contest
-from ._line import Data, Line, Pair, Shape, complete_data, fit_line, laid_out
+from ._line import Data, Shape, complete_data, fit_line, names_of
 from ._types import (
     Confusion,
     Effect,
     Lag,
-    Law,
     LawScore,
     Meeting,
     TemperatureFit,
     ThermalReadings,
+    laws_of,
 )
 
 LawKey = Literal["constant", "linear"] | int
@@ -72,18 +73,22 @@ def fit_temperature(
         place = reference
     elif coefficient_sensor is not None:
         place, wanted = float(data.position.min() + data.position.max()) / 2.0, True
-    lags, late = _lags(contest, lag, place)
+    lags = _lags(contest, lag, place)
+    late = {sensor for sensor, constant in lags.items() if constant < 0.0}
+    lags = {sensor: max(constant, 0.0) for sensor, constant in lags.items()}
     shape, scores, scale = _shape(contest, law, place, lags)
-    # A law that does not follow its sensor has no lag.
-    follows = [shape[0] > 1, shape[1] > 1]
-    if data.sensors[0] == data.sensors[1]:
-        follows = [any(follows)] * 2
-    lags = (lags[0] * follows[0], lags[1] * follows[1])
-    line = laid_out(data.structure(lags), shape, place, lags)
+    # A sensor that no law follows has no lag.
+    follows = {
+        data.line.sensors[name]
+        for name, count in zip(data.line.sensors, shape, strict=True)
+        if count > 1
+    }
+    lags = {name: lags[name] * (name in follows) for name in lags}
+    line = data.laid_out(shape, place, lags)
     if line is None:
         msg = f"too few readings between {max(shape)} nodes."
         raise FitError(msg)
-    free = [group for group in data.lag_groups if lags[group[0]] > 0 and lag == "auto"]
+    free = [name for name in data.sensors if lags[name] > 0 and lag == "auto"]
     if free:
         line, _ = fit_line(line, contest.data, loss, False, free, quick=True)
     line, found = fit_line(line, data, loss, False, free)
@@ -91,37 +96,32 @@ def fit_temperature(
     meeting: Meeting = "given"
     unsure = None
     if wanted:
-        met, meeting, unsure = contest.meeting(line, found, data, scale, free)
+        met, meeting, unsure = contest.meeting((line, found), data, scale, free)
         line, found = (line, found) if met is None else met
         _refuse_undetermined(line, found)
-    count, whole = line.shape[0], len(readings.error)
-    theta, columns = data.structure(line.lags), line.columns_of(data)
-    deviation, further = np.split(found.standard_deviation, [len(line.value)])
-    laws = [
-        Law(sensor or 0, nodes, line.value[part], deviation[part])
-        for sensor, nodes, part in zip(
-            data.sensors, line.nodes, (slice(count), slice(count, None)), strict=True
-        )
-    ]
+    columns, value = data.columns(line), found.coefficients[: line.size]
+    further = found.standard_deviation[line.size :]
+    whole = len(readings.error)
     used, wild = np.zeros(whole, bool), np.zeros(whole, bool)
     residual: Float[np.ndarray, " t"] = np.full(whole, np.nan)
-    temperature = np.full(readings.temperature.shape, np.nan)
+    temperature = np.full_like(readings.temperature, np.nan)
     used[rows], wild[rows] = True, found.wild
-    residual[rows] = data.error - columns @ line.value
-    for sensor, values in zip(data.sensors, theta, strict=True):
-        if sensor is not None:
-            temperature[rows, sensor] = values
+    residual[rows] = data.error - columns @ value
+    for name in data.sensors:
+        temperature[rows, int(name)] = line.structure(data.whole, name)
+    numbers = [str(number) for number in range(len(temperature.T))]
+    laws = laws_of(line, numbers, value, found.standard_deviation[: line.size])
     return TemperatureFit(
-        offset=laws[0],
-        coefficient=laws[1] if line.shape[1] else None,
+        offset=laws["offset"],
+        coefficient=laws.get("coefficient"),
         reference=line.reference,
         reference_deviation=float(further[0]) if meeting == "met" else None,
         meeting=meeting,
         lags=_reported_lags(data, line, found, free, late),
-        names=tuple(line.names(meeting == "met", len(free))),
+        names=names_of(line, meeting == "met", len(free)),
         covariance=found.covariance,
         noise=found.noise,
-        independent=float(found.independent[: len(line.value)].min()),
+        independent=float(found.independent[: line.size].min()),
         used=used,
         wild=wild,
         residual=residual,
@@ -136,32 +136,32 @@ def fit_temperature(
 
 def _lags(
     contest: Contest, lag: float | Literal["auto", "none"], place: float
-) -> tuple[Pair, tuple[bool, bool]]:
-    """Return time constants in s, and which sensors are late."""
+) -> dict[str, float]:
+    """Return time constants in s by sensor; below 0 where the sensor itself is late."""
     if lag == "auto" and len(contest.data.error) >= _FEW:
         return contest.lags(place)
     given = 0.0 if isinstance(lag, str) else lag
-    one, other = (given * (sensor is not None) for sensor in contest.data.sensors)
-    return (one, other), (False, False)
+    return dict.fromkeys(contest.data.sensors, given)
 
 
 def _shape(
     contest: Contest,
     law: Literal["auto"] | tuple[LawKey, LawKey],
     place: float,
-    lags: Pair,
+    lags: Mapping[str, float],
 ) -> tuple[Shape, tuple[LawScore, ...], float | None]:
     """Return the law, those it was compared with, and the scale of their residuals."""
     if law == "auto":
         return contest.shape(place, lags)
-    one, other = (_LAWS[each] if isinstance(each, str) else each for each in law)
-    moved = [sensor is not None for sensor in contest.data.sensors]
-    return (one if moved[0] else 1, other if moved[1] else 0), (), None
+    counts = [_LAWS[each] if isinstance(each, str) else each for each in law]
+    if "offset" not in contest.data.moved:
+        counts[0] = 1
+    return tuple(counts[: len(contest.data.line.sensors)]), (), None
 
 
-def _refuse_undetermined(line: Line, found: Regression) -> None:
+def _refuse_undetermined(line: Temperature, found: Regression) -> None:
     """Refuse a law of which the kept readings do not determine every value."""
-    lacking = itertools.compress(line.names(), found.undetermined)
+    lacking = itertools.compress(names_of(line), found.undetermined)
     if words := ", ".join(lacking):
         msg = (
             f"the readings that agree with each other do not determine {words}: "
@@ -172,38 +172,38 @@ def _refuse_undetermined(line: Line, found: Regression) -> None:
 
 def _reported_lags(
     data: Data,
-    line: Line,
+    line: Temperature,
     found: Regression,
-    free: Sequence[tuple[int, ...]],
-    late: tuple[bool, bool],
+    free: Sequence[str],
+    late: set[str],
 ) -> tuple[Lag, ...]:
     """Return the lag of each sensor with its 95 % interval; logarithms come last."""
     logs = found.standard_deviation[len(found.coefficients) - len(free) :]
     own = dict(zip(free, logs.tolist(), strict=True))
     result = []
-    for group in data.lag_groups:
-        sensor, constant = data.sensors[group[0]], line.lags[group[0]]
-        assert sensor is not None  # those without have no group
-        factor = float(np.exp(min(1.96 * own.get(group, 0.0), 50.0)))
+    for sensor in data.sensors:
+        constant = float(line.lags[sensor])
+        factor = float(np.exp(min(1.96 * own.get(sensor, 0.0), 50.0)))
         interval = (constant / factor, constant * factor)
-        behind = any(late[number] for number in group)
-        result.append(Lag(sensor, constant, interval, constant > 0, behind))
+        result.append(
+            Lag(int(sensor), constant, interval, constant > 0, sensor in late)
+        )
     return tuple(result)
 
 
-def _confusions(data: Data, line: Line) -> tuple[Confusion, ...]:
+def _confusions(data: Data, line: Temperature) -> tuple[Confusion, ...]:
     """Return the pairs of effects that these positions and temperatures confuse.
 
     Looks at the columns only, never at the errors: offset over temperature, slope over the
     position, and the slope's own change with the temperature.
     """
-    if data.sensors[1] is None:
+    if "coefficient" not in data.moved:
         return ()
-    offset, slope = data.structure(line.lags)
+    offset, slope = data.warmth(line)
     away = data.position - data.position.mean()
     product = (slope - slope.mean()) * away
     effects: dict[Effect, Float[np.ndarray, " t"]] = {}
-    if data.sensors[0] is not None:
+    if "offset" in data.moved:
         effects["offset"] = offset - offset.mean()
     effects |= {"slope": away, "slope change": product - product.mean()}
     result = []

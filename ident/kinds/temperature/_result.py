@@ -1,6 +1,7 @@
 """What a job found of the thermal line of an axis."""
 
 import dataclasses
+import functools
 from typing import Any, final
 
 import numpy as np
@@ -9,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from ....models import TemperatureLine
 from ...job._result import AbstractResult, Expectation
 from ._identify import Identified
-from ._law import ThermalLaw
+from ._law import RATE, ThermalLaw
 from ._recording import ThermalRecording
 from .effect import Law, TemperatureFit
 
@@ -56,10 +57,7 @@ class TemperatureResult(AbstractResult):
         reference: Position where the line turns, in mm (P-AXIS-00272).
         zero: Temperature in °C at which nothing is corrected.
         law: As written; None where nothing is.
-        relative: The estimate, zero at that temperature; sign of the error.
         fit: The estimate as it stands.
-        rate: How fast the PLC lets the correction move, in mm/s at the far end.
-        span: Positions in mm that the gate looked at, or None.
         cycles: Of the sin² filter (P-AXIS-00275).
         view: The readings before and after.
     """
@@ -68,12 +66,14 @@ class TemperatureResult(AbstractResult):
     reference: float
     zero: float
     law: ThermalLaw | None
-    relative: TemperatureFit
     fit: TemperatureFit
-    rate: float
-    span: tuple[float, float] | None
     cycles: int
     view: ThermalView
+
+    @functools.cached_property
+    def relative(self) -> TemperatureFit:
+        """The estimate, zero at that temperature; sign of the error."""
+        return self.fit.relative_to(self.zero)
 
     @property
     def expectation(self) -> Expectation | None:
@@ -95,7 +95,7 @@ class TemperatureResult(AbstractResult):
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         found, law = self.fit, self.law
-        table = None if law is None else _columns(law)
+        table = None if law is None else law.columns
         spread = None
         if law is not None:
             spread = {
@@ -111,7 +111,7 @@ class TemperatureResult(AbstractResult):
                 "intersects": found.intersects,
                 "meeting": found.meeting,
                 "n_cycles": self.cycles,
-                "rate": self.rate,
+                "rate": RATE,
                 "offset": _law(found.offset, self.sensors, 1.0),
                 "coefficient": _law(found.coefficient, self.sensors, 1e6),
                 "offset_per_kelvin": slope,
@@ -142,14 +142,6 @@ class TemperatureResult(AbstractResult):
             "wild": int(found.wild.sum()),
             "missed": int((~found.used).sum()),
         }
-
-
-def _columns(law: ThermalLaw) -> dict[str, np.ndarray]:
-    return {
-        "temperature": law.temperature,
-        "offset_0": law.offset,
-        "coefficient": law.coefficient,
-    }
 
 
 def _law(law: Law | None, sensors: tuple[str, ...], factor: float) -> Any:

@@ -6,6 +6,7 @@ order, and the line fitted to them), `_choice` (law, lag and intersection by rea
 out), `_fit` (`fit_temperature`: all of it in order, and what the readings confuse).
 """
 
+from ...fit.joint._temperature import LAWS as LAWS
 from ._fit import LawKey as LawKey, fit_temperature as fit_temperature
 from ._line import LEAST_RANGE as LEAST_RANGE
 from ._structure import (
@@ -23,4 +24,5 @@ from ._types import (
     Meeting as Meeting,
     TemperatureFit as TemperatureFit,
     ThermalReadings as ThermalReadings,
+    laws_of as laws_of,
 )

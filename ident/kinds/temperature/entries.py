@@ -1,11 +1,22 @@
-"""Temperature compensation: its entries in an axis list ↔ `TemperatureLine`."""
+"""Temperature compensation: its entries in an axis list ↔ `TemperatureLine`.
 
+The table that a PLC follows (``temperature_<axis>.csv``) makes such a line, too.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
+from jaxtyping import Float
 
 from ....data.lists import ListFile
-from ....models import ConstantParameter, Conventions, TemperatureLine
+from ....models import (
+    ConstantParameter,
+    Conventions,
+    TemperatureCurve,
+    TemperatureLine,
+)
 from ...exchange._errors import ExchangeError
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading
@@ -14,6 +25,8 @@ from ...exchange._units import LIST_UNITS, SGN32, round_to_list
 from .._protocol import AbstractEntries, Axes
 from . import KIND
 
+COLUMNS = ("temperature", "offset_0", "coefficient")
+"""Of the table of a PLC: in °C, mm and µm/m."""
 _PER_METRE = 1e-6
 
 
@@ -82,6 +95,90 @@ def entries_of_temperature(line: TemperatureLine) -> dict[str, int | float | str
     entries[f"{KIND.prefix}_coefficient"] = round(coefficient, 6)
     entries[f"{KIND.prefix}_n_cycles"] = line.cycles
     return entries
+
+
+def read_temperature_table(
+    path: Path,
+    sensors: Sequence[str],
+    sensor: str | None,
+    conventions: Conventions,
+    machine: ListFile | None = None,
+) -> TemperatureLine:
+    """Return the temperature line of an axis as its PLC makes it.
+
+    Linear between the temperatures of the table and held outside.
+
+    Args:
+        path: CSV with the columns ``temperature``, ``offset_0`` and ``coefficient``.
+        sensors: Sensors of the motion, in the order of its temperatures.
+        sensor: The one that the PLC looks at; None: the only one.
+        conventions: Sign of the line.
+        machine: Axis list with the reference position and the filter; None: 0 and none.
+
+    Raises:
+        ExchangeError: If a column is missing or the temperatures do not ascend, or it
+            is open which sensor counts.
+    """
+    table = read_columns(path)
+    wanted = sensors[0] if sensor is None and len(sensors) == 1 else sensor
+    if wanted is None or wanted not in sensors:
+        known = ", ".join(f"temperature.{name}" for name in sensors) or "no temperature"
+        expected = "one column temperature.<sensor>" if sensor is None else sensor
+        raise ExchangeError(str(path), f"{known} in the motion", expected or "")
+    number = list(sensors).index(wanted)
+    return temperature_line(table, (number, number), conventions, machine)
+
+
+def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return the columns of the table of a PLC by name, as `COLUMNS`.
+
+    Raises:
+        ExchangeError: If one is missing or the temperatures do not ascend.
+    """
+    from ....data.measurements import read_table  # lists alone need none
+
+    table = read_table(path)
+    names = [column.name for column in table.columns]
+    if not set(COLUMNS) <= set(names):
+        found = f"columns {', '.join(names)}"
+        raise ExchangeError(str(path), found, ", ".join(COLUMNS))
+    values = {name: table.numbers(table.column(name)) for name in COLUMNS}
+    warmth = values["temperature"]
+    if not len(warmth) or not (np.diff(warmth) > 0).all():
+        raise ExchangeError(
+            where=f"{path}: temperature",
+            found=", ".join(f"{value:g}" for value in warmth[:8]) or "no row",
+            expected="ascending temperatures",
+        )
+    return values
+
+
+def temperature_line(
+    table: Mapping[str, Float[np.ndarray, " n"]],
+    sensors: tuple[int, int],
+    conventions: Conventions,
+    machine: ListFile | None = None,
+) -> TemperatureLine:
+    """Return the temperature line that a PLC makes of a table.
+
+    Args:
+        table: Columns as `COLUMNS`.
+        sensors: Numbers of those that offset and coefficient follow.
+        conventions: Sign of the line.
+        machine: Axis list with the reference position and the filter; None: 0 and none.
+    """
+    place, cycles = (
+        0 if machine is None else optional(machine, f"{KIND.prefix}_{name}")
+        for name in ("position_0", "n_cycles")
+    )
+    warmth, offset, slope = (table[name] for name in COLUMNS)
+    return TemperatureLine(
+        position_0=constant(place / LIST_UNITS),
+        offset_0=TemperatureCurve.of(warmth, offset, sensors[0]),
+        coefficient=TemperatureCurve.of(warmth, _PER_METRE * slope, sensors[1]),
+        cycles=cycles,
+        sign=float(conventions.temperature_sign),
+    )
 
 
 @final

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import ConstantParameter, TemperatureLine
-from ...exchange import ExchangeError, entries_of_temperature, temperature_line
+from ...exchange import ExchangeError, entries_of_temperature
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
 from ...job._load import Job
@@ -23,21 +23,13 @@ from ...proof.axis import check_switching
 from .._keys import FitSpec
 from . import KIND
 from ._identify import Identified, identify
-from ._law import (
-    RATE,
-    ThermalLaw,
-    csv_text,
-    judge_law,
-    largest_correction,
-    rates,
-    read_back,
-    thermal_law,
-)
+from ._law import ThermalLaw, judge_law, rates, thermal_law
 from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
 from ._result import TemperatureResult, view_of
-from ._structured_text import PlcProgram, plc_objects, plc_sensors, structured_text
+from ._structured_text import PlcProgram, plc_objects, structured_text
 from .effect import TemperatureFit
+from .entries import read_columns, temperature_line
 from .keys import Spec, temperature_names
 
 _LINE = KIND.prefix
@@ -157,14 +149,12 @@ class TemperatureDraft(AbstractDraft):
         law = self._law(job)
         own = self._program(job, law)
         objects = {f"{name}.TcPOU": text for name, text in plc_objects(own).items()}
-        texts = {table: csv_text(law), program: structured_text(own)} | objects
+        texts = {table: law.csv(), program: structured_text(own)} | objects
         return {name: text.encode() for name, text in texts.items()}
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        limits = limits_of(job)
-        lines = judge_law(
-            self._law(job), self._position, self._span(job), self.axis, limits
-        )
+        limits, places = limits_of(job), self._places(job)
+        lines = judge_law(self._law(job), self._position, places, self.axis, limits)
         switching = check_switching(
             self.jump(job),
             self._filter(job),
@@ -176,7 +166,7 @@ class TemperatureDraft(AbstractDraft):
         return (*lines, switching)
 
     def jump(self, job: Job) -> float:
-        return largest_correction(self._law(job), self._position, self._span(job))
+        return self._law(job).largest(self._places(job) - self._position)[0]
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -188,19 +178,8 @@ class TemperatureDraft(AbstractDraft):
         return {name: heat[:, k] for k, name in enumerate(self.sensors)}
 
     def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
-        law, rules = self._law(job), job.conventions
-        first, second = (
-            temperature_line(
-                law.temperature,
-                law.offset,
-                law.coefficient,
-                sensor or 0,
-                rules,
-                machine,
-            )
-            for sensor in self._chosen()
-        )
-        return dataclasses.replace(first, coefficient=second.coefficient)
+        columns = self._law(job).columns
+        return temperature_line(columns, self._followed, job.conventions, machine)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
@@ -214,7 +193,6 @@ class TemperatureDraft(AbstractDraft):
 
     def prove(self, done: Written) -> TemperatureResult:
         job = done.job
-        found, zero = self.found.fit, self._relative()
         line = self._line_read_back(done)
         view = view_of(self.recording, self.found, self.zero, line)
         names = {done.files.machine_name, *temperature_names(self.axis)}
@@ -241,10 +219,7 @@ class TemperatureDraft(AbstractDraft):
             reference=self._position,
             zero=self.zero,
             law=self._law(job) if self.written else None,
-            relative=zero,
-            fit=found,
-            rate=RATE,
-            span=self._span(job),
+            fit=self.found.fit,
             cycles=self._filter(job) if self.written else 0,
             view=view,
         )
@@ -254,32 +229,26 @@ class TemperatureDraft(AbstractDraft):
         table = done.path(temperature_names(self.axis)[0])
         if not self.written or table is None:
             return None
-        rules, machine = done.job.conventions, done.machine
-        return read_back(table, self.recording.sensors, self._chosen(), rules, machine)
+        rules, columns = done.job.conventions, read_columns(table)
+        return temperature_line(columns, self._followed, rules, done.machine)
 
     @property
     def _position(self) -> float:
         """Reference position in mm, in whole units of the list."""
         return round(self.found.fit.reference * 1e4) / 1e4
 
-    def _relative(self) -> TemperatureFit:
-        return self.found.fit.relative_to(self.zero)
-
     def _law(self, job: Job) -> ThermalLaw:
-        sign = int(job.conventions.temperature_sign)
-        return thermal_law(self._relative(), self.zero, sign)
+        relative = self.found.fit.relative_to(self.zero)
+        return thermal_law(relative, self.zero, int(job.conventions.temperature_sign))
 
-    def _span(self, job: Job) -> tuple[float, float] | None:
-        """Return the positions that the axis reaches, as far as they are known."""
+    def _places(self, job: Job) -> Float[np.ndarray, " p"]:
+        """Return the ends of what the axis reaches in mm; its reference without those."""
         place = self.recording.readings.position
         if place is None:
-            return None
+            return np.array([self._position])
         place = place[self.found.fit.used]
-        limits = job.spec.axes[self.axis].limits or (place[0], place[0])
-        return (
-            float(min(place.min(), limits[0])),
-            float(max(place.max(), limits[1])),
-        )
+        reached = [*place, *(job.spec.axes[self.axis].limits or ())]
+        return np.array([min(reached), max(reached)], dtype=float)
 
     def _filter(self, job: Job) -> int:
         """Return P-AXIS-00275: as given, or what switching off while warm wants."""
@@ -307,13 +276,8 @@ class TemperatureDraft(AbstractDraft):
         lags = {
             lag.sensor: lag.time_constant for lag in self.found.fit.lags if lag.applied
         }
-        sensors = plc_sensors(
-            self.recording.sensors,
-            [lags.get(k, 0.0) for k in range(len(self.recording.sensors))],
-        )
-        offset, coefficient = self._chosen()
-        first = coefficient if offset is None else offset
-        second = first if coefficient is None else coefficient
+        names = self.recording.sensors
+        offset, coefficient = (names[number] for number in self._followed)
         return PlcProgram(
             axis=self.axis,
             number=job.spec.axes[self.axis].number,
@@ -321,17 +285,19 @@ class TemperatureDraft(AbstractDraft):
             law=law,
             position=self._position,
             zero=self.zero,
-            sensors=sensors,
-            offset=first or 0,
-            coefficient=second or 0,
-            rates=rates(self._position, self._span(job)),
+            sensors={name: lags.get(k, 0.0) for k, name in enumerate(names)},
+            offset=offset,
+            coefficient=coefficient,
+            rates=rates(self._places(job) - self._position),
             sign=int(job.conventions.temperature_sign),
         )
 
-    def _chosen(self) -> tuple[int | None, int | None]:
-        """Return the sensors of offset and coefficient."""
+    @property
+    def _followed(self) -> tuple[int, int]:
+        """Numbers of the sensors of offset and coefficient: of one of them for both."""
         effects = self.recording.effects
-        return effects.get("offset"), effects.get("coefficient")
+        first = next(iter(effects.values()))
+        return effects.get("offset", first), effects.get("coefficient", first)
 
 
 def _is_not_zero(text: str) -> bool:

@@ -7,16 +7,15 @@ import numpy as np
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, place
 from ...report._words import WildRow
-from ._plots import (
-    law_plot,
-    lines_plot,
-    over_temperature_plot,
-    over_time_plot,
-    scores_plot,
-)
+from ._law import RATE
+from ._plots import law_plot, lines_plot, over_temperature_plot, over_time_plot
+from ._remarks import lag_words, meeting_words
 from ._result import TemperatureResult
+from .effect import LawScore, TemperatureFit
 
 _MOST_WILD = 12
+_MOST_LAWS = 4
+_NODES = {1: "constant", 2: "linear"}
 
 
 def body(fit: TemperatureResult, scale: Scale) -> Body:
@@ -31,12 +30,7 @@ def body(fit: TemperatureResult, scale: Scale) -> Body:
 
 def _plots(fit: TemperatureResult, scale: Scale) -> list[Plot]:
     along = lines_plot if fit.fit.coefficient is not None else over_temperature_plot
-    drawn = [
-        along(fit, scale),
-        over_time_plot(fit, scale),
-        law_plot(fit, scale),
-        scores_plot(fit, scale),
-    ]
+    drawn = [along(fit, scale), over_time_plot(fit, scale), law_plot(fit, scale)]
     return [plot for plot in drawn if plot is not None]
 
 
@@ -61,9 +55,12 @@ def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
     found = fit.fit
     yield ("Law of the error", _law_words(fit, scale))
     if found.coefficient is not None:
-        yield ("Reference position", _reference_words(fit))
-    yield ("Lag", _lag_words(fit))
+        yield ("Reference position", meeting_words(found))
+    lags = [lag_words(lag, fit.sensors[lag.sensor]) for lag in found.lags]
+    yield ("Lag", " ".join(lags) or "Not looked for.")
     yield ("Scatter", _scatter_words(fit, scale))
+    if found.scores:
+        yield ("Choice of the law", _choice_words(found, scale))
     if fit.law is not None:
         rows = count(len(fit.law.temperature), "row")
         yield (
@@ -71,7 +68,7 @@ def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f"{rows} from {place(float(fit.law.temperature[0]))} to"
             f" {place(float(fit.law.temperature[-1]))} °C; nothing is corrected at"
             f" {place(round(fit.zero, 2))} °C. The PLC moves the correction by at"
-            f" most {number(1e3 * fit.rate)} µm per second, holds it where a sensor"
+            f" most {number(1e3 * RATE)} µm per second, holds it where a sensor"
             " fails and at the ends of the range; the controller spreads switching"
             f" over {fit.cycles} cycles (temp_comp_n_cycles, P-AXIS-00275).",
         )
@@ -102,34 +99,23 @@ def _law_words(fit: TemperatureResult, scale: Scale) -> str:
     return "; ".join(words) + "."
 
 
-def _reference_words(fit: TemperatureResult) -> str:
-    found = fit.fit
-    at = f"{place(round(fit.reference, 3))} mm"
-    if not found.intersects:
-        return f"{at}: the lines of the temperatures were not taken to meet there."
-    sure = found.reference_deviation or 0.0
+def _choice_words(found: TemperatureFit, scale: Scale) -> str:
+    """Return how well the best laws predict readings left out, and which was taken."""
+
+    def words(one: LawScore) -> str:
+        counts = {"offset": one.offset, "coefficient": one.coefficient}
+        laws = [
+            f"{law} {_NODES.get(n, f'{n} nodes')}" for law, n in counts.items() if n
+        ]
+        return f"{', '.join(laws)}: {number(one.held_out * scale.factor)} {scale.error}"
+
+    best = sorted(found.scores, key=lambda one: one.held_out)[:_MOST_LAWS]
+    chosen = next(one for one in found.scores if one.chosen)
     return (
-        f"{at} ± {number(sure)} mm (1 sd): where the lines of all temperatures meet, so"
-        " that only the coefficient follows the temperature."
+        f"Readings left out are predicted within (rms) {'; '.join(map(words, best))}."
+        f" Taken is the simplest of {len(found.scores)} that is not worse than the best by"
+        f" more than chance ({words(chosen)})."
     )
-
-
-def _lag_words(fit: TemperatureResult) -> str:
-    parts = []
-    for lag in fit.fit.lags:
-        name = fit.sensors[lag.sensor]
-        if lag.sensor_late:
-            parts.append(f"{name} itself follows late: the structure is ahead of it.")
-        elif not lag.applied:
-            parts.append(f"None between {name} and the structure that would show.")
-        else:
-            low, high = lag.interval
-            span = f" (95 %: {low:.3g} to {high:.3g} s)" if high > low else " (given)"
-            parts.append(
-                f"The structure follows {name} with {lag.time_constant:.3g} s{span};"
-                " the PLC program filters the sensor so."
-            )
-    return " ".join(parts) or "Not looked for."
 
 
 def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
