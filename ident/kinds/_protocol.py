@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 from ...data.lists import ListFile, Value
 from ...models import AbstractLookup, Conventions, Coupled
 from ..exchange._errors import ExchangeError
-from ..exchange._identity import flag, not_negative
+from ..exchange._identity import Increments, axis_number, flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
+from ..exchange._modulo import Ranges
 from ..exchange._motion import Motion
 from ..exchange._probe import Outcome, ProbeAxis, Probed
 from ..exchange._units import ModelUnit
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 Axes = tuple[int, ...]
 """Logical numbers of axes, or their columns."""
+DEFAULT_RULES = Conventions()
 
 
 class AbstractEntries(abc.ABC):
@@ -102,11 +104,37 @@ class AbstractEntries(abc.ABC):
 
     @abc.abstractmethod
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Any:
-        """Return the model that a list makes.
+        """Return the model that a list makes, in mm or °; None: it is off.
+
+        Entries that the list leaves out are 0, as they are in the controller.
 
         Raises:
             ExchangeError: If its entries make none.
         """
+
+    def from_list(
+        self,
+        listing: ListFile,
+        conventions: Conventions,
+        increment: Increments = None,
+        *,
+        modulo: Ranges | None = None,
+    ) -> Any:
+        """Return the model that a list makes by itself, as `model`.
+
+        Args:
+            listing: Where it stands.
+            conventions: Rules of the controller.
+            increment: Worth of an encoder increment for lists with ``unit 0``.
+            modulo: Range in ° by axis; positions of masters with one are wrapped into it.
+
+        Raises:
+            ExchangeError: If its entries make none.
+        """
+        number = axis_number(listing) if modulo else 0
+        return self.model(
+            listing, number, Reading(conventions, increment, modulo or {})
+        )
 
     @abc.abstractmethod
     def to_list(
@@ -122,9 +150,10 @@ class AbstractEntries(abc.ABC):
         """Return the entries of the list that holds it, rounded to list units.
 
         Args:
-            model: One of `models`.
+            model: One of `models`, in mm or °; what a list holds as whole units (nodes,
+                accelerations) must be a multiple of one.
             masters: Logical numbers, in the order of the list.
-            rules: Those of the controller.
+            rules: Those of the controller; a sign is that of the model.
             existing: Compensation list that will be edited.
             max_points: Wanted size of the memory, or None to write it only where needed.
             build: Of the controller, or None for the newest.

@@ -151,7 +151,7 @@ class BacklashDraft(AbstractDraft):
             self.reference, cycles or 0
         )
         try:
-            return dict(entries_of_backlash(model, job.conventions))
+            return dict(entries_of_backlash(model, (), job.conventions))
         except ExchangeError as error:
             raise job.error(("fits", self.index), str(error)) from None
 

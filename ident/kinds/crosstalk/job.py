@@ -123,7 +123,7 @@ class CrosstalkDraft(AbstractDraft):
         try:
             entries: dict[str, Value] = dict(
                 entries_of_crosstalk(
-                    self.model(job), [axes[name].number for name in masters]
+                    self.model(job), tuple(axes[name].number for name in masters)
                 )
             )
         except ExchangeError as error:

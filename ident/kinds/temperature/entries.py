@@ -22,7 +22,7 @@ from ...exchange._identity import flag, not_negative, optional, real, refuse_man
 from ...exchange._machine_lists import Reading
 from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN32, round_to_list
-from .._protocol import AbstractEntries, Axes
+from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
 COLUMNS = ("temperature", "offset_0", "coefficient")
@@ -30,71 +30,9 @@ COLUMNS = ("temperature", "offset_0", "coefficient")
 _PER_METRE = 1e-6
 
 
-def temperature_from_list(
-    machine: ListFile, conventions: Conventions
-) -> TemperatureLine | None:
-    """Return the temperature line of an axis list in mm; None: it is off.
-
-    Its parameters are what the list says: how a PLC changes them stands nowhere in it.
-
-    Raises:
-        ExchangeError: If an entry is unreadable.
-    """
-    if not flag(machine, KIND.activation):
-        return None
-    place, shift = (
-        optional(machine, f"{KIND.prefix}_{name}") / LIST_UNITS
-        for name in ("position_0", "offset_0")
-    )
-    return TemperatureLine(
-        position_0=constant(place),
-        offset_0=constant(shift),
-        coefficient=constant(_PER_METRE * real(machine, f"{KIND.prefix}_coefficient")),
-        cycles=not_negative(machine, f"{KIND.prefix}_n_cycles"),
-        sign=float(conventions.temperature_sign),
-    )
-
-
 def constant(value: float) -> ConstantParameter:
     """Return a number as a parameter that no temperature changes."""
     return ConstantParameter(as_array(value))
-
-
-def entries_of_temperature(line: TemperatureLine) -> dict[str, int | float | str]:
-    """Return the entries of an axis list for a temperature line of a linear axis.
-
-    Raises:
-        ExchangeError: If a parameter follows a temperature, which only a PLC can make
-            it do, or something does not fit.
-    """
-    values = {}
-    for name in ("position_0", "offset_0", "coefficient"):
-        found = getattr(line, name)
-        if not isinstance(found, ConstantParameter):
-            raise ExchangeError(
-                where=f"{KIND.prefix}_{name}",
-                found="a curve over the temperature",
-                expected="one number (the PLC writes TEMPC::* for the rest)",
-            )
-        values[name] = float(found.value)
-    refuse_many(line.cycles, f"{KIND.prefix}_n_cycles")
-    coefficient = values.pop("coefficient") / _PER_METRE
-    if not abs(coefficient) <= 10_000:
-        raise ExchangeError(
-            where=f"{KIND.prefix}_coefficient",
-            found=f"{coefficient:.6g} µm/m",
-            expected="-10000 to 10000",
-        )
-    entries: dict[str, int | float | str] = {KIND.activation: 1}
-    for name, value in values.items():
-        bounds = (SGN32[0] + 1, SGN32[1])
-        entries[f"{KIND.prefix}_{name}"] = int(
-            round_to_list(np.asarray(value), f"{KIND.prefix}_{name}", bounds)
-        )
-    # 1e-6 µm/m: over 10 m that is 10 fm. What stands behind it is floating point noise.
-    entries[f"{KIND.prefix}_coefficient"] = round(coefficient, 6)
-    entries[f"{KIND.prefix}_n_cycles"] = line.cycles
-    return entries
 
 
 def read_temperature_table(
@@ -207,13 +145,60 @@ class TemperatureEntries(AbstractEntries):
                 found=f"temperature compensation of the rotary axis {axis}",
                 expected="a linear axis: the manuals give no unit for a rotary one",
             )
-        line = reading.lines.get(axis)
-        return line or temperature_from_list(listing, reading.conventions)
+        if axis in reading.lines:
+            return reading.lines[axis]
+        if not flag(listing, KIND.activation):
+            return None
+        place, shift = (
+            optional(listing, f"{KIND.prefix}_{name}") / LIST_UNITS
+            for name in ("position_0", "offset_0")
+        )
+        return TemperatureLine(
+            position_0=constant(place),
+            offset_0=constant(shift),
+            coefficient=constant(
+                _PER_METRE * real(listing, f"{KIND.prefix}_coefficient")
+            ),
+            cycles=not_negative(listing, f"{KIND.prefix}_n_cycles"),
+            sign=float(reading.conventions.temperature_sign),
+        )
 
     def to_list(
-        self, model: TemperatureLine, masters: Axes, rules: Conventions, **options: Any
+        self,
+        model: TemperatureLine,
+        masters: Axes = (),
+        rules: Conventions = DEFAULT_RULES,
+        **options: Any,
     ) -> dict[str, int | float | str]:
-        return entries_of_temperature(model)
+        values = {}
+        for name in ("position_0", "offset_0", "coefficient"):
+            found = getattr(model, name)
+            if not isinstance(found, ConstantParameter):
+                raise ExchangeError(
+                    where=f"{KIND.prefix}_{name}",
+                    found="a curve over the temperature",
+                    expected="one number (the PLC writes TEMPC::* for the rest)",
+                )
+            values[name] = float(found.value)
+        refuse_many(model.cycles, f"{KIND.prefix}_n_cycles")
+        coefficient = values.pop("coefficient") / _PER_METRE
+        if not abs(coefficient) <= 10_000:
+            raise ExchangeError(
+                where=f"{KIND.prefix}_coefficient",
+                found=f"{coefficient:.6g} µm/m",
+                expected="-10000 to 10000",
+            )
+        entries: dict[str, int | float | str] = {KIND.activation: 1}
+        for name, value in values.items():
+            bounds = (SGN32[0] + 1, SGN32[1])
+            entries[f"{KIND.prefix}_{name}"] = int(
+                round_to_list(np.asarray(value), f"{KIND.prefix}_{name}", bounds)
+            )
+        # 1e-6 µm/m: over 10 m that is 10 fm. What stands behind it is floating point noise.
+        entries[f"{KIND.prefix}_coefficient"] = round(coefficient, 6)
+        entries[f"{KIND.prefix}_n_cycles"] = model.cycles
+        return entries
 
 
 ENTRIES = TemperatureEntries()
+temperature_from_list, entries_of_temperature = ENTRIES.from_list, ENTRIES.to_list
