@@ -41,6 +41,7 @@ def fit_temperature(
     reference: float | Literal["intersection"] = "intersection",
     lag: float | Literal["auto", "none"] = "auto",
     loss: str = "student",
+    names: Sequence[str] = (),
 ) -> TemperatureFit:
     r"""Fit $e = o(T_1) + c(T_2)(s - s_0)$ to errors at positions and temperatures.
 
@@ -62,11 +63,13 @@ def fit_temperature(
         lag: ``"auto"`` estimates a first-order lag of the structure behind each sensor and
             applies it where it predicts better; ``"none"``; or the time constant in s.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        names: Of the sensors, for messages; none = their numbers from 1.
 
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    data, rows = complete_data(readings, (offset_sensor, coefficient_sensor))
+    names = list(names) or [str(k + 1) for k in range(len(readings.temperature.T))]
+    data, rows = complete_data(readings, (offset_sensor, coefficient_sensor), names)
     contest = Contest.of(data, loss)
     place, wanted = 0.0, False
     if not isinstance(reference, str):
@@ -108,16 +111,15 @@ def fit_temperature(
     used[rows], wild[rows] = True, found.wild
     residual[rows] = data.error - columns @ value
     for name in data.sensors:
-        temperature[rows, int(name)] = line.structure(data.whole, name)
-    numbers = [str(number) for number in range(len(temperature.T))]
-    laws = laws_of(line, numbers, value, found.standard_deviation[: line.size])
+        temperature[rows, names.index(name)] = line.structure(data.whole, name)
+    laws = laws_of(line, names, value, found.standard_deviation[: line.size])
     return TemperatureFit(
         offset=laws["offset"],
         coefficient=laws.get("coefficient"),
         reference=line.reference,
         reference_deviation=float(further[0]) if meeting == "met" else None,
         meeting=meeting,
-        lags=_reported_lags(data, line, found, free, late),
+        lags=_reported_lags(names, line, found, free, late),
         names=names_of(line, meeting == "met", len(free)),
         covariance=found.covariance,
         noise=found.noise,
@@ -171,7 +173,7 @@ def _refuse_undetermined(line: Temperature, found: Regression) -> None:
 
 
 def _reported_lags(
-    data: Data,
+    names: Sequence[str],
     line: Temperature,
     found: Regression,
     free: Sequence[str],
@@ -181,12 +183,12 @@ def _reported_lags(
     logs = found.standard_deviation[len(found.coefficients) - len(free) :]
     own = dict(zip(free, logs.tolist(), strict=True))
     result = []
-    for sensor in data.sensors:
-        constant = float(line.lags[sensor])
+    for sensor, lag in line.lags.items():
+        constant = float(lag)
         factor = float(np.exp(min(1.96 * own.get(sensor, 0.0), 50.0)))
         interval = (constant / factor, constant * factor)
         result.append(
-            Lag(int(sensor), constant, interval, constant > 0, sensor in late)
+            Lag(names.index(sensor), constant, interval, constant > 0, sensor in late)
         )
     return tuple(result)
 

@@ -4,7 +4,7 @@ import dataclasses
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
@@ -32,7 +32,6 @@ class Identified:
         open: Effects that the readings cannot tell apart.
         determined: Whether anything may be written.
         dropped: The coefficient was held constant, since only the offset is determined.
-        groups: Turn in which each used reading was left out.
         predicted: Error of each used reading in mm less what the other blocks say of it.
         held_out: What was left out together: ``block`` or ``run``.
         instead: What a drift of the instrument would explain as well; None where none does.
@@ -42,7 +41,6 @@ class Identified:
     open: tuple[Confusion, ...]
     determined: bool
     dropped: bool
-    groups: Int[np.ndarray, " u"]
     predicted: Float[np.ndarray, " u"]
     held_out: str = "block"
     instead: AgainstDrift | None = None
@@ -54,32 +52,6 @@ def identify(recording: ThermalRecording, fit: Spec) -> Identified:
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    _refuse_one_position(recording, fit)
-    try:
-        return _identified(recording, fit)
-    except FitError as error:
-        message = str(error)
-        for number, name in enumerate(recording.sensors, 1):
-            message = message.replace(f"sensor {number} of", f"sensor {name!r} of")
-        raise FitError(message) from None
-
-
-def _refuse_one_position(recording: ThermalRecording, fit: Spec) -> None:
-    position, effects = recording.readings.position, recording.effects
-    if position is None or "coefficient" not in effects:
-        return
-    places = np.unique(position[np.isfinite(position)])
-    if places.size == 1:
-        asked = recording.sensors[effects.get("offset", effects["coefficient"])]
-        msg = (
-            f"found all readings at {places[0]:g} mm, expected two positions or more for"
-            f" the coefficient of {fit.axis}, or sensors = {{ offset = {asked!r} }}: at"
-            " one position only the offset can be fitted"
-        )
-        raise FitError(msg)
-
-
-def _identified(recording: ThermalRecording, fit: Spec) -> Identified:
     law: LawPair = "auto"
     if fit.law is not None:
         law = (
@@ -97,14 +69,13 @@ def _identified(recording: ThermalRecording, fit: Spec) -> Identified:
         found = _line(
             recording, fit, recording.readings, (len(found.offset.value), "constant")
         )
-    groups, predicted = _held_out(recording, fit, found)
+    predicted = _held_out(recording, fit, found)
     instead = None if open_pairs else drift_instead(recording, found)
     return Identified(
         fit=found,
         open=open_pairs,
         determined=dropped or not open_pairs,
         dropped=dropped,
-        groups=groups,
         predicted=predicted,
         instead=instead,
     )
@@ -160,13 +131,14 @@ def _line(
         reference=reference,
         lag=lag,
         loss=fit.loss,
+        names=recording.sensors,
     )
 
 
 def _held_out(
     recording: ThermalRecording, fit: Spec, found: TemperatureFit
-) -> tuple[Int[np.ndarray, " u"], Float[np.ndarray, " u"]]:
-    """Return blocks and errors less the line fitted to the other blocks.
+) -> Float[np.ndarray, " u"]:
+    """Return errors less the line fitted to the other blocks.
 
     The law, its number of nodes and its lags are those of the whole; everything else is
     fitted anew.
@@ -196,4 +168,4 @@ def _held_out(
             continue
         place = None if part.position is None else part.position[out]
         predicted[out] -= other.predict(structure[out], place)
-    return groups, predicted
+    return predicted

@@ -196,13 +196,16 @@ def fit_line(
 
 
 def complete_data(
-    readings: ThermalReadings, sensors: tuple[int | None, int | None]
+    readings: ThermalReadings,
+    sensors: tuple[int | None, int | None],
+    names: Sequence[str],
 ) -> tuple[Data, Int[np.ndarray, " r"]]:
     """Return the complete readings in order of time, and the rows where they stood.
 
     Args:
         readings: As they were handed in.
         sensors: Of offset and coefficient; None = has none.
+        names: Of all sensors, for messages.
 
     Raises:
         FitError: If they cannot tell what is asked for.
@@ -211,22 +214,24 @@ def complete_data(
     position = np.zeros(whole) if readings.position is None else readings.position
     clock = np.arange(whole, dtype=float) if readings.time is None else readings.time
     moved = {
-        law: sensor
+        law: names[sensor]
         for law, sensor in zip(("offset", "coefficient"), sensors, strict=True)
         if sensor is not None
     }
     keep = np.isfinite(readings.error) & np.isfinite(position) & np.isfinite(clock)
+    heat = dict(zip(names, readings.temperature.T, strict=True))
     for sensor in moved.values():
-        keep &= ~missed_temperatures(readings.temperature[:, sensor])
+        keep &= ~missed_temperatures(heat[sensor])
     rows = np.flatnonzero(keep)
     rows = rows[np.argsort(clock[rows], kind="stable")]
     # An offset that is a constant has the sensor of the coefficient: that tells it no node.
-    followed = {law: str(moved.get(law, sensors[1])) for law in ("offset", *moved)}
+    other = next(iter(moved.values()))
+    followed = {law: moved.get(law, other) for law in ("offset", *moved)}
     data = Data(
         JointData(
             position={_AXIS: position[rows]},
             error={_AXIS: readings.error[rows]},
-            temperature={str(k): readings.temperature[rows, k] for k in moved.values()},
+            temperature={name: heat[name][rows] for name in moved.values()},
             time=clock[rows],
         ),
         Temperature(_AXIS, followed),
@@ -247,13 +252,15 @@ def _check(data: Data, whole: int) -> None:
         values = data.whole.temperature[sensor]
         if np.ptp(values) < LEAST_RANGE:
             msg = (
-                f"sensor {int(sensor) + 1} of the {law} stays at {values[0]:.4g} °C within "
+                f"sensor {sensor} of the {law} stays at {values[0]:.4g} °C within "
                 f"{np.ptp(values):.2g} K, expected a range of {LEAST_RANGE} K or more."
             )
             raise FitError(msg)
     if "coefficient" in data.moved and np.ptp(data.position) == 0:
+        asked = data.line.sensors["offset"]
         msg = (
-            f"all readings stand at {data.position[0]:g} mm: a coefficient needs two "
-            "positions or more; at one position only the offset can be fitted."
+            f"found all readings at {data.position[0]:g} mm, expected two positions or more"
+            f" for the coefficient, or sensors = {{ offset = {asked!r} }}: at one position"
+            " only the offset can be fitted"
         )
         raise FitError(msg)

@@ -181,7 +181,6 @@ class TemperatureMember(AbstractMember):
             open=(),
             determined=True,
             dropped=False,
-            groups=share.recording.fold[rows],
             predicted=share.predicted[rows],
             held_out=share.recording.held_out,
             instead=instead,
