@@ -15,6 +15,7 @@ from ...exchange import (
     has_crosstalk,
 )
 from ...fit import FitError
+from ...job._draft import AxisLists
 from ...job._load import Job
 from ...job._plan import was_active
 from ._gate import four_offsets, rates_of
@@ -30,25 +31,69 @@ class Existing:
     """Crosstalk of the list that is there.
 
     Attributes:
-        model: As the controller runs it.
+        model: As the controller runs it; None: there is none, or none that can be read.
         masters: Logical numbers: the axis that accelerates, then adaptation axes.
+        unread: Why it cannot be read, or nothing.
+        active: The same where it was active while measuring.
     """
 
-    model: Crosstalk | LegacyCrosstalk
-    masters: tuple[int, ...]
+    model: Crosstalk | LegacyCrosstalk | None = None
+    masters: tuple[int, ...] = ()
+    unread: str = ""
+    active: Crosstalk | None = None
 
 
-def read_existing(
-    listing: ListFile | None, rules: Conventions
-) -> tuple[Existing | None, str]:
-    """Return the crosstalk of a list, or None and why it cannot be read."""
+def read_existing(listing: ListFile | None, rules: Conventions) -> Existing:
+    """Return the crosstalk of a list."""
     if listing is None or not has_crosstalk(listing):
-        return None, ""
+        return Existing()
     try:
         model = crosstalk_from_list(listing, rules)
-        return Existing(model, crosstalk_masters(listing)), ""
+        return Existing(model, crosstalk_masters(listing))
     except ExchangeError as error:
-        return None, str(error)
+        return Existing(unread=str(error))
+
+
+def existing_crosstalk(job: Job, index: int, fit: Spec, lists: AxisLists) -> Existing:
+    """Return the crosstalk of the list that is there, and whether it was active.
+
+    Raises:
+        JobError: If it was, and cannot be added to.
+    """
+    found = read_existing(lists.compensation, job.conventions)
+    holder = None
+    if found.model is not None or found.unread:
+        holder = job.spec.axes[fit.axis].listing
+    if not was_active(job, index, fit, holder):
+        return found
+    where, axes = ("fits", index), job.spec.axes
+    if found.model is None:
+        raise job.error(
+            ("axes", fit.axis, "list"),
+            "crosstalk was active while measuring, but no list with its tests is given"
+            f"{f' ({found.unread})' if found.unread else ''}, expected list = the file"
+            " that was loaded",
+        )
+    if not isinstance(found.model, Crosstalk):
+        raise job.error(
+            where,
+            "crosstalk was active by a list of the older form, to which no tests can be"
+            " added, expected a measurement with COMP OFF CROSSTALK",
+        )
+    named = tuple(axes[name].number for name in (fit.master, *fit.adapts_to))
+    if named != found.masters:
+        raise job.error(
+            where,
+            f"found master and adaptation axes {list(named)}, expected"
+            f" {list(found.masters)} as in the list that was active",
+        )
+    rates = zip(("acceleration", "deceleration"), rates_of(found.model), strict=True)
+    for key, own in rates:
+        given = getattr(fit, key)
+        if given is not None and given != own:
+            reason = f"found {given:g}, expected {own:g} as in the list that was active"
+            raise job.error((*where, key), reason)
+    return dataclasses.replace(found, active=found.model)
 
 
 def are_among(
@@ -77,48 +122,6 @@ def wished_points(
         " measuring, expected those and, if you like, more."
     )
     raise FitError(msg)
-
-
-def active_in(
-    job: Job, index: int, fit: Spec, existing: Existing | None, why: str
-) -> Crosstalk | None:
-    """Return the crosstalk that acted while measuring, or None where it was off.
-
-    Raises:
-        JobError: If it cannot be added to.
-    """
-    where = ("fits", index)
-    holder = None
-    if existing is not None or why:
-        holder = job.spec.axes[fit.axis].listing
-    if not was_active(job, index, fit, holder):
-        return None
-    if existing is None:
-        raise job.error(
-            ("axes", fit.axis, "list"),
-            "crosstalk was active while measuring, but no list with its tests is given"
-            f"{f' ({why})' if why else ''}, expected list = the file that was loaded",
-        )
-    if not isinstance(existing.model, Crosstalk):
-        raise job.error(
-            where,
-            "crosstalk was active by a list of the older form, to which no tests can be"
-            " added, expected a measurement with COMP OFF CROSSTALK",
-        )
-    axes, rates = job.spec.axes, rates_of(existing.model)
-    named = tuple(axes[name].number for name in (fit.master, *fit.adapts_to))
-    if named != existing.masters:
-        raise job.error(
-            where,
-            f"found master and adaptation axes {list(named)}, expected"
-            f" {list(existing.masters)} as in the list that was active",
-        )
-    for key, own in zip(("acceleration", "deceleration"), rates, strict=True):
-        given = getattr(fit, key)
-        if given is not None and given != own:
-            reason = f"found {given:g}, expected {own:g} as in the list that was active"
-            raise job.error((*where, key), reason)
-    return existing.model
 
 
 def kept_tests(fit: CrosstalkFit, active: Crosstalk | None) -> Bool[np.ndarray, " p"]:

@@ -6,7 +6,6 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
-from .... import models
 from ...fit import FitError
 from ...fit.joint import Crosstalk, JointFit, Part
 from ...job._draft import AxisLists
@@ -15,7 +14,7 @@ from ...job._source import Tables
 from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
-from ._existing import Existing, active_in, read_existing
+from ._existing import Existing, existing_crosstalk
 from ._gate import events_under
 from ._identify import Identified, options_of
 from ._recording import CrosstalkRecording, joined_logs
@@ -39,9 +38,8 @@ def member(
     Raises:
         JobError: If existing lists do not suit.
     """
-    old, why = read_existing(lists.compensation, job.conventions)
-    active = active_in(job, index, fit, old, why)
-    return CrosstalkMember(index, fit, lists, old, active, why)
+    old = existing_crosstalk(job, index, fit, lists)
+    return CrosstalkMember(index, fit, lists, old)
 
 
 @final
@@ -50,15 +48,11 @@ class CrosstalkMember(AbstractMember):
     """A crosstalk.
 
     Attributes:
-        old: Crosstalk of the list that is there, or None.
-        active: The same where it was active while measuring.
-        unread: Why the list that is there holds none that can be read, or nothing.
+        old: Crosstalk of the list that is there.
     """
 
     fit: Spec
-    old: Existing | None
-    active: models.Crosstalk | None
-    unread: str
+    old: Existing
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -96,7 +90,7 @@ class CrosstalkMember(AbstractMember):
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
     ) -> Crosstalk | None:
-        options = options_of(self.fit, self.active, job.conventions)
+        options = options_of(self.fit, self.old.active, job.conventions)
         mode, points, way, *rates = (
             options[key]
             for key in (
@@ -183,9 +177,8 @@ class CrosstalkMember(AbstractMember):
             np.where(np.isfinite(place), place, -1.0).astype(np.int64),
         )
         return CrosstalkDraft(
-            self.index, self.fit, self.lists, recording, found, self.old,
-            self.active, self.unread,
-        )  # fmt: skip
+            self.index, self.fit, self.lists, recording, found, self.old
+        )
 
     def _tests(
         self,

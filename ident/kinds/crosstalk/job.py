@@ -8,7 +8,11 @@ from jaxtyping import Bool, Float
 
 from ....data.lists import ListFile, Value
 from ....models import Crosstalk, surface_through
-from ...exchange import ExchangeError, entries_of_crosstalk
+from ...exchange import (
+    ExchangeError,
+    crosstalk_from_list,
+    entries_of_crosstalk,
+)
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
 from ...job._load import Job
@@ -17,11 +21,10 @@ from ...job._source import Tables
 from ...proof import GateCheck, error_figures
 from ._existing import (
     Existing,
-    active_in,
     coverage_of,
+    existing_crosstalk,
     kept_tests,
     list_model,
-    read_existing,
 )
 from ._gate import (
     events_under,
@@ -49,13 +52,12 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
         JobError: If existing lists do not suit.
         FitError: Of what it returns: if the readings do not determine it.
     """
-    old, why = read_existing(lists.compensation, job.conventions)
-    active = active_in(job, index, fit, old, why)
+    old = existing_crosstalk(job, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_crosstalk(tables, fit)
-        found = identify(recording, fit, active, job.conventions)
-        return CrosstalkDraft(index, fit, lists, recording, found, old, active, why)
+        found = identify(recording, fit, old.active, job.conventions)
+        return CrosstalkDraft(index, fit, lists, recording, found, old)
 
     return draft
 
@@ -68,22 +70,18 @@ class CrosstalkDraft(AbstractDraft):
     Attributes:
         recording: What was measured.
         found: The estimate and its proof.
-        old: Crosstalk of the list that is there, or None.
-        active: The same where it was active while measuring.
-        unread: Why the list that is there holds none that can be read, or nothing.
+        old: Crosstalk of the list that is there.
     """
 
     fit: Spec
     recording: CrosstalkRecording
     found: Identified
-    old: Existing | None
-    active: Crosstalk | None
-    unread: str
+    old: Existing
 
     @property
     def kept(self) -> Bool[np.ndarray, " p"]:
         """Tests that are written: all four values measured, or known from before."""
-        return kept_tests(self.found.fit, self.active)
+        return kept_tests(self.found.fit, self.old.active)
 
     @property
     def written(self) -> bool:
@@ -99,7 +97,7 @@ class CrosstalkDraft(AbstractDraft):
 
     def model(self, job: Job) -> Crosstalk:
         """Return the list as the controller runs it."""
-        model = list_model(self.found.fit, self.active, job.conventions)
+        model = list_model(self.found.fit, self.old.active, job.conventions)
         if self.fit.n_cycles is not None:
             return dataclasses.replace(model, cycles=self.fit.n_cycles)
         jump = largest_jump(full_offsets(model), model.by_speed)
@@ -147,7 +145,8 @@ class CrosstalkDraft(AbstractDraft):
         """Return what the new list adds beyond the old one, where both can be compared."""
         axes, old, fit = job.spec.axes, self.old, self.found.fit
         names = (self.fit.master, *self.found.masters)
-        if old is None or old.masters != tuple(axes[name].number for name in names):
+        same = old.masters == tuple(axes[name].number for name in names)
+        if old.model is None or not same:
             return None
         model = self.model(job)
         points = np.asarray(model.surface.points)
@@ -232,12 +231,10 @@ class CrosstalkDraft(AbstractDraft):
         motion = readings.acceleration, readings.velocity, readings.positions
         if not self.written or listing is None:
             return np.zeros(len(readings.time))
-        back, why = read_existing(listing, job.conventions)
-        if back is None:
-            raise job.error(("fits", self.index), f"the written list: {why}")
-        added = np.asarray(back.model.offset(*motion))
-        if self.active is not None:
-            added = added - np.asarray(self.active.offset(*motion))
+        model = crosstalk_from_list(listing, job.conventions)
+        added = np.asarray(model.offset(*motion))
+        if self.old.active is not None:
+            added = added - np.asarray(self.old.active.offset(*motion))
         return added
 
     def _workspace(self, job: Job) -> Float[np.ndarray, "k 2"]:
@@ -250,12 +247,13 @@ class CrosstalkDraft(AbstractDraft):
         return np.array(spans, dtype=float).reshape(-1, 2)
 
     def _about_the_old(self) -> list[Remark]:
-        if self.unread:
-            words = f"The new crosstalk replaces one that cannot be read: {self.unread}"
+        if self.old.unread:
+            why = self.old.unread
+            words = f"The new crosstalk replaces one that cannot be read: {why}"
             return [Remark.warning(words)]
-        if self.old is None:
+        if self.old.model is None:
             return []
         words = "off while measuring: the new one replaces it."
-        if self.active is not None:
+        if self.old.active is not None:
             words = "active while measuring: the new one is old + residual."
         return [Remark.info(f"The old crosstalk was {words}")]
