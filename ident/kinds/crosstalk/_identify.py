@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,9 +12,7 @@ from scipy.special import ndtri  # scipy.stats takes long to load
 
 from ....models import Conventions, Crosstalk
 from ...fit import FitError
-from ._delay import instrument_delay, without_delay
-from ._existing import wished_points
-from ._gate import four_offsets, rates_of
+from ._list import four_offsets, rates_of, wished_points
 from ._recording import CrosstalkRecording
 from .effect import CrosstalkFit, CrosstalkReadings, fit_crosstalk, fit_events
 from .keys import MOST_TESTS, Spec
@@ -21,6 +20,12 @@ from .keys import MOST_TESTS, Spec
 _FOLDS = 5
 _SURE = 0.0027
 """Probability of three standard deviations, shared by all values that are looked at."""
+_FARTHEST = 0.02
+"""s: a delay beyond this is another event."""
+_MOST_ROWS = 25
+_MOST_EVENTS = 60
+_GAIN = 0.05
+"""Relative fall of the residual's standard deviation below which there is no delay."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,3 +193,73 @@ def _held_out(
         left[out] += added[branch[out], np.arange(int(out.sum()))]
         judged[out] = True
     return left, judged
+
+
+def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
+    """Return by how many rows the error is late, 0 where that does not show.
+
+    The same line per event as `cut_events` fits it, with the error moved against the
+    motion; the events' residuals together say which delay is right. Other delays have an
+    estimate each, since each shows in something else: that of an instrument against the
+    encoder of the same axis (`data.signals.estimate_instrument`, taken off before any fit),
+    and what it leaves along the axis's own velocity (`fit.joint.Delay`). This one is that of
+    an error that was recorded as such beside a slave that stands still.
+
+    Args:
+        readings: Log of master and slave.
+        fit: What was found without a delay.
+    """
+    events = [event for event in fit.events if not event.wild]
+    picks = np.linspace(0, len(events) - 1, min(len(events), _MOST_EVENTS))
+    chosen = [events[int(k)] for k in np.unique(picks.astype(int))]
+    step = float(np.median(np.diff(readings.time)))
+    reach = min(math.ceil(_FARTHEST / step), _MOST_ROWS)
+    lags = np.arange(-reach, reach + 1)
+    cost = np.zeros(len(lags))
+    rows_in_all = 0
+    for event in chosen:
+        length = event.stop - event.start
+        rows = np.arange(event.start - length, event.stop + length)
+        rows = rows[(rows >= reach) & (rows < len(readings.time) - reach)]
+        shifted = readings.error[rows[:, None] + lags]
+        rows, shifted = (
+            each[np.isfinite(shifted).all(axis=1)] for each in (rows, shifted)
+        )
+        design = _design(readings, fit, rows)
+        if len(rows) <= 2 * design.shape[1]:
+            continue
+        base, _ = np.linalg.qr(design)
+        left = shifted - base @ (base.T @ shifted)
+        spread = np.maximum((left**2).mean(axis=0), 1e-24)
+        cost += 0.5 * len(rows) * np.log(spread)
+        rows_in_all += len(rows)
+    if not rows_in_all:
+        return 0
+    best = int(np.argmin(cost))
+    # Mean fall of the logarithm of the standard deviation.
+    gain = (cost[reach] - cost[best]) / rows_in_all
+    return int(lags[best]) if gain > _GAIN else 0
+
+
+def _design(
+    readings: CrosstalkReadings, fit: CrosstalkFit, rows: np.ndarray
+) -> Float[np.ndarray, "r c"]:
+    """Return share of the acceleration by sign and direction, level and drift."""
+    a, v = readings.acceleration[rows], readings.velocity[rows]
+    full = np.where(a < 0, -fit.deceleration, fit.acceleration)
+    share = np.minimum(np.abs(a) / full, 1.0)
+    kind = 2 * (a < 0) + (v < 0)
+    columns = [np.where(kind == k, share, 0.0) for k in range(4)]
+    columns = [column for column in columns if column.any()]
+    clock = readings.time[rows] - readings.time[rows].mean()
+    return np.column_stack([*columns, np.ones(len(rows)), clock])
+
+
+def without_delay(readings: CrosstalkReadings, rows: int) -> CrosstalkReadings:
+    """Return a log with the error moved back in time by this many rows."""
+    error = np.full(len(readings.error), np.nan)
+    if rows > 0:
+        error[:-rows] = readings.error[rows:]
+    else:
+        error[-rows:] = readings.error[:rows]
+    return dataclasses.replace(readings, error=error)

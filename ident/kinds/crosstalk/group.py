@@ -14,9 +14,8 @@ from ...job._source import Tables
 from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
-from ._existing import Existing, existing_crosstalk
-from ._gate import events_under
 from ._identify import Identified, options_of
+from ._list import Existing, events_under, existing_crosstalk
 from ._recording import CrosstalkRecording, joined_logs
 from .effect import (
     BRANCHES,

@@ -19,24 +19,21 @@ from ...job._load import Job
 from ...job._result import Remark, staged
 from ...job._source import Tables
 from ...proof import GateCheck, error_figures
-from ._existing import (
+from ._identify import Identified, identify
+from ._list import (
     Existing,
     coverage_of,
-    existing_crosstalk,
-    kept_tests,
-    list_model,
-)
-from ._gate import (
     events_under,
+    existing_crosstalk,
     four_offsets,
     full_offsets,
     judge_crosstalk,
+    kept_tests,
     largest_jump,
+    list_model,
 )
-from ._identify import Identified, identify
 from ._recording import CrosstalkRecording, read_crosstalk
-from ._remarks import remarks_of
-from ._result import CrosstalkResult
+from ._result import CrosstalkResult, remarks_of
 from .keys import Spec
 
 _OLD = ("table[", "last_index", "master_ax_nr")

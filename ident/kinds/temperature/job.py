@@ -23,11 +23,18 @@ from ...proof.axis import check_switching
 from .._keys import FitSpec
 from . import KIND
 from ._identify import Identified, identify
-from ._law import ThermalLaw, judge_law, rates, thermal_law
+from ._law import (
+    PlcProgram,
+    ThermalLaw,
+    judge_law,
+    plc_objects,
+    rates,
+    structured_text,
+    thermal_law,
+)
 from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
 from ._result import TemperatureResult, view_of
-from ._structured_text import PlcProgram, plc_objects, structured_text
 from .effect import TemperatureFit
 from .entries import read_columns, temperature_line
 from .keys import Spec, temperature_names

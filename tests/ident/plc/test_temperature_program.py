@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from axcomp.ident.job import ThermalLaw
-from axcomp.ident.kinds.temperature._structured_text import (
+from axcomp.ident.kinds.temperature._law import (
     PlcProgram,
     plc_objects,
     structured_text,
