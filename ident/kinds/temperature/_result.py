@@ -12,7 +12,7 @@ from ...job._result import AbstractResult, Expectation
 from ._identify import Identified
 from ._law import RATE, ThermalLaw
 from ._recording import ThermalRecording
-from .effect import Law, TemperatureFit
+from .effect import Law, TemperatureFit, ThermalReadings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,28 +23,27 @@ class ThermalView:
     axis shows there belongs to its tables.
 
     Attributes:
-        time: In s, or the row number.
-        timed: Whether it is a time.
+        readings: Errors as measured, positions, sensors, instants.
         row: Of all measurements, one after the other, from 0.
-        position: In mm, or None.
-        sensor: Temperature of each sensor in °C, shape ``(t, s)``.
-        structure: The same behind its lag.
+        structure: Temperature in °C behind the lag of each sensor.
         before: Error in mm.
         predicted: Error left under the line fitted to the other blocks of time.
         from_file: Error left under the files as written, by the controller's rules.
         wild: Readings that the loss rejected.
     """
 
-    time: Float[np.ndarray, " t"]
-    timed: bool
+    readings: ThermalReadings
     row: Int[np.ndarray, " t"]
-    position: Float[np.ndarray, " t"] | None
-    sensor: Float[np.ndarray, "t s"]
     structure: Float[np.ndarray, "t s"]
     before: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
     from_file: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
+
+    @property
+    def position(self) -> Float[np.ndarray, " t"] | None:
+        """In mm, or None."""
+        return self.readings.position
 
 
 @final
@@ -116,13 +115,7 @@ class TemperatureResult(AbstractResult):
                 "coefficient": _law(found.coefficient, self.sensors, 1e6),
                 "offset_per_kelvin": slope,
                 "lags": [
-                    {
-                        "sensor": self.sensors[lag.sensor],
-                        "time_constant": lag.time_constant,
-                        "interval": list(lag.interval),
-                        "applied": lag.applied,
-                        "sensor_late": lag.sensor_late,
-                    }
+                    vars(lag) | {"sensor": self.sensors[lag.sensor]}
                     for lag in found.lags
                 ],
             },
@@ -172,23 +165,18 @@ def view_of(
         line: What was written, read back; None: nothing, and errors stand about their
             median.
     """
-    fit, readings = found.fit, recording.readings
-    used = fit.used
-    place = None if readings.position is None else readings.position[used]
+    fit, used = found.fit, found.fit.used
+    readings = recording.readings.take(used)
     structure = fit.temperature[used]
-    before = from_file = readings.error[used] - np.median(readings.error[used])
+    before = from_file = readings.error - np.median(readings.error)
     if line is not None:
-        still = np.full(structure.shape, zero)
-        before = readings.error[used] - fit.predict(still, place)
+        place, still = readings.position, np.full(structure.shape, zero)
+        before = readings.error - fit.predict(still, place)
         away = np.zeros(len(before)) if place is None else place
         from_file = before + np.asarray(line.offset(away, structure))
-    row = np.arange(len(used), dtype=float)
     return ThermalView(
-        time=(row if readings.time is None else readings.time)[used],
-        timed=readings.time is not None,
+        readings=readings,
         row=recording.rows[used],
-        position=place,
-        sensor=readings.temperature[used],
         structure=structure,
         before=before,
         predicted=before if line is None else found.predicted,

@@ -27,7 +27,7 @@ from .effect import (
     ThermalReadings,
     laws_of,
 )
-from .job import TemperatureDraft, refuse_unstated_law, zero_of
+from .job import TemperatureDraft, refuse_unstated_law
 from .keys import Effect, Spec
 
 _SURE = 3.0
@@ -185,10 +185,7 @@ class TemperatureMember(AbstractMember):
             held_out=share.recording.held_out,
             instead=instead,
         )
-        zero = zero_of(recording, fit)
-        return TemperatureDraft(
-            self.index, self.fit, self.lists, recording, found, zero
-        )
+        return TemperatureDraft(self.index, self.fit, self.lists, recording, found)
 
     def _line(
         self,

@@ -1,6 +1,7 @@
 """The thermal line of one axis: fitted, judged, written for list and PLC, read back."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import final
 
@@ -35,7 +36,6 @@ from ._law import (
 from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
 from ._result import TemperatureResult, view_of
-from .effect import TemperatureFit
 from .entries import read_columns, temperature_line
 from .keys import Spec, temperature_names
 
@@ -55,8 +55,7 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_thermal(tables, fit)
         found = identify(recording, fit)
-        zero = zero_of(recording, found.fit)
-        return TemperatureDraft(index, fit, lists, recording, found, zero)
+        return TemperatureDraft(index, fit, lists, recording, found)
 
     return draft
 
@@ -72,21 +71,6 @@ def refuse_unstated_law(job: Job, fit: Spec, lists: AxisLists) -> None:
         refuse_unstated(job, fit, machine.source, "measure again with COMP OFF TEMP")
 
 
-def zero_of(recording: ThermalRecording, fit: TemperatureFit) -> float:
-    """Return the temperature at which nothing is corrected: measured, near the reference.
-
-    Where two sensors move the line it is the reference itself: each law is held at its own
-    end, the measured temperature next to it.
-    """
-    laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
-    following = [law for law in laws if len(law.value) > 1] or laws
-    if len({law.sensor for law in following}) > 1:
-        return recording.reference_temperature
-    low = max(float(law.temperature[0]) for law in following)
-    high = min(float(law.temperature[-1]) for law in following)
-    return float(np.clip(recording.reference_temperature, low, max(low, high)))
-
-
 @final
 @dataclasses.dataclass(frozen=True)
 class TemperatureDraft(AbstractDraft):
@@ -95,13 +79,27 @@ class TemperatureDraft(AbstractDraft):
     Attributes:
         recording: What was measured.
         found: The estimate and its proof.
-        zero: Temperature in °C at which nothing is corrected.
     """
 
     fit: Spec
     recording: ThermalRecording
     found: Identified
-    zero: float
+
+    @functools.cached_property
+    def zero(self) -> float:
+        """Temperature in °C at which nothing is corrected: measured, near the reference.
+
+        Where two sensors move the line it is the reference itself: each law is held at its
+        own end, the measured temperature next to it.
+        """
+        fit, wished = self.found.fit, self.recording.reference_temperature
+        laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
+        following = [law for law in laws if len(law.value) > 1] or laws
+        if len({law.sensor for law in following}) > 1:
+            return wished
+        low = max(float(law.temperature[0]) for law in following)
+        high = min(float(law.temperature[-1]) for law in following)
+        return float(np.clip(wished, low, max(low, high)))
 
     @property
     def written(self) -> bool:
@@ -139,7 +137,7 @@ class TemperatureDraft(AbstractDraft):
         held = [
             name
             for name in (f"{_LINE}_offset_0", f"{_LINE}_coefficient")
-            if (entry := listing.get(name)) is not None and _is_not_zero(entry.value)
+            if (entry := listing.get(name)) is not None and entry.value.strip("+-0.")
         ]
         if not held:
             return []
@@ -305,10 +303,3 @@ class TemperatureDraft(AbstractDraft):
         effects = self.recording.effects
         first = next(iter(effects.values()))
         return effects.get("offset", first), effects.get("coefficient", first)
-
-
-def _is_not_zero(text: str) -> bool:
-    try:
-        return float(text) != 0.0
-    except ValueError:
-        return True

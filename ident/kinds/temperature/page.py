@@ -52,7 +52,8 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
     found = []
     for row in rows.tolist():
         warm = ", ".join(
-            f"{name} {view.sensor[row, k]:.1f} °C" for k, name in enumerate(fit.sensors)
+            f"{name} {view.readings.temperature[row, k]:.1f} °C"
+            for k, name in enumerate(fit.sensors)
         )
         if view.position is not None:
             warm = f"{fit.axis} = {place(float(view.position[row]))} mm, {warm}"
@@ -135,7 +136,11 @@ def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
         f" {count(used, 'complete reading')}."
     )
     if noise.drift > 0:
-        unit = f"{noise.time_constant / 60:.3g} minutes" if fit.view.timed else "rows"
+        unit = (
+            f"{noise.time_constant / 60:.3g} minutes"
+            if fit.view.readings.time is not None
+            else "rows"
+        )
         words += (
             f" Beside it a drift of {number(scale.factor * noise.drift)} {scale.error}"
             f" that forgets in {unit}: the readings tell as much as"
@@ -332,7 +337,7 @@ def _draw_temperatures(
     lagged = {lag.sensor for lag in fit.fit.lags if lag.applied}
     for k, name in enumerate(fit.sensors):
         colour = colours[k % len(colours)]
-        shown = [("-", name, view.sensor)]
+        shown = [("-", name, view.readings.temperature)]
         if k in lagged:
             shown.append(("--", f"structure behind {name}", view.structure))
         for line, label, values in shown:
@@ -345,11 +350,12 @@ def _draw_temperatures(
 
 
 def _clock(view: ThermalView) -> tuple[Float[np.ndarray, " t"], str]:
-    if not view.timed:
-        return view.time, "row of the measurement"
-    if float(np.ptp(view.time)) <= _MINUTES:
-        return view.time / 60.0, "time in minutes"
-    return view.time / 3600.0, "time in hours"
+    time = view.readings.time
+    if time is None:
+        return view.row.astype(float), "row of the measurement"
+    if float(np.ptp(time)) <= _MINUTES:
+        return time / 60.0, "time in minutes"
+    return time / 3600.0, "time in hours"
 
 
 def _by_temperature(
