@@ -253,11 +253,14 @@ def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
     limit = float(np.max(known, initial=0.0)) * scale.factor or 1.0
     # Any: matplotlib gives every keyword a type of its own.
     options: dict[str, Any] = {"cmap": style.DIVERGING, "vmin": -limit, "vmax": limit}
+    dots = []
     for row, panel in enumerate(panels):
         places, errors = _shown(fit, row)
-        shown = panel.scatter(
-            places[:, 0], places[:, 1], s=14, linewidths=0,
-            c=errors * scale.factor, **options,
+        dots.append(
+            panel.scatter(
+                places[:, 0], places[:, 1], s=14, linewidths=0,
+                c=errors * scale.factor, **options,
+            )
         )  # fmt: skip
         told = np.isfinite(own.values[row])
         first, second = own.points.T
@@ -278,7 +281,7 @@ def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
         panel.set_xlabel(f"{fit.adaptation[0]} in mm")
     for panel in panels[::2]:
         panel.set_ylabel(f"{fit.adaptation[1]} in mm")
-    figure.colorbar(shown, ax=panels, label=_error_of(fit, scale), shrink=0.7)
+    figure.colorbar(dots[-1], ax=panels, label=_error_of(fit, scale), shrink=0.7)
     caption = (
         "Error at full acceleration over the adaptation axes: dots are events, squares"
         " the tests, crosses tests without events. The frame is the workspace, of which"

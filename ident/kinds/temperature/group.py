@@ -230,7 +230,9 @@ class TemperatureMember(AbstractMember):
                 for name in order
                 for node in laws[name].temperature
             ),
-            covariance=block_diag(*(np.outer(spread[n], spread[n]) for n in order)),
+            covariance=np.asarray(
+                block_diag(*(np.outer(spread[n], spread[n]) for n in order))
+            ),
             noise=DriftNoise(share.noise),
             independent=float(np.sum(~share.wild)),
             used=np.ones(len(structure), dtype=bool),

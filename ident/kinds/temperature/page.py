@@ -206,7 +206,7 @@ def _over(fit: TemperatureResult) -> str:
     if len(fit.sensors) > 1:
         return "temperature of its sensor in °C"
     behind = "structure behind " if any(lag.applied for lag in fit.fit.lags) else ""
-    return f"{behind}{fit.sensors[0]} in °C"
+    return f"{behind}{next(iter(fit.sensors))} in °C"
 
 
 def lines_plot(fit: TemperatureResult, scale: Scale) -> Plot:
