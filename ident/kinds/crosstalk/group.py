@@ -16,7 +16,7 @@ from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
 from ._identify import Identified, options_of
 from ._list import Existing, events_under, existing_crosstalk
-from ._recording import CrosstalkRecording, joined_logs
+from ._recording import joined_logs
 from .effect import (
     BRANCHES,
     CrosstalkFit,
@@ -167,16 +167,9 @@ class CrosstalkMember(AbstractMember):
             judged=np.ones(len(events), dtype=bool),
             delay=0.0,
         )
-        number = np.arange(len(share.rows), dtype=float)
-        place = self._log(share.recording, number, effect.adaptation).error
-        recording = CrosstalkRecording(
-            log,
-            effect.adaptation,
-            tuple(share.remarks()),
-            np.where(np.isfinite(place), place, -1.0).astype(np.int64),
-        )
+        remarks = tuple(share.remarks())
         return CrosstalkDraft(
-            self.index, self.fit, self.lists, recording, found, self.old
+            self.index, self.fit, self.lists, remarks, found, self.old
         )
 
     def _tests(

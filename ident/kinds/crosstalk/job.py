@@ -32,7 +32,7 @@ from ._list import (
     largest_jump,
     list_model,
 )
-from ._recording import CrosstalkRecording, read_crosstalk
+from ._recording import read_crosstalk
 from ._result import CrosstalkResult, remarks_of
 from .keys import Spec
 
@@ -54,7 +54,7 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_crosstalk(tables, fit)
         found = identify(recording, fit, old.active, job.conventions)
-        return CrosstalkDraft(index, fit, lists, recording, found, old)
+        return CrosstalkDraft(index, fit, lists, recording.remarks, found, old)
 
     return draft
 
@@ -65,13 +65,13 @@ class CrosstalkDraft(AbstractDraft):
     """A fitted crosstalk.
 
     Attributes:
-        recording: What was measured.
+        remarks: What was taken for granted while reading.
         found: The estimate and its proof.
         old: Crosstalk of the list that is there.
     """
 
     fit: Spec
-    recording: CrosstalkRecording
+    remarks: tuple[Remark, ...]
     found: Identified
     old: Existing
 
@@ -191,7 +191,7 @@ class CrosstalkDraft(AbstractDraft):
             **self.frame(done),
             error=error,
             remarks=(
-                *self.recording.remarks,
+                *self.remarks,
                 *remarks_of(
                     self.fit,
                     found,

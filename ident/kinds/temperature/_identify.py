@@ -30,7 +30,6 @@ class Identified:
     Attributes:
         fit: The estimate, in the sign of the error.
         open: Effects that the readings cannot tell apart.
-        determined: Whether anything may be written.
         dropped: The coefficient was held constant, since only the offset is determined.
         predicted: Error of each used reading in mm less what the other blocks say of it.
         held_out: What was left out together: ``block`` or ``run``.
@@ -38,12 +37,16 @@ class Identified:
     """
 
     fit: TemperatureFit
-    open: tuple[Confusion, ...]
-    determined: bool
-    dropped: bool
     predicted: Float[np.ndarray, " u"]
+    open: tuple[Confusion, ...] = ()
+    dropped: bool = False
     held_out: str = "block"
     instead: AgainstDrift | None = None
+
+    @property
+    def determined(self) -> bool:
+        """Whether anything may be written."""
+        return self.dropped or not self.open
 
 
 def identify(recording: ThermalRecording, fit: Spec) -> Identified:
@@ -73,10 +76,9 @@ def identify(recording: ThermalRecording, fit: Spec) -> Identified:
     instead = None if open_pairs else drift_instead(recording, found)
     return Identified(
         fit=found,
-        open=open_pairs,
-        determined=dropped or not open_pairs,
-        dropped=dropped,
         predicted=predicted,
+        open=open_pairs,
+        dropped=dropped,
         instead=instead,
     )
 

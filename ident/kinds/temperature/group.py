@@ -178,9 +178,6 @@ class TemperatureMember(AbstractMember):
         instead = drift_instead(recording, fit)
         found = Identified(
             fit=fit,
-            open=(),
-            determined=True,
-            dropped=False,
             predicted=share.predicted[rows],
             held_out=share.recording.held_out,
             instead=instead,
