@@ -132,9 +132,6 @@ class AbstractTableDraft(AbstractDraft):
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
         refuse_misread(job, listing, self.one)
 
-    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
-        return restart_of_table(existing, listing, self.one)
-
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         table = self.one.plan.table
@@ -257,15 +254,3 @@ def refuse_misread(job: Job, listing: ListFile, one: AbstractFitted) -> None:
             f"found another table in {listing.source} when it was read back, expected"
             " the one that was fitted",
         )
-
-
-def restart_of_table(
-    existing: ListFile, listing: ListFile, one: AbstractFitted
-) -> str | None:
-    """Return why a table needs a restart, or None where a reload is enough."""
-    table = one.plan.table
-    name = f"{table.prefix}.max_points"
-    if existing.integer(name) == listing.integer(name):
-        return None
-    number = one.plan.fit.kind.resized
-    return f"{name} changes (a reload would end in error {number})"

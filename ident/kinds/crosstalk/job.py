@@ -161,12 +161,6 @@ class CrosstalkDraft(AbstractDraft):
                     f" it was read back, expected {value}",
                 )
 
-    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
-        name = f"{self.kind.prefix}.max_points"
-        if existing.integer(name) == listing.integer(name):
-            return None
-        return f"{name} changes, which a reload may not take over"
-
     def prove(self, done: Written) -> CrosstalkResult:
         job = done.job
         found, fit = self.found, self.found.fit
