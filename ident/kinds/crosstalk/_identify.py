@@ -12,10 +12,11 @@ from scipy.special import ndtri  # scipy.stats takes long to load
 
 from ....models import Conventions, Crosstalk
 from ...fit import FitError
+from . import SAFE_TESTS
 from ._list import four_offsets, rates_of, wished_points
 from ._recording import CrosstalkRecording
 from .effect import CrosstalkFit, CrosstalkReadings, fit_crosstalk, fit_events
-from .keys import MOST_TESTS, Spec
+from .keys import Spec
 
 _FOLDS = 5
 _SURE = 0.0027
@@ -88,7 +89,7 @@ def options_of(
         "acceleration": rates[0],
         "deceleration": rates[1],
         "velocity_dependent": "auto" if apart is None else apart,
-        "most_tests": min(fit.max_points or MOST_TESTS, MOST_TESTS),
+        "most_tests": min(fit.max_points or SAFE_TESTS, SAFE_TESTS),
         "conventions": rules,
         "loss": fit.loss,
         "mode": mode,

@@ -9,8 +9,9 @@ from jaxtyping import Bool, Float, Int
 
 from ....models import Crosstalk
 from ...job._result import AbstractResult, Remark
+from . import SAFE_TESTS
 from ._identify import Identified
-from .effect import BRANCHES, SAFE_TESTS, CrosstalkFit, CrosstalkReadings
+from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings
 from .keys import Spec
 
 _THREE = 3

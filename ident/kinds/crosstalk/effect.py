@@ -15,6 +15,7 @@ from scipy.special import chdtrc  # scipy.stats takes long to load
 
 from ....models import Conventions, Crosstalk, surface_through
 from ...core import FitError, filled, one_blas_thread
+from . import SAFE_TESTS
 from ._events import (
     BRANCHES as BRANCHES,
     CrosstalkReadings as CrosstalkReadings,
@@ -26,8 +27,6 @@ from ._tests import ModeScore as ModeScore, Table, choose_tests, points_of
 
 MOST_TESTS = 15
 """Measurement tests that a list holds at most ([001] p.84)."""
-SAFE_TESTS = 14
-"""Tests that satisfy both statements of the manuals (P-COMP-00083 < 15)."""
 _CHANCE = 0.01
 """Probability under equal directions below which they differ."""
 _FEW = 3

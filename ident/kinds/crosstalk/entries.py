@@ -30,11 +30,9 @@ from ...exchange._units import (
     round_to_list,
 )
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
-from . import KIND
+from . import KIND, SAFE_TESTS
 
 PREFIX = KIND.prefix
-MOST_TESTS = 14
-"""One manual wants fewer than 15 tests, another up to 15 (S-39)."""
 MOST_CYCLES = 20
 VALUES = (
     "correction_accelerate_dir_pos",
@@ -233,11 +231,11 @@ class CrosstalkEntries(AbstractEntries):
                 found=str(len(masters)),
                 expected=f"{axes + 1}: the axis that accelerates and {axes} adaptation axes",
             )
-        if count > MOST_TESTS:
+        if count > SAFE_TESTS:
             raise ExchangeError(
                 where=f"{PREFIX}.max_points",
                 found=f"{count} tests",
-                expected=f"at most {MOST_TESTS}",
+                expected=f"at most {SAFE_TESTS}",
             )
         if model.cycles > MOST_CYCLES:
             raise ExchangeError(

@@ -21,7 +21,8 @@ Fitted = tuple[Temperature, Regression]
 """A line, and the regression whose coefficients begin with its node values."""
 MOST_NODES = 5
 """A law that the PLC interpolates needs no more."""
-_BLOCKS, _FOLDS = 20, 5
+BLOCKS, FOLDS = 20, 5
+"""Stretches of time, and in how many turns they are left out, far from each other."""
 _VISIT = 0.05
 """Share of the range of temperatures that counts as staying where it is."""
 _MATTERS = 0.02
@@ -62,8 +63,8 @@ class Contest:
             if abs(value - start) > limit:
                 start, number = value, number + 1
             stay[row] = number
-        if not 3 <= number + 1 < _BLOCKS:
-            stay = np.arange(len(theta)) * _BLOCKS // len(theta)
+        if not 3 <= number + 1 < BLOCKS:
+            stay = np.arange(len(theta)) * BLOCKS // len(theta)
         return cls(data, stay, loss)
 
     def fitted(
@@ -88,8 +89,8 @@ class Contest:
         what luckily extends.
         """
         data, groups = self.data, self.blocks
-        if groups.max() + 1 > 2 * _FOLDS:
-            groups = groups % _FOLDS
+        if groups.max() + 1 > 2 * FOLDS:
+            groups = groups % FOLDS
         inputs, root = data.inputs(line), np.sqrt(found.share)
         theta = inputs[: len(line.sensors)]
         result = np.zeros(len(groups))

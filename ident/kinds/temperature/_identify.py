@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
+from ._choice import BLOCKS, FOLDS
 from ._recording import ThermalRecording
 from .effect import (
     Confusion,
@@ -18,8 +19,6 @@ from .effect import (
 )
 from .keys import Spec
 
-_BLOCKS, _FOLDS = 20, 5
-"""Stretches of time, and in how many turns they are left out, far from each other."""
 LawPair = Literal["auto"] | tuple[LawKey, LawKey]
 
 
@@ -150,7 +149,7 @@ def _held_out(
     order = used if clock is None else used[np.argsort(clock[used], kind="stable")]
     rank = np.empty(len(found.used), dtype=np.int64)
     rank[order] = np.arange(len(order))
-    groups = rank[used] * _BLOCKS // len(used) % _FOLDS
+    groups = rank[used] * BLOCKS // len(used) % FOLDS
     part = recording.readings.take(found.used)
     structure = found.temperature[found.used]
     part = dataclasses.replace(part, temperature=structure)
