@@ -119,7 +119,7 @@ def meeting_words(fit: TemperatureFit) -> str:
     words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure)
     if not fit.intersects:
         words += f": the reference is {fit.reference:.4g} mm"
-    return f"{words}."
+    return f"{words}.".replace("-", "−")
 
 
 def lag_words(lag: Lag, name: str) -> str:
