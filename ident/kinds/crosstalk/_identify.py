@@ -13,6 +13,7 @@ from scipy.special import ndtri  # scipy.stats takes long to load
 from ....models import Conventions, Crosstalk
 from ...fit import FitError
 from . import SAFE_TESTS
+from ._events import shares_of
 from ._list import four_offsets, rates_of, wished_points
 from ._recording import CrosstalkRecording
 from .effect import CrosstalkFit, CrosstalkReadings, fit_crosstalk, fit_events
@@ -213,6 +214,8 @@ def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
     events = [event for event in fit.events if not event.wild]
     picks = np.linspace(0, len(events) - 1, min(len(events), _MOST_EVENTS))
     chosen = [events[int(k)] for k in np.unique(picks.astype(int))]
+    rates = fit.acceleration, fit.deceleration
+    share, branch = shares_of(readings, *rates, fit.conventions)
     step = float(np.median(np.diff(readings.time)))
     reach = min(math.ceil(_FARTHEST / step), _MOST_ROWS)
     lags = np.arange(-reach, reach + 1)
@@ -226,7 +229,10 @@ def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
         rows, shifted = (
             each[np.isfinite(shifted).all(axis=1)] for each in (rows, shifted)
         )
-        design = _design(readings, fit, rows)
+        clock = readings.time[rows] - readings.time[rows].mean()
+        columns = [np.where(branch[rows] == k, share[rows], 0.0) for k in range(4)]
+        columns = [column for column in columns if column.any()]
+        design = np.column_stack([*columns, np.ones(len(rows)), clock])
         if len(rows) <= 2 * design.shape[1]:
             continue
         base, _ = np.linalg.qr(design)
@@ -240,20 +246,6 @@ def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
     # Mean fall of the logarithm of the standard deviation.
     gain = (cost[reach] - cost[best]) / rows_in_all
     return int(lags[best]) if gain > _GAIN else 0
-
-
-def _design(
-    readings: CrosstalkReadings, fit: CrosstalkFit, rows: np.ndarray
-) -> Float[np.ndarray, "r c"]:
-    """Return share of the acceleration by sign and direction, level and drift."""
-    a, v = readings.acceleration[rows], readings.velocity[rows]
-    full = np.where(a < 0, -fit.deceleration, fit.acceleration)
-    share = np.minimum(np.abs(a) / full, 1.0)
-    kind = 2 * (a < 0) + (v < 0)
-    columns = [np.where(kind == k, share, 0.0) for k in range(4)]
-    columns = [column for column in columns if column.any()]
-    clock = readings.time[rows] - readings.time[rows].mean()
-    return np.column_stack([*columns, np.ones(len(rows)), clock])
 
 
 def without_delay(readings: CrosstalkReadings, rows: int) -> CrosstalkReadings:
