@@ -89,7 +89,7 @@ def external_from_lists(
 
 
 def _is_table(one: InUse, name: str) -> bool:
-    return one.name == name and one.kind.entries.is_table
+    return one.name == name and one.kind.table
 
 
 def _part(one: InUse, columns: Mapping[int, int], reading: Reading) -> OffsetPart:

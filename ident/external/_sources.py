@@ -93,7 +93,7 @@ def list_source(
     rules = conventions or job.conventions
     machine = machine_lists(lists)
     used = machine.in_use(rules)
-    held = [one for one in used if one.kind.entries.is_table]
+    held = [one for one in used if one.kind.table]
     if not held:
         raise ExchangeError(
             where=", ".join(str(path) for path in paths),
@@ -108,7 +108,7 @@ def list_source(
     remarks = [
         f"{axis}: the {name} compensation is left out, as {_reason(name)}. Leave it active."
         for axis, name in sorted(left)
-        if not kind(name).entries.is_table
+        if not kind(name).table
     ]
     replaced: dict[int, list[str]] = {}
     for one in held:

@@ -8,7 +8,8 @@ first use (`Kind.part`):
 * ``channel``: what a log shows of it (`proof.verify.AbstractChannel`);
 * ``probe``: its step of a probe (`_protocol.AbstractProbe`);
 * ``keys``: the keys of a fit in a job, and what is wrong with them (`_keys.FitSpec`);
-* ``job``: a fit from its plan to a draft, list and result (`_parts.SinglePart`);
+* ``job``: a fit from its plan to a draft, list and result (`_parts.SinglePart`); tables share
+  theirs, and their page;
 * ``group``: the same in a group of fits (`_parts.GroupPart`);
 * ``page``: its part of the report (`_parts.PagePart`).
 

@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...data.lists import ListFile, Value
-from ...models import AbstractLookup, Conventions, Coupled
+from ...models import Conventions, Coupled
 from ..exchange._errors import ExchangeError
 from ..exchange._identity import Increments, axis_number, flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
@@ -225,11 +225,6 @@ class AbstractEntries(abc.ABC):
         return one.masters
 
     # --------------------------------------------------------------------- for the proofs
-
-    @property
-    def is_table(self) -> bool:
-        """Whether its model is a table over positions."""
-        return issubclass(self.models[0], AbstractLookup)
 
     def inputs(self, masters: Axes) -> Axes:
         """Return the axes over whose positions it acts at standstill."""
