@@ -8,7 +8,6 @@ from ...data.lists import ListFile
 from ..core import FitError
 from ..exchange import ExchangeError, axis_number
 from ..kinds._keys import FitSpec
-from ..kinds._parts import single_of
 from ._checks import groups_of
 from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
 from ._faults import key_words
@@ -83,7 +82,7 @@ def _refuse_streams(job: Job, grouped: set[int]) -> None:
 def _plan(
     job: Job, tables: Tables, index: int, fit: FitSpec, lists: AxisLists
 ) -> Planned:
-    planned = single_of(fit.compensation).plan(job, tables, index, fit, lists)
+    planned = fit.kind.single.plan(job, tables, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
         try:

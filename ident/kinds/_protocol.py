@@ -5,12 +5,20 @@ A colleague who adds a compensation writes its model in `axcomp.models` (or, as 
 
 * ``entries.py`` with ``ENTRIES``, an `AbstractEntries`;
 * ``channel.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel`;
-* ``probe.py`` with ``PROBE``, an `AbstractProbe`.
+* ``probe.py`` with ``PROBE``, an `AbstractProbe`;
+* ``keys.py`` with ``Spec``, a `_keys.FitSpec`: light, it loads nothing that computes;
+* ``job.py``, a `SinglePart`: a fit that stands alone, from its plan to a draft;
+* ``group.py``, a `GroupPart`: a fit of a group, from its effect to the same draft;
+* ``page.py``, a `PagePart`: what the report shows of its result.
+
+A draft (`AbstractDraft`) is what a job writes, judges and proves; it makes the result
+(`AbstractResult`) that stands in ``result.json`` and in the report. Tables (`Kind.table`) share
+theirs: they need no ``job.py`` and no ``page.py``.
 """
 
 import abc
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, Coupled
@@ -25,6 +33,12 @@ from ._kind import Kind
 
 if TYPE_CHECKING:
     from ..exchange._table import AbstractTable
+    from ..job._draft import AxisLists, Planned
+    from ..job._load import Job
+    from ..job._source import Tables
+    from ..job.joint._member import AbstractMember
+    from ..report._body import Body
+    from ..report._scale import Scale
 
 Axes = tuple[int, ...]
 """Logical numbers of axes, or their columns."""
@@ -281,3 +295,52 @@ class AbstractProbe(abc.ABC):
         self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
     ) -> tuple[Outcome, ...]:
         """Return what may be seen, and what follows from it."""
+
+
+@runtime_checkable
+class SinglePart(Protocol):
+    """The module ``job`` of a compensation; ``fit`` is of its own class of keys."""
+
+    def plan(
+        self, job: "Job", tables: "Tables", index: int, fit: Any, lists: "AxisLists"
+    ) -> "Planned":
+        """Plan a fit; what it returns fits it.
+
+        Args:
+            job: The job.
+            tables: Its measurement files.
+            index: Of the fit in the job.
+            fit: Its keys.
+            lists: What the axis has already.
+
+        Raises:
+            JobError: If keys or existing lists do not suit; of what it returns: likewise
+                for readings.
+            FitError: Of what it returns: if the readings do not determine the fit.
+        """
+        ...
+
+
+@runtime_checkable
+class GroupPart(Protocol):
+    """The module ``group`` of a compensation."""
+
+    def member(
+        self, job: "Job", tables: "Tables", index: int, fit: Any, lists: "AxisLists"
+    ) -> "AbstractMember":
+        """Plan a fit of a group; arguments and errors as `SinglePart.plan`."""
+        ...
+
+
+@runtime_checkable
+class PagePart(Protocol):
+    """The module ``page`` of a compensation."""
+
+    def body(self, fit: Any, scale: "Scale") -> "Body":
+        """Return plots, sentences and wild readings of a result.
+
+        Args:
+            fit: The result that its draft made.
+            scale: Units in which a person reads the error.
+        """
+        ...

@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
 from ...kinds._keys import FitSpec
-from ...kinds._parts import group_of
 from .._draft import AbstractDraft, AxisLists
 from .._load import Job
 from .._source import Tables
@@ -162,7 +161,7 @@ def members_of(
     """
     pairs = [(index, job.spec.fits[index]) for index in indices]
     return tuple(
-        group_of(fit.compensation).member(job, tables, index, fit, lists[fit.axis])
+        fit.kind.group.member(job, tables, index, fit, lists[fit.axis])
         for index, fit in pairs
     )
 
