@@ -74,7 +74,9 @@ class AbstractEntries(abc.ABC):
     # ------------------------------------------------------------------ where it stands
 
     def is_in(self, listing: ListFile) -> bool:
-        """Whether a compensation list holds it, or an axis list has it on."""
+        """Whether a compensation list holds its table, or an axis list has it on."""
+        if self.columns:
+            return bool(listing.table(self.kind.prefix, self.columns[0]))
         return self.is_activated(listing)
 
     def is_activated(self, machine: ListFile) -> bool:

@@ -192,9 +192,6 @@ class LeadscrewEntries(AbstractEntries):
     table = LeadscrewTable
     comes_last = True
 
-    def is_in(self, listing: ListFile) -> bool:
-        return bool(listing.table(PREFIX, "pos"))
-
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Leadscrew:
         found: Leadscrew = jax.tree.map(
             as_array,

@@ -54,9 +54,6 @@ class PlaneEntries(AbstractEntries):
     columns = ("correction",)
     table = PlaneTable
 
-    def is_in(self, listing: ListFile) -> bool:
-        return bool(listing.table(PREFIX, "correction"))
-
     def named_masters(self, listing: ListFile) -> Axes:
         names = ("master1_ax_nr", "master2_ax_nr")
         return tuple(required(listing, f"{PREFIX}.{name}") for name in names)
