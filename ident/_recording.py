@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .core import FitError
-from .kinds.temperature.effect import Clocked, clocked
+from .kinds.temperature._structure import Clocked, clocked
 
 Columns = Mapping[str, np.ndarray]
 """Arrays of shape ``(t,)`` by the name of an axis or of a sensor."""

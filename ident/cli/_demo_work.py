@@ -12,7 +12,7 @@ from ...data.measurements import measurement, read_table, with_error, without_mo
 from ...models import Conventions, TemperatureLine
 from ..job import JobResult, TemperatureResult, run_job, write_atomically
 from ..kinds import kind
-from ..kinds.temperature._plc_table import read_temperature_table
+from ..kinds.temperature.entries import read_temperature_table
 from ..machine.motion import (
     WorkingMachine,
     machine_with_everything,

@@ -132,7 +132,7 @@ def _lines(
 ) -> "dict[int, TemperatureLine]":
     """Return the temperature lines that a PLC would follow, by axis."""
     from ..exchange import machine_lists
-    from ..kinds.temperature._plc_table import read_temperature_table
+    from ..kinds.temperature.entries import read_temperature_table
 
     found = {}
     machines = machine_lists(lists).machine if texts else {}

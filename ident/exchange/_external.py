@@ -61,7 +61,7 @@ def external_from_lists(
     machine = machine_lists(lists)
     used = machine.in_use(reading.conventions)
     order = [each.name for each in kinds()]
-    tables = [one for one in used if one.kind.entries.is_table]
+    tables = [one for one in used if one.kind.table]
     tables.sort(key=lambda one: order.index(one.name))
     numbers = tuple(axes) if axes is not None else axes_in_use(tables, machine)
     columns = columns_of(tables, numbers)

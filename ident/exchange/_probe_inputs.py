@@ -41,7 +41,7 @@ def travel_in(
     machine = dataclasses.replace(machine_lists(lists), machine={})
     found: dict[int, list[float]] = {}
     for one in machine.in_use(conventions):
-        if not one.kind.entries.is_table:
+        if not one.kind.table:
             continue
         ways = model_of(one, Reading(conventions, increment)).ways
         for axis, nodes in zip(one.masters, ways, strict=True):

@@ -94,7 +94,7 @@ def list_source(
     rules = conventions or job.conventions
     machine = machine_lists(lists)
     used = machine.in_use(rules)
-    held = [one for one in used if one.kind.entries.is_table]
+    held = [one for one in used if one.kind.table]
     if not held:
         raise ExchangeError(
             where=", ".join(str(path) for path in paths),
@@ -109,7 +109,7 @@ def list_source(
     remarks = [
         f"{axis}: the {name} compensation is left out, as {_reason(name)}. Leave it active."
         for axis, name in sorted(left)
-        if not kind(name).entries.is_table
+        if not kind(name).table
     ]
     replaced: dict[int, list[str]] = {}
     for one in held:

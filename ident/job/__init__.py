@@ -67,8 +67,6 @@ if TYPE_CHECKING:
     from ..kinds.backlash._result import BacklashResult as BacklashResult
     from ..kinds.crosstalk._result import (
         CrosstalkResult as CrosstalkResult,
-        CrosstalkView as CrosstalkView,
-        EventCourse as EventCourse,
     )
     from ..kinds.friction._listing import LawCurve as LawCurve
     from ..kinds.friction._result import (

@@ -8,9 +8,8 @@ from typing import Any
 
 import pydantic
 
-from ..kinds import NAMES
+from ..kinds import NAMES, kind
 from ..kinds._keys import JobPart, KeyPath
-from ..kinds._parts import keys_of
 from ._errors import JobError
 from ._lines import line_of
 from ._schema import (
@@ -57,9 +56,9 @@ def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
             return ColumnOfRun
         case ("fits", int(k)):
             name = values["fits"][k].get("compensation")
-            return keys_of(name) if name in NAMES else None
+            return kind(name).keys if name in NAMES else None
         case ("fits", int(k), str(key)):
-            return keys_of(values["fits"][k]["compensation"]).parts.get(key)
+            return kind(values["fits"][k]["compensation"]).keys.parts.get(key)
     return None
 
 

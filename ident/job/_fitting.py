@@ -26,7 +26,7 @@ _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
 
-def plan_table(
+def plan(
     job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
 ) -> Planned:
     """Plan a table fit; what it returns fits it.
@@ -36,10 +36,10 @@ def plan_table(
             the readings do not determine the fit, or show a constant or a slope and the
             job does not say whose.
     """
-    plan = plan_fit(job, tables, index, fit, lists)
+    planned = plan_fit(job, tables, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
-        log, words = in_pieces(tables, index, fit, plan.table)
+        log, words = in_pieces(tables, index, fit, planned.table)
         beside = {
             name: left.beside[index, name]
             for name in fit.sources
@@ -48,16 +48,16 @@ def plan_table(
         found: AbstractTableDraft
         if log is not None:
             _refuse_beside(job, index, beside)
-            found = fit_log(plan, log)
+            found = fit_log(planned, log)
         else:
             extra = {
                 name: left.earlier[fit.axis, name]
                 for name in fit.sources
                 if (fit.axis, name) in left.earlier
             }
-            readings = read_fit(tables, index, fit, plan.table, extra, beside, words)
-            found = fit_plan(plan, readings)
-        refuse_unowned_trend(job, plan, found.estimate)
+            readings = read_fit(tables, index, fit, planned.table, extra, beside, words)
+            found = fit_plan(planned, readings)
+        refuse_unowned_trend(job, planned, found.estimate)
         return found
 
     return draft

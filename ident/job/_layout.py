@@ -18,7 +18,6 @@ from ..exchange import (
     point_nodes,
 )
 from ..kinds._keys import TableSpec
-from ..kinds._parts import table_of as part_of_table
 from ..readings import Tables
 from ._errors import JobError
 from ._found_nodes import grid_words
@@ -44,7 +43,10 @@ def table_of(
 
 def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
     """Return the kind of table that a fit writes, its nodes not yet known."""
-    return part_of_table(fit.compensation).empty_table(job, fit)
+    axes, own = job.spec.axes, fit.kind.entries.table
+    assert own is not None  # the keys of a table
+    masters = tuple(axes[name].number for name in fit.over)
+    return own(axes[fit.axis].number, masters, (), job.conventions, **fit.form)
 
 
 def _nodes(

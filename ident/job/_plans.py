@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from ...data.lists import ListFile
 from ..exchange import ExchangeError, axis_number
-from ..kinds._parts import single_of
 from ..readings import Tables
 from ._checks import groups_of
 from ._draft import AbstractDraft, AxisLists, Planned
@@ -50,9 +49,7 @@ def plan_all(job: Job, tables: Tables) -> Plans:
 
         groups = plan_groups(job, tables, lists)
     single = {
-        index: single_of(fit.compensation).plan(
-            job, tables, index, fit, lists[fit.axis]
-        )
+        index: fit.kind.single.plan(job, tables, index, fit, lists[fit.axis])
         for index, fit in enumerate(job.spec.fits)
         if index not in together
     }

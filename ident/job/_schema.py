@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from ...data.measurements import ColumnSpec, Lines
-from ..kinds import NAMES
+from ..kinds import NAMES, kind
 from ..kinds._keys import FitSpec, JobPart
-from ..kinds._parts import keys_of
 
 if TYPE_CHECKING:  # both follow from the table of kinds
     Compensation = str
@@ -18,7 +17,7 @@ if TYPE_CHECKING:  # both follow from the table of kinds
 else:
     Compensation = Literal[NAMES]
     AnyFit = Annotated[
-        functools.reduce(operator.or_, map(keys_of, NAMES)),
+        functools.reduce(operator.or_, (kind(name).keys for name in NAMES)),
         Field(discriminator="compensation"),
     ]
 Number = Annotated[int, Field(ge=1, le=65535)]

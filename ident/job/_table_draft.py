@@ -174,12 +174,6 @@ class AbstractTableDraft(AbstractDraft):
                 " the one that was fitted",
             )
 
-    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
-        name = f"{self.plan.table.prefix}.max_points"
-        if existing.integer(name) == listing.integer(name):
-            return None
-        return f"{name} changes (a reload would end in error {self.kind.resized})"
-
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table

@@ -136,6 +136,11 @@ class TableSpec(FitSpec, frozen=True):
     def nodes(self) -> tuple[Grid | list[float], ...]:
         """Nodes over each master, as grid or setpoints; empty: the job gives none."""
 
+    @property
+    def form(self) -> dict[str, bool]:
+        """What its table has beside nodes and masters, as arguments of its class."""
+        return {}
+
     def turns(self, axes: "Mapping[str, Axis]") -> bool:
         """Return whether its table goes round a modulo axis."""
         return False

@@ -4,11 +4,18 @@ import dataclasses
 import functools
 import importlib
 from types import ModuleType
-from typing import TYPE_CHECKING, Literal, final
+from typing import TYPE_CHECKING, Literal, cast, final
 
 if TYPE_CHECKING:
     from ..proof.verify import AbstractChannel
-    from ._protocol import AbstractEntries, AbstractProbe
+    from ._keys import FitSpec
+    from ._protocol import (
+        AbstractEntries,
+        AbstractProbe,
+        GroupPart,
+        PagePart,
+        SinglePart,
+    )
 
 
 @final
@@ -101,3 +108,32 @@ class Kind:
         """Its step of a probe."""
         found: AbstractProbe = self.part("probe").PROBE
         return found
+
+    @property
+    def keys(self) -> "type[FitSpec]":
+        """The keys of a fit in a job."""
+        found: type[FitSpec] = self.part("keys").Spec
+        return found
+
+    @property
+    def single(self) -> "SinglePart":
+        """How a fit is planned that stands alone."""
+        if self.table:
+            from ..job import _fitting
+
+            return _fitting
+        return cast("SinglePart", self.part("job"))
+
+    @property
+    def group(self) -> "GroupPart":
+        """How a fit of a group is planned."""
+        return cast("GroupPart", self.part("group"))
+
+    @property
+    def page(self) -> "PagePart":
+        """How the report shows it."""
+        if self.table:
+            from ..report import _table_body
+
+            return _table_body
+        return cast("PagePart", self.part("page"))

@@ -5,28 +5,44 @@ A colleague who adds a compensation writes its model in `axcomp.models` (or, as 
 
 * ``entries.py`` with ``ENTRIES``, an `AbstractEntries`;
 * ``channel.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel`;
-* ``probe.py`` with ``PROBE``, an `AbstractProbe`.
+* ``probe.py`` with ``PROBE``, an `AbstractProbe`;
+* ``keys.py`` with ``Spec``, a `_keys.FitSpec`: light, it loads nothing that computes;
+* ``job.py``, a `SinglePart`: a fit that stands alone, from its plan to a draft;
+* ``group.py``, a `GroupPart`: a fit of a group, from its effect to the same draft;
+* ``page.py``, a `PagePart`: what the report shows of its result.
+
+A draft (`AbstractDraft`) is what a job writes, judges and proves; it makes the result
+(`AbstractResult`) that stands in ``result.json`` and in the report. Tables (`Kind.table`) share
+theirs: they need no ``job.py`` and no ``page.py``.
 """
 
 import abc
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from ...data.lists import ListFile, Value
-from ...models import AbstractLookup, Conventions, Coupled
+from ...models import Conventions, Coupled
 from ..exchange._errors import ExchangeError
-from ..exchange._identity import flag, not_negative
+from ..exchange._identity import Increments, axis_number, flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
+from ..exchange._modulo import Ranges
 from ..exchange._motion import Motion
 from ..exchange._probe import Outcome, ProbeAxis, Probed
 from ..exchange._units import ModelUnit
 from ._kind import Kind
 
 if TYPE_CHECKING:
-    pass
+    from ..exchange._table import AbstractTable
+    from ..job._draft import AxisLists, Planned
+    from ..job._load import Job
+    from ..job.joint._member import AbstractMember
+    from ..readings import Tables
+    from ..report._body import Body
+    from ..report._scale import Scale
 
 Axes = tuple[int, ...]
 """Logical numbers of axes, or their columns."""
+DEFAULT_RULES = Conventions()
 
 
 class AbstractEntries(abc.ABC):
@@ -41,6 +57,7 @@ class AbstractEntries(abc.ABC):
             beginnings.
         comes_last: It may look up the position with what the others add.
         columns: Columns of its table in a list; none: it is no table.
+        table: What a fit of a table writes; None: it is no table.
         coupled: The controller takes it as `Coupled`: with other axes, or with cycles.
     """
 
@@ -51,12 +68,15 @@ class AbstractEntries(abc.ABC):
     stale: tuple[str, ...] = ("table[",)
     comes_last: bool = False
     columns: tuple[str, ...] = ()
+    table: "type[AbstractTable] | None" = None
     coupled: bool = True
 
     # ------------------------------------------------------------------ where it stands
 
     def is_in(self, listing: ListFile) -> bool:
-        """Whether a compensation list holds it, or an axis list has it on."""
+        """Whether a compensation list holds its table, or an axis list has it on."""
+        if self.columns:
+            return bool(listing.table(self.kind.prefix, self.columns[0]))
         return self.is_activated(listing)
 
     def is_activated(self, machine: ListFile) -> bool:
@@ -100,11 +120,37 @@ class AbstractEntries(abc.ABC):
 
     @abc.abstractmethod
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Any:
-        """Return the model that a list makes.
+        """Return the model that a list makes, in mm or °; None: it is off.
+
+        Entries that the list leaves out are 0, as they are in the controller.
 
         Raises:
             ExchangeError: If its entries make none.
         """
+
+    def from_list(
+        self,
+        listing: ListFile,
+        conventions: Conventions,
+        increment: Increments = None,
+        *,
+        modulo: Ranges | None = None,
+    ) -> Any:
+        """Return the model that a list makes by itself, as `model`.
+
+        Args:
+            listing: Where it stands.
+            conventions: Rules of the controller.
+            increment: Worth of an encoder increment for lists with ``unit 0``.
+            modulo: Range in ° by axis; positions of masters with one are wrapped into it.
+
+        Raises:
+            ExchangeError: If its entries make none.
+        """
+        number = axis_number(listing) if modulo else 0
+        return self.model(
+            listing, number, Reading(conventions, increment, modulo or {})
+        )
 
     @abc.abstractmethod
     def to_list(
@@ -120,9 +166,10 @@ class AbstractEntries(abc.ABC):
         """Return the entries of the list that holds it, rounded to list units.
 
         Args:
-            model: One of `models`.
+            model: One of `models`, in mm or °; what a list holds as whole units (nodes,
+                accelerations) must be a multiple of one.
             masters: Logical numbers, in the order of the list.
-            rules: Those of the controller.
+            rules: Those of the controller; a sign is that of the model.
             existing: Compensation list that will be edited.
             max_points: Wanted size of the memory, or None to write it only where needed.
             build: Of the controller, or None for the newest.
@@ -195,11 +242,6 @@ class AbstractEntries(abc.ABC):
 
     # --------------------------------------------------------------------- for the proofs
 
-    @property
-    def is_table(self) -> bool:
-        """Whether its model is a table over positions."""
-        return issubclass(self.models[0], AbstractLookup)
-
     def inputs(self, masters: Axes) -> Axes:
         """Return the axes over whose positions it acts at standstill."""
         return masters
@@ -255,3 +297,52 @@ class AbstractProbe(abc.ABC):
         self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
     ) -> tuple[Outcome, ...]:
         """Return what may be seen, and what follows from it."""
+
+
+@runtime_checkable
+class SinglePart(Protocol):
+    """The module ``job`` of a compensation; ``fit`` is of its own class of keys."""
+
+    def plan(
+        self, job: "Job", tables: "Tables", index: int, fit: Any, lists: "AxisLists"
+    ) -> "Planned":
+        """Plan a fit; what it returns fits it.
+
+        Args:
+            job: The job.
+            tables: Its measurement files.
+            index: Of the fit in the job.
+            fit: Its keys.
+            lists: What the axis has already.
+
+        Raises:
+            JobError: If keys or existing lists do not suit; of what it returns: likewise
+                for readings.
+            FitError: Of what it returns: if the readings do not determine the fit.
+        """
+        ...
+
+
+@runtime_checkable
+class GroupPart(Protocol):
+    """The module ``group`` of a compensation."""
+
+    def member(
+        self, job: "Job", tables: "Tables", index: int, fit: Any, lists: "AxisLists"
+    ) -> "AbstractMember":
+        """Plan a fit of a group; arguments and errors as `SinglePart.plan`."""
+        ...
+
+
+@runtime_checkable
+class PagePart(Protocol):
+    """The module ``page`` of a compensation."""
+
+    def body(self, fit: Any, scale: "Scale") -> "Body":
+        """Return plots, sentences and wild readings of a result.
+
+        Args:
+            fit: The result that its draft made.
+            scale: Units in which a person reads the error.
+        """
+        ...

@@ -3,7 +3,7 @@
 import dataclasses
 
 from ..job import AbstractResult, ErrorFigures, Remark
-from ..kinds._parts import page_of
+from ..kinds import kind
 from ._body import Body, by_level
 from ._scale import Scale, percent, scale_of
 from ._verdict import Headline, headline_of
@@ -132,7 +132,7 @@ def _plain(name: str) -> str:
 def body_of(fit: AbstractResult, scale: Scale) -> Body:
     """Return plots, facts and wild readings of a fit."""
     if not fit.left_out:
-        return page_of(fit.compensation).body(fit, scale)
+        return kind(fit.compensation).page.body(fit, scale)
     # Whatever kind it was to be: its readings do not tell it.
     from ..job import LeftOutResult
     from ._left_out_body import left_out_body

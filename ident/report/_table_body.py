@@ -13,7 +13,7 @@ from ._spread import spread_plot
 from ._words import how_it_was_made, wild_rows
 
 
-def table_body(fit: TableResult, scale: Scale) -> Body:
+def body(fit: TableResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted table."""
     readings = readings_of(fit, scale)
     return Body(

@@ -111,8 +111,8 @@ def test_backlash_of_a_rotary_axis_is_told_in_degrees(
     laser(tmp_path, size=size)
     found = run(tmp_path, BACKLASH, 'type = "rotary"').fits[0]
     assert isinstance(found, BacklashResult)
-    words = [found.message, *(remark.message for remark in found.remarks)]
-    assert "0.001°" in found.message
+    words = [remark.message for remark in found.remarks]
+    assert found.shown[0] == "0.001°"
     assert not any("µm" in each for each in words)
 
 

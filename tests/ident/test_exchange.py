@@ -79,7 +79,7 @@ def test_cross_comes_back_as_written() -> None:
     listing = listed(table.entries(VALUES[0, :4]))
     again = cross_from_list(listing, RULES)
     np.testing.assert_array_equal(np.asarray(again.nodes.positions), points.positions)
-    assert entries_of_cross(again, 1) == table.entries(VALUES[0, :4])
+    assert entries_of_cross(again, (1,)) == table.entries(VALUES[0, :4])
     assert faults(listing) == []
 
 

@@ -120,5 +120,6 @@ def test_entries_of_the_axis_list_survive(
     assert backlash is not None
     assert line is not None
     assert (
-        entries_of_backlash(backlash, RULES) | entries_of_temperature(line) == entries
+        entries_of_backlash(backlash, (), RULES) | entries_of_temperature(line)
+        == entries
     )

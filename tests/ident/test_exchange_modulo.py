@@ -39,12 +39,12 @@ def cross(values: list[float], low: float = 0.0, high: float = 360.0) -> Cross:
 
 def test_cross_over_a_turning_master_is_wrapped_and_comes_back() -> None:
     model = cross([0.0, 0.004, -0.002, 0.0])
-    again = cross_from_list(back(entries_of_cross(model, 4)), RULES, modulo=TURN)
+    again = cross_from_list(back(entries_of_cross(model, (4,))), RULES, modulo=TURN)
     # Nodes every 120°: at 420° and −300° as at 60°; at −30° three quarters up from −2.
     at = np.array([[60.0], [420.0], [-300.0], [-30.0], [360.0], [720.0]])
     expected = [0.002, 0.002, 0.002, -0.0005, 0.0, 0.0]
     np.testing.assert_allclose(offset_at(again, at), expected, rtol=0, atol=ROUNDING)
-    flat = cross_from_list(back(entries_of_cross(model, 4)), RULES)
+    flat = cross_from_list(back(entries_of_cross(model, (4,))), RULES)
     assert float(offset_at(flat, np.array([[420.0]]))[0]) == 0.0  # held at the end
 
 
@@ -83,14 +83,14 @@ def test_plane_that_jumps_is_not_written(first: bool) -> None:
 
 def test_cross_that_jumps_is_not_written() -> None:
     with pytest.raises(ExchangeError, match="found 0 at the start and 1 at the end"):
-        entries_of_cross(cross([0.0, 0.004, 0.0001]), 4)
+        entries_of_cross(cross([0.0, 0.004, 0.0001]), (4,))
 
 
 def test_nodes_beyond_the_turn_are_not_written() -> None:
     with pytest.raises(
         ExchangeError, match="nodes from -10 to 370, expected nodes with"
     ):
-        entries_of_cross(cross([0.0, 0.004, 0.0], -10.0, 370.0), 4)
+        entries_of_cross(cross([0.0, 0.004, 0.0], -10.0, 370.0), (4,))
 
 
 def test_table_that_a_fit_goes_round_with_is_one_for_the_list_too() -> None:

@@ -49,8 +49,8 @@ class Temperature(AbstractEffect):
         reference: Position $s_0$ in mm (P-AXIS-00272).
         law: How each depends on its temperature: ``"linear"`` where not given, or a number of
             nodes.
-        lag: Time constant in s by which the structure follows its sensors, or ``"fit"``; or
-            by sensor.
+        lag: Time constant in s by which the structure follows its sensors (below 0: they
+            follow it), or ``"fit"``; or by sensor.
         reference_temperature: In °C, where nothing is to be corrected; the nearest measured
             one counts.
     """
@@ -113,10 +113,8 @@ class Temperature(AbstractEffect):
             )
             raise FitError(msg)
         for value in self.lags.values():
-            if not (value == "fit" if isinstance(value, str) else value >= 0.0):
-                msg = (
-                    f"{self.name}: found lag {value!r}, expected 'fit' or seconds >= 0."
-                )
+            if isinstance(value, str) and value != "fit":
+                msg = f"{self.name}: found lag {value!r}, expected 'fit' or seconds."
                 raise FitError(msg)
         for nodes in self.law.values():
             if isinstance(nodes, str) and nodes not in _COUNTS:

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
-from ...kinds._parts import group_of
 from ...readings import Tables
 from .._draft import AbstractDraft, AbstractOfFit, AxisLists
 from .._load import Job
@@ -140,7 +139,7 @@ def members_of(
     """
     pairs = [(index, job.spec.fits[index]) for index in indices]
     return tuple(
-        group_of(fit.compensation).member(job, tables, index, fit, lists[fit.axis])
+        fit.kind.group.member(job, tables, index, fit, lists[fit.axis])
         for index, fit in pairs
     )
 

@@ -57,9 +57,7 @@ class Reversal:
     """One reversal cut out of a trace: rows around a turning point, within reach of it.
 
     Attributes:
-        start: First row of the stretch before.
         turn: Row of the turning point, which belongs to neither direction.
-        stop: Row after the stretch behind.
         position: Of the turning point in mm or °.
         direction: Of the motion after it, ±1.
         width: Backlash that this reversal shows by itself, in mm or °.
@@ -68,9 +66,7 @@ class Reversal:
         variance: Of the width, relative to that of a row.
     """
 
-    start: int
     turn: int
-    stop: int
     position: float
     direction: int
     width: float
@@ -102,8 +98,6 @@ class BacklashFit:
         delay_gain: Backlash per second of delay in mm/s or °/s, where all reversals run at one
             speed, so that nothing tells them apart.
         reversals: Each reversal of a trace; empty for bidirectional readings.
-        take_up: Travel after a reversal in which nine tenths come, in mm or °; None where it
-            was not seen.
     """
 
     width: float
@@ -118,7 +112,6 @@ class BacklashFit:
     delay: tuple[float, float] | None = None
     delay_gain: float | None = None
     reversals: tuple[Reversal, ...] = ()
-    take_up: float | None = None
 
     @classmethod
     def of(

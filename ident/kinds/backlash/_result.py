@@ -64,18 +64,6 @@ class BacklashResult(AbstractResult):
             reversal=True,
         )
 
-    @property
-    def message(self) -> str:
-        """What was found, in a sentence."""
-        unit, factor = self.shown
-        things = "reversals" if self.moving else "readings"
-        text = (
-            f"{len(self.fit.residual)} {things}: {factor * self.fit.width:.2f} {unit} ±"
-            f" {factor * self.fit.standard_deviation:.2f} {unit}."
-        )
-        wild = int(self.fit.wild.sum())
-        return text + (f" {wild} wild {things} were left out." if wild else "")
-
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         along = self.fit.dependence
@@ -95,7 +83,6 @@ class BacklashResult(AbstractResult):
             "noise": self.fit.noise.white,
             "independent": self.fit.independent,
             "dependence": None if along is None else vars(along),
-            "message": self.message,
         }
 
 

@@ -1,7 +1,6 @@
 """Backlash from the reversals of a trace in motion."""
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,8 +19,6 @@ _SKIP = 0.2
 """Share of the reach behind a reversal in which the play is taken up: left out."""
 _HIGHEST = 2
 """Order of the polynomial along the axis."""
-_NINE_TENTHS = 0.9
-_BINS = 20
 _NAMES = ("backlash", "delay between the instruments")
 
 
@@ -79,31 +76,25 @@ def fit_backlash_trace(
     columns = np.column_stack([np.ones(len(width)), *[speed] * delayed])
     weight = _weights(turns, 0.0)
     found = regress(columns, width, time=clock, weight=weight, loss=loss, names=_NAMES)
-    per_speed, delay = 0.0, None
+    delay = None
     if delayed:
         # Scatter within a reversal counts what the delay leaves, not the delay itself.
         weight = _weights(turns, float(found.coefficients[1]))
         found = regress(
             columns, width, time=clock, weight=weight, loss=loss, names=_NAMES
         )
-        per_speed = float(found.coefficients[1])
         # The error of a reference that is late is −delay · speed.
-        delay = -per_speed, float(found.standard_deviation[1])
-    result = BacklashFit.of(found, way, "reversals")
+        delay = -float(found.coefficients[1]), float(found.standard_deviation[1])
     places = len(np.unique(np.round(where / max(float(np.ptp(where)), 1e-12), 2)))
     order = min(_HIGHEST, places - 1)
-    seen = error - per_speed * speeds
     return dataclasses.replace(
-        result,
+        BacklashFit.of(found, way, "reversals"),
         dependence=dependence_along(
             where, columns[:, 0], columns[:, 1:], width, order, clock, loss, weight
         ),
         delay=delay,
         delay_gain=None if delayed or not fast > 0 else fast,
         reversals=tuple(turns),
-        take_up=_take_up(turns, position, seen, result.width, reach)
-        if result.significant
-        else None,
     )
 
 
@@ -147,7 +138,7 @@ def _reversals(
         solved = np.linalg.lstsq(design, seen[rows], rcond=None)[0]
         found.append(
             Reversal(
-                int(start), turn, int(stop), float(position[turn]), direction,
+                turn, float(position[turn]), direction,
                 float(solved[0, 0]), float(solved[0, 1]), seen[rows] - design @ solved,
                 float(np.linalg.inv(design.T @ design)[0, 0]),
             )
@@ -167,27 +158,3 @@ def _weights(turns: Sequence[Reversal], per_speed: float) -> Float[np.ndarray, "
     variance = np.maximum(scatter * [turn.variance for turn in turns], 1e-18)
     middle = float(np.median(variance))
     return np.asarray(middle / np.maximum(variance, 0.1 * middle))
-
-
-def _take_up(
-    turns: Sequence[Reversal],
-    position: Float[np.ndarray, " t"],
-    error: Float[np.ndarray, " t"],
-    width: float,
-    reach: float,
-) -> float | None:
-    """Return the travel after which nine tenths of the step have come."""
-    travel, share = [], []
-    for turn in turns:
-        before, after = slice(turn.start, turn.turn + 1), slice(turn.turn, turn.stop)
-        near = np.abs(position[before] - position[turn.turn]) <= 0.5 * reach
-        level = float(np.median(error[before][near]))
-        travel.append(np.abs(position[after] - position[turn.turn]))
-        share.append(-turn.direction * (error[after] - level) / width)
-    where, done = np.concatenate(travel), np.concatenate(share)
-    edges = np.linspace(0.0, reach, _BINS + 1)
-    for low, high in itertools.pairwise(edges):
-        inside = (where >= low) & (where < high)
-        if inside.sum() >= _LEAST and np.median(done[inside]) >= _NINE_TENTHS:
-            return float(high)
-    return None

@@ -12,54 +12,10 @@ from ...exchange._machine_lists import REVERSAL_CYCLES, InUse, Reading
 from ...exchange._motion import Motion
 from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN16, round_to_list
-from .._protocol import AbstractEntries, Axes
+from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
 WIDTH = KIND.prefix
-
-
-def backlash_from_list(machine: ListFile, conventions: Conventions) -> Backlash | None:
-    """Return the backlash compensation of an axis list in mm or °; None: it is off.
-
-    The size is that of the first gear, ``getriebe[0]``.
-
-    Raises:
-        ExchangeError: If an entry is unreadable or the selection is none of 0, 1, 2.
-    """
-    selection = optional(machine, KIND.activation)
-    if selection not in (0, 1, 2):
-        raise ExchangeError(
-            where=f"{machine.source}: {KIND.activation}",
-            found=str(selection),
-            expected="0, 1 or 2",
-        )
-    if selection == 0:
-        return None
-    first: Literal[1, -1] = conventions.backlash_reference
-    second: Literal[1, -1] = -1 if first == 1 else 1
-    return Backlash(
-        width=as_array(optional(machine, WIDTH) / LIST_UNITS),
-        reference=first if selection == 1 else second,
-        cycles=not_negative(machine, REVERSAL_CYCLES),
-    )
-
-
-def entries_of_backlash(
-    backlash: Backlash, conventions: Conventions
-) -> dict[str, int | str]:
-    """Return the entries of an axis list for a backlash, rounded to list units.
-
-    Raises:
-        ExchangeError: If the size or the number of cycles does not fit.
-    """
-    same = backlash.reference == conventions.backlash_reference
-    width = round_to_list(np.asarray(backlash.width), WIDTH, SGN16)
-    refuse_many(backlash.cycles, REVERSAL_CYCLES)
-    return {
-        KIND.activation: 1 if same else 2,
-        WIDTH: int(width),
-        REVERSAL_CYCLES: backlash.cycles,
-    }
 
 
 @final
@@ -82,12 +38,39 @@ class BacklashEntries(AbstractEntries):
         )
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Backlash | None:
-        return backlash_from_list(listing, reading.conventions)
+        # The size is that of the first gear, ``getriebe[0]``.
+        selection = optional(listing, KIND.activation)
+        if selection not in (0, 1, 2):
+            raise ExchangeError(
+                where=f"{listing.source}: {KIND.activation}",
+                found=str(selection),
+                expected="0, 1 or 2",
+            )
+        if selection == 0:
+            return None
+        first: Literal[1, -1] = reading.conventions.backlash_reference
+        second: Literal[1, -1] = -1 if first == 1 else 1
+        return Backlash(
+            width=as_array(optional(listing, WIDTH) / LIST_UNITS),
+            reference=first if selection == 1 else second,
+            cycles=not_negative(listing, REVERSAL_CYCLES),
+        )
 
     def to_list(
-        self, model: Backlash, masters: Axes, rules: Conventions, **options: Any
+        self,
+        model: Backlash,
+        masters: Axes = (),
+        rules: Conventions = DEFAULT_RULES,
+        **options: Any,
     ) -> dict[str, int | str]:
-        return entries_of_backlash(model, rules)
+        same = model.reference == rules.backlash_reference
+        width = round_to_list(np.asarray(model.width), WIDTH, SGN16)
+        refuse_many(model.cycles, REVERSAL_CYCLES)
+        return {
+            KIND.activation: 1 if same else 2,
+            WIDTH: int(width),
+            REVERSAL_CYCLES: model.cycles,
+        }
 
     def looks_at(self, one: InUse, motion: Motion) -> Axes:
         return () if one.axis in motion.directions else one.masters
@@ -100,3 +83,4 @@ class BacklashEntries(AbstractEntries):
 
 
 ENTRIES = BacklashEntries()
+backlash_from_list, entries_of_backlash = ENTRIES.from_list, ENTRIES.to_list

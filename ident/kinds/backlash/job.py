@@ -152,7 +152,7 @@ class BacklashDraft(AbstractDraft):
             self.reference, cycles or 0
         )
         try:
-            return dict(entries_of_backlash(model, job.conventions))
+            return dict(entries_of_backlash(model, (), job.conventions))
         except ExchangeError as error:
             raise job.error(("fits", self.index), str(error)) from None
 
@@ -218,7 +218,7 @@ class BacklashDraft(AbstractDraft):
         own = self.known.acting
         predicted = self.left
         if predicted is None:
-            predicted = before + 0.5 * way * self._held_out(group, by_run)
+            predicted = before + 0.5 * way * self._held_out(group)
         else:
             by_run = self.left_by_run
         back = self._read_back(done)
@@ -276,7 +276,7 @@ class BacklashDraft(AbstractDraft):
         group = np.repeat(np.arange(len(turns)), 2)
         return way, place, -0.5 * way * width, group, False
 
-    def _held_out(self, group: np.ndarray, by_run: bool) -> np.ndarray:
+    def _held_out(self, group: np.ndarray) -> np.ndarray:
         """Return the width that the other groups give, per reading."""
         found = np.full(len(group), self.found.width)
         if self.recording.moving:

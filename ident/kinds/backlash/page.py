@@ -6,7 +6,8 @@ import numpy as np
 
 from ...report import _style as style
 from ...report._body import Body, Plot
-from ...report._scale import Scale, count, number, place
+from ...report._scale import Scale, count, number
+from .._drawing import directed_marks, side_by_side
 from ._result import BacklashResult
 
 
@@ -21,32 +22,17 @@ def body(fit: BacklashResult, scale: Scale) -> Body:
 
 def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     """Draw each reading about the mean of both directions, before and after."""
-    figure, panels = style.new_figure(3.0, columns=2, sharey=True)
+    across = f"{fit.axis} in {scale.position}"
+    up = f"about the mean of both directions in {scale.error}"
+    figure, panels = side_by_side(3.0, ("before", "from the file"), across, up)
     view = fit.view
-    stages = {"before": view.before, "from the file": view.from_file}
-    for panel, (name, values) in zip(panels, stages.items(), strict=True):
-        for way in (1, -1):
-            rows = np.flatnonzero(view.direction == way)
-            rows = rows[style.thin(rows.size, 3000)]
-            panel.plot(
-                view.position[rows],
-                values[rows] * scale.factor,
-                linestyle="none",
-                marker=style.DIRECTION_MARKER[way],
-                markersize=3,
-                markeredgewidth=0,
-                alpha=0.7,
-                color=style.DIRECTION_COLOR[way],
-                rasterized=style.as_raster(rows.size),
-                label=style.DIRECTION_NAME[way],
-            )
-            if name == "before":
-                half = -0.5 * way * fit.fit.width * scale.factor
-                panel.axhline(half, color=style.DIRECTION_COLOR[way], linewidth=1.0)
-        panel.axhline(0, color=style.INK, linewidth=0.7)
-        panel.set_title(name)
-        panel.set_xlabel(f"{fit.axis} in {scale.position}")
-    panels[0].set_ylabel(f"about the mean of both directions in {scale.error}")
+    for way in (1, -1):
+        rows = view.direction == way
+        for panel, values in zip(panels, (view.before, view.from_file), strict=True):
+            shown = values[rows] * scale.factor
+            directed_marks(panel, way, view.position[rows], shown)
+        half = -0.5 * way * fit.fit.width * scale.factor
+        panels[0].axhline(half, color=style.DIRECTION_COLOR[way], linewidth=1.0)
     panels[0].legend(loc="best")
     half = abs(fit.fit.width) / 2 * scale.factor
     where = "reversal" if fit.moving else "reading"
@@ -82,12 +68,6 @@ def _facts(fit: BacklashResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f" is taken as right when it moves in {way} direction; a reversal is"
             f" spread over {fit.cycles} cycles (n_backlash_cyc, P-AXIS-00243).",
         )
-    if found.take_up is not None:
-        yield (
-            "Take-up",
-            f"Nine tenths of it come within {place(found.take_up)} {scale.position}"
-            " after a reversal.",
-        )
     if found.delay is not None:
         delay, deviation = (1e3 * each for each in found.delay)
         yield (
@@ -95,7 +75,6 @@ def _facts(fit: BacklashResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f"The reference is {delay:.2f} ± {deviation:.2f} ms late behind the"
             " encoder; that was taken off.",
         )
-    yield ("The fit itself", fit.message)
 
 
 def _dependence(fit: BacklashResult, scale: Scale) -> str:

@@ -1,7 +1,7 @@
 """Cross compensation: ``kw.crosscomp`` in a list ↔ `Cross`."""
 
 import dataclasses
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Int
@@ -10,7 +10,6 @@ from ....data.lists import ListFile
 from ....models import Conventions, Cross, Setpoints
 from ...exchange._capacity import max_points_entry, refuse_huge
 from ...exchange._identity import (
-    Increments,
     axis_number,
     column,
     required,
@@ -18,11 +17,11 @@ from ...exchange._identity import (
     unit_size,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._modulo import Ranges, refuse_jump, wrapped
+from ...exchange._modulo import refuse_jump, wrapped
 from ...exchange._nodes import PointNodes, as_array, nodes_of_model, refuse_unordered
 from ...exchange._table import AbstractTable
 from ...exchange._units import from_list_units, round_to_list
-from .._protocol import AbstractEntries, Axes
+from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
@@ -38,84 +37,6 @@ def _axes(listing: ListFile, conventions: Conventions) -> tuple[int, int]:
     """
     own, named = axis_number(listing), required(listing, f"{PREFIX}.master_ax_nr")
     return (own, named) if conventions.cross_list == "slave" else (named, own)
-
-
-def cross_from_list(
-    listing: ListFile,
-    conventions: Conventions,
-    increment: Increments = None,
-    *,
-    modulo: Ranges | None = None,
-) -> Cross:
-    """Return the cross table that a list describes, in mm or °.
-
-    Args:
-        listing: List of the slave axis.
-        conventions: Sign and edge rules.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
-        modulo: Range by axis; the position of a master with one is wrapped into it.
-
-    Raises:
-        ExchangeError: If an entry is missing or the setpoints do not ascend.
-    """
-    count = required(listing, f"{PREFIX}.last_index") + 1
-    refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
-    setpoints = column(listing, PREFIX, "setpoint")
-    corrections = column(listing, PREFIX, "correction")
-    slave, master = _axes(listing, conventions)
-    by_master = unit_size(listing, PREFIX, master, increment)
-    by_slave = unit_size(listing, PREFIX, slave, increment)
-    # A missing setpoint or correction is 0 in the controller (S-57).
-    points = np.array([scaled(setpoints.get(k, 0), by_master) for k in range(count)])
-    values = np.array([scaled(corrections.get(k, 0), by_slave) for k in range(count)])
-    refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
-    return Cross(
-        nodes=wrapped(Setpoints(as_array(points)), (modulo or {}).get(master)),
-        values=as_array(values),
-        sign=float(conventions.cross_sign),
-        held=conventions.cross_edge == "hold",
-    )
-
-
-def entries_of_cross(
-    cross: Cross,
-    master: int,
-    *,
-    existing: ListFile | None = None,
-    max_points: int | None = None,
-    build: str | None = None,
-) -> dict[str, int | str]:
-    """Return the list entries of a cross table, rounded to list units.
-
-    Args:
-        cross: Table in mm or °; its setpoints must be multiples of a list unit.
-        master: Logical number of the master axis.
-        existing: List that will be edited.
-        max_points: Wanted size of the memory, or None to write it only where needed.
-        build: Of the controller, or None for the newest.
-
-    Raises:
-        ExchangeError: If something does not fit into a list, or jumps where a modulo
-            master begins again.
-    """
-    points = nodes_of_model(cross.nodes, PREFIX).integers
-    entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-    entries |= max_points_entry(
-        len(points),
-        name=f"{PREFIX}.max_points",
-        fits_default=len(points) <= DEFAULT_COUNT,
-        wanted=max_points,
-        existing=existing,
-        build=build,
-    )
-    entries[f"{PREFIX}.last_index"] = len(points) - 1
-    entries[f"{PREFIX}.master_ax_nr"] = master
-    table = round_to_list(np.asarray(cross.values), f"{PREFIX}.table[].correction")
-    refuse_jump(cross.nodes, table, f"{PREFIX}.table[].correction")
-    for k, (point, value) in enumerate(zip(points, table.tolist(), strict=True)):
-        entries[f"{PREFIX}.table[{k}].setpoint"] = point
-        entries[f"{PREFIX}.table[{k}].correction"] = value
-    return entries
 
 
 @final
@@ -144,6 +65,7 @@ class CrossEntries(AbstractEntries):
     models = (Cross,)
     value = f"{PREFIX}.table[].correction"
     columns = ("correction",)
+    table = CrossTable
 
     def is_in(self, listing: ListFile) -> bool:
         return bool(listing.table(PREFIX, "setpoint"))
@@ -158,15 +80,59 @@ class CrossEntries(AbstractEntries):
         return axis, (master,)
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Cross:
-        return cross_from_list(
-            listing, reading.conventions, reading.increment, modulo=reading.modulo
+        conventions, increment = reading.conventions, reading.increment
+        count = required(listing, f"{PREFIX}.last_index") + 1
+        refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
+        setpoints = column(listing, PREFIX, "setpoint")
+        corrections = column(listing, PREFIX, "correction")
+        slave, master = _axes(listing, conventions)
+        by_master = unit_size(listing, PREFIX, master, increment)
+        by_slave = unit_size(listing, PREFIX, slave, increment)
+        # A missing setpoint or correction is 0 in the controller (S-57).
+        points = np.array(
+            [scaled(setpoints.get(k, 0), by_master) for k in range(count)]
+        )
+        values = np.array(
+            [scaled(corrections.get(k, 0), by_slave) for k in range(count)]
+        )
+        refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
+        return Cross(
+            nodes=wrapped(Setpoints(as_array(points)), reading.modulo.get(master)),
+            values=as_array(values),
+            sign=float(conventions.cross_sign),
+            held=conventions.cross_edge == "hold",
         )
 
     def to_list(
-        self, model: Cross, masters: Axes, rules: Conventions, **options: Any
+        self,
+        model: Cross,
+        masters: Axes = (),
+        rules: Conventions = DEFAULT_RULES,
+        *,
+        existing: ListFile | None = None,
+        max_points: int | None = None,
+        build: str | None = None,
     ) -> dict[str, int | str]:
         (master,) = self.exactly(masters, 1)
-        return entries_of_cross(model, master, **options)
+        points = nodes_of_model(model.nodes, PREFIX).integers
+        entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
+        entries |= max_points_entry(
+            len(points),
+            name=f"{PREFIX}.max_points",
+            fits_default=len(points) <= DEFAULT_COUNT,
+            wanted=max_points,
+            existing=existing,
+            build=build,
+        )
+        entries[f"{PREFIX}.last_index"] = len(points) - 1
+        entries[f"{PREFIX}.master_ax_nr"] = master
+        table = round_to_list(np.asarray(model.values), f"{PREFIX}.table[].correction")
+        refuse_jump(model.nodes, table, f"{PREFIX}.table[].correction")
+        for k, (point, value) in enumerate(zip(points, table.tolist(), strict=True)):
+            entries[f"{PREFIX}.table[{k}].setpoint"] = point
+            entries[f"{PREFIX}.table[{k}].correction"] = value
+        return entries
 
 
 ENTRIES = CrossEntries()
+cross_from_list, entries_of_cross = ENTRIES.from_list, ENTRIES.to_list

@@ -29,7 +29,7 @@ class CrossProbe(AbstractProbe):
     ) -> dict[str, int | str]:
         points = PointNodes(axes[one.masters[0]].grid.integers)
         cross = Cross(nodes=points.model(), values=as_array(plateau(SECOND)))
-        return entries_of_cross(cross, one.masters[0])
+        return entries_of_cross(cross, one.masters)
 
     def outcomes(
         self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]

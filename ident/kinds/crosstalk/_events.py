@@ -164,18 +164,7 @@ def cut_events(
             row = int(np.flatnonzero(bad.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    directed = readings.directed(acceleration, deceleration)
-    model = Crosstalk(
-        surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
-        jnp.asarray(acceleration), jnp.asarray(deceleration),
-        by_speed=rules.crosstalk_accelerate == "speed",
-        rest_direction=rules.crosstalk_rest,
-        held_above=rules.crosstalk_above == "hold",
-    )  # fmt: skip
-    stencil = model.stencil(filled(directed.acceleration), filled(directed.velocity))
-    count = len(readings.time)
-    share = np.asarray(stencil.weights)[:count].sum(axis=1)
-    branch = np.asarray(stencil.nodes)[:count, 0].astype(np.int64)
+    share, branch = shares_of(readings, acceleration, deceleration, rules)
     # One number per stretch: −1 where quiet, else the branch.
     label = np.where(share < _QUIET, -1, branch)
     found = [
@@ -192,6 +181,27 @@ def cut_events(
         )
         raise FitError(msg)
     return events
+
+
+def shares_of(
+    readings: CrosstalkReadings,
+    acceleration: float,
+    deceleration: float,
+    rules: Conventions,
+) -> tuple[Float[np.ndarray, " t"], Int[np.ndarray, " t"]]:
+    """Return the share of the specified acceleration in each row, and its row of `BRANCHES`."""
+    directed = readings.directed(acceleration, deceleration)
+    model = Crosstalk(
+        surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
+        jnp.asarray(acceleration), jnp.asarray(deceleration),
+        by_speed=rules.crosstalk_accelerate == "speed",
+        rest_direction=rules.crosstalk_rest,
+        held_above=rules.crosstalk_above == "hold",
+    )  # fmt: skip
+    stencil = model.stencil(filled(directed.acceleration), filled(directed.velocity))
+    count = len(readings.time)
+    share = np.asarray(stencil.weights)[:count].sum(axis=1)
+    return share, np.asarray(stencil.nodes)[:count, 0].astype(np.int64)
 
 
 def _stretches(

@@ -1,69 +1,31 @@
-"""What a job found of the crosstalk from one axis to another."""
+"""What a job found of a crosstalk, and what a person must know of it."""
 
 import dataclasses
+from collections.abc import Collection, Iterator
 from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...job._result import AbstractResult
+from ....models import Crosstalk
+from ...job._result import AbstractResult, Remark
+from . import SAFE_TESTS
 from ._identify import Identified
-from ._remarks import remarks_of_fit
-from .effect import BRANCHES, CrosstalkFit, Event
+from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings
+from .keys import Spec
 
-
-@dataclasses.dataclass(frozen=True)
-class EventCourse:
-    """One event as it was recorded: error of the slave about its level beside the event.
-
-    Attributes:
-        branch: Row of `BRANCHES`.
-        time: In s from the beginning of the acceleration.
-        before: In mm, as measured.
-        after: In mm, with what the written list adds.
-    """
-
-    branch: int
-    time: Float[np.ndarray, " t"]
-    before: Float[np.ndarray, " t"]
-    after: Float[np.ndarray, " t"]
-
-
-@dataclasses.dataclass(frozen=True)
-class CrosstalkView:
-    """All events, one row each.
-
-    Attributes:
-        time: Beginning in s.
-        branch: Row of `BRANCHES`.
-        positions: Of the adaptation axes of the list in mm, shape ``(n, k)``.
-        peak: Largest acceleration in mm/s², with its sign.
-        share: Share of the specified acceleration that the event reaches, up to 1.
-        before: Error of the slave at full acceleration in mm.
-        predicted: What the list fitted to other events leaves of it.
-        from_file: What the written file, read back, leaves of it.
-        standard_deviation: Of one event, from its own scatter.
-        wild: Events that contradict the others.
-        courses: Some events in full.
-    """
-
-    time: Float[np.ndarray, " n"]
-    branch: Int[np.ndarray, " n"]
-    positions: Float[np.ndarray, "n k"]
-    peak: Float[np.ndarray, " n"]
-    share: Float[np.ndarray, " n"]
-    before: Float[np.ndarray, " n"]
-    predicted: Float[np.ndarray, " n"]
-    from_file: Float[np.ndarray, " n"]
-    standard_deviation: Float[np.ndarray, " n"]
-    wild: Bool[np.ndarray, " n"]
-    courses: tuple[EventCourse, ...]
+_THREE = 3
+"""Tests of mode 2 that the manual speaks of (S-37)."""
+_QUADRANTS = ("crosstalk_accelerate", "crosstalk_sign")
+_COVERED = 0.995
+_ABOVE = 1.1
+"""Share of the specified acceleration up to which a peak is its own noise."""
 
 
 @final
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CrosstalkResult(AbstractResult):
-    """The crosstalk of an axis.
+    """The crosstalk of an axis; errors of events are those at full acceleration, in mm.
 
     Attributes:
         master: Axis that accelerates.
@@ -76,8 +38,11 @@ class CrosstalkResult(AbstractResult):
         cycles: Of the sin² filter on the values (P-COMP-00064).
         coverage: Share of the workspace that the tests cover, 0 to 1.
         workspace: From where to where each adaptation axis goes in mm.
-        fit: The estimate behind it (sign of the error).
-        view: The events before and after.
+        fit: The estimate behind it with its events (sign of the error).
+        predicted: What the list fitted to other events leaves of each event.
+        from_file: What the written file, read back, leaves of each event.
+        readings: The log from which the events are cut.
+        added: What the written list adds in each row of the log in mm.
     """
 
     master: str
@@ -90,7 +55,10 @@ class CrosstalkResult(AbstractResult):
     coverage: float
     workspace: Float[np.ndarray, "k 2"]
     fit: CrosstalkFit
-    view: CrosstalkView
+    predicted: Float[np.ndarray, " n"]
+    from_file: Float[np.ndarray, " n"]
+    readings: CrosstalkReadings
+    added: Float[np.ndarray, " t"]
 
     @property
     def over(self) -> tuple[str, ...]:
@@ -98,13 +66,18 @@ class CrosstalkResult(AbstractResult):
         return (self.master, *self.adaptation)
 
     @property
-    def message(self) -> str:
-        """What is to be known of events and tests, in sentences."""
-        return " ".join(remark.message for remark in remarks_of_fit(self.fit))
+    def before(self) -> Float[np.ndarray, " n"]:
+        """Error that each event shows."""
+        return self.fit.of_events("value")
+
+    @property
+    def wild(self) -> Bool[np.ndarray, " n"]:
+        """Events that contradict the others."""
+        return self.fit.of_events("wild").astype(bool)
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        fit, view = self.fit, self.view
+        fit = self.fit
         names = [name.replace(" ", "_") for name in BRANCHES]
         return {
             "master": self.master,
@@ -131,92 +104,186 @@ class CrosstalkResult(AbstractResult):
             "coverage": self.coverage,
             "events": [
                 {
-                    "time": view.time[k],
-                    "kind": BRANCHES[view.branch[k]],
-                    "positions": view.positions[k],
-                    "peak": view.peak[k],
-                    "error": view.before[k],
-                    "standard_deviation": view.standard_deviation[k],
-                    "predicted": view.predicted[k],
-                    "from_file": view.from_file[k],
-                    "wild": view.wild[k],
+                    "time": self.readings.time[event.start],
+                    "kind": BRANCHES[event.branch],
+                    "positions": event.positions,
+                    "peak": event.peak,
+                    "error": event.value,
+                    "standard_deviation": event.standard_deviation,
+                    "predicted": predicted,
+                    "from_file": left,
+                    "wild": event.wild,
                 }
-                for k in range(len(view.time))
+                for event, predicted, left in zip(
+                    fit.events, self.predicted, self.from_file, strict=True
+                )
             ],
             "choice": [dataclasses.asdict(score) for score in fit.scores],
-            "message": self.message,
         }
 
 
-_COURSES = 8
-"""Events of each sign and direction that are shown in full."""
-_QUIET = 0.02
-
-
-def view_of(
+def remarks_of(
+    fit: Spec,
     found: Identified,
-    from_file: Float[np.ndarray, " n"],
-    added: Float[np.ndarray, " t"],
-) -> CrosstalkView:
-    """Return all events before and after.
+    written: bool,
+    model: Crosstalk | None,
+    coverage: float,
+    cycle_time: float,
+    verified: Collection[str],
+) -> Iterator[Remark]:
+    """Return everything that the report has to say of a fit.
 
     Args:
+        fit: Keys of the job.
         found: The estimate.
-        from_file: What the written list leaves of each event in mm.
-        added: What it adds in each row of the log in mm.
+        written: Whether a list is written.
+        model: That list, or None.
+        coverage: Share of the workspace that its tests cover.
+        cycle_time: In s.
+        verified: Names of conventions that the user has verified.
     """
-    fit, readings = found.fit, found.readings
-    events = fit.events
-    peak = np.array([event.peak for event in events])
-    branch = np.array([event.branch for event in events], dtype=np.int64)
-    full = np.where(branch < 2, fit.acceleration, -fit.deceleration)
-    positions = [
-        readings.positions[event.start : event.stop].mean(axis=0) for event in events
-    ]
-    return CrosstalkView(
-        time=readings.time[[event.start for event in events]],
-        branch=branch,
-        positions=np.array(positions).reshape(len(events), -1),
-        peak=peak,
-        share=np.minimum(np.abs(peak) / full, 1.0),
-        before=found.values,
-        predicted=found.held_out,
-        from_file=from_file,
-        standard_deviation=np.array([event.standard_deviation for event in events]),
-        wild=found.wild,
-        courses=tuple(
-            _course(found, events[k], added) for k in _chosen(branch, found.wild)
-        ),
+    yield from remarks_of_fit(found.fit)
+    yield from _of_the_log(fit, found)
+    if not written:
+        yield _nothing(fit, found)
+    if not found.judged.all():
+        yield Remark.warning(
+            f"{int((~found.judged).sum())} of {len(found.judged)} events could not"
+            " be held out, since what remains determines no test: nothing is"
+            " predicted for them."
+        )
+    if model is not None:
+        yield from _of_the_list(fit, found, model, coverage, cycle_time)
+        if not set(_QUADRANTS) <= set(verified):
+            yield _assumed(fit)
+
+
+def _of_the_log(fit: Spec, found: Identified) -> Iterator[Remark]:
+    """Return what the log says of itself: a delay, and accelerations beyond the list."""
+    if found.delay:
+        way = "late" if found.delay > 0 else "early"
+        yield Remark.warning(
+            f"The error of {fit.axis} comes {1e3 * abs(found.delay):.3g} ms {way}"
+            f" against the acceleration of {fit.master}; that was taken off, as the"
+            " delay of an instrument is. If it is the machine that follows late, the"
+            " correction will come too early by as much."
+        )
+    own = found.fit
+    full = np.where(own.of_events("branch") < 2, own.acceleration, -own.deceleration)
+    over = float(np.max(np.abs(own.of_events("peak")) / full))
+    if over > _ABOVE:
+        yield Remark.warning(
+            f"{fit.master} accelerates up to {over:.0%} of the specified"
+            f" acceleration ({own.acceleration:g} and {own.deceleration:g} mm/s²)."
+            " Above it the controller is taken to hold the correction (S-36): state"
+            " the largest one as acceleration and deceleration in the job."
+        )
+
+
+def _nothing(fit: Spec, found: Identified) -> Remark:
+    if not found.fit.complete.any():
+        return Remark.error(
+            "No test has all four of its entries measured, and a missing one would be 0"
+            f" in the controller: no list is written. Measure {fit.master} with"
+            " acceleration and deceleration in both directions."
+        )
+    if found.significant:
+        return Remark.error(
+            "The tests whose four entries are all measured stand in a line, or are too"
+            " few to span the adaptation axes: no list is written."
+        )
+    largest = 1e3 * found.fit.largest_error()
+    return Remark.warning(
+        f"No crosstalk from {fit.master} shows: no value exceeds what chance over all of"
+        f" them would give (the largest is {largest:.2f} µm). Nothing is written."
     )
 
 
-def _chosen(branch: np.ndarray, wild: np.ndarray) -> list[int]:
-    """Return events spread evenly over the log, as many of each branch."""
-    chosen: list[int] = []
-    for each in range(len(BRANCHES)):
-        rows = np.flatnonzero((branch == each) & ~wild)
-        picks = np.linspace(0, len(rows) - 1, min(len(rows), _COURSES))
-        chosen += [int(rows[int(k)]) for k in picks]
-    return chosen
+def _of_the_list(
+    fit: Spec,
+    found: Identified,
+    model: Crosstalk,
+    coverage: float,
+    cycle_time: float,
+) -> Iterator[Remark]:
+    tests = len(np.asarray(model.surface.points))
+    if found.fit.mode == 2 and tests != _THREE:
+        yield Remark.info(
+            f"Mode 2 with {tests} tests: the manual speaks of three ([001] p.84,"
+            " S-37), its parameters of any number."
+        )
+    if coverage < _COVERED:
+        axes = " and ".join(found.masters)
+        yield Remark.warning(
+            f"The tests cover {coverage:.0%} of the workspace of {axes}. Beyond them"
+            " incorrect values can occur ([001] p.84); the controller is taken to"
+            " hold the nearest (S-37, S-38)."
+        )
+    if model.cycles > 1:
+        late = 0.5e3 * model.cycles * cycle_time
+        yield Remark.info(
+            f"The values pass a filter over {model.cycles} cycles (n_cycles,"
+            f" P-COMP-00064), so that a step of the acceleration of {fit.master} is"
+            f" no jump of {fit.axis}: the correction comes {late:.3g} ms late."
+            " The figures from the file are those without this delay."
+        )
+    if not found.fit.velocity_dependent:
+        yield Remark.info(
+            "Both directions are written with equal entries and velocity_dependent"
+            " 1, which settles what the manuals leave open without it (S-35)."
+        )
 
 
-def _course(
-    found: Identified, event: Event, added: Float[np.ndarray, " t"]
-) -> EventCourse:
-    readings = found.readings
-    length = event.stop - event.start
-    rows = np.arange(
-        max(event.start - length, 0), min(event.stop + length, len(readings.time))
+def _assumed(fit: Spec) -> Remark:
+    return Remark.warning(
+        "What counts as accelerating (S-34) and the sign of the entries (S-42) are"
+        " assumed: under another reading the correction has the wrong sign for one"
+        f" direction and doubles the error there. Log {fit.master} with acceleration and"
+        " deceleration in both directions together with CROSSTALK::end_offset of"
+        f" {fit.axis}, and give the log to axcomp verify, before relying on this list."
     )
-    full = max(found.fit.acceleration, -found.fit.deceleration)
-    quiet = np.abs(readings.acceleration[rows]) < _QUIET * full
-    error = readings.error[rows]
-    beside = error[quiet & np.isfinite(error)]
-    level = float(np.median(beside)) if beside.size else float(np.nanmedian(error))
-    shift = added[rows]
-    return EventCourse(
-        branch=event.branch,
-        time=readings.time[rows] - readings.time[event.start],
-        before=error - level,
-        after=error - level + shift,
+
+
+def remarks_of_fit(fit: CrosstalkFit) -> Iterator[Remark]:
+    """Return what must be known of events and tests."""
+    counts = np.bincount(fit.of_events("branch"), minlength=len(BRANCHES))
+    if fit.directions == "unknown":
+        missing = " or ".join(BRANCHES[k] for k in np.flatnonzero(counts == 0))
+        words = (
+            f"No event shows {missing}: whether the directions differ cannot be told,"
+            " and nothing is known there."
+        )
+        yield Remark.warning(words)
+    elif fit.directions != "given":
+        words = {
+            "differ": "The values differ by the direction of motion.",
+            "alike": "The values are alike in both directions.",
+        }[fit.directions]
+        yield Remark.info(words)
+    parts = ", ".join(
+        f"{count} of {name}" for count, name in zip(counts, BRANCHES, strict=True)
     )
+    yield Remark.info(f"{len(fit.events)} events: {parts}.")
+    wild = sum(event.wild for event in fit.events)
+    if wild:
+        words = f"{wild} events contradict the others and were left out."
+        yield Remark.warning(words)
+    lacking = fit.support == 0
+    empty = [BRANCHES[k] for k in np.flatnonzero(lacking.all(axis=1))]
+    if empty:
+        words = (
+            f"Nothing is known for {' and '.join(empty)}: the entries of a test are"
+            " written all four or not at all, so no test can be written."
+        )
+        yield Remark.error(words)
+        return
+    for number in np.flatnonzero(lacking.any(axis=0)):
+        place = ", ".join(f"{value:g}" for value in fit.points[number])
+        names = [BRANCHES[k] for k in np.flatnonzero(lacking[:, number])]
+        words = (
+            f"The test at ({place}) mm is left out: no event for {' and '.join(names)}."
+        )
+        yield Remark.error(words)
+    if len(fit.points) > SAFE_TESTS:
+        words = f"{len(fit.points)} tests: one statement of the manuals allows fewer than 15."
+        yield Remark.info(words)

@@ -1,20 +1,257 @@
 """Crosstalk: master motion and slave error in, tests of modes 1 to 3 out.
 
-Read in this order: `_events` (accelerations cut out of a log, one value each), `_tests` (where
-the tests stand, by events held out), `_fit` (`fit_crosstalk`: all of it in order, and the values
-of the tests).
+Read before: `_events` (accelerations cut out of a log, one value each), `_tests` (where the
+tests stand, by events held out).
 """
 
+import dataclasses
+import math
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.special import chdtrc  # scipy.stats takes long to load
+
+from ....models import Conventions, Crosstalk, surface_through
+from ...core import FitError, filled, one_blas_thread
+from . import SAFE_TESTS
 from ._events import (
     BRANCHES as BRANCHES,
     CrosstalkReadings as CrosstalkReadings,
     Event as Event,
     cut_events as cut_events,
+    specified,
 )
-from ._fit import (
-    MOST_TESTS as MOST_TESTS,
-    SAFE_TESTS as SAFE_TESTS,
-    CrosstalkFit as CrosstalkFit,
-    fit_crosstalk as fit_crosstalk,
-)
-from ._tests import ModeScore as ModeScore
+from ._tests import ModeScore as ModeScore, Table, choose_tests, points_of
+
+MOST_TESTS = 15
+"""Measurement tests that a list holds at most ([001] p.84)."""
+_CHANCE = 0.01
+"""Probability under equal directions below which they differ."""
+_FEW = 3
+"""Events below which their scatter is believed from within them."""
+_MEDIAN = 1.57
+"""Variance of the median of Gaussian values, in that of the mean."""
+_APART, _ALIKE = (0, 1, 2, 3), (0, 0, 1, 1)
+"""Values per branch: each its own, or both directions alike."""
+_TOUCHED = 1e-9
+
+Directions = Literal["given", "differ", "alike", "unknown"]
+"""Whether the values differ by the direction of motion: unknown where a branch has no event."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CrosstalkFit:
+    """The crosstalk from a master to a slave; signs are those of the *error*.
+
+    Attributes:
+        mode: 1, 2 or 3.
+        axes: Adaptation axes used, columns of the positions.
+        points: Of the tests in mm, shape ``(p, k)``; the last axis runs fastest in a grid.
+        values: Error at the specified accelerations in mm, rows as `BRANCHES`; NaN where the
+            readings do not tell it.
+        standard_deviation: Of the values; inf where the readings do not tell it.
+        support: Events that touch each value.
+        complete: Tests of which all four values are measured: only these can be written.
+        acceleration: Specified, in mm/s², positive.
+        deceleration: Specified, in mm/s², negative.
+        velocity_dependent: Whether the directions differ; else both rows are equal.
+        directions: Why.
+        noise: Standard deviation of one event of median weight in mm, per row of `BRANCHES`.
+        events: All that were cut out.
+        scores: Choices compared by hold-out; empty where the tests were given.
+        conventions: How accelerations and directions are defined.
+    """
+
+    mode: int
+    axes: tuple[int, ...]
+    points: Float[np.ndarray, "p k"]
+    values: Float[np.ndarray, "4 p"]
+    standard_deviation: Float[np.ndarray, "4 p"]
+    support: Int[np.ndarray, "4 p"]
+    complete: Bool[np.ndarray, " p"]
+    acceleration: float
+    deceleration: float
+    velocity_dependent: bool
+    directions: Directions
+    noise: tuple[float, ...]
+    events: tuple[Event, ...]
+    scores: tuple[ModeScore, ...]
+    conventions: Conventions
+
+    def compensation(self, cycles: int = 0) -> Crosstalk | None:
+        """Return the model that takes this error away, from the complete tests.
+
+        None where no test is complete, or where those that are span no surface.
+
+        Args:
+            cycles: Of the sin² filter (P-COMP-00064).
+        """
+        try:
+            surface = surface_through(self.points[self.complete])
+        except ValueError:
+            return None
+        rules = self.conventions
+        return Crosstalk(
+            surface,
+            jnp.asarray(-rules.crosstalk_sign * self.values[:, self.complete]),
+            jnp.asarray(self.acceleration),
+            jnp.asarray(self.deceleration),
+            velocity_dependent=self.velocity_dependent,
+            cycles=cycles,
+            **rules.of_crosstalk,
+        )
+
+    def of_events(self, name: str) -> np.ndarray:
+        """Return an attribute of all events, one row each."""
+        found = np.array([getattr(event, name) for event in self.events])
+        return found.reshape(len(found), -1) if name == "positions" else found
+
+    def largest_error(self) -> float:
+        """Return the largest known value in mm."""
+        known = np.abs(self.values[np.isfinite(self.values)])
+        return float(known.max()) if known.size else math.nan
+
+
+@one_blas_thread()
+def fit_crosstalk(
+    readings: CrosstalkReadings,
+    *,
+    acceleration: float | None = None,
+    deceleration: float | None = None,
+    conventions: Conventions | None = None,
+    **options: Any,
+) -> CrosstalkFit:
+    """Fit the tests of a crosstalk list to acceleration events of a log.
+
+    Every event is reduced to one value (`cut_events`); the values are the readings of a table
+    over the adaptation axes, one per sign of the acceleration and direction.
+
+    Args:
+        readings: Log of master and slave.
+        acceleration: Specified, in mm/s², above 0; None = as measured.
+        deceleration: Specified, in mm/s², below 0; None = as measured.
+        conventions: How accelerations and directions are defined; None = the defaults.
+        options: As for `fit_events`.
+
+    Raises:
+        FitError: If there are no events or the arguments cannot be met.
+    """
+    rules = Conventions() if conventions is None else conventions
+    rates = specified(readings, acceleration, deceleration)
+    events = cut_events(readings, *rates, conventions=rules)
+    return fit_events(events, rates, rules, **options)
+
+
+def fit_events(
+    events: tuple[Event, ...],
+    rates: tuple[float, float],
+    rules: Conventions,
+    *,
+    mode: int | str = "auto",
+    positions: Float[np.ndarray, "p k"] | None = None,
+    velocity_dependent: bool | Literal["auto"] = "auto",
+    most_tests: int = SAFE_TESTS,
+    loss: str = "student",
+) -> CrosstalkFit:
+    """Fit the tests of a crosstalk list to events.
+
+    Args:
+        events: One value each.
+        rates: Specified acceleration and deceleration in mm/s².
+        rules: How accelerations and directions are defined.
+        mode: 1, 2 or 3 (number of adaptation axes + 1), or ``"auto"``: events held out choose.
+        positions: Of the tests in mm, one column per adaptation axis (of the mode; of the
+            readings where that is ``"auto"``); None = chosen from the events.
+        velocity_dependent: Values of their own per direction; ``"auto"``: if they differ.
+        most_tests: Tests at most, 1 to 15.
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+
+    Raises:
+        FitError: If the arguments cannot be met.
+    """
+    directions: Directions = "given"
+    apart = velocity_dependent
+    if isinstance(apart, str):
+        directions = _directions(events)
+        apart = directions != "alike"
+    groups = _APART if apart else _ALIKE
+    table = Table.of(events, groups)
+    scores: tuple[ModeScore, ...] = ()
+    if positions is not None:
+        axes = tuple(range(positions.shape[1]))
+        points = np.asarray(positions, float)
+    else:
+        every = tuple(range(1, table.positions.shape[1] + 2))
+        modes = (mode,) if isinstance(mode, int) else every
+        axes, nodes, scores = choose_tests(table, modes, most_tests)
+        points = points_of(nodes)
+    try:
+        surface = surface_through(points)
+    except ValueError as error:
+        raise FitError(str(error)) from error
+    stencil = surface.stencil(filled(table.positions[:, list(axes)]))
+    columns = np.array(stencil.matrix())[: len(events)]
+    shape = len(BRANCHES), len(points)
+    values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
+    support, noise = np.zeros(shape, np.int64), np.full(len(BRANCHES), np.nan)
+    wild = np.zeros(len(events), bool)
+    for group in np.unique(table.group):
+        mine, rows = table.group == group, np.array(groups) == group
+        found = table.take(mine).fit(columns[mine], loss)
+        wild[mine] = found.wild
+        touching = (columns[mine][~found.wild] > _TOUCHED).sum(axis=0)
+        known = ~found.undetermined & (touching > 0)
+        values[rows] = np.where(known, found.coefficients, np.nan)
+        deviation[rows] = np.where(known, found.standard_deviation, np.inf)
+        support[rows], noise[rows] = np.where(known, touching, 0), found.noise.white
+    return CrosstalkFit(
+        mode=1 + len(axes),
+        axes=axes,
+        points=points,
+        values=values,
+        standard_deviation=deviation,
+        support=support,
+        complete=np.asarray((support > 0).all(axis=0)),
+        acceleration=rates[0],
+        deceleration=rates[1],
+        velocity_dependent=bool(apart),
+        directions=directions,
+        noise=tuple(noise.tolist()),
+        events=tuple(
+            dataclasses.replace(event, wild=odd)
+            for event, odd in zip(events, wild.tolist(), strict=True)
+        ),
+        scores=scores,
+        conventions=rules,
+    )
+
+
+def _directions(events: tuple[Event, ...]) -> Directions:
+    """Return whether values differ by direction, from events paired at the same places."""
+    table = Table.of(events, _APART)
+    if (np.bincount(table.group, minlength=len(BRANCHES)) == 0).any():
+        return "unknown"
+    statistic, free = 0.0, 0
+    # Medians over thirds of the events by place, so that a difference anywhere counts.
+    place = np.zeros(len(events), np.int64)
+    for column in table.positions.T:
+        edges = np.quantile(column, [1 / 3, 2 / 3])
+        place = 3 * place + np.searchsorted(edges, column)
+    for pair in ((0, 1), (2, 3)):
+        for third in np.unique(place):
+            parts = [table.amount[(table.group == k) & (place == third)] for k in pair]
+            fewest = min(len(part) for part in parts)
+            if not fewest:
+                continue
+            seen = [np.var(part, ddof=1) if fewest >= _FEW else 0.0 for part in parts]
+            variance = sum(
+                max(float(each), table.own_noise**2) / len(part)
+                for each, part in zip(seen, parts, strict=True)
+            )
+            apart = float(np.median(parts[0]) - np.median(parts[1]))
+            statistic += apart**2 / (_MEDIAN * variance)
+            free += 1
+    differ = free and float(chdtrc(free, statistic)) < _CHANCE
+    return "differ" if differ else "alike"

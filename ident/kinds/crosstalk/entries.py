@@ -1,6 +1,5 @@
 """Crosstalk compensation: ``kw.crosstalk`` in a list ↔ `Crosstalk`, old form read."""
 
-from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
@@ -30,13 +29,10 @@ from ...exchange._units import (
     from_list_units,
     round_to_list,
 )
-from .._protocol import AbstractEntries, Axes
-from . import KIND
-from ._older import as_mode_1
+from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
+from . import KIND, SAFE_TESTS
 
 PREFIX = KIND.prefix
-MOST_TESTS = 14
-"""One manual wants fewer than 15 tests, another up to 15 (S-39)."""
 MOST_CYCLES = 20
 VALUES = (
     "correction_accelerate_dir_pos",
@@ -61,48 +57,6 @@ def crosstalk_masters(listing: ListFile) -> tuple[int, ...]:
     names = ["master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr"]
     return tuple(
         required(listing, f"{PREFIX}.{name}") for name in names[: _mode(listing)]
-    )
-
-
-def crosstalk_from_list(
-    listing: ListFile, conventions: Conventions
-) -> Crosstalk | LegacyCrosstalk:
-    """Return the crosstalk compensation that a list describes, in mm and mm/s².
-
-    Args:
-        listing: List of the slave axis.
-        conventions: Sign, which entry acts when, and the surface between tests.
-
-    Raises:
-        ExchangeError: If an entry is missing or makes no table, or both forms are mixed.
-    """
-    if _is_old(listing):
-        return _old_from_list(listing, conventions)
-    mode = _mode(listing)
-    count = 1 if mode == 1 else _tests(listing)
-    columns = [column(listing, PREFIX, f"ax_{k}") for k in range(1, mode)]
-    # What the list leaves out is 0 in the controller.
-    points = np.array(
-        [[given.get(k, 0) for given in columns] for k in range(count)], dtype=np.int64
-    ).reshape(count, mode - 1)
-    values = [column(listing, PREFIX, name) for name in VALUES]
-    table = np.array([[given.get(k, 0) for k in range(count)] for given in values])
-    rates = {name: required(listing, f"{PREFIX}.{name}") for name in _RATES}
-    for name, sign in _RATES.items():
-        if rates[name] * sign <= 0:
-            raise ExchangeError(
-                where=f"{listing.source}: {PREFIX}.{name}",
-                found=f"{rates[name]} mm/s²",
-                expected=f"{'more' if sign > 0 else 'less'} than 0 (70659)",
-            )
-    return Crosstalk(
-        surface=_surface(from_list_units(points), conventions, listing.source),
-        values=as_array(from_list_units(table)),
-        acceleration=as_array(float(rates["acceleration"])),
-        deceleration=as_array(float(rates["deceleration"])),
-        velocity_dependent=flag(listing, f"{PREFIX}.velocity_dependent"),
-        cycles=not_negative(listing, f"{PREFIX}.n_cycles"),
-        **conventions.of_crosstalk,
     )
 
 
@@ -185,66 +139,6 @@ def _old_from_list(listing: ListFile, conventions: Conventions) -> LegacyCrossta
     )
 
 
-def entries_of_crosstalk(
-    crosstalk: Crosstalk | LegacyCrosstalk, masters: Sequence[int]
-) -> dict[str, int | str]:
-    """Return the list entries of a crosstalk compensation, rounded to list units.
-
-    Always in the present form and with ``velocity_dependent 1``: what is the same for
-    both directions, or for acceleration and deceleration, is written twice (S-35).
-
-    Args:
-        crosstalk: In mm and mm/s²; accelerations and positions must be multiples of a
-            list unit. One of the older form must be two straight lines through 0.
-        masters: The axis that accelerates, then the adaptation axes.
-
-    Raises:
-        ExchangeError: If something does not fit into a list.
-    """
-    model = (
-        as_mode_1(crosstalk) if isinstance(crosstalk, LegacyCrosstalk) else crosstalk
-    )
-    points = np.asarray(model.surface.points)
-    count, axes = points.shape
-    if len(masters) != axes + 1:
-        raise ExchangeError(
-            where=f"{PREFIX} masters",
-            found=str(len(masters)),
-            expected=f"{axes + 1}: the axis that accelerates and {axes} adaptation axes",
-        )
-    if count > MOST_TESTS:
-        raise ExchangeError(
-            where=f"{PREFIX}.max_points",
-            found=f"{count} tests",
-            expected=f"at most {MOST_TESTS}",
-        )
-    if model.cycles > MOST_CYCLES:
-        raise ExchangeError(
-            where=f"{PREFIX}.n_cycles",
-            found=str(model.cycles),
-            expected=f"at most {MOST_CYCLES}",
-        )
-    entries: dict[str, int | str] = {f"{PREFIX}.mode": axes + 1}
-    names = ("master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr")
-    entries |= {f"{PREFIX}.{n}": k for n, k in zip(names, masters, strict=False)}
-    if axes:
-        entries[f"{PREFIX}.max_points"] = count
-    entries |= {
-        f"{PREFIX}.n_cycles": model.cycles,
-        f"{PREFIX}.velocity_dependent": 1,
-        **{f"{PREFIX}.{name}": _rate(getattr(model, name), name) for name in _RATES},
-    }
-    places = exact_in_list(points, f"{PREFIX}.position[].ax_1 and ax_2", SGN64)
-    values = round_to_list(_four(model), f"{PREFIX}.position[].{VALUES[0]} …", SGN64)
-    # Ordered along ax_1, then ax_2: the only order that no manual refuses (70660).
-    order = np.lexsort(places.T[::-1]) if axes else np.zeros(1, dtype=np.int64)
-    for k, test in enumerate(order):
-        at = f"{PREFIX}.position[{k}]"
-        entries |= {f"{at}.ax_{j + 1}": int(places[test, j]) for j in range(axes)}
-        entries |= {f"{at}.{n}": int(values[b, test]) for b, n in enumerate(VALUES)}
-    return entries
-
-
 def _four(model: Crosstalk) -> Float[np.ndarray, "4 p"]:
     """Return the entries that act, row by row of `VALUES`."""
     values = np.asarray(model.values)
@@ -283,16 +177,95 @@ class CrosstalkEntries(AbstractEntries):
     def model(
         self, listing: ListFile, axis: int, reading: Reading
     ) -> Crosstalk | LegacyCrosstalk:
-        return crosstalk_from_list(listing, reading.conventions)
+        conventions = reading.conventions
+        if _is_old(listing):
+            return _old_from_list(listing, conventions)
+        mode = _mode(listing)
+        count = 1 if mode == 1 else _tests(listing)
+        columns = [column(listing, PREFIX, f"ax_{k}") for k in range(1, mode)]
+        # What the list leaves out is 0 in the controller.
+        points = np.array(
+            [[given.get(k, 0) for given in columns] for k in range(count)],
+            dtype=np.int64,
+        ).reshape(count, mode - 1)
+        values = [column(listing, PREFIX, name) for name in VALUES]
+        table = np.array([[given.get(k, 0) for k in range(count)] for given in values])
+        rates = {name: required(listing, f"{PREFIX}.{name}") for name in _RATES}
+        for name, sign in _RATES.items():
+            if rates[name] * sign <= 0:
+                raise ExchangeError(
+                    where=f"{listing.source}: {PREFIX}.{name}",
+                    found=f"{rates[name]} mm/s²",
+                    expected=f"{'more' if sign > 0 else 'less'} than 0 (70659)",
+                )
+        return Crosstalk(
+            surface=_surface(from_list_units(points), conventions, listing.source),
+            values=as_array(from_list_units(table)),
+            acceleration=as_array(float(rates["acceleration"])),
+            deceleration=as_array(float(rates["deceleration"])),
+            velocity_dependent=flag(listing, f"{PREFIX}.velocity_dependent"),
+            cycles=not_negative(listing, f"{PREFIX}.n_cycles"),
+            **conventions.of_crosstalk,
+        )
 
     def to_list(
         self,
         model: Crosstalk | LegacyCrosstalk,
-        masters: Axes,
-        rules: Conventions,
+        masters: Axes = (),
+        rules: Conventions = DEFAULT_RULES,
         **options: Any,
     ) -> dict[str, int | str]:
-        return entries_of_crosstalk(model, masters)
+        # Always with ``velocity_dependent 1``: what is the same for both directions, or for
+        # acceleration and deceleration, is written twice (S-35).
+        if isinstance(model, LegacyCrosstalk):
+            raise ExchangeError(
+                where=f"{PREFIX}.table[]",
+                found="a table of the older form",
+                expected="tests of the present form (mode 1 to 3): the older one is read only",
+            )
+        points = np.asarray(model.surface.points)
+        count, axes = points.shape
+        if len(masters) != axes + 1:
+            raise ExchangeError(
+                where=f"{PREFIX} masters",
+                found=str(len(masters)),
+                expected=f"{axes + 1}: the axis that accelerates and {axes} adaptation axes",
+            )
+        if count > SAFE_TESTS:
+            raise ExchangeError(
+                where=f"{PREFIX}.max_points",
+                found=f"{count} tests",
+                expected=f"at most {SAFE_TESTS}",
+            )
+        if model.cycles > MOST_CYCLES:
+            raise ExchangeError(
+                where=f"{PREFIX}.n_cycles",
+                found=str(model.cycles),
+                expected=f"at most {MOST_CYCLES}",
+            )
+        entries: dict[str, int | str] = {f"{PREFIX}.mode": axes + 1}
+        names = ("master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr")
+        entries |= {f"{PREFIX}.{n}": k for n, k in zip(names, masters, strict=False)}
+        if axes:
+            entries[f"{PREFIX}.max_points"] = count
+        entries |= {
+            f"{PREFIX}.n_cycles": model.cycles,
+            f"{PREFIX}.velocity_dependent": 1,
+            **{
+                f"{PREFIX}.{name}": _rate(getattr(model, name), name) for name in _RATES
+            },
+        }
+        places = exact_in_list(points, f"{PREFIX}.position[].ax_1 and ax_2", SGN64)
+        values = round_to_list(
+            _four(model), f"{PREFIX}.position[].{VALUES[0]} …", SGN64
+        )
+        # Ordered along ax_1, then ax_2: the only order that no manual refuses (70660).
+        order = np.lexsort(places.T[::-1]) if axes else np.zeros(1, dtype=np.int64)
+        for k, test in enumerate(order):
+            at = f"{PREFIX}.position[{k}]"
+            entries |= {f"{at}.ax_{j + 1}": int(places[test, j]) for j in range(axes)}
+            entries |= {f"{at}.{n}": int(values[b, test]) for b, n in enumerate(VALUES)}
+        return entries
 
     def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
         master = one.masters[0]
@@ -312,3 +285,4 @@ class CrosstalkEntries(AbstractEntries):
 
 
 ENTRIES = CrosstalkEntries()
+crosstalk_from_list, entries_of_crosstalk = ENTRIES.from_list, ENTRIES.to_list

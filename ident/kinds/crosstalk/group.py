@@ -14,16 +14,16 @@ from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
 from ...readings import Tables
-from ._existing import Existing, active_in, read_existing
-from ._gate import events_under
-from ._identify import Choice, Identified, choice_of
-from ._recording import CrosstalkRecording, joined_logs
+from ._identify import Identified, options_of
+from ._list import Existing, events_under, existing_crosstalk
+from ._recording import joined_logs
 from .effect import (
     BRANCHES,
     CrosstalkFit,
     CrosstalkReadings,
     Event,
     cut_events,
+    fit_crosstalk,
 )
 from .job import CrosstalkDraft
 from .keys import Spec
@@ -37,9 +37,8 @@ def member(
     Raises:
         JobError: If existing lists do not suit.
     """
-    old, why = read_existing(lists.compensation, job.conventions)
-    active = active_in(job, index, fit, old, why) is not None
-    return CrosstalkMember(index, fit, lists, old, active, why)
+    old = existing_crosstalk(job, index, fit, lists)
+    return CrosstalkMember(index, fit, lists, old)
 
 
 @final
@@ -48,15 +47,11 @@ class CrosstalkMember(AbstractMember):
     """A crosstalk.
 
     Attributes:
-        old: Crosstalk of the list that is there, or None.
-        active: Whether that was active while measuring.
-        unread: Why the list that is there holds none that can be read, or nothing.
+        old: Crosstalk of the list that is there.
     """
 
     fit: Spec
-    old: Existing | None
-    active: bool
-    unread: str
+    old: Existing
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -94,32 +89,33 @@ class CrosstalkMember(AbstractMember):
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
     ) -> Crosstalk | None:
-        choice = self._choice(job)
-        rates = choice.options["acceleration"], choice.options["deceleration"]
-        way = choice.options["velocity_dependent"]
-        plain = choice.mode == 1 or choice.points is not None
-        if plain and None not in rates and way != "auto":
-            assert isinstance(choice.mode, int)  # 1, or as many as the tests tell
-            return Crosstalk(
-                self.axis, self.fit.master, rates[0], rates[1],
-                adaptation=self.fit.adapts_to[: choice.mode - 1],
-                positions=choice.points,
-                velocity_dependent=bool(way), conventions=job.conventions,
-            )  # fmt: skip
-        if left is None:
-            return None
-        # The form is that of a fit to what the other effects leave.
-        found = choice.fit(self._log(recording, left))
-        return Crosstalk(
-            self.axis, self.fit.master, found.acceleration, found.deceleration,
-            adaptation=tuple(self.fit.adapts_to[k] for k in found.axes),
-            positions=found.points if found.axes else None,
-            velocity_dependent=found.velocity_dependent, conventions=job.conventions,
+        options = options_of(self.fit, self.old.active, job.conventions)
+        mode, points, way, *rates = (
+            options[key]
+            for key in (
+                "mode", "positions", "velocity_dependent", "acceleration", "deceleration"
+            )
         )  # fmt: skip
-
-    def _choice(self, job: Job) -> Choice:
-        active = self.old if self.active else None
-        return choice_of(self.fit, active, job.conventions)
+        names = self.fit.adapts_to
+        plain = mode == 1 or points is not None
+        if plain and None not in rates and way != "auto":
+            names = names[: mode - 1]
+        elif left is None:
+            return None
+        else:
+            # The form is that of a fit to what the other effects leave.
+            found = fit_crosstalk(self._log(recording, left), **options)
+            names = tuple(names[k] for k in found.axes)
+            points = found.points if names else None
+            rates, way = (
+                [found.acceleration, found.deceleration],
+                found.velocity_dependent,
+            )
+        return Crosstalk(
+            self.axis, self.fit.master, rates[0], rates[1],
+            adaptation=names, positions=points,
+            velocity_dependent=bool(way), conventions=job.conventions,
+        )  # fmt: skip
 
     def _log(
         self,
@@ -162,29 +158,19 @@ class CrosstalkMember(AbstractMember):
         kept = np.isfinite(log.error)
         added = np.where(kept, np.nan_to_num(left.error - log.error), 0.0)
         held_out = events_under(log, added, *rates, job.conventions)
-        fold = np.zeros(len(events), dtype=np.int64)
         fit = self._tests(job, share, effect, events)
         found = Identified(
             fit=fit,
             readings=log,
             masters=effect.adaptation,
-            fold=fold,
             held_out=held_out,
             judged=np.ones(len(events), dtype=bool),
             delay=0.0,
         )
-        number = np.arange(len(share.rows), dtype=float)
-        place = self._log(share.recording, number, effect.adaptation).error
-        recording = CrosstalkRecording(
-            log,
-            effect.adaptation,
-            tuple(share.remarks()),
-            np.where(np.isfinite(place), place, -1.0).astype(np.int64),
-        )
+        remarks = tuple(share.remarks())
         return CrosstalkDraft(
-            self.index, self.fit, self.lists, recording, found, self.old,
-            self.active, self.unread,
-        )  # fmt: skip
+            self.index, self.fit, self.lists, remarks, found, self.old
+        )
 
     def _tests(
         self,

@@ -15,20 +15,22 @@ from ...job._load import Job
 from ...job._result import Remark, staged
 from ...proof import GateCheck, error_figures
 from ...readings import Tables
-from ._existing import (
-    Existing,
-    active_in,
-    coverage_of,
-    kept_tests,
-    list_model,
-    read_existing,
-)
-from ._gate import events_under, full_offsets, judge_crosstalk, largest_jump
 from ._identify import Identified, identify
-from ._recording import CrosstalkRecording, read_crosstalk
-from ._remarks import remarks_of
-from ._result import CrosstalkResult, view_of
-from .entries import entries_of_crosstalk
+from ._list import (
+    Existing,
+    coverage_of,
+    events_under,
+    existing_crosstalk,
+    four_offsets,
+    full_offsets,
+    judge_crosstalk,
+    kept_tests,
+    largest_jump,
+    list_model,
+)
+from ._recording import read_crosstalk
+from ._result import CrosstalkResult, remarks_of
+from .entries import crosstalk_from_list, entries_of_crosstalk
 from .keys import Spec
 
 _OLD = ("table[", "last_index", "master_ax_nr")
@@ -44,15 +46,12 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
         JobError: If existing lists do not suit.
         FitError: Of what it returns: if the readings do not determine it.
     """
-    old, why = read_existing(lists.compensation, job.conventions)
-    active = active_in(job, index, fit, old, why)
+    old = existing_crosstalk(job, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_crosstalk(tables, fit)
-        found = identify(recording, fit, active, job.conventions)
-        return CrosstalkDraft(
-            index, fit, lists, recording, found, old, active is not None, why
-        )
+        found = identify(recording, fit, old.active, job.conventions)
+        return CrosstalkDraft(index, fit, lists, recording.remarks, found, old)
 
     return draft
 
@@ -63,24 +62,20 @@ class CrosstalkDraft(AbstractDraft):
     """A fitted crosstalk.
 
     Attributes:
-        recording: What was measured.
+        remarks: What was taken for granted while reading.
         found: The estimate and its proof.
-        old: Crosstalk of the list that is there, or None.
-        active: Whether that was active while measuring.
-        unread: Why the list that is there holds none that can be read, or nothing.
+        old: Crosstalk of the list that is there.
     """
 
     fit: Spec
-    recording: CrosstalkRecording
+    remarks: tuple[Remark, ...]
     found: Identified
-    old: Existing | None
-    active: bool
-    unread: str
+    old: Existing
 
     @property
     def kept(self) -> Bool[np.ndarray, " p"]:
         """Tests that are written: all four values measured, or known from before."""
-        return kept_tests(self.found.fit, self.old if self.active else None)
+        return kept_tests(self.found.fit, self.old.active)
 
     @property
     def written(self) -> bool:
@@ -96,8 +91,7 @@ class CrosstalkDraft(AbstractDraft):
 
     def model(self, job: Job) -> Crosstalk:
         """Return the list as the controller runs it."""
-        active = self.old if self.active else None
-        model = list_model(self.found.fit, active, job.conventions)
+        model = list_model(self.found.fit, self.old.active, job.conventions)
         if self.fit.n_cycles is not None:
             return dataclasses.replace(model, cycles=self.fit.n_cycles)
         jump = largest_jump(full_offsets(model), model.by_speed)
@@ -121,7 +115,7 @@ class CrosstalkDraft(AbstractDraft):
         try:
             entries: dict[str, Value] = dict(
                 entries_of_crosstalk(
-                    self.model(job), [axes[name].number for name in masters]
+                    self.model(job), tuple(axes[name].number for name in masters)
                 )
             )
         except ExchangeError as error:
@@ -145,11 +139,13 @@ class CrosstalkDraft(AbstractDraft):
         """Return what the new list adds beyond the old one, where both can be compared."""
         axes, old, fit = job.spec.axes, self.old, self.found.fit
         names = (self.fit.master, *self.found.masters)
-        if old is None or old.masters != tuple(axes[name].number for name in names):
+        same = old.masters == tuple(axes[name].number for name in names)
+        if old.model is None or not same:
             return None
         model = self.model(job)
         points = np.asarray(model.surface.points)
-        before = old.at(fit.acceleration, fit.deceleration, points)
+        rates = fit.acceleration, fit.deceleration
+        before = four_offsets(old.model, rates, model.by_speed, points)
         return np.asarray(full_offsets(model) - before)
 
     def refuse_misread(self, job: Job, listing: ListFile) -> None:
@@ -162,12 +158,6 @@ class CrosstalkDraft(AbstractDraft):
                     f" it was read back, expected {value}",
                 )
 
-    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
-        name = f"{self.kind.prefix}.max_points"
-        if existing.integer(name) == listing.integer(name):
-            return None
-        return f"{name} changes, which a reload may not take over"
-
     def prove(self, done: Written) -> CrosstalkResult:
         job = done.job
         found, fit = self.found, self.found.fit
@@ -175,8 +165,7 @@ class CrosstalkDraft(AbstractDraft):
         left = events_under(
             found.readings, added, fit.acceleration, fit.deceleration, fit.conventions
         )
-        view = view_of(found, left, added)
-        wild, judged = view.wild, found.judged
+        before, wild = fit.of_events("value"), fit.of_events("wild").astype(bool)
         workspace = self._workspace(job)
         shown = self.kept if self.written else np.zeros(len(fit.points), dtype=bool)
         coverage = 0.0
@@ -185,15 +174,15 @@ class CrosstalkDraft(AbstractDraft):
         if model is not None:
             entries = np.asarray(model.values)
             coverage = coverage_of(model, workspace)
-        predicted = {}
+        error, judged = staged(before, before, left, wild), found.judged
         if judged.any():
-            held_out = error_figures(view.predicted[judged], wild=wild[judged])
-            predicted = {"predicted": held_out}
+            predicted = error_figures(found.held_out[judged], wild=wild[judged])
+            error["predicted"] = predicted
         return CrosstalkResult(
             **self.frame(done),
-            error=staged(view.before, view.before, view.from_file, wild) | predicted,
+            error=error,
             remarks=(
-                *self.recording.remarks,
+                *self.remarks,
                 *remarks_of(
                     self.fit,
                     found,
@@ -218,7 +207,10 @@ class CrosstalkDraft(AbstractDraft):
             coverage=coverage,
             workspace=workspace,
             fit=fit,
-            view=view,
+            predicted=found.held_out,
+            from_file=left,
+            readings=found.readings,
+            added=added,
         )
 
     def added_to_log(self, done: Written) -> Float[np.ndarray, " t"]:
@@ -227,12 +219,10 @@ class CrosstalkDraft(AbstractDraft):
         motion = readings.acceleration, readings.velocity, readings.positions
         if not self.written or listing is None:
             return np.zeros(len(readings.time))
-        back, why = read_existing(listing, job.conventions)
-        if back is None:
-            raise job.error(("fits", self.index), f"the written list: {why}")
-        added = np.asarray(back.model.offset(*motion))
-        if self.active and self.old is not None:
-            added = added - np.asarray(self.old.model.offset(*motion))
+        model = crosstalk_from_list(listing, job.conventions)
+        added = np.asarray(model.offset(*motion))
+        if self.old.active is not None:
+            added = added - np.asarray(self.old.active.offset(*motion))
         return added
 
     def _workspace(self, job: Job) -> Float[np.ndarray, "k 2"]:
@@ -245,12 +235,13 @@ class CrosstalkDraft(AbstractDraft):
         return np.array(spans, dtype=float).reshape(-1, 2)
 
     def _about_the_old(self) -> list[Remark]:
-        if self.unread:
-            words = f"The new crosstalk replaces one that cannot be read: {self.unread}"
+        if self.old.unread:
+            why = self.old.unread
+            words = f"The new crosstalk replaces one that cannot be read: {why}"
             return [Remark.warning(words)]
-        if self.old is None:
+        if self.old.model is None:
             return []
         words = "off while measuring: the new one replaces it."
-        if self.active:
+        if self.old.active is not None:
             words = "active while measuring: the new one is old + residual."
         return [Remark.info(f"The old crosstalk was {words}")]

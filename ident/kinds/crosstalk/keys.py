@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from .._keys import Fault, FitSpec, KeyPath, Positive, unknown
+from . import SAFE_TESTS
 
 if TYPE_CHECKING:
     from ...job._schema import JobFile
 
-MOST_TESTS = 14
-"""What satisfies both statements of the manuals (S-39)."""
 _Place = Annotated[list[float], Field(min_length=1, max_length=2)]
 
 
@@ -73,8 +72,8 @@ class Spec(FitSpec, frozen=True):
                 (*where, "adaptation"),
                 f"found {len(names)} axes for mode {self.mode}, expected {self.mode - 1}",
             )
-        if self.max_points is not None and self.max_points > MOST_TESTS:
-            reason = f"found {self.max_points} tests, expected at most {MOST_TESTS}"
+        if self.max_points is not None and self.max_points > SAFE_TESTS:
+            reason = f"found {self.max_points} tests, expected at most {SAFE_TESTS}"
             yield (*where, "max_points"), reason
         if self.positions is None:
             return
@@ -85,6 +84,6 @@ class Spec(FitSpec, frozen=True):
                 f"found {' and '.join(map(str, sorted(widths))) or 'no'} numbers per"
                 f" test, expected {len(names)}, one per adaptation axis",
             )
-        if len(self.positions) > MOST_TESTS:
-            reason = f"found {len(self.positions)}, expected at most {MOST_TESTS} tests"
+        if len(self.positions) > SAFE_TESTS:
+            reason = f"found {len(self.positions)}, expected at most {SAFE_TESTS} tests"
             yield (*where, "positions"), reason

@@ -1,16 +1,26 @@
 """Plots and sentences of a crosstalk and its list."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
 
-from ...report._body import Body
+from ...report import _style as style
+from ...report._body import Body, Plot
 from ...report._scale import Scale, count, number, percent, place
-from ._plots import course_plot, events_plot, tests_plot
+from .._drawing import directed_marks, left_out_words, side_by_side
+from ._list import SHORT
 from ._result import CrosstalkResult
-from .effect import BRANCHES
+from .effect import BRANCHES, Event
 
-_NAMES = ("accelerating +", "accelerating −", "decelerating +", "decelerating −")
+_WAY = (1, -1, 1, -1)
+"""Direction of the master in each row of `BRANCHES`."""
+_COURSES = 8
+"""Events of each sign and direction that are shown in full."""
+_QUIET = 0.02
+"""Share of the largest acceleration up to which the master does not accelerate."""
 
 
 def body(fit: CrosstalkResult, scale: Scale) -> Body:
@@ -19,7 +29,7 @@ def body(fit: CrosstalkResult, scale: Scale) -> Body:
     return Body(
         plots=[plot for plot in drawn if plot is not None],
         facts=[*_facts(fit, scale)],
-        wild_count=int(np.sum(fit.view.wild)),
+        wild_count=int(fit.wild.sum()),
     )
 
 
@@ -32,7 +42,7 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     if noise:
         yield (
             "Events",
-            f"{count(len(fit.view.time), 'acceleration')} cut out of the log; one"
+            f"{count(len(own.events), 'acceleration')} cut out of the log; one"
             f" scatters by {number(max(noise) * scale.factor)} {scale.error} (1 sd)"
             " about the list at most.",
         )
@@ -53,7 +63,6 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f"The values pass a sin² filter over {fit.cycles} cycles (n_cycles,"
             " P-COMP-00064).",
         )
-    yield ("The fit itself", fit.message)
 
 
 def _law(fit: CrosstalkResult) -> str:
@@ -77,7 +86,7 @@ def _tests(fit: CrosstalkResult, scale: Scale) -> list[tuple[str, str]]:
     for k, point in enumerate(fit.points):
         parts = []
         for name, entry, sd, support in zip(
-            _NAMES,
+            SHORT,
             fit.entries[:, k],
             fit.standard_deviation[:, k],
             fit.support[:, k],
@@ -138,3 +147,190 @@ def _at(fit: CrosstalkResult, point: np.ndarray) -> str:
         for name, value in zip(fit.adaptation, point, strict=True)
     ]
     return f" at {', '.join(words)} mm" if words else ""
+
+
+def events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
+    """Draw the error that each event shows over its acceleration, before and after."""
+    own, sound = fit.fit, ~fit.wild
+    across, up = f"acceleration of {fit.master} in mm/s²", _error_of(fit, scale)
+    figure, panels = side_by_side(3.2, ("before", "from the file"), across, up)
+    branch, peak = own.of_events("branch"), np.abs(own.of_events("peak"))
+    full = np.where(branch < 2, own.acceleration, -own.deceleration)
+    share = np.minimum(peak / full, 1.0) * scale.factor
+    # Of accelerations by speed the sign of the peak does not tell the entry.
+    reach = np.where(branch < 2, 1.0, -1.0) * peak
+    for panel, values in zip(panels, (fit.before, fit.from_file), strict=True):
+        for way in (1, -1):
+            rows = (np.array(_WAY)[branch] == way) & sound
+            directed_marks(panel, way, reach[rows], (values * share)[rows], 4.0)
+        panel.locator_params(axis="x", nbins=5)
+    _mean_lines(panels[0], fit, scale)
+    panels[0].legend(loc="best")
+    before, after = (fit.error[key].sound.rms for key in ("before", "from_file"))
+    caption = (
+        f"Each mark is one acceleration of {fit.master} (right of 0) or deceleration"
+        f" (left): the error of {fit.axis} at its peak."
+    )
+    if not len(fit.points):
+        caption += " No list is written."
+    else:
+        caption += (
+            f" At full acceleration events show {number(before * scale.factor)}"
+            f" {scale.error} rms, with the written list {number(after * scale.factor)}."
+        )
+        if fit.adaptation:
+            caption += (
+                f" The spread before is that over {' and '.join(fit.adaptation)}; the"
+                " lines are the means of the tests."
+            )
+    caption += left_out_words(int(fit.wild.sum()), "contradicting event")
+    return Plot("events", "Every acceleration, before and after", figure, caption)
+
+
+def _error_of(fit: CrosstalkResult, scale: Scale) -> str:
+    return f"error of {fit.axis} in {scale.error}"
+
+
+def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
+    """Draw the fitted lines through 0, mean of the tests, held above."""
+    own = fit.fit
+    for row, values in enumerate(own.values):
+        known = values[np.isfinite(values)]
+        if not known.size:
+            continue
+        full = own.acceleration if row < 2 else own.deceleration
+        top = float(known.mean()) * scale.factor
+        panel.plot(
+            [0.0, full, 1.15 * full], [0.0, top, top], linewidth=1.0,
+            color=style.DIRECTION_COLOR[_WAY[row]],
+        )  # fmt: skip
+
+
+def tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot | None:
+    """Draw the values over the adaptation axes with the events that tell them."""
+    if not fit.adaptation:
+        return None
+    return (_along_one if len(fit.adaptation) == 1 else _over_two)(fit, scale)
+
+
+def _shown(fit: CrosstalkResult, row: int) -> tuple[Float[np.ndarray, "n k"], Any]:
+    """Return places and errors of the events of a branch, wild ones left out."""
+    rows = (fit.fit.of_events("branch") == row) & ~fit.wild
+    return fit.fit.of_events("positions")[rows], fit.before[rows]
+
+
+def _along_one(fit: CrosstalkResult, scale: Scale) -> Plot:
+    own = fit.fit
+    figure, panels = side_by_side(
+        3.0, ("accelerating", "decelerating"), f"{fit.adaptation[0]} in mm",
+        _error_of(fit, scale), shared=False,
+    )  # fmt: skip
+    for row, way in enumerate(_WAY):
+        panel = panels[row // 2]
+        places, errors = _shown(fit, row)
+        directed_marks(panel, way, places[:, 0], errors * scale.factor, 3.5, 0.45)
+        known = np.isfinite(own.values[row])
+        panel.errorbar(
+            own.points[known, 0], own.values[row, known] * scale.factor,
+            yerr=own.standard_deviation[row, known] * scale.factor,
+            marker="s", markersize=4, capsize=2, linewidth=1.2,
+            color=style.DIRECTION_COLOR[way],
+        )  # fmt: skip
+    panels[0].legend(loc="best")
+    caption = (
+        f"Error at full acceleration over {fit.adaptation[0]}: events, and the tests"
+        " with 1 sd. Between tests the controller goes along the line, beyond them it is"
+        f" taken to hold the last value; they cover {percent(fit.coverage)} of the"
+        " workspace. The entries are the negative of this."
+    )
+    return Plot("tests", "Tests along the adaptation axis", figure, caption)
+
+
+def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
+    own = fit.fit
+    figure, panels = style.new_figure(6.0, rows=2, columns=2, sharex=True, sharey=True)
+    known = np.abs(fit.before[~fit.wild])
+    limit = float(np.max(known, initial=0.0)) * scale.factor or 1.0
+    # Any: matplotlib gives every keyword a type of its own.
+    options: dict[str, Any] = {"cmap": style.DIVERGING, "vmin": -limit, "vmax": limit}
+    dots = []
+    for row, panel in enumerate(panels):
+        places, errors = _shown(fit, row)
+        dots.append(
+            panel.scatter(
+                places[:, 0], places[:, 1], s=14, linewidths=0,
+                c=errors * scale.factor, **options,
+            )
+        )  # fmt: skip
+        told = np.isfinite(own.values[row])
+        first, second = own.points.T
+        panel.scatter(
+            first[told], second[told], s=70, marker="s", edgecolors=style.INK,
+            c=own.values[row, told] * scale.factor, **options,
+        )  # fmt: skip
+        panel.scatter(
+            first[~told], second[~told], s=60, marker="x", color=style.INK,
+            linewidths=1.2,
+        )  # fmt: skip
+        panel.set_title(BRANCHES[row], fontsize=8)
+        (x0, x1), (y0, y1) = fit.workspace
+        panel.plot(
+            [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=style.GREY, linewidth=0.8
+        )
+    for panel in panels[2:]:
+        panel.set_xlabel(f"{fit.adaptation[0]} in mm")
+    for panel in panels[::2]:
+        panel.set_ylabel(f"{fit.adaptation[1]} in mm")
+    figure.colorbar(dots[-1], ax=panels, label=_error_of(fit, scale), shrink=0.7)
+    caption = (
+        "Error at full acceleration over the adaptation axes: dots are events, squares"
+        " the tests, crosses tests without events. The frame is the workspace, of which"
+        f" the tests cover {percent(fit.coverage)}. The entries are the negative of this."
+    )
+    return Plot("tests", "Tests over the adaptation axes", figure, caption)
+
+
+def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
+    """Draw single events in time, before and with the written list."""
+    figure, panels = style.new_figure(4.4, rows=2, columns=2, sharey=True)
+    for row, panel in enumerate(panels):
+        own = [each for each in fit.fit.events if each.branch == row and not each.wild]
+        # Spread evenly over the log.
+        picks = np.linspace(0, len(own) - 1, min(len(own), _COURSES)).astype(int)
+        for k, event in enumerate(own[pick] for pick in picks):
+            clock, before, added = _course(fit, event)
+            stages = {"before": before, "with the list": before + added}
+            colours = (style.ORANGE, style.BLUE)
+            for (name, values), colour in zip(stages.items(), colours, strict=True):
+                panel.plot(
+                    1e3 * clock, values * scale.factor, color=colour,
+                    linewidth=0.7, alpha=0.6, label=None if k else name,
+                )  # fmt: skip
+        if not own:
+            panel.text(0.5, 0.5, "no event", ha="center", transform=panel.transAxes)
+        panel.axvline(0, color=style.INK, linewidth=0.7)
+        panel.set_title(BRANCHES[row], fontsize=8)
+    for panel in panels[2:]:
+        panel.set_xlabel("time from the beginning of the event in ms")
+    for panel in panels[::2]:
+        panel.set_ylabel(f"{fit.axis} in {scale.error}")
+    panels[0].legend(loc="best")
+    caption = (
+        f"Up to eight events of each sign and direction: the error of {fit.axis} about"
+        " its level beside the event, as measured and with what the written list adds."
+        " What stands before 0 and on the right belongs to the events beside."
+    )
+    return Plot("courses", "Single events in time", figure, caption)
+
+
+def _course(fit: CrosstalkResult, event: Event) -> tuple[Float[np.ndarray, " t"], ...]:
+    """Return time in s, error about its level beside the event, and what is added, in mm."""
+    log, length = fit.readings, event.stop - event.start
+    rows = slice(max(event.start - length, 0), event.stop + length)
+    full = max(fit.fit.acceleration, -fit.fit.deceleration)
+    error = log.error[rows]
+    quiet = np.abs(log.acceleration[rows]) < _QUIET * full
+    beside = error[quiet & np.isfinite(error)]
+    level = np.median(beside) if beside.size else np.nanmedian(error)
+    clock = log.time[rows] - log.time[event.start]
+    return clock, error - float(level), fit.added[rows]

@@ -34,7 +34,7 @@ from ...exchange._nodes import (
 from ...exchange._table import AbstractTable, Model
 from ...exchange._units import SGN16, from_list_units, round_to_list
 from .. import kind
-from .._protocol import AbstractEntries, Axes
+from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
@@ -42,14 +42,17 @@ DEFAULT_COUNT = 1499
 """Entries without ``max_points``: ``kw_nr_max`` must stay below 1500."""
 
 
-def leadscrew_from_list(
+def read_leadscrew(
     listing: ListFile,
     conventions: Conventions,
     increment: Increments = None,
     *,
     modulo: tuple[float, float] | None = None,
 ) -> Leadscrew:
-    """Return the leadscrew table that a list describes, in mm or °.
+    """Return the leadscrew table that a list describes, its entries as NumPy has them.
+
+    For what looks at the numbers alone: to make arrays of them that JAX can compute with
+    takes longer than to read the list.
 
     Args:
         listing: List of the axis.
@@ -60,24 +63,6 @@ def leadscrew_from_list(
 
     Raises:
         ExchangeError: If an entry is missing or the setpoints do not ascend.
-    """
-    found: Leadscrew = jax.tree.map(
-        as_array, read_leadscrew(listing, conventions, increment, modulo=modulo)
-    )
-    return found
-
-
-def read_leadscrew(
-    listing: ListFile,
-    conventions: Conventions,
-    increment: Increments = None,
-    *,
-    modulo: tuple[float, float] | None = None,
-) -> Leadscrew:
-    """Return what `leadscrew_from_list` does, its entries as NumPy has them.
-
-    For what looks at the numbers alone: to make arrays of them that JAX can compute with
-    takes longer than to read the list.
     """
     size = unit_size(listing, PREFIX, axis_number(listing), increment)
     count = required(listing, f"{PREFIX}.kw_nr_max")
@@ -151,68 +136,6 @@ def _structure(
     return jax.tree.structure(Leadscrew(nodes, entries, neg, modulo, sign))
 
 
-def entries_of_leadscrew(
-    screw: Leadscrew,
-    *,
-    existing: ListFile | None = None,
-    max_points: int | None = None,
-    build: str | None = None,
-) -> dict[str, int | str]:
-    """Return the list entries of a leadscrew table, rounded to list units.
-
-    A bilateral table carries ``set_pos_without_comp 1``: the values of other
-    compensations cannot then turn its direction (S-23). Values must fit SGN16,
-    since one manual says so (S-22).
-
-    Args:
-        screw: Table in mm or °; its nodes must be multiples of a list unit.
-        existing: List that will be edited.
-        max_points: Wanted size of the memory, or None to write it only where needed.
-        build: Of the controller, or None for the newest.
-
-    Raises:
-        ExchangeError: If something does not fit into a list.
-    """
-    branches = {
-        name: round_to_list(np.asarray(branch), f"{PREFIX}.table[].{name}", SGN16)
-        for name, branch in (("pos", screw.pos), ("neg", screw.neg))
-        if branch is not None
-    }
-    nodes, modulo = nodes_of_model(screw.nodes, PREFIX), screw.modulo is not None
-    count = len(nodes.integers)
-    entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-    entries |= max_points_entry(
-        count + 1,
-        name=f"{PREFIX}.max_points",
-        fits_default=count <= DEFAULT_COUNT,
-        wanted=max_points,
-        existing=existing,
-        build=build,
-    )
-    entries |= {
-        f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
-        f"{PREFIX}.kw_startpos": nodes.integers[0],
-        f"{PREFIX}.kw_nr_max": count,
-        f"{PREFIX}.bilateral": int("neg" in branches),
-        f"{PREFIX}.modulo": int(modulo),
-    }
-    if "neg" in branches:
-        entries[f"{PREFIX}.set_pos_without_comp"] = 1
-    if not isinstance(nodes, GridNodes):
-        for k, point in enumerate(nodes.integers):
-            entries[f"{PREFIX}.table[{k}].setpoint"] = point
-    for name, values in branches.items():
-        if modulo and values[0] != values[-1]:
-            raise ExchangeError(
-                where=f"{PREFIX}.table[].{name}",
-                found=f"{values[0]} at the start and {values[-1]} at the end",
-                expected="equal values at both ends of a modulo table",
-            )
-        for k, value in enumerate(values.tolist()):
-            entries[f"{PREFIX}.table[{k}].{name}"] = value
-    return entries
-
-
 @final
 @dataclasses.dataclass(frozen=True)
 class LeadscrewTable(AbstractTable):
@@ -266,23 +189,71 @@ class LeadscrewEntries(AbstractEntries):
     models = (Leadscrew,)
     value = f"{PREFIX}.table[].pos"
     columns = ("pos", "neg")
+    table = LeadscrewTable
     comes_last = True
 
-    def is_in(self, listing: ListFile) -> bool:
-        return bool(listing.table(PREFIX, "pos"))
-
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Leadscrew:
-        return leadscrew_from_list(
-            listing,
-            reading.conventions,
-            reading.increment,
-            modulo=reading.modulo.get(axis),
+        found: Leadscrew = jax.tree.map(
+            as_array,
+            read_leadscrew(
+                listing,
+                reading.conventions,
+                reading.increment,
+                modulo=reading.modulo.get(axis),
+            ),
         )
+        return found
 
     def to_list(
-        self, model: Leadscrew, masters: Axes, rules: Conventions, **options: Any
+        self,
+        model: Leadscrew,
+        masters: Axes = (),
+        rules: Conventions = DEFAULT_RULES,
+        *,
+        existing: ListFile | None = None,
+        max_points: int | None = None,
+        build: str | None = None,
     ) -> dict[str, int | str]:
-        return entries_of_leadscrew(model, **options)
+        # A bilateral table carries set_pos_without_comp 1: the values of others cannot
+        # then turn its direction (S-23). Values fit SGN16: one manual says so (S-22).
+        branches = {
+            name: round_to_list(np.asarray(branch), f"{PREFIX}.table[].{name}", SGN16)
+            for name, branch in (("pos", model.pos), ("neg", model.neg))
+            if branch is not None
+        }
+        nodes, modulo = nodes_of_model(model.nodes, PREFIX), model.modulo is not None
+        count = len(nodes.integers)
+        entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
+        entries |= max_points_entry(
+            count + 1,
+            name=f"{PREFIX}.max_points",
+            fits_default=count <= DEFAULT_COUNT,
+            wanted=max_points,
+            existing=existing,
+            build=build,
+        )
+        entries |= {
+            f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
+            f"{PREFIX}.kw_startpos": nodes.integers[0],
+            f"{PREFIX}.kw_nr_max": count,
+            f"{PREFIX}.bilateral": int("neg" in branches),
+            f"{PREFIX}.modulo": int(modulo),
+        }
+        if "neg" in branches:
+            entries[f"{PREFIX}.set_pos_without_comp"] = 1
+        if not isinstance(nodes, GridNodes):
+            for k, point in enumerate(nodes.integers):
+                entries[f"{PREFIX}.table[{k}].setpoint"] = point
+        for name, values in branches.items():
+            if modulo and values[0] != values[-1]:
+                raise ExchangeError(
+                    where=f"{PREFIX}.table[].{name}",
+                    found=f"{values[0]} at the start and {values[-1]} at the end",
+                    expected="equal values at both ends of a modulo table",
+                )
+            for k, value in enumerate(values.tolist()):
+                entries[f"{PREFIX}.table[{k}].{name}"] = value
+        return entries
 
     def beside(self, model: Leadscrew, others: Collection[str]) -> dict[str, int | str]:
         if not model.bilateral:
@@ -311,3 +282,4 @@ class LeadscrewEntries(AbstractEntries):
 
 
 ENTRIES = LeadscrewEntries()
+leadscrew_from_list, entries_of_leadscrew = ENTRIES.from_list, ENTRIES.to_list

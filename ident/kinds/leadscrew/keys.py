@@ -24,6 +24,10 @@ class Spec(LineSpec, frozen=True):
     def switches_off(self) -> tuple[str, ...]:
         return ("backlash",) if self.bilateral else ()
 
+    @property
+    def form(self) -> dict[str, bool]:
+        return {"bilateral": self.bilateral}
+
     def turns(self, axes: "Mapping[str, Axis]") -> bool:
         return self.modulo
 

@@ -1,7 +1,7 @@
 """Plane compensation: ``kw.crosscomp2`` in a list ↔ `Plane`."""
 
 import dataclasses
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Int
@@ -11,7 +11,6 @@ from ....models import Conventions, EquidistantNodes, Plane
 from ...exchange._capacity import max_points_entry, refuse_huge
 from ...exchange._errors import ExchangeError
 from ...exchange._identity import (
-    Increments,
     axis_number,
     optional,
     required,
@@ -20,150 +19,16 @@ from ...exchange._identity import (
     values_of,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._modulo import Ranges, refuse_jump, wrapped
+from ...exchange._modulo import refuse_jump, wrapped
 from ...exchange._nodes import GridNodes, as_array, nodes_of_model
 from ...exchange._table import AbstractTable
 from ...exchange._units import from_list_units, round_to_list
-from .._protocol import AbstractEntries, Axes
+from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
 DEFAULT_LAST_INDEX = 100
 """Largest index per direction where ``max_points`` is not set (101 · 101 entries)."""
-
-
-def plane_from_list(
-    listing: ListFile,
-    conventions: Conventions,
-    increment: Increments = None,
-    *,
-    modulo: Ranges | None = None,
-) -> Plane:
-    """Return the plane that a list describes, in mm or °.
-
-    Entries that the list leaves out are 0, as they are in the controller.
-
-    Args:
-        listing: List of the slave axis.
-        conventions: Sign and edge rules.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
-        modulo: Range by axis; the positions of masters with one are wrapped into it.
-
-    Raises:
-        ExchangeError: If an entry is missing or makes no table.
-    """
-    first, second = ENTRIES.named_masters(listing)
-    axis = axis_number(listing)
-    # The grid is QUADRATIC where nothing else is said (P-COMP-00031).
-    grid = (listing.text(f"{PREFIX}.grid") or "QUADRATIC").upper()
-    if grid not in ("QUADRATIC", "RECTANGULAR"):
-        raise ExchangeError(
-            where=f"{listing.source}: {PREFIX}.grid",
-            found=repr(listing.text(f"{PREFIX}.grid")),
-            expected="QUADRATIC or RECTANGULAR",
-        )
-    rectangular = grid == "RECTANGULAR"
-    nodes: list[EquidistantNodes] = []
-    for k, master in ((1, first), (2, second)):
-        size = unit_size(listing, PREFIX, master, increment)
-        interval = f"{PREFIX}.interval{k if rectangular else ''}"
-        step = required(listing, interval)
-        last = required(listing, f"{PREFIX}.last_index_master{k}")
-        if step <= 0 or last < 0:
-            raise ExchangeError(
-                where=f"{listing.source}: {PREFIX} master {k}",
-                found=f"interval {step}, last index {last}",
-                expected="an interval above 0 and an index of 0 or more",
-            )
-        # The start position is 0 where it is not given, as in the controller.
-        start = optional(listing, f"{PREFIX}.start_position_master{k}")
-        nodes.append(
-            EquidistantNodes(
-                as_array(scaled(start, size)), as_array(scaled(step, size)), last + 1
-            )
-        )
-    size = unit_size(listing, PREFIX, axis, increment)
-    n1, n2 = nodes[0].count, nodes[1].count
-    refuse_huge(n1 * n2, f"{listing.source}: {PREFIX}.last_index_master1 and 2")
-    table = np.zeros((n2, n1) if conventions.plane_index == "ji" else (n1, n2))
-    for index, value in values_of(listing, PREFIX, "correction").items():
-        if isinstance(index, tuple) and all(np.less(index, table.shape)):
-            table[index] = scaled(value, size)
-    return Plane(
-        nodes1=wrapped(nodes[0], (modulo or {}).get(first)),
-        nodes2=wrapped(nodes[1], (modulo or {}).get(second)),
-        values=as_array(table if conventions.plane_index == "ji" else table.T),
-        sign=float(conventions.plane_sign),
-    )
-
-
-def entries_of_plane(
-    plane: Plane,
-    masters: tuple[int, int],
-    conventions: Conventions,
-    *,
-    existing: ListFile | None = None,
-    max_points: int | None = None,
-    build: str | None = None,
-) -> dict[str, int | str]:
-    """Return the list entries of a plane, rounded to list units.
-
-    Args:
-        plane: Table in mm or °; its node positions must be multiples of a list unit.
-        masters: Logical numbers of master 1 and 2.
-        conventions: Order of the indices; the sign is that of the plane.
-        existing: List that will be edited; its kind of grid is kept where it can be.
-        max_points: Wanted size of the memory, or None to write it only where needed.
-        build: Of the controller, or None for the newest.
-
-    Raises:
-        ExchangeError: If something does not fit into a list, or jumps where a modulo
-            master begins again.
-    """
-    grids: list[GridNodes] = []
-    for k, nodes in ((1, plane.nodes1), (2, plane.nodes2)):
-        grid = nodes_of_model(nodes, f"{PREFIX} master {k}")
-        if not isinstance(grid, GridNodes):
-            raise ExchangeError(
-                where=f"{PREFIX} master {k}",
-                found="single setpoints",
-                expected="equidistant nodes",
-            )
-        grids.append(grid)
-    g1, g2 = grids
-    kept = None if existing is None else existing.text(f"{PREFIX}.grid")
-    entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-    if g1.interval == g2.interval and (kept or "").upper() != "RECTANGULAR":
-        entries[f"{PREFIX}.interval"] = g1.interval
-    else:
-        entries[f"{PREFIX}.grid"] = "RECTANGULAR"
-        entries[f"{PREFIX}.interval1"] = g1.interval
-        entries[f"{PREFIX}.interval2"] = g2.interval
-    entries |= max_points_entry(
-        g1.count * g2.count,
-        name=f"{PREFIX}.max_points",
-        fits_default=max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1,
-        wanted=max_points,
-        existing=existing,
-        build=build,
-    )
-    entries |= {
-        f"{PREFIX}.last_index_master1": g1.count - 1,
-        f"{PREFIX}.last_index_master2": g2.count - 1,
-        f"{PREFIX}.start_position_master1": g1.start,
-        f"{PREFIX}.start_position_master2": g2.start,
-        f"{PREFIX}.master1_ax_nr": masters[0],
-        f"{PREFIX}.master2_ax_nr": masters[1],
-    }
-    table = round_to_list(np.asarray(plane.values), f"{PREFIX}.table[][].correction")
-    refuse_jump(plane.nodes1, table.T, f"{PREFIX}.table[][].correction along master 1")
-    refuse_jump(plane.nodes2, table, f"{PREFIX}.table[][].correction along master 2")
-    if conventions.plane_index == "ij":
-        table = table.T
-    for j, row in enumerate(table.tolist()):
-        for i, value in enumerate(row):
-            entries[f"{PREFIX}.table[{j}][{i}].correction"] = value
-    return entries
 
 
 @final
@@ -187,24 +52,122 @@ class PlaneEntries(AbstractEntries):
     models = (Plane,)
     value = f"{PREFIX}.table[][].correction"
     columns = ("correction",)
-
-    def is_in(self, listing: ListFile) -> bool:
-        return bool(listing.table(PREFIX, "correction"))
+    table = PlaneTable
 
     def named_masters(self, listing: ListFile) -> Axes:
         names = ("master1_ax_nr", "master2_ax_nr")
         return tuple(required(listing, f"{PREFIX}.{name}") for name in names)
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Plane:
-        return plane_from_list(
-            listing, reading.conventions, reading.increment, modulo=reading.modulo
+        first, second = self.named_masters(listing)
+        conventions, increment = reading.conventions, reading.increment
+        slave = axis_number(listing)
+        # The grid is QUADRATIC where nothing else is said (P-COMP-00031).
+        grid = (listing.text(f"{PREFIX}.grid") or "QUADRATIC").upper()
+        if grid not in ("QUADRATIC", "RECTANGULAR"):
+            raise ExchangeError(
+                where=f"{listing.source}: {PREFIX}.grid",
+                found=repr(listing.text(f"{PREFIX}.grid")),
+                expected="QUADRATIC or RECTANGULAR",
+            )
+        rectangular = grid == "RECTANGULAR"
+        nodes: list[EquidistantNodes] = []
+        for k, master in ((1, first), (2, second)):
+            size = unit_size(listing, PREFIX, master, increment)
+            interval = f"{PREFIX}.interval{k if rectangular else ''}"
+            step = required(listing, interval)
+            last = required(listing, f"{PREFIX}.last_index_master{k}")
+            if step <= 0 or last < 0:
+                raise ExchangeError(
+                    where=f"{listing.source}: {PREFIX} master {k}",
+                    found=f"interval {step}, last index {last}",
+                    expected="an interval above 0 and an index of 0 or more",
+                )
+            # The start position is 0 where it is not given, as in the controller.
+            start = optional(listing, f"{PREFIX}.start_position_master{k}")
+            nodes.append(
+                EquidistantNodes(
+                    as_array(scaled(start, size)),
+                    as_array(scaled(step, size)),
+                    last + 1,
+                )
+            )
+        size = unit_size(listing, PREFIX, slave, increment)
+        n1, n2 = nodes[0].count, nodes[1].count
+        refuse_huge(n1 * n2, f"{listing.source}: {PREFIX}.last_index_master1 and 2")
+        table = np.zeros((n2, n1) if conventions.plane_index == "ji" else (n1, n2))
+        for index, value in values_of(listing, PREFIX, "correction").items():
+            if isinstance(index, tuple) and all(np.less(index, table.shape)):
+                table[index] = scaled(value, size)
+        return Plane(
+            nodes1=wrapped(nodes[0], reading.modulo.get(first)),
+            nodes2=wrapped(nodes[1], reading.modulo.get(second)),
+            values=as_array(table if conventions.plane_index == "ji" else table.T),
+            sign=float(conventions.plane_sign),
         )
 
     def to_list(
-        self, model: Plane, masters: Axes, rules: Conventions, **options: Any
+        self,
+        model: Plane,
+        masters: Axes = (),
+        rules: Conventions = DEFAULT_RULES,
+        *,
+        existing: ListFile | None = None,
+        max_points: int | None = None,
+        build: str | None = None,
     ) -> dict[str, int | str]:
         first, second = self.exactly(masters, 2)
-        return entries_of_plane(model, (first, second), rules, **options)
+        grids: list[GridNodes] = []
+        for k, nodes in ((1, model.nodes1), (2, model.nodes2)):
+            grid = nodes_of_model(nodes, f"{PREFIX} master {k}")
+            if not isinstance(grid, GridNodes):
+                raise ExchangeError(
+                    where=f"{PREFIX} master {k}",
+                    found="single setpoints",
+                    expected="equidistant nodes",
+                )
+            grids.append(grid)
+        g1, g2 = grids
+        kept = None if existing is None else existing.text(f"{PREFIX}.grid")
+        entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
+        if g1.interval == g2.interval and (kept or "").upper() != "RECTANGULAR":
+            entries[f"{PREFIX}.interval"] = g1.interval
+        else:
+            entries[f"{PREFIX}.grid"] = "RECTANGULAR"
+            entries[f"{PREFIX}.interval1"] = g1.interval
+            entries[f"{PREFIX}.interval2"] = g2.interval
+        entries |= max_points_entry(
+            g1.count * g2.count,
+            name=f"{PREFIX}.max_points",
+            fits_default=max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1,
+            wanted=max_points,
+            existing=existing,
+            build=build,
+        )
+        entries |= {
+            f"{PREFIX}.last_index_master1": g1.count - 1,
+            f"{PREFIX}.last_index_master2": g2.count - 1,
+            f"{PREFIX}.start_position_master1": g1.start,
+            f"{PREFIX}.start_position_master2": g2.start,
+            f"{PREFIX}.master1_ax_nr": first,
+            f"{PREFIX}.master2_ax_nr": second,
+        }
+        table = round_to_list(
+            np.asarray(model.values), f"{PREFIX}.table[][].correction"
+        )
+        refuse_jump(
+            model.nodes1, table.T, f"{PREFIX}.table[][].correction along master 1"
+        )
+        refuse_jump(
+            model.nodes2, table, f"{PREFIX}.table[][].correction along master 2"
+        )
+        if rules.plane_index == "ij":
+            table = table.T
+        for j, row in enumerate(table.tolist()):
+            for i, value in enumerate(row):
+                entries[f"{PREFIX}.table[{j}][{i}].correction"] = value
+        return entries
 
 
 ENTRIES = PlaneEntries()
+plane_from_list, entries_of_plane = ENTRIES.from_list, ENTRIES.to_list

@@ -31,11 +31,10 @@ class PlaneProbe(AbstractProbe):
     def entries(
         self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
     ) -> dict[str, int | str]:
-        first, second = one.masters
         nodes1, nodes2 = (axes[master].grid.model() for master in one.masters)
         values = np.outer(plateau(SECOND), plateau(FIRST)) / HEIGHT
         plane = Plane(nodes1, nodes2, as_array(values))
-        return entries_of_plane(plane, (first, second), conventions)
+        return entries_of_plane(plane, one.masters, conventions)
 
     def outcomes(
         self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]

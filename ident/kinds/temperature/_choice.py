@@ -6,17 +6,23 @@ drift, and readings of one stay their temperature: they are held out together.
 """
 
 import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...core import FitError, Regression, node_shares, simplest
-from ._line import Data, Line, Pair, Shape, fit_line, laid_out
+from ...fit.joint import Temperature
+from ._line import Data, Shape, fit_line, laid_out, shape_of
 from ._types import LawScore, Meeting
 
+Fitted = tuple[Temperature, Regression]
+"""A line, and the regression whose coefficients begin with its node values."""
 MOST_NODES = 5
 """A law that the PLC interpolates needs no more."""
-_BLOCKS, _FOLDS = 20, 5
+BLOCKS, FOLDS = 20, 5
+"""Stretches of time, and in how many turns they are left out, far from each other."""
 _VISIT = 0.05
 """Share of the range of temperatures that counts as staying where it is."""
 _MATTERS = 0.02
@@ -49,7 +55,7 @@ class Contest:
     def of(cls, data: Data, loss: str) -> "Contest":
         """Return the contest over readings, in stays at one temperature or stretches of time."""
         data = data.thinned()
-        theta = data.structure((0.0, 0.0))[0 if data.sensors[0] is not None else 1]
+        theta = data.whole.temperature[data.sensors[0]][:: data.every]
         limit = _VISIT * max(float(np.ptp(theta)), 1e-9)
         stay = np.zeros(len(theta), np.int64)
         start, number = theta[0], 0
@@ -57,15 +63,15 @@ class Contest:
             if abs(value - start) > limit:
                 start, number = value, number + 1
             stay[row] = number
-        if not 3 <= number + 1 < _BLOCKS:
-            stay = np.arange(len(theta)) * _BLOCKS // len(theta)
+        if not 3 <= number + 1 < BLOCKS:
+            stay = np.arange(len(theta)) * BLOCKS // len(theta)
         return cls(data, stay, loss)
 
     def fitted(
-        self, shape: Shape, reference: float, lags: Pair
-    ) -> tuple[Line, Regression] | None:
+        self, shape: Shape, reference: float, lags: Mapping[str, float]
+    ) -> Fitted | None:
         """Return a law with its node values fitted; None where the readings are too few."""
-        line = laid_out(self.data.structure(lags), shape, reference, lags)
+        line = self.data.laid_out(shape, reference, lags)
         if line is None or len(self.data.error) <= sum(shape):
             return None
         try:
@@ -73,7 +79,9 @@ class Contest:
         except FitError:
             return None
 
-    def left_out(self, line: Line, found: Regression) -> Float[np.ndarray, " t"] | None:
+    def left_out(
+        self, line: Temperature, found: Regression
+    ) -> Float[np.ndarray, " t"] | None:
         """Return what a law fitted to all other blocks leaves of each reading in mm.
 
         None where what is left of the readings does not tell the law. Beyond all temperatures
@@ -81,17 +89,17 @@ class Contest:
         what luckily extends.
         """
         data, groups = self.data, self.blocks
-        if groups.max() + 1 > 2 * _FOLDS:
-            groups = groups % _FOLDS
-        theta, root = data.structure(line.lags), np.sqrt(found.share)
+        if groups.max() + 1 > 2 * FOLDS:
+            groups = groups % FOLDS
+        inputs, root = data.inputs(line), np.sqrt(found.share)
+        theta = inputs[: len(line.sensors)]
         result = np.zeros(len(groups))
         for group in np.unique(groups):
             out = groups == group
-            rest = theta[0][~out], theta[1][~out]
-            other = laid_out(rest, line.shape, line.reference, line.lags)
+            other = laid_out(line, [warm[~out] for warm in theta], shape_of(line))
             if other is None:
                 return None
-            columns = other.columns(theta, data.position)
+            columns = other.rows(inputs)[1]
             design = columns[~out] * root[~out, None]
             size = np.sqrt(np.square(design).sum(axis=0))
             if not (size > 0).all():
@@ -112,7 +120,7 @@ class Contest:
         return result
 
     def shape(
-        self, reference: float, lags: Pair
+        self, reference: float, lags: Mapping[str, float]
     ) -> tuple[Shape, tuple[LawScore, ...], float]:
         """Return the simplest law that predicts no worse than the best by more than chance.
 
@@ -122,12 +130,13 @@ class Contest:
         Raises:
             FitError: If not even the simplest law can be held to readings left out.
         """
-        own = [sensor is not None for sensor in self.data.sensors]
-        shapes = [
-            (one, two)
-            for one in (range(1, MOST_NODES + 1) if own[0] else (1,))
-            for two in (range(1, MOST_NODES) if own[1] else (0,))
-        ]
+        most = {
+            "offset": MOST_NODES if "offset" in self.data.moved else 1,
+            "coefficient": MOST_NODES - 1,
+        }
+        shapes = itertools.product(
+            *(range(1, most[law] + 1) for law in self.data.line.sensors)
+        )
         tried, scale = dict[Shape, Float[np.ndarray, " t"]](), 0.0
         for shape in sorted(shapes, key=lambda each: (-sum(each), -each[0])):
             fitted = self.fitted(shape, reference, lags)
@@ -144,29 +153,30 @@ class Contest:
         best, rms = simplest(list(tried.values()), sizes, scale, self.blocks, _MATTERS)
         chosen = list(tried)[best]
         scores = [
-            LawScore(*shape, float(each), shape == chosen)
+            LawScore(shape[0], sum(shape[1:]), float(each), shape == chosen)
             for shape, each in zip(tried, rms, strict=True)
         ]
         return chosen, tuple(reversed(scores)), scale
 
-    def lags(self, reference: float) -> tuple[Pair, tuple[bool, bool]]:
-        """Return the lags in s of offset and coefficient, and whether the sensor is late.
+    def lags(self, reference: float) -> dict[str, float]:
+        """Return the lag in s of each sensor; a negative one is late itself.
 
-        Tried with laws that can bend, on a grid, then refined; a negative lag is one of the
-        sensor behind the structure. A lag is taken where it predicts held-out readings better
-        by more than chance.
+        Tried with laws that can bend, on a grid, then refined. A lag is taken where it
+        predicts held-out readings better by more than chance.
         """
-        data, none, nothing = self.data, (0.0, 0.0), (False, False)
-        shape = 1 if data.sensors[0] is None else 3, 0 if data.sensors[1] is None else 2
+        data = self.data
+        none = dict.fromkeys(data.sensors, 0.0)
+        bent = {"offset": 3 if "offset" in data.moved else 1, "coefficient": 2}
+        shape = tuple(bent[law] for law in data.line.sensors)
         still = self.fitted(shape, reference, none)
         if still is None:
-            return none, nothing
+            return none
         scale = scale_of(still[1].residual)
         low, high = data.lag_range
         # Not quite to the ends of what could show: 5 readings, half of the log.
         grid = np.geomspace(5.0 * low, high / 6.0, _GRID)
 
-        def cost(lags: Pair) -> float:
+        def cost(lags: Mapping[str, float]) -> float:
             fitted = self.fitted(shape, reference, lags)
             if fitted is None:
                 return np.inf
@@ -174,84 +184,84 @@ class Contest:
             return float(np.square(np.minimum(ratio, _LIMIT)).sum())
 
         lags = none
-        for group in data.lag_groups * len(data.lag_groups):
-            trials = []
-            for value in (0.0, *grid.tolist(), *(-grid).tolist()):
-                one, other = (value if k in group else lags[k] for k in (0, 1))
-                trials.append((one, other))
-            lags = min(trials, key=cost)
-        free = [group for group in data.lag_groups if lags[group[0]] > 0]
+        for sensor in data.sensors * len(data.sensors):
+            values = (0.0, *grid.tolist(), *(-grid).tolist())
+            lags = min((lags | {sensor: value} for value in values), key=cost)
+        free = [sensor for sensor in data.sensors if lags[sensor] > 0]
         fitted = self.fitted(shape, reference, lags)
         if free and fitted is not None:
-            lags = fit_line(fitted[0], data, self.loss, False, free, quick=True)[0].lags
+            line, _ = fit_line(fitted[0], data, self.loss, False, free, quick=True)
+            lags = {sensor: float(line.lags[sensor]) for sensor in data.sensors}
             fitted = self.fitted(shape, reference, lags)
-        if fitted is None:
-            return none, nothing
-        tried = [self.left_out(*each) for each in (still, fitted)]
-        left = [each for each in tried if each is not None]
-        if len(left) < 2 or not simplest(left, (0, 1), scale, self.blocks, _MATTERS)[0]:
-            return none, nothing
-        return (max(lags[0], 0.0), max(lags[1], 0.0)), (lags[0] < 0, lags[1] < 0)
+        if fitted is None or not self._better(fitted, still, scale):
+            return none
+        return lags
+
+    def _better(self, richer: Fitted, plain: Fitted, scale: float) -> bool:
+        """Return whether a law predicts better than a plainer one by more than chance."""
+        left = [self.left_out(*each) for each in (plain, richer)]
+        known = [each for each in left if each is not None]
+        if len(known) < len(left):
+            return False
+        return bool(simplest(known, (0, 1), scale, self.blocks, _MATTERS)[0])
 
     def meeting(
         self,
-        line: Line,
-        found: Regression,
+        fitted: Fitted,
         data: Data,
         scale: float | None,
-        free: list[tuple[int, ...]],
-    ) -> tuple[tuple[Line, Regression] | None, Meeting, float | None]:
+        free: Sequence[str],
+    ) -> tuple[Fitted | None, Meeting, float | None]:
         """Return the fit with a constant offset where the lines meet, or None and why not.
 
         Args:
-            line: With an offset of its own.
-            found: Its regression.
+            fitted: With an offset of its own.
             data: All readings.
             scale: Of the residuals in mm where laws were compared.
-            free: Lags that are fitted.
+            free: Sensors whose lag is fitted.
 
         Returns:
             The fit, the reason, and the deviation in mm where that is the reason.
         """
-        count, slopes = line.shape[0], line.value[line.shape[0] :]
+        line, found = fitted
+        count, last = len(line.nodes["offset"]), line.size - 1
+        values = line.split(found.coefficients)
+        slopes = values["coefficient"]
         if len(slopes) < 2:
             return None, "parallel", None
-        first, last = count, sum(line.shape) - 1
-        ends = found.covariance[np.ix_([first, last], [first, last])]
+        ends = found.covariance[np.ix_([count, last], [count, last])]
         deviation = np.sqrt(max(ends[0, 0] + ends[1, 1] - 2.0 * ends[0, 1], 0.0))
         if not abs(slopes[-1] - slopes[0]) > _SURE * deviation:
             return None, "unsure slope", None
-        if data.sensors[0] not in (None, data.sensors[1]) and count > 1:
+        if len(data.sensors) > 1 and count > 1:
             return None, "two sensors", None
-        theta = data.structure(line.lags)
-        offset = node_shares(theta[0], line.nodes[0]) @ line.value[:count]
-        slope = node_shares(theta[1], line.nodes[1]) @ slopes
+        offset, slope = (
+            node_shares(warm, line.nodes[law]) @ values[law]
+            for law, warm in zip(line.sensors, data.warmth(line), strict=True)
+        )
         rise = slope - slope.mean()
         away = -float(rise @ (offset - offset.mean())) / float(rise @ rise)
         span = float(np.ptp(data.position))
         if abs(away) > _FAR * span:
             return None, "too far", None
-        shape = 1, len(slopes)
-        begin = laid_out(theta, shape, line.reference + away, line.lags)
+        begin = laid_out(
+            dataclasses.replace(line, reference=line.reference + away),
+            data.warmth(line),
+            (1, len(slopes)),
+        )
         if begin is None:
             return None, "too few", None
         begin, _ = fit_line(begin, self.data, self.loss, True, free, quick=True)
         met, regression = fit_line(begin, data, self.loss, True, free)
         if count > 1:
-            tried = [
-                self.left_out(each, fit_line(each, self.data, self.loss, quick=True)[1])
+            first, second = (
+                (each, fit_line(each, self.data, self.loss, quick=True)[1])
                 for each in (met, line)
-            ]
-            left = [each for each in tried if each is not None]
+            )
             scale = scale_of(found.residual) if scale is None else scale
-            if (
-                tried[0] is None
-                or (
-                    simplest(left, (0, 1)[: len(left)], scale, self.blocks, _MATTERS)[0]
-                )
-            ):
+            if self.left_out(*first) is None or self._better(second, first, scale):
                 return None, "not one point", None
-        sure = float(regression.standard_deviation[len(met.value)])
+        sure = float(regression.standard_deviation[met.size])
         if not sure < max(10.0 * span, abs(met.reference)):
             return None, "uncertain", sure
         return (met, regression), "met", None

@@ -4,10 +4,11 @@ import dataclasses
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
+from ._choice import BLOCKS, FOLDS
 from ._recording import ThermalRecording
 from .effect import (
     Confusion,
@@ -18,8 +19,6 @@ from .effect import (
 )
 from .keys import Spec
 
-_BLOCKS, _FOLDS = 20, 5
-"""Stretches of time, and in how many turns they are left out, far from each other."""
 LawPair = Literal["auto"] | tuple[LawKey, LawKey]
 
 
@@ -30,22 +29,23 @@ class Identified:
     Attributes:
         fit: The estimate, in the sign of the error.
         open: Effects that the readings cannot tell apart.
-        determined: Whether anything may be written.
         dropped: The coefficient was held constant, since only the offset is determined.
-        groups: Turn in which each used reading was left out.
         predicted: Error of each used reading in mm less what the other blocks say of it.
         held_out: What was left out together: ``block`` or ``run``.
         instead: What a drift of the instrument would explain as well; None where none does.
     """
 
     fit: TemperatureFit
-    open: tuple[Confusion, ...]
-    determined: bool
-    dropped: bool
-    groups: Int[np.ndarray, " u"]
     predicted: Float[np.ndarray, " u"]
+    open: tuple[Confusion, ...] = ()
+    dropped: bool = False
     held_out: str = "block"
     instead: AgainstDrift | None = None
+
+    @property
+    def determined(self) -> bool:
+        """Whether anything may be written."""
+        return self.dropped or not self.open
 
 
 def identify(recording: ThermalRecording, fit: Spec) -> Identified:
@@ -54,32 +54,6 @@ def identify(recording: ThermalRecording, fit: Spec) -> Identified:
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    _refuse_one_position(recording, fit)
-    try:
-        return _identified(recording, fit)
-    except FitError as error:
-        message = str(error)
-        for number, name in enumerate(recording.sensors, 1):
-            message = message.replace(f"sensor {number} of", f"sensor {name!r} of")
-        raise FitError(message) from None
-
-
-def _refuse_one_position(recording: ThermalRecording, fit: Spec) -> None:
-    position, effects = recording.readings.position, recording.effects
-    if position is None or "coefficient" not in effects:
-        return
-    places = np.unique(position[np.isfinite(position)])
-    if places.size == 1:
-        asked = recording.sensors[effects.get("offset", effects["coefficient"])]
-        msg = (
-            f"found all readings at {places[0]:g} mm, expected two positions or more for"
-            f" the coefficient of {fit.axis}, or sensors = {{ offset = {asked!r} }}: at"
-            " one position only the offset can be fitted"
-        )
-        raise FitError(msg)
-
-
-def _identified(recording: ThermalRecording, fit: Spec) -> Identified:
     law: LawPair = "auto"
     if fit.law is not None:
         law = (
@@ -97,15 +71,13 @@ def _identified(recording: ThermalRecording, fit: Spec) -> Identified:
         found = _line(
             recording, fit, recording.readings, (len(found.offset.value), "constant")
         )
-    groups, predicted = _held_out(recording, fit, found)
+    predicted = _held_out(recording, fit, found)
     instead = None if open_pairs else drift_instead(recording, found)
     return Identified(
         fit=found,
-        open=open_pairs,
-        determined=dropped or not open_pairs,
-        dropped=dropped,
-        groups=groups,
         predicted=predicted,
+        open=open_pairs,
+        dropped=dropped,
         instead=instead,
     )
 
@@ -160,13 +132,14 @@ def _line(
         reference=reference,
         lag=lag,
         loss=fit.loss,
+        names=recording.sensors,
     )
 
 
 def _held_out(
     recording: ThermalRecording, fit: Spec, found: TemperatureFit
-) -> tuple[Int[np.ndarray, " u"], Float[np.ndarray, " u"]]:
-    """Return blocks and errors less the line fitted to the other blocks.
+) -> Float[np.ndarray, " u"]:
+    """Return errors less the line fitted to the other blocks.
 
     The law, its number of nodes and its lags are those of the whole; everything else is
     fitted anew.
@@ -176,7 +149,7 @@ def _held_out(
     order = used if clock is None else used[np.argsort(clock[used], kind="stable")]
     rank = np.empty(len(found.used), dtype=np.int64)
     rank[order] = np.arange(len(order))
-    groups = rank[used] * _BLOCKS // len(used) % _FOLDS
+    groups = rank[used] * BLOCKS // len(used) % FOLDS
     part = recording.readings.take(found.used)
     structure = found.temperature[found.used]
     part = dataclasses.replace(part, temperature=structure)
@@ -196,4 +169,4 @@ def _held_out(
             continue
         place = None if part.position is None else part.position[out]
         predicted[out] -= other.predict(structure[out], place)
-    return groups, predicted
+    return predicted

@@ -1,20 +1,35 @@
-"""The law over the temperature: the table for the PLC, and what it may do to the machine."""
+"""The law over the temperature: its table and program for the PLC, and what it may do.
+
+The program is Structured Text (IEC 61131-3) in ``program.st.jinja``: the law, which is
+arithmetic alone, and around it the access to the objects of the CNC by ADS ([001] p.22 to 23:
+TEMPC in the GEO task, port 551, group 16#120300). The same text comes as one ``.st`` file and as
+the ``.TcPOU`` files that TwinCAT XAE takes into a project.
+"""
 
 import dataclasses
-from pathlib import Path
+import functools
+import uuid
+from collections.abc import Mapping
+from importlib import resources
+from typing import Any
 
+import jinja2
 import numpy as np
 from jaxtyping import Float
 
-from ....data.lists import ListFile
-from ....models import Conventions, TemperatureLine
 from ...proof import GateCheck, GateLimits, gate_check
-from ._plc_table import read_temperature_table
 from .effect import TemperatureFit
+from .entries import COLUMNS
+from .keys import block_names, plain_name
 
 _SAME = 1e-3
 """K within which two rows are one."""
-_HEAD = "temperature,offset_0,coefficient"
+RATE = 0.001
+"""mm/s: 60 µm in a minute, faster than structures move and slower than any path minds."""
+_IDLE = 1.0
+"""µm/m per s, for a coefficient that is to be 0."""
+_ID = uuid.UUID("8e0d8a0e-6a53-4c43-9d0f-5c7a3f0b6d11")
+"""Name space of the ids of objects: the same block of an axis keeps its id."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +52,28 @@ class ThermalLaw:
     offset_deviation: Float[np.ndarray, " n"]
     coefficient_deviation: Float[np.ndarray, " n"]
 
+    @property
+    def columns(self) -> dict[str, Float[np.ndarray, " n"]]:
+        """The table as the PLC has it: °C, mm, µm/m."""
+        values = self.temperature, self.offset, self.coefficient
+        return dict(zip(COLUMNS, values, strict=True))
+
+    def csv(self) -> str:
+        """Return the table as CSV."""
+        rows = zip(*self.columns.values(), strict=True)
+        lines = [f"{warm:.4f},{offset:.6f},{slope:.4f}" for warm, offset, slope in rows]
+        return "\n".join([",".join(COLUMNS), *lines]) + "\n"
+
+    def largest(self, away: Float[np.ndarray, " p"]) -> tuple[float, float, int]:
+        """Return the largest correction in mm, its temperature in °C, and where.
+
+        Args:
+            away: Places in mm from the reference position.
+        """
+        added = self.offset[:, None] + 1e-6 * np.outer(self.coefficient, away)
+        row, place = np.unravel_index(int(np.argmax(np.abs(added))), added.shape)
+        return abs(float(added[row, place])), float(self.temperature[row]), int(place)
+
 
 def thermal_law(relative: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
     """Return the law that takes the error of a line away.
@@ -54,67 +91,24 @@ def thermal_law(relative: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
         nodes = np.append(nodes, zero)
     rows = np.unique(np.round(nodes, 4))
     rows = rows[np.append(True, np.diff(rows) > _SAME)]
-    offset, coefficient = np.zeros(len(rows)), np.zeros(len(rows))
-    offset = -sign * relative.offset.at(rows)
+    coefficient = np.zeros(len(rows))
     if relative.coefficient is not None:
         coefficient = -sign * 1e6 * relative.coefficient.at(rows)
     first, second = relative.deviation_at(rows)
     return ThermalLaw(
         temperature=rows,
         # 1 nm and 0.1 nm over a metre: far below the unit of the controller.
-        offset=np.round(offset, 6) + 0.0,
+        offset=np.round(-sign * relative.offset.at(rows), 6) + 0.0,
         coefficient=np.round(coefficient, 4) + 0.0,
         offset_deviation=first,
         coefficient_deviation=1e6 * second,
     )
 
 
-def csv_text(law: ThermalLaw) -> str:
-    """Return the table as CSV: °C, mm, µm/m."""
-    rows = zip(law.temperature, law.offset, law.coefficient, strict=True)
-    lines = [f"{warm:.4f},{offset:.6f},{slope:.4f}" for warm, offset, slope in rows]
-    return "\n".join([_HEAD, *lines]) + "\n"
-
-
-def read_back(
-    path: Path,
-    sensors: tuple[str, ...],
-    chosen: tuple[int | None, int | None],
-    conventions: Conventions,
-    machine: ListFile | None,
-) -> TemperatureLine:
-    """Return the line as the PLC makes it of the file, by the controller's rules.
-
-    Args:
-        path: The table.
-        sensors: Names of the columns of the temperatures.
-        chosen: Sensor of offset and coefficient; None: that column is all 0.
-        conventions: Sign of the line.
-        machine: The axis list that was written.
-    """
-    both = [
-        read_temperature_table(
-            path,
-            sensors,
-            sensors[0 if number is None else number],
-            conventions,
-            machine,
-        )
-        for number in chosen
-    ]
-    return dataclasses.replace(both[0], coefficient=both[1].coefficient)
-
-
-RATE = 0.001
-"""mm/s: 60 µm in a minute, faster than structures move and slower than any path minds."""
-_IDLE = 1.0
-"""µm/m per s, for a coefficient that is to be 0."""
-
-
 def judge_law(
     law: ThermalLaw,
     reference: float,
-    span: tuple[float, float] | None,
+    places: Float[np.ndarray, " p"],
     axis: str,
     limits: GateLimits,
 ) -> tuple[GateCheck, ...]:
@@ -123,54 +117,147 @@ def judge_law(
     Args:
         law: As it is written.
         reference: Position in mm where the line turns.
-        span: Smallest and largest position in mm; None: there is no coefficient.
+        places: Smallest and largest position in mm; one: there is no coefficient.
         axis: For the words.
         limits: Of the job.
     """
-    places = np.array([reference] if span is None else span)
-    away = places - reference
-    correction = np.abs(law.offset[:, None] + 1e-6 * np.outer(law.coefficient, away))
-    row, column = np.unravel_index(int(np.argmax(correction)), correction.shape)
-    where = f"at {law.temperature[row]:.4g} °C"
-    if span is not None:
-        where += f", {axis} = {places[column]:g}"
-    checks = [
-        gate_check(
-            "max_correction",
-            float(correction[row, column]), limits.max_correction, "mm", where,
-        )
-    ]  # fmt: skip
+    most, warm, place = law.largest(places - reference)
+    where = f"at {warm:.4g} °C"
+    if len(places) > 1:
+        where += f", {axis} = {places[place]:g}"
     steep = int(np.argmax(np.abs(law.coefficient)))
     slope = float(abs(law.coefficient[steep]))
-    where = f"at {law.temperature[steep]:.4g} °C"
+    there = f"at {law.temperature[steep]:.4g} °C"
     added = 1e-6 * slope * limits.feed / 60.0
+    follows = "while the PLC follows the temperature"
     return (
-        *checks,
-        gate_check("max_slope", 1e-3 * slope, limits.max_slope, "µm/mm", where),
-        gate_check("max_velocity", added, limits.max_velocity, "mm/s", where),
-        gate_check(
-            "max_velocity by the PLC", RATE, limits.max_velocity, "mm/s",
-            "while the PLC follows the temperature",
-        ),
+        gate_check("max_correction", most, limits.max_correction, "mm", where),
+        gate_check("max_slope", 1e-3 * slope, limits.max_slope, "µm/mm", there),
+        gate_check("max_velocity", added, limits.max_velocity, "mm/s", there),
+        gate_check("max_velocity by the PLC", RATE, limits.max_velocity, "mm/s", follows),
     )  # fmt: skip
 
 
-def largest_correction(
-    law: ThermalLaw, reference: float, span: tuple[float, float] | None
-) -> float:
-    """Return the largest correction in mm: the jump of switching it off while warm."""
-    away = np.zeros(1) if span is None else np.array(span) - reference
-    values = law.offset[:, None] + 1e-6 * np.outer(law.coefficient, away)
-    return float(np.max(np.abs(values)))
-
-
-def rates(reference: float, span: tuple[float, float] | None) -> tuple[float, float]:
+def rates(away: Float[np.ndarray, " p"]) -> tuple[float, float]:
     """Return what the PLC may change per second: offset in mm, coefficient in µm/m.
 
     Both together move the farthest position with `RATE` at most. Neither is 0: what an
     earlier program left in the controller must be able to go.
+
+    Args:
+        away: Places in mm from the reference position; one: there is no coefficient.
     """
-    if span is None:
+    if len(away) == 1:
         return RATE, _IDLE
-    reach = max(abs(place - reference) for place in span)
-    return 0.5 * RATE, 0.5 * RATE / (1e-6 * max(reach, 1.0))
+    return 0.5 * RATE, 0.5 * RATE / (1e-6 * max(float(np.abs(away).max()), 1.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class PlcProgram:
+    """What the PLC program of an axis holds.
+
+    Attributes:
+        axis: Name in the job.
+        number: Of the axis.
+        title: Of the job, for the first comment.
+        law: In the sign of the entries.
+        position: Reference position in mm.
+        zero: Temperature at which nothing is corrected, in °C.
+        sensors: Lag of the structure behind each sensor in s, by its name.
+        offset: Sensor that moves the offset, and
+        coefficient: the one that moves the coefficient.
+        rates: What may change per second: offset in mm, coefficient in µm/m.
+        sign: With which the CNC adds the line to the position, +1 or −1.
+    """
+
+    axis: str
+    number: int
+    title: str
+    law: ThermalLaw
+    position: float
+    zero: float
+    sensors: Mapping[str, float]
+    offset: str
+    coefficient: str
+    rates: tuple[float, float]
+    sign: int = 1
+
+
+def structured_text(program: PlcProgram) -> str:
+    """Return the PLC program, in ASCII."""
+    return str(_parts(program))
+
+
+def plc_objects(program: PlcProgram) -> dict[str, str]:
+    """Return each function block as XAE imports it: XML by name of the block.
+
+    The comment at the head of the program stands before the block that is called.
+    """
+    parts: Any = _parts(program)
+    law, access = block_names(program.axis)
+    head = f"{parts.head()}\n{parts.access_declaration()}"
+    texts = {
+        law: (parts.law_declaration(), parts.law_body()),
+        access: (head, parts.access_body()),
+    }
+    template = _templates().get_template("pou.TcPOU.jinja")
+    return {
+        name: template.render(
+            name=name, id=uuid.uuid5(_ID, name), declaration=declaration, body=body
+        )
+        for name, (declaration, body) in texts.items()
+    }
+
+
+@functools.cache
+def _templates() -> jinja2.Environment:
+    folder = resources.files("axcomp.ident.kinds.temperature")
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(
+            lambda name: folder.joinpath(name).read_text("utf-8")
+        ),
+        autoescape=False,  # no HTML; the comments are made safe, CDATA is closed by no text
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"ascii": _ascii, "declare": _declare}
+    return environment
+
+
+def _parts(program: PlcProgram) -> jinja2.environment.TemplateModule:
+    """Return the program; its parts are functions of the module."""
+    several = len(program.sensors) > 1
+    # Names of variables that differ: the PLC knows no upper and lower case.
+    words = {
+        name: f"{k if several else ''}{plain_name(name).capitalize()}"
+        for k, name in enumerate(program.sensors, 1)
+    }
+    sensors = [
+        {
+            "name": name,
+            "word": word,
+            "input": f"Temp{word}",
+            "lag": program.sensors[name],
+        }
+        for name, word in words.items()
+    ]
+    values = vars(program) | {
+        "name": plain_name(program.axis),
+        "sensors": sensors,
+        "offset_word": words[program.offset],
+        "coefficient_word": words[program.coefficient],
+    }
+    return _templates().get_template("program.st.jinja").make_module(values)
+
+
+def _declare(variable: str, comment: str) -> str:
+    """Return the line of a variable with its comment, in a column."""
+    return f"    {variable:<34}(* {comment} *)"
+
+
+def _ascii(text: str) -> str:
+    """Return a text that may stand in a comment of the PLC program."""
+    plain = text.encode("ascii", "replace").decode()
+    printable = "".join(sign if sign.isprintable() else " " for sign in plain)
+    return printable.replace("(*", "(").replace("*)", ")")

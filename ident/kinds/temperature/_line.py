@@ -1,13 +1,16 @@
 """Complete readings in order of time, and the thermal line fitted to them."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...core import FitError, Regression, node_shares, regress, regress_curve
-from ._structure import Clocked, clocked, missed_temperatures
+from ..._recording import JointData
+from ...core import FitError, Regression, regress, regress_curve
+from ...fit.joint import Temperature
+from ._structure import missed_temperatures
 from ._types import ThermalReadings
 
 LEAST_RANGE = 0.5
@@ -20,11 +23,10 @@ _STEP = 0.02
 """Step in the logarithm of a time constant for slopes."""
 _REACH = 1e3
 """Distance of the reference in measured ranges that is looked at."""
+_AXIS = "axis"
 
-Pair = tuple[float, float]
-Shape = tuple[int, int]
-"""Nodes of offset and coefficient: 0 none, 1 constant, 2 linear, more piecewise linear."""
-Structure = tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]
+Shape = tuple[int, ...]
+"""Nodes of offset and coefficient: 1 constant, 2 linear, more piecewise linear."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,39 +34,59 @@ class Data:
     """Complete readings of one fit, in order of time.
 
     Attributes:
-        error: In mm.
-        position: In mm.
-        time: In s.
-        logs: Of the sensor of offset and coefficient; None = has none.
-        sensors: Their numbers.
-        rows: Which row of the logs each reading is.
+        whole: All of them.
+        line: The line over its sensors, nodes and lags still open.
+        moved: The laws that follow a sensor; the offset may be a constant.
+        every: Each so manieth row of the whole counts.
     """
 
-    error: Float[np.ndarray, " t"]
-    position: Float[np.ndarray, " t"]
-    time: Float[np.ndarray, " t"]
-    logs: tuple[Clocked | None, Clocked | None]
-    sensors: tuple[int | None, int | None]
-    rows: Int[np.ndarray, " t"]
+    whole: JointData
+    line: Temperature
+    moved: tuple[str, ...]
+    every: int = 1
 
-    def structure(self, lags: Pair) -> Structure:
-        """Return the structure temperatures for offset and coefficient in °C."""
-        one, other = (
-            np.zeros(len(self.time)) if log is None else log.structure(lag)[self.rows]
-            for log, lag in zip(self.logs, lags, strict=True)
-        )
-        return one, other
+    @cached_property
+    def error(self) -> Float[np.ndarray, " t"]:
+        """In mm."""
+        return np.asarray(self.whole.error[_AXIS][:: self.every])
 
-    @property
-    def lag_groups(self) -> list[tuple[int, ...]]:
-        """Return which laws (0 = offset, 1 = coefficient) share a lag: that of a sensor."""
-        used = [k for k, sensor in enumerate(self.sensors) if sensor is not None]
-        if len(used) == 2 and self.sensors[0] == self.sensors[1]:
-            return [(0, 1)]
-        return [(k,) for k in used]
+    @cached_property
+    def position(self) -> Float[np.ndarray, " t"]:
+        """In mm."""
+        return np.asarray(self.whole.position[_AXIS][:: self.every])
 
     @property
-    def lag_range(self) -> Pair:
+    def time(self) -> Float[np.ndarray, " t"]:
+        """In s."""
+        assert self.whole.time is not None  # `complete_data` makes one
+        return np.asarray(self.whole.time[:: self.every])
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Those that move a law, each once."""
+        return tuple(dict.fromkeys(self.line.sensors[law] for law in self.moved))
+
+    def inputs(self, line: Temperature) -> list[Float[np.ndarray, " t"]]:
+        """Return the temperature of each law's structure in °C, then the position."""
+        return [each[:: self.every] for each in line.columns_of(self.whole)]
+
+    def warmth(self, line: Temperature) -> list[Float[np.ndarray, " t"]]:
+        """Return the temperature of each law's structure in °C."""
+        return self.inputs(line)[: len(line.sensors)]
+
+    def columns(self, line: Temperature) -> Float[np.ndarray, "t k"]:
+        """Return the functions of which the node values of a line are the factors."""
+        return line.rows(self.inputs(line))[1]
+
+    def laid_out(
+        self, shape: Shape, reference: float, lags: Mapping[str, float]
+    ) -> Temperature | None:
+        """Return a line over these readings, as `laid_out`; lags in s by sensor."""
+        line = dataclasses.replace(self.line, reference=reference).lagging(lags)
+        return laid_out(line, self.warmth(line), shape)
+
+    @property
+    def lag_range(self) -> tuple[float, float]:
         """Return the shortest and the longest lag in s that the clock could show.
 
         Raises:
@@ -73,86 +95,59 @@ class Data:
         if not np.ptp(self.time) > 0:
             msg = "all readings have the same time, expected a clock that runs."
             raise FitError(msg)
-        clock = next(log.clock for log in self.logs if log is not None)
+        clock = self.whole.clocked(self.sensors[0], "a lag").clock
         least = float(np.median(np.diff(clock)))
         return 0.2 * least, 3.0 * max(float(np.ptp(clock)), least)
 
     def thinned(self) -> "Data":
         """Return every n-th reading so that choices cost the same for logs of any length."""
-        keep = slice(None, None, -(-len(self.error) // _MANY))
-        error, position, time, rows = (
-            each[keep] for each in (self.error, self.position, self.time, self.rows)
-        )
-        return Data(error, position, time, self.logs, self.sensors, rows)
-
-
-@dataclasses.dataclass(frozen=True)
-class Line:
-    """A line with its parameters; `value` is offset nodes, then coefficient nodes."""
-
-    nodes: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " m"]]
-    value: Float[np.ndarray, " k"]
-    reference: float
-    lags: Pair
-
-    @property
-    def shape(self) -> Shape:
-        """Number of nodes of both laws."""
-        return len(self.nodes[0]), len(self.nodes[1])
-
-    def columns(
-        self, theta: Structure, position: Float[np.ndarray, " t"]
-    ) -> Float[np.ndarray, "t k"]:
-        """Return the functions of which the node values are the factors."""
-        parts = [node_shares(theta[0], self.nodes[0])]
-        if len(self.nodes[1]):
-            away = (position - self.reference)[:, None]
-            parts.append(node_shares(theta[1], self.nodes[1]) * away)
-        return np.hstack(parts)
-
-    def columns_of(self, data: Data) -> Float[np.ndarray, "t k"]:
-        """Return the columns of readings behind the lags of this line."""
-        return self.columns(data.structure(self.lags), data.position)
-
-    def names(self, met: bool = False, lags: int = 0) -> list[str]:
-        """Return what is fitted in words: node values, the reference, lags."""
-        words = [
-            effect + ("" if len(nodes) == 1 else f" at {node:.4g} °C")
-            for effect, nodes in zip(("offset", "coefficient"), self.nodes, strict=True)
-            for node in nodes
-        ]
-        return [*words, *["reference position"] * met, *["time constant"] * lags]
+        return dataclasses.replace(self, every=-(-len(self.whole) // _MANY))
 
 
 def laid_out(
-    theta: Structure, shape: Shape, reference: float, lags: Pair
-) -> Line | None:
+    line: Temperature, warmth: Sequence[Float[np.ndarray, " t"]], shape: Shape
+) -> Temperature | None:
     """Return a line with equidistant nodes over temperatures in °C.
 
     None where two of them have too few readings between.
     """
-    nodes = []
-    for temperature, count in zip(theta, shape, strict=True):
-        low, high = float(temperature.min()), float(temperature.max())
-        line = np.linspace(low, high, count)
+    law = {}
+    for name, warm, count in zip(line.sensors, warmth, shape, strict=True):
+        low, high = float(warm.min()), float(warm.max())
+        nodes = np.linspace(low, high, count)
         if count == 1:
-            line = np.array([0.5 * (low + high)])
-        elif count and not high > low:
+            nodes = np.array([0.5 * (low + high)])
+        elif not high > low:
             return None
-        elif count > 2 and np.histogram(temperature, line)[0].min() < _LEAST:
+        elif count > 2 and np.histogram(warm, nodes)[0].min() < _LEAST:
             return None
-        nodes.append(line)
-    return Line((nodes[0], nodes[1]), np.zeros(sum(shape)), reference, lags)
+        law[name] = nodes
+    return dataclasses.replace(line, law=law)
+
+
+def shape_of(line: Temperature) -> Shape:
+    """Return the number of nodes of each law."""
+    return tuple(len(nodes) for nodes in line.nodes.values())
+
+
+def names_of(line: Temperature, met: bool = False, lags: int = 0) -> tuple[str, ...]:
+    """Return what is fitted in words: node values, the reference, lags."""
+    words = [
+        law + ("" if len(nodes) == 1 else f" at {node:.4g} °C")
+        for law, nodes in line.nodes.items()
+        for node in nodes
+    ]
+    return (*words, *["reference position"] * met, *["time constant"] * lags)
 
 
 def fit_line(
-    line: Line,
+    line: Temperature,
     data: Data,
     loss: str,
     free_reference: bool = False,
-    free_lags: Sequence[tuple[int, ...]] = (),
+    free_lags: Sequence[str] = (),
     quick: bool = False,
-) -> tuple[Line, Regression]:
+) -> tuple[Temperature, Regression]:
     """Return the line with all that is free fitted, and the regression behind it.
 
     Args:
@@ -160,57 +155,57 @@ def fit_line(
         data: Readings.
         loss: As for `regress`.
         free_reference: Fit the reference position (needs a constant offset).
-        free_lags: Groups of `Data.lag_groups` whose lag is fitted.
+        free_lags: Sensors whose lag is fitted.
         quick: The regression needs no covariance.
 
     Returns:
         Line and regression; its coefficients are node values, then the reference in mm and
         the logarithms of the lags, as far as they are free.
     """
-    names = line.names(free_reference, len(free_lags))
-    span = max(float(np.ptp(data.position)), 1e-9)
-    far = _REACH * span
-    start, widths = [line.reference] * free_reference, [1e-3 * span] * free_reference
-    ends = [(line.reference - far, line.reference + far)] * free_reference
-    for group in free_lags:
-        start.append(float(np.log(line.lags[group[0]])))
-        widths.append(_STEP)
+    names = names_of(line, free_reference, len(free_lags))
+    start, widths, ends = list[float](), list[float](), list[tuple[float, float]]()
+    if free_reference:
+        span = max(float(np.ptp(data.position)), 1e-9)
+        start.append(line.reference)
+        widths.append(1e-3 * span)
+        ends.append((line.reference - _REACH * span, line.reference + _REACH * span))
+    for sensor in free_lags:
         low, high = np.log(data.lag_range)
+        start.append(float(np.log(line.lags[sensor])))
+        widths.append(_STEP)
         ends.append((float(low), float(high)))
 
-    def at(shapes: Float[np.ndarray, " s"]) -> Line:
-        lags = list(line.lags)
-        for group, log in zip(free_lags, shapes[int(free_reference) :], strict=True):
-            for number in group:
-                lags[number] = float(np.exp(log))
+    def at(shapes: Float[np.ndarray, " s"]) -> Temperature:
+        lags = np.exp(shapes[int(free_reference) :]).tolist()
         place = float(shapes[0]) if free_reference else line.reference
-        return dataclasses.replace(line, reference=place, lags=(lags[0], lags[1]))
+        moved = dataclasses.replace(line, reference=place)
+        return moved.lagging(dict(zip(free_lags, lags, strict=True)))
 
-    shapes = np.array(start)
     if not start:
-        found = regress(
-            line.columns_of(data), data.error, time=data.time, names=names, loss=loss,
+        return line, regress(
+            data.columns(line), data.error, time=data.time, names=names, loss=loss,
             quick=quick,
         )  # fmt: skip
-    else:
-        low, high = np.array(ends).T
-        shapes, found = regress_curve(
-            lambda trial: at(trial).columns_of(data), data.error,
-            np.clip(shapes, low, high), width=np.array(widths), bounds=(low, high),
-            time=data.time, names=names, loss=loss, quick=quick,
-        )  # fmt: skip
-    value = found.coefficients[: sum(line.shape)]
-    return dataclasses.replace(at(shapes), value=value), found
+    first, last = np.array(ends).T
+    shapes, found = regress_curve(
+        lambda trial: data.columns(at(trial)), data.error,
+        np.clip(np.array(start), first, last), width=np.array(widths),
+        bounds=(first, last), time=data.time, names=names, loss=loss, quick=quick,
+    )  # fmt: skip
+    return at(shapes), found
 
 
 def complete_data(
-    readings: ThermalReadings, sensors: tuple[int | None, int | None]
+    readings: ThermalReadings,
+    sensors: tuple[int | None, int | None],
+    names: Sequence[str],
 ) -> tuple[Data, Int[np.ndarray, " r"]]:
     """Return the complete readings in order of time, and the rows where they stood.
 
     Args:
         readings: As they were handed in.
         sensors: Of offset and coefficient; None = has none.
+        names: Of all sensors, for messages.
 
     Raises:
         FitError: If they cannot tell what is asked for.
@@ -218,22 +213,30 @@ def complete_data(
     whole = len(readings.error)
     position = np.zeros(whole) if readings.position is None else readings.position
     clock = np.arange(whole, dtype=float) if readings.time is None else readings.time
+    moved = {
+        law: names[sensor]
+        for law, sensor in zip(("offset", "coefficient"), sensors, strict=True)
+        if sensor is not None
+    }
     keep = np.isfinite(readings.error) & np.isfinite(position) & np.isfinite(clock)
-    for sensor in sensors:
-        if sensor is not None:
-            keep &= ~missed_temperatures(readings.temperature[:, sensor])
+    heat = dict(zip(names, readings.temperature.T, strict=True))
+    for sensor in moved.values():
+        keep &= ~missed_temperatures(heat[sensor])
     rows = np.flatnonzero(keep)
     rows = rows[np.argsort(clock[rows], kind="stable")]
-    one, other = (
-        None
-        if sensor is None
-        else clocked(clock[rows], readings.temperature[rows, sensor])
-        for sensor in sensors
-    )
+    # An offset that is a constant has the sensor of the coefficient: that tells it no node.
+    other = next(iter(moved.values()))
+    followed = {law: moved.get(law, other) for law in ("offset", *moved)}
     data = Data(
-        readings.error[rows], position[rows], clock[rows], (one, other), sensors,
-        np.arange(len(rows)),
-    )  # fmt: skip
+        JointData(
+            position={_AXIS: position[rows]},
+            error={_AXIS: readings.error[rows]},
+            temperature={name: heat[name][rows] for name in moved.values()},
+            time=clock[rows],
+        ),
+        Temperature(_AXIS, followed),
+        tuple(moved),
+    )
     _check(data, whole)
     return data, rows
 
@@ -244,19 +247,20 @@ def _check(data: Data, whole: int) -> None:
     if count < _LEAST:
         msg = f"{count} of {whole} readings are complete, expected at least {_LEAST}."
         raise FitError(msg)
-    theta = data.structure((0.0, 0.0))
-    for effect, sensor, values in zip(
-        ("offset", "coefficient"), data.sensors, theta, strict=True
-    ):
-        if sensor is not None and np.ptp(values) < LEAST_RANGE:
+    for law in data.moved:
+        sensor = data.line.sensors[law]
+        values = data.whole.temperature[sensor]
+        if np.ptp(values) < LEAST_RANGE:
             msg = (
-                f"sensor {sensor + 1} of the {effect} stays at {values[0]:.4g} °C within "
+                f"sensor {sensor} of the {law} stays at {values[0]:.4g} °C within "
                 f"{np.ptp(values):.2g} K, expected a range of {LEAST_RANGE} K or more."
             )
             raise FitError(msg)
-    if data.sensors[1] is not None and np.ptp(data.position) == 0:
+    if "coefficient" in data.moved and np.ptp(data.position) == 0:
+        asked = data.line.sensors["offset"]
         msg = (
-            f"all readings stand at {data.position[0]:g} mm: a coefficient needs two "
-            "positions or more; at one position only the offset can be fitted."
+            f"found all readings at {data.position[0]:g} mm, expected two positions or more"
+            f" for the coefficient, or sensors = {{ offset = {asked!r} }}: at one position"
+            " only the offset can be fitted"
         )
         raise FitError(msg)

@@ -23,32 +23,19 @@ _EFFECTS: Mapping[Effect, str] = {
     "slope": "slope over the position",
     "slope change": "change of that slope",
 }
-_MEETINGS: Mapping[Meeting, tuple[str, str]] = {
-    "met": ("info", "The lines meet at {at:.5g} mm ± {sure:.2g} mm."),
-    "parallel": (
-        "info",
-        "The lines do not change their slope, so they meet nowhere: {place}.",
-    ),
-    "unsure slope": (
-        "info",
-        "The lines hardly change their slope, so they meet nowhere: {place}.",
-    ),
-    "two sensors": (
-        "info",
-        "Two sensors move offset and slope, so the lines do not meet: {place}.",
-    ),
-    "too far": ("info", "The lines are nearly parallel: {place}."),
-    "too few": ("info", "Too few readings to find where the lines meet: {place}."),
-    "not one point": (
-        "warning",
-        "The lines of the temperatures do not meet in one point: {place}.",
-    ),
-    "uncertain": (
-        "warning",
-        "Where the lines meet is uncertain by {sure:.2g} mm: {place}.",
-    ),
+_MEETINGS: Mapping[Meeting, str] = {
+    "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
+    "given": "It was given",
+    "parallel": "The lines do not change their slope, so they meet nowhere",
+    "unsure slope": "The lines hardly change their slope, so they meet nowhere",
+    "two sensors": "Two sensors move offset and slope, so the lines do not meet",
+    "too far": "The lines are nearly parallel",
+    "too few": "Too few readings to find where the lines meet",
+    "not one point": "The lines of the temperatures do not meet in one point",
+    "uncertain": "Where the lines meet is uncertain by {sure:.2g} mm",
 }
-"""Level and words of a meeting that was looked for."""
+_UNSURE: tuple[Meeting, ...] = ("not one point", "uncertain")
+"""What a person should know before the line is used."""
 _SIGN = Remark.warning(
     "Whether the controller adds the line or takes it off is the least certain sign of"
     " all (S-43: the manual reads its coefficients off a deviation). Warm the machine,"
@@ -111,15 +98,14 @@ def _undetermined(axis: str, found: Identified) -> list[Remark]:
 def _of_fit(recording: ThermalRecording, fit: TemperatureFit) -> Iterator[Remark]:
     """Return what the estimate itself has to say."""
     if fit.meeting != "given":
-        level, words = _MEETINGS[fit.meeting]
-        sure = fit.reference_deviation or fit.meeting_deviation or 0.0
-        place = f"the reference is {fit.reference:.4g} mm"
-        words = words.format(at=fit.reference, sure=sure, place=place)
-        yield Remark(level, words)
+        level = "warning" if fit.meeting in _UNSURE else "info"
+        yield Remark(level, meeting_words(fit))
     if not fit.converged:
         words = "The iterations did not settle; treat the result with care."
         yield Remark.warning(words)
-    yield from (_of_lag(lag, recording.sensors[lag.sensor]) for lag in fit.lags)
+    for lag in fit.lags:
+        level = "warning" if lag.sensor_late else "info"
+        yield Remark(level, lag_words(lag, recording.sensors[lag.sensor]))
     wild, missed = int(fit.wild.sum()), int((~fit.used).sum())
     if wild:
         yield Remark.warning(f"{wild} wild readings were left out.")
@@ -127,22 +113,30 @@ def _of_fit(recording: ThermalRecording, fit: TemperatureFit) -> Iterator[Remark
         yield Remark.info(f"{missed} readings were missed or incomplete.")
 
 
-def _of_lag(lag: Lag, name: str) -> Remark:
+def meeting_words(fit: TemperatureFit) -> str:
+    """Return whether the lines of all temperatures meet, and where the reference is."""
+    sure = fit.reference_deviation or fit.meeting_deviation or 0.0
+    words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure)
+    if not fit.intersects:
+        words += f": the reference is {fit.reference:.4g} mm"
+    return f"{words}.".replace("-", "−")
+
+
+def lag_words(lag: Lag, name: str) -> str:
     """Return what a lag means for the machine."""
     if lag.sensor_late:
-        words = (
-            f"The structure is ahead of sensor {name!r}: the sensor sits where it warms"
-            " late. No filter undoes that; a sensor closer to the source would."
+        return (
+            f"The structure is ahead of {name}: the sensor sits where it warms late. No"
+            " filter undoes that; a sensor closer to the source would."
         )
-        return Remark.warning(words)
     if not lag.applied:
-        return Remark.info(f"No lag between sensor {name!r} and the structure shows.")
+        return f"No lag between {name} and the structure shows."
     low, high = lag.interval
-    words = (
-        f"The structure follows sensor {name!r} with a time constant of"
-        f" {lag.time_constant:.3g} s (95 %: {low:.3g} to {high:.3g} s)."
+    span = f"95 %: {low:.3g} to {high:.3g} s" if high > low else "given"
+    return (
+        f"The structure follows {name} with a time constant of"
+        f" {lag.time_constant:.3g} s ({span}), by which the PLC filters the sensor."
     )
-    return Remark.info(words)
 
 
 def _not_told(

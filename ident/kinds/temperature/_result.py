@@ -1,6 +1,7 @@
 """What a job found of the thermal line of an axis."""
 
 import dataclasses
+import functools
 from typing import Any, final
 
 import numpy as np
@@ -9,9 +10,9 @@ from jaxtyping import Bool, Float, Int
 from ....models import TemperatureLine
 from ...job._result import AbstractResult, Expectation
 from ._identify import Identified
-from ._law import ThermalLaw
+from ._law import RATE, ThermalLaw
 from ._recording import ThermalRecording
-from .effect import Law, TemperatureFit
+from .effect import Law, TemperatureFit, ThermalReadings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,28 +23,27 @@ class ThermalView:
     axis shows there belongs to its tables.
 
     Attributes:
-        time: In s, or the row number.
-        timed: Whether it is a time.
+        readings: Errors as measured, positions, sensors, instants.
         row: Of all measurements, one after the other, from 0.
-        position: In mm, or None.
-        sensor: Temperature of each sensor in °C, shape ``(t, s)``.
-        structure: The same behind its lag.
+        structure: Temperature in °C behind the lag of each sensor.
         before: Error in mm.
         predicted: Error left under the line fitted to the other blocks of time.
         from_file: Error left under the files as written, by the controller's rules.
         wild: Readings that the loss rejected.
     """
 
-    time: Float[np.ndarray, " t"]
-    timed: bool
+    readings: ThermalReadings
     row: Int[np.ndarray, " t"]
-    position: Float[np.ndarray, " t"] | None
-    sensor: Float[np.ndarray, "t s"]
     structure: Float[np.ndarray, "t s"]
     before: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
     from_file: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
+
+    @property
+    def position(self) -> Float[np.ndarray, " t"] | None:
+        """In mm, or None."""
+        return self.readings.position
 
 
 @final
@@ -56,10 +56,7 @@ class TemperatureResult(AbstractResult):
         reference: Position where the line turns, in mm (P-AXIS-00272).
         zero: Temperature in °C at which nothing is corrected.
         law: As written; None where nothing is.
-        relative: The estimate, zero at that temperature; sign of the error.
         fit: The estimate as it stands.
-        rate: How fast the PLC lets the correction move, in mm/s at the far end.
-        span: Positions in mm that the gate looked at, or None.
         cycles: Of the sin² filter (P-AXIS-00275).
         view: The readings before and after.
     """
@@ -68,12 +65,14 @@ class TemperatureResult(AbstractResult):
     reference: float
     zero: float
     law: ThermalLaw | None
-    relative: TemperatureFit
     fit: TemperatureFit
-    rate: float
-    span: tuple[float, float] | None
     cycles: int
     view: ThermalView
+
+    @functools.cached_property
+    def relative(self) -> TemperatureFit:
+        """The estimate, zero at that temperature; sign of the error."""
+        return self.fit.relative_to(self.zero)
 
     @property
     def expectation(self) -> Expectation | None:
@@ -95,7 +94,7 @@ class TemperatureResult(AbstractResult):
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         found, law = self.fit, self.law
-        table = None if law is None else _columns(law)
+        table = None if law is None else law.columns
         spread = None
         if law is not None:
             spread = {
@@ -111,18 +110,12 @@ class TemperatureResult(AbstractResult):
                 "intersects": found.intersects,
                 "meeting": found.meeting,
                 "n_cycles": self.cycles,
-                "rate": self.rate,
+                "rate": RATE,
                 "offset": _law(found.offset, self.sensors, 1.0),
                 "coefficient": _law(found.coefficient, self.sensors, 1e6),
                 "offset_per_kelvin": slope,
                 "lags": [
-                    {
-                        "sensor": self.sensors[lag.sensor],
-                        "time_constant": lag.time_constant,
-                        "interval": list(lag.interval),
-                        "applied": lag.applied,
-                        "sensor_late": lag.sensor_late,
-                    }
+                    vars(lag) | {"sensor": self.sensors[lag.sensor]}
                     for lag in found.lags
                 ],
             },
@@ -142,14 +135,6 @@ class TemperatureResult(AbstractResult):
             "wild": int(found.wild.sum()),
             "missed": int((~found.used).sum()),
         }
-
-
-def _columns(law: ThermalLaw) -> dict[str, np.ndarray]:
-    return {
-        "temperature": law.temperature,
-        "offset_0": law.offset,
-        "coefficient": law.coefficient,
-    }
 
 
 def _law(law: Law | None, sensors: tuple[str, ...], factor: float) -> Any:
@@ -180,23 +165,18 @@ def view_of(
         line: What was written, read back; None: nothing, and errors stand about their
             median.
     """
-    fit, readings = found.fit, recording.readings
-    used = fit.used
-    place = None if readings.position is None else readings.position[used]
+    fit, used = found.fit, found.fit.used
+    readings = recording.readings.take(used)
     structure = fit.temperature[used]
-    before = from_file = readings.error[used] - np.median(readings.error[used])
+    before = from_file = readings.error - np.median(readings.error)
     if line is not None:
-        still = np.full(structure.shape, zero)
-        before = readings.error[used] - fit.predict(still, place)
+        place, still = readings.position, np.full(structure.shape, zero)
+        before = readings.error - fit.predict(still, place)
         away = np.zeros(len(before)) if place is None else place
         from_file = before + np.asarray(line.offset(away, structure))
-    row = np.arange(len(used), dtype=float)
     return ThermalView(
-        time=(row if readings.time is None else readings.time)[used],
-        timed=readings.time is not None,
+        readings=readings,
         row=recording.rows[used],
-        position=place,
-        sensor=readings.temperature[used],
         structure=structure,
         before=before,
         predicted=before if line is None else found.predicted,

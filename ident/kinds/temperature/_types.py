@@ -2,12 +2,14 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ...core import DriftNoise, node_shares
+from ...fit.joint import Temperature
 
 Effect = Literal["level", "offset", "slope", "slope change"]
 """Level of the error, temperature at the offset, slope over the position, and how that
@@ -78,6 +80,27 @@ class Law:
     def at(self, temperature: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the value at temperatures in °C."""
         return np.asarray(node_shares(temperature, self.temperature) @ self.value)
+
+
+def laws_of(
+    line: Temperature,
+    sensors: Sequence[str],
+    values: Float[np.ndarray, " p"],
+    deviations: Float[np.ndarray, " p"],
+) -> dict[str, Law]:
+    """Return the laws of a fitted line by name.
+
+    Args:
+        line: With its nodes.
+        sensors: All of them, in the order in which laws number them.
+        values: At the nodes, those of the offset first.
+        deviations: Standard deviations of the values.
+    """
+    own, spread = line.split(values), line.split(deviations)
+    return {
+        name: Law(sensors.index(line.sensors[name]), nodes, own[name], spread[name])
+        for name, nodes in line.nodes.items()
+    }
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,7 +21,9 @@ class TemperatureChannel(AbstractChannel):
 
     def law(self, conventions: Conventions) -> TemperatureLine:
         """Return the line of the list: what a log shows of it needs no unit."""
-        found = temperature_from_list(self.one.listing, conventions)
+        found: TemperatureLine | None = temperature_from_list(
+            self.one.listing, conventions
+        )
         assert found is not None  # the axis list switches it on
         return found
 

@@ -1,45 +1,33 @@
-"""Temperature compensation: its entries in an axis list ↔ `TemperatureLine`."""
+"""Temperature compensation: its entries in an axis list ↔ `TemperatureLine`.
 
+The table that a PLC follows (``temperature_<axis>.csv``) makes such a line, too.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
+from jaxtyping import Float
 
 from ....data.lists import ListFile
-from ....models import ConstantParameter, Conventions, TemperatureLine
+from ....models import (
+    ConstantParameter,
+    Conventions,
+    TemperatureCurve,
+    TemperatureLine,
+)
 from ...exchange._errors import ExchangeError
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading
 from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN32, round_to_list
-from .._protocol import AbstractEntries, Axes
+from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
+COLUMNS = ("temperature", "offset_0", "coefficient")
+"""Of the table of a PLC: in °C, mm and µm/m."""
 _PER_METRE = 1e-6
-
-
-def temperature_from_list(
-    machine: ListFile, conventions: Conventions
-) -> TemperatureLine | None:
-    """Return the temperature line of an axis list in mm; None: it is off.
-
-    Its parameters are what the list says: how a PLC changes them stands nowhere in it.
-
-    Raises:
-        ExchangeError: If an entry is unreadable.
-    """
-    if not flag(machine, KIND.activation):
-        return None
-    place, shift = (
-        optional(machine, f"{KIND.prefix}_{name}") / LIST_UNITS
-        for name in ("position_0", "offset_0")
-    )
-    return TemperatureLine(
-        position_0=constant(place),
-        offset_0=constant(shift),
-        coefficient=constant(_PER_METRE * real(machine, f"{KIND.prefix}_coefficient")),
-        cycles=not_negative(machine, f"{KIND.prefix}_n_cycles"),
-        sign=float(conventions.temperature_sign),
-    )
 
 
 def constant(value: float) -> ConstantParameter:
@@ -47,41 +35,88 @@ def constant(value: float) -> ConstantParameter:
     return ConstantParameter(as_array(value))
 
 
-def entries_of_temperature(line: TemperatureLine) -> dict[str, int | float | str]:
-    """Return the entries of an axis list for a temperature line of a linear axis.
+def read_temperature_table(
+    path: Path,
+    sensors: Sequence[str],
+    sensor: str | None,
+    conventions: Conventions,
+    machine: ListFile | None = None,
+) -> TemperatureLine:
+    """Return the temperature line of an axis as its PLC makes it.
+
+    Linear between the temperatures of the table and held outside.
+
+    Args:
+        path: CSV with the columns ``temperature``, ``offset_0`` and ``coefficient``.
+        sensors: Sensors of the motion, in the order of its temperatures.
+        sensor: The one that the PLC looks at; None: the only one.
+        conventions: Sign of the line.
+        machine: Axis list with the reference position and the filter; None: 0 and none.
 
     Raises:
-        ExchangeError: If a parameter follows a temperature, which only a PLC can make
-            it do, or something does not fit.
+        ExchangeError: If a column is missing or the temperatures do not ascend, or it
+            is open which sensor counts.
     """
-    values = {}
-    for name in ("position_0", "offset_0", "coefficient"):
-        found = getattr(line, name)
-        if not isinstance(found, ConstantParameter):
-            raise ExchangeError(
-                where=f"{KIND.prefix}_{name}",
-                found="a curve over the temperature",
-                expected="one number (the PLC writes TEMPC::* for the rest)",
-            )
-        values[name] = float(found.value)
-    refuse_many(line.cycles, f"{KIND.prefix}_n_cycles")
-    coefficient = values.pop("coefficient") / _PER_METRE
-    if not abs(coefficient) <= 10_000:
+    table = read_columns(path)
+    wanted = sensors[0] if sensor is None and len(sensors) == 1 else sensor
+    if wanted is None or wanted not in sensors:
+        known = ", ".join(f"temperature.{name}" for name in sensors) or "no temperature"
+        expected = "one column temperature.<sensor>" if sensor is None else sensor
+        raise ExchangeError(str(path), f"{known} in the motion", expected or "")
+    number = list(sensors).index(wanted)
+    return temperature_line(table, (number, number), conventions, machine)
+
+
+def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return the columns of the table of a PLC by name, as `COLUMNS`.
+
+    Raises:
+        ExchangeError: If one is missing or the temperatures do not ascend.
+    """
+    from ....data.measurements import read_table  # lists alone need none
+
+    table = read_table(path)
+    names = [column.name for column in table.columns]
+    if not set(COLUMNS) <= set(names):
+        found = f"columns {', '.join(names)}"
+        raise ExchangeError(str(path), found, ", ".join(COLUMNS))
+    values = {name: table.numbers(table.column(name)) for name in COLUMNS}
+    warmth = values["temperature"]
+    if not len(warmth) or not (np.diff(warmth) > 0).all():
         raise ExchangeError(
-            where=f"{KIND.prefix}_coefficient",
-            found=f"{coefficient:.6g} µm/m",
-            expected="-10000 to 10000",
+            where=f"{path}: temperature",
+            found=", ".join(f"{value:g}" for value in warmth[:8]) or "no row",
+            expected="ascending temperatures",
         )
-    entries: dict[str, int | float | str] = {KIND.activation: 1}
-    for name, value in values.items():
-        bounds = (SGN32[0] + 1, SGN32[1])
-        entries[f"{KIND.prefix}_{name}"] = int(
-            round_to_list(np.asarray(value), f"{KIND.prefix}_{name}", bounds)
-        )
-    # 1e-6 µm/m: over 10 m that is 10 fm. What stands behind it is floating point noise.
-    entries[f"{KIND.prefix}_coefficient"] = round(coefficient, 6)
-    entries[f"{KIND.prefix}_n_cycles"] = line.cycles
-    return entries
+    return values
+
+
+def temperature_line(
+    table: Mapping[str, Float[np.ndarray, " n"]],
+    sensors: tuple[int, int],
+    conventions: Conventions,
+    machine: ListFile | None = None,
+) -> TemperatureLine:
+    """Return the temperature line that a PLC makes of a table.
+
+    Args:
+        table: Columns as `COLUMNS`.
+        sensors: Numbers of those that offset and coefficient follow.
+        conventions: Sign of the line.
+        machine: Axis list with the reference position and the filter; None: 0 and none.
+    """
+    place, cycles = (
+        0 if machine is None else optional(machine, f"{KIND.prefix}_{name}")
+        for name in ("position_0", "n_cycles")
+    )
+    warmth, offset, slope = (table[name] for name in COLUMNS)
+    return TemperatureLine(
+        position_0=constant(place / LIST_UNITS),
+        offset_0=TemperatureCurve.of(warmth, offset, sensors[0]),
+        coefficient=TemperatureCurve.of(warmth, _PER_METRE * slope, sensors[1]),
+        cycles=cycles,
+        sign=float(conventions.temperature_sign),
+    )
 
 
 @final
@@ -110,13 +145,60 @@ class TemperatureEntries(AbstractEntries):
                 found=f"temperature compensation of the rotary axis {axis}",
                 expected="a linear axis: the manuals give no unit for a rotary one",
             )
-        line = reading.lines.get(axis)
-        return line or temperature_from_list(listing, reading.conventions)
+        if axis in reading.lines:
+            return reading.lines[axis]
+        if not flag(listing, KIND.activation):
+            return None
+        place, shift = (
+            optional(listing, f"{KIND.prefix}_{name}") / LIST_UNITS
+            for name in ("position_0", "offset_0")
+        )
+        return TemperatureLine(
+            position_0=constant(place),
+            offset_0=constant(shift),
+            coefficient=constant(
+                _PER_METRE * real(listing, f"{KIND.prefix}_coefficient")
+            ),
+            cycles=not_negative(listing, f"{KIND.prefix}_n_cycles"),
+            sign=float(reading.conventions.temperature_sign),
+        )
 
     def to_list(
-        self, model: TemperatureLine, masters: Axes, rules: Conventions, **options: Any
+        self,
+        model: TemperatureLine,
+        masters: Axes = (),
+        rules: Conventions = DEFAULT_RULES,
+        **options: Any,
     ) -> dict[str, int | float | str]:
-        return entries_of_temperature(model)
+        values = {}
+        for name in ("position_0", "offset_0", "coefficient"):
+            found = getattr(model, name)
+            if not isinstance(found, ConstantParameter):
+                raise ExchangeError(
+                    where=f"{KIND.prefix}_{name}",
+                    found="a curve over the temperature",
+                    expected="one number (the PLC writes TEMPC::* for the rest)",
+                )
+            values[name] = float(found.value)
+        refuse_many(model.cycles, f"{KIND.prefix}_n_cycles")
+        coefficient = values.pop("coefficient") / _PER_METRE
+        if not abs(coefficient) <= 10_000:
+            raise ExchangeError(
+                where=f"{KIND.prefix}_coefficient",
+                found=f"{coefficient:.6g} µm/m",
+                expected="-10000 to 10000",
+            )
+        entries: dict[str, int | float | str] = {KIND.activation: 1}
+        for name, value in values.items():
+            bounds = (SGN32[0] + 1, SGN32[1])
+            entries[f"{KIND.prefix}_{name}"] = int(
+                round_to_list(np.asarray(value), f"{KIND.prefix}_{name}", bounds)
+            )
+        # 1e-6 µm/m: over 10 m that is 10 fm. What stands behind it is floating point noise.
+        entries[f"{KIND.prefix}_coefficient"] = round(coefficient, 6)
+        entries[f"{KIND.prefix}_n_cycles"] = model.cycles
+        return entries
 
 
 ENTRIES = TemperatureEntries()
+temperature_from_list, entries_of_temperature = ENTRIES.from_list, ENTRIES.to_list

@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
 
 from ...fit import DriftNoise
 from ...fit.joint import Leadscrew, Temperature, examine_design
@@ -18,13 +19,15 @@ from ...readings import Tables, sensor_name
 from ._identify import Identified, drift_instead
 from ._recording import ThermalRecording, only_sensor
 from .effect import (
+    LAWS,
     LEAST_RANGE,
     Lag,
     Law,
     TemperatureFit,
     ThermalReadings,
+    laws_of,
 )
-from .job import TemperatureDraft, refuse_unstated_law, zero_of
+from .job import TemperatureDraft, refuse_unstated_law
 from .keys import Effect, Spec
 
 _SURE = 3.0
@@ -175,18 +178,11 @@ class TemperatureMember(AbstractMember):
         instead = drift_instead(recording, fit)
         found = Identified(
             fit=fit,
-            open=(),
-            determined=True,
-            dropped=False,
-            groups=share.recording.fold[rows],
             predicted=share.predicted[rows],
             held_out=share.recording.held_out,
             instead=instead,
         )
-        zero = zero_of(recording, fit)
-        return TemperatureDraft(
-            self.index, self.fit, self.lists, recording, found, zero
-        )
+        return TemperatureDraft(self.index, self.fit, self.lists, recording, found)
 
     def _line(
         self,
@@ -196,59 +192,44 @@ class TemperatureMember(AbstractMember):
     ) -> TemperatureFit:
         """Return the part as the fit of a single line."""
         part = share.part
-        values, deviations = (
-            effect.split(part.values),
-            effect.split(part.standard_deviation),
-        )
-        support = effect.split(part.support.astype(float))
-        names, spread, counts = list[str](), list[np.ndarray](), list[int]()
-        laws: dict[str, Law] = {}
-        keys: tuple[Effect, ...] = ("offset", "coefficient")
-        for key in keys:
-            if key not in values:
-                continue
-            nodes = effect.nodes[key]
-            laws[key] = Law(
-                self.sensors.index(self.effects[key]),
-                nodes,
-                values[key],
-                deviations[key],
-            )
-            names += [f"{key} at {node:.4g} °C" for node in nodes]
-            # The law is zero at one temperature: its values go up and down together.
-            side = np.where(nodes < effect.reference_temperature, -1.0, 1.0)
-            spread.append(side * np.nan_to_num(deviations[key], posinf=0.0))
-            counts += [int(count) for count in support[key]]
-        if "offset" not in laws:
-            # A line needs one: nothing at all temperatures.
-            own = laws["coefficient"]
+        laws = laws_of(effect, self.sensors, part.values, part.standard_deviation)
+        support: dict[str, np.ndarray] = dict(effect.split(part.support.astype(float)))
+        # A law is zero at one temperature: its values go up and down together.
+        zero = effect.reference_temperature
+        spread = {
+            name: np.where(law.temperature < zero, -1.0, 1.0)
+            * np.nan_to_num(law.standard_deviation, posinf=0.0)
+            for name, law in laws.items()
+        }
+        meeting = None
+        if len(laws) > 1 and not isinstance(self.fit.reference, float):
+            meeting = _meeting(laws["offset"], laws["coefficient"])
+        if "offset" not in laws or meeting is not None:
+            # A line needs an offset: nothing at all temperatures.
+            own = laws["coefficient" if meeting is None else "offset"]
             middle = np.array([float(np.mean(own.temperature))])
             laws["offset"] = Law(own.sensor, middle, np.zeros(1), np.zeros(1))
-            names.insert(0, f"offset at {middle[0]:.4g} °C")
-            spread.insert(0, np.zeros(1))
-            counts.insert(0, len(structure))
-        covariance = _blocks(spread)
-        reference, sure, offset = effect.reference, None, laws["offset"]
-        meeting = None
-        if "coefficient" in laws and not isinstance(self.fit.reference, float):
-            meeting = _meeting(offset, laws["coefficient"])
-        if meeting is not None:
-            shift, sure = meeting
-            reference += shift
-            middle = np.array([float(np.mean(offset.temperature))])
-            offset = Law(offset.sensor, middle, np.zeros(1), np.zeros(1))
-            covariance = _blocks([np.zeros(1), spread[1]])
-            names = [f"offset at {middle[0]:.4g} °C", *names[len(spread[0]) :]]
-            counts = [len(structure), *counts[len(spread[0]) :]]
+            spread["offset"], support["offset"] = (
+                np.zeros(1),
+                np.array([len(structure)]),
+            )
+        order = [name for name in LAWS if name in laws]
+        shift, sure = (0.0, None) if meeting is None else meeting
         return TemperatureFit(
-            offset=offset,
+            offset=laws["offset"],
             coefficient=laws.get("coefficient"),
-            reference=reference if "coefficient" in laws else 0.0,
+            reference=effect.reference + shift if "coefficient" in laws else 0.0,
             reference_deviation=sure,
             meeting="given" if meeting is None else "met",
             lags=self._lags(share),
-            names=tuple(names),
-            covariance=covariance,
+            names=tuple(
+                f"{name} at {node:.4g} °C"
+                for name in order
+                for node in laws[name].temperature
+            ),
+            covariance=np.asarray(
+                block_diag(*(np.outer(spread[n], spread[n]) for n in order))
+            ),
             noise=DriftNoise(share.noise),
             independent=float(np.sum(~share.wild)),
             used=np.ones(len(structure), dtype=bool),
@@ -257,35 +238,18 @@ class TemperatureMember(AbstractMember):
             temperature=structure,
             scores=(),
             confounded=(),
-            support=tuple(counts),
+            support=tuple(int(each) for name in order for each in support[name]),
             converged=share.fit.converged,
         )
 
     def _lags(self, share: Share) -> tuple[Lag, ...]:
         found = []
         for number, name in enumerate(self.sensors):
-            constant, deviation = share.part.lags.get(name, (0.0, 0.0))
+            constant, deviation = map(float, share.part.lags.get(name, (0.0, 0.0)))
             half = _TWICE * deviation if np.isfinite(deviation) else 0.0
-            found.append(
-                Lag(
-                    sensor=number,
-                    time_constant=float(constant),
-                    interval=(max(float(constant - half), 0.0), float(constant + half)),
-                    applied=constant > 0.0,
-                )
-            )
+            interval = max(constant - half, 0.0), constant + half
+            found.append(Lag(number, constant, interval, applied=constant > 0.0))
         return tuple(found)
-
-
-def _blocks(spread: list[Float[np.ndarray, " _n"]]) -> Float[np.ndarray, "k k"]:
-    """Return a covariance of which each block goes up and down as one."""
-    total = sum(len(each) for each in spread)
-    result, first = np.zeros((total, total)), 0
-    for each in spread:
-        last = first + len(each)
-        result[first:last, first:last] = np.outer(each, each)
-        first = last
-    return result
 
 
 def _meeting(offset: Law, coefficient: Law) -> tuple[float, float] | None:

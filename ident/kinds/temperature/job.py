@@ -1,6 +1,7 @@
 """The thermal line of one axis: fitted, judged, written for list and PLC, read back."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import final
 
@@ -24,22 +25,18 @@ from .._keys import FitSpec
 from . import KIND
 from ._identify import Identified, identify
 from ._law import (
-    RATE,
+    PlcProgram,
     ThermalLaw,
-    csv_text,
     judge_law,
-    largest_correction,
+    plc_objects,
     rates,
-    read_back,
+    structured_text,
     thermal_law,
 )
-from ._plc_table import temperature_line
 from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
 from ._result import TemperatureResult, view_of
-from ._structured_text import PlcProgram, plc_objects, plc_sensors, structured_text
-from .effect import TemperatureFit
-from .entries import entries_of_temperature
+from .entries import entries_of_temperature, read_columns, temperature_line
 from .keys import Spec, temperature_names
 
 _LINE = KIND.prefix
@@ -58,8 +55,7 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_thermal(tables, fit)
         found = identify(recording, fit)
-        zero = zero_of(recording, found.fit)
-        return TemperatureDraft(index, fit, lists, recording, found, zero)
+        return TemperatureDraft(index, fit, lists, recording, found)
 
     return draft
 
@@ -75,21 +71,6 @@ def refuse_unstated_law(job: Job, fit: Spec, lists: AxisLists) -> None:
         refuse_unstated(job, fit, machine.source, "measure again with COMP OFF TEMP")
 
 
-def zero_of(recording: ThermalRecording, fit: TemperatureFit) -> float:
-    """Return the temperature at which nothing is corrected: measured, near the reference.
-
-    Where two sensors move the line it is the reference itself: each law is held at its own
-    end, the measured temperature next to it.
-    """
-    laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
-    following = [law for law in laws if len(law.value) > 1] or laws
-    if len({law.sensor for law in following}) > 1:
-        return recording.reference_temperature
-    low = max(float(law.temperature[0]) for law in following)
-    high = min(float(law.temperature[-1]) for law in following)
-    return float(np.clip(recording.reference_temperature, low, max(low, high)))
-
-
 @final
 @dataclasses.dataclass(frozen=True)
 class TemperatureDraft(AbstractDraft):
@@ -98,13 +79,27 @@ class TemperatureDraft(AbstractDraft):
     Attributes:
         recording: What was measured.
         found: The estimate and its proof.
-        zero: Temperature in °C at which nothing is corrected.
     """
 
     fit: Spec
     recording: ThermalRecording
     found: Identified
-    zero: float
+
+    @functools.cached_property
+    def zero(self) -> float:
+        """Temperature in °C at which nothing is corrected: measured, near the reference.
+
+        Where two sensors move the line it is the reference itself: each law is held at its
+        own end, the measured temperature next to it.
+        """
+        fit, wished = self.found.fit, self.recording.reference_temperature
+        laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
+        following = [law for law in laws if len(law.value) > 1] or laws
+        if len({law.sensor for law in following}) > 1:
+            return wished
+        low = max(float(law.temperature[0]) for law in following)
+        high = min(float(law.temperature[-1]) for law in following)
+        return float(np.clip(wished, low, max(low, high)))
 
     @property
     def written(self) -> bool:
@@ -142,7 +137,7 @@ class TemperatureDraft(AbstractDraft):
         held = [
             name
             for name in (f"{_LINE}_offset_0", f"{_LINE}_coefficient")
-            if (entry := listing.get(name)) is not None and _is_not_zero(entry.value)
+            if (entry := listing.get(name)) is not None and entry.value.strip("+-0.")
         ]
         if not held:
             return []
@@ -159,14 +154,12 @@ class TemperatureDraft(AbstractDraft):
         law = self._law(job)
         own = self._program(job, law)
         objects = {f"{name}.TcPOU": text for name, text in plc_objects(own).items()}
-        texts = {table: csv_text(law), program: structured_text(own)} | objects
+        texts = {table: law.csv(), program: structured_text(own)} | objects
         return {name: text.encode() for name, text in texts.items()}
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        limits = limits_of(job)
-        lines = judge_law(
-            self._law(job), self._position, self._span(job), self.axis, limits
-        )
+        limits, places = limits_of(job), self._places(job)
+        lines = judge_law(self._law(job), self._position, places, self.axis, limits)
         switching = check_switching(
             self.jump(job),
             self._filter(job),
@@ -178,7 +171,7 @@ class TemperatureDraft(AbstractDraft):
         return (*lines, switching)
 
     def jump(self, job: Job) -> float:
-        return largest_correction(self._law(job), self._position, self._span(job))
+        return self._law(job).largest(self._places(job) - self._position)[0]
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -190,19 +183,8 @@ class TemperatureDraft(AbstractDraft):
         return {name: heat[:, k] for k, name in enumerate(self.sensors)}
 
     def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
-        law, rules = self._law(job), job.conventions
-        first, second = (
-            temperature_line(
-                law.temperature,
-                law.offset,
-                law.coefficient,
-                sensor or 0,
-                rules,
-                machine,
-            )
-            for sensor in self._chosen()
-        )
-        return dataclasses.replace(first, coefficient=second.coefficient)
+        columns = self._law(job).columns
+        return temperature_line(columns, self._followed, job.conventions, machine)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
@@ -216,7 +198,6 @@ class TemperatureDraft(AbstractDraft):
 
     def prove(self, done: Written) -> TemperatureResult:
         job = done.job
-        found, zero = self.found.fit, self._relative()
         line = self._line_read_back(done)
         view = view_of(self.recording, self.found, self.zero, line)
         names = {done.files.machine_name, *temperature_names(self.axis)}
@@ -243,10 +224,7 @@ class TemperatureDraft(AbstractDraft):
             reference=self._position,
             zero=self.zero,
             law=self._law(job) if self.written else None,
-            relative=zero,
-            fit=found,
-            rate=RATE,
-            span=self._span(job),
+            fit=self.found.fit,
             cycles=self._filter(job) if self.written else 0,
             view=view,
         )
@@ -256,32 +234,26 @@ class TemperatureDraft(AbstractDraft):
         table = done.path(temperature_names(self.axis)[0])
         if not self.written or table is None:
             return None
-        rules, machine = done.job.conventions, done.machine
-        return read_back(table, self.recording.sensors, self._chosen(), rules, machine)
+        rules, columns = done.job.conventions, read_columns(table)
+        return temperature_line(columns, self._followed, rules, done.machine)
 
     @property
     def _position(self) -> float:
         """Reference position in mm, in whole units of the list."""
         return round(self.found.fit.reference * 1e4) / 1e4
 
-    def _relative(self) -> TemperatureFit:
-        return self.found.fit.relative_to(self.zero)
-
     def _law(self, job: Job) -> ThermalLaw:
-        sign = int(job.conventions.temperature_sign)
-        return thermal_law(self._relative(), self.zero, sign)
+        relative = self.found.fit.relative_to(self.zero)
+        return thermal_law(relative, self.zero, int(job.conventions.temperature_sign))
 
-    def _span(self, job: Job) -> tuple[float, float] | None:
-        """Return the positions that the axis reaches, as far as they are known."""
+    def _places(self, job: Job) -> Float[np.ndarray, " p"]:
+        """Return the ends of what the axis reaches in mm; its reference without those."""
         place = self.recording.readings.position
         if place is None:
-            return None
+            return np.array([self._position])
         place = place[self.found.fit.used]
-        limits = job.spec.axes[self.axis].limits or (place[0], place[0])
-        return (
-            float(min(place.min(), limits[0])),
-            float(max(place.max(), limits[1])),
-        )
+        reached = [*place, *(job.spec.axes[self.axis].limits or ())]
+        return np.array([min(reached), max(reached)], dtype=float)
 
     def _filter(self, job: Job) -> int:
         """Return P-AXIS-00275: as given, or what switching off while warm wants."""
@@ -309,13 +281,8 @@ class TemperatureDraft(AbstractDraft):
         lags = {
             lag.sensor: lag.time_constant for lag in self.found.fit.lags if lag.applied
         }
-        sensors = plc_sensors(
-            self.recording.sensors,
-            [lags.get(k, 0.0) for k in range(len(self.recording.sensors))],
-        )
-        offset, coefficient = self._chosen()
-        first = coefficient if offset is None else offset
-        second = first if coefficient is None else coefficient
+        names = self.recording.sensors
+        offset, coefficient = (names[number] for number in self._followed)
         return PlcProgram(
             axis=self.axis,
             number=job.spec.axes[self.axis].number,
@@ -323,21 +290,16 @@ class TemperatureDraft(AbstractDraft):
             law=law,
             position=self._position,
             zero=self.zero,
-            sensors=sensors,
-            offset=first or 0,
-            coefficient=second or 0,
-            rates=rates(self._position, self._span(job)),
+            sensors={name: lags.get(k, 0.0) for k, name in enumerate(names)},
+            offset=offset,
+            coefficient=coefficient,
+            rates=rates(self._places(job) - self._position),
             sign=int(job.conventions.temperature_sign),
         )
 
-    def _chosen(self) -> tuple[int | None, int | None]:
-        """Return the sensors of offset and coefficient."""
+    @property
+    def _followed(self) -> tuple[int, int]:
+        """Numbers of the sensors of offset and coefficient: of one of them for both."""
         effects = self.recording.effects
-        return effects.get("offset"), effects.get("coefficient")
-
-
-def _is_not_zero(text: str) -> bool:
-    try:
-        return float(text) != 0.0
-    except ValueError:
-        return True
+        first = next(iter(effects.values()))
+        return effects.get("offset", first), effects.get("coefficient", first)

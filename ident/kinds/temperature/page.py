@@ -2,21 +2,30 @@
 
 from collections.abc import Iterator
 
+import matplotlib as mpl
 import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 
+from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, place
 from ...report._words import WildRow
-from ._plots import (
-    law_plot,
-    lines_plot,
-    over_temperature_plot,
-    over_time_plot,
-    scores_plot,
-)
-from ._result import TemperatureResult
+from .._drawing import left_out_words, marks, side_by_side
+from ._law import RATE
+from ._remarks import lag_words, meeting_words
+from ._result import TemperatureResult, ThermalView
+from .effect import LawScore, TemperatureFit
 
 _MOST_WILD = 12
+_MOST_LAWS = 4
+_NODES = {1: "constant", 2: "linear"}
+_GROUPS = 5
+"""Temperatures that are drawn as lines of their own."""
+_MINUTES = 3 * 3600.0
+"""s up to which a time axis is in minutes."""
 
 
 def body(fit: TemperatureResult, scale: Scale) -> Body:
@@ -31,12 +40,7 @@ def body(fit: TemperatureResult, scale: Scale) -> Body:
 
 def _plots(fit: TemperatureResult, scale: Scale) -> list[Plot]:
     along = lines_plot if fit.fit.coefficient is not None else over_temperature_plot
-    drawn = [
-        along(fit, scale),
-        over_time_plot(fit, scale),
-        law_plot(fit, scale),
-        scores_plot(fit, scale),
-    ]
+    drawn = [along(fit, scale), over_time_plot(fit, scale), law_plot(fit, scale)]
     return [plot for plot in drawn if plot is not None]
 
 
@@ -48,7 +52,8 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
     found = []
     for row in rows.tolist():
         warm = ", ".join(
-            f"{name} {view.sensor[row, k]:.1f} °C" for k, name in enumerate(fit.sensors)
+            f"{name} {view.readings.temperature[row, k]:.1f} °C"
+            for k, name in enumerate(fit.sensors)
         )
         if view.position is not None:
             warm = f"{fit.axis} = {place(float(view.position[row]))} mm, {warm}"
@@ -61,9 +66,12 @@ def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
     found = fit.fit
     yield ("Law of the error", _law_words(fit, scale))
     if found.coefficient is not None:
-        yield ("Reference position", _reference_words(fit))
-    yield ("Lag", _lag_words(fit))
+        yield ("Reference position", meeting_words(found))
+    lags = [lag_words(lag, fit.sensors[lag.sensor]) for lag in found.lags]
+    yield ("Lag", " ".join(lags) or "Not looked for.")
     yield ("Scatter", _scatter_words(fit, scale))
+    if found.scores:
+        yield ("Choice of the law", _choice_words(found, scale))
     if fit.law is not None:
         rows = count(len(fit.law.temperature), "row")
         yield (
@@ -71,7 +79,7 @@ def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f"{rows} from {place(float(fit.law.temperature[0]))} to"
             f" {place(float(fit.law.temperature[-1]))} °C; nothing is corrected at"
             f" {place(round(fit.zero, 2))} °C. The PLC moves the correction by at"
-            f" most {number(1e3 * fit.rate)} µm per second, holds it where a sensor"
+            f" most {number(1e3 * RATE)} µm per second, holds it where a sensor"
             " fails and at the ends of the range; the controller spreads switching"
             f" over {fit.cycles} cycles (temp_comp_n_cycles, P-AXIS-00275).",
         )
@@ -102,34 +110,23 @@ def _law_words(fit: TemperatureResult, scale: Scale) -> str:
     return "; ".join(words) + "."
 
 
-def _reference_words(fit: TemperatureResult) -> str:
-    found = fit.fit
-    at = f"{place(round(fit.reference, 3))} mm"
-    if not found.intersects:
-        return f"{at}: the lines of the temperatures were not taken to meet there."
-    sure = found.reference_deviation or 0.0
+def _choice_words(found: TemperatureFit, scale: Scale) -> str:
+    """Return how well the best laws predict readings left out, and which was taken."""
+
+    def words(one: LawScore) -> str:
+        counts = {"offset": one.offset, "coefficient": one.coefficient}
+        laws = [
+            f"{law} {_NODES.get(n, f'{n} nodes')}" for law, n in counts.items() if n
+        ]
+        return f"{', '.join(laws)}: {number(one.held_out * scale.factor)} {scale.error}"
+
+    best = sorted(found.scores, key=lambda one: one.held_out)[:_MOST_LAWS]
+    chosen = next(one for one in found.scores if one.chosen)
     return (
-        f"{at} ± {number(sure)} mm (1 sd): where the lines of all temperatures meet, so"
-        " that only the coefficient follows the temperature."
+        f"Readings left out are predicted within (rms) {'; '.join(map(words, best))}."
+        f" Taken is the simplest of {len(found.scores)} that is not worse than the best by"
+        f" more than chance ({words(chosen)})."
     )
-
-
-def _lag_words(fit: TemperatureResult) -> str:
-    parts = []
-    for lag in fit.fit.lags:
-        name = fit.sensors[lag.sensor]
-        if lag.sensor_late:
-            parts.append(f"{name} itself follows late: the structure is ahead of it.")
-        elif not lag.applied:
-            parts.append(f"None between {name} and the structure that would show.")
-        else:
-            low, high = lag.interval
-            span = f" (95 %: {low:.3g} to {high:.3g} s)" if high > low else " (given)"
-            parts.append(
-                f"The structure follows {name} with {lag.time_constant:.3g} s{span};"
-                " the PLC program filters the sensor so."
-            )
-    return " ".join(parts) or "Not looked for."
 
 
 def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
@@ -139,10 +136,244 @@ def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
         f" {count(used, 'complete reading')}."
     )
     if noise.drift > 0:
-        unit = f"{noise.time_constant / 60:.3g} minutes" if fit.view.timed else "rows"
+        unit = (
+            f"{noise.time_constant / 60:.3g} minutes"
+            if fit.view.readings.time is not None
+            else "rows"
+        )
         words += (
             f" Beside it a drift of {number(scale.factor * noise.drift)} {scale.error}"
             f" that forgets in {unit}: the readings tell as much as"
             f" {max(fit.fit.independent, 1):.0f} independent ones."
         )
     return words
+
+
+def law_plot(fit: TemperatureResult, scale: Scale) -> Plot | None:
+    """Draw the written parameters over the temperature with their uncertainty."""
+    law, found = fit.law, fit.relative
+    if law is None:
+        return None
+    parts = [
+        ("offset_0 in µm", found.offset, 1e3 * law.offset, 1e3 * law.offset_deviation)
+    ]
+    if found.coefficient is not None:
+        slope = law.coefficient, law.coefficient_deviation
+        parts.append(("coefficient in µm/m", found.coefficient, *slope))
+    shown = [part for part in parts if np.any(part[2])] or parts[:1]
+    figure, panels = style.new_figure(2.8, columns=len(shown))
+    bands = []
+    for panel, (name, own, values, deviation) in zip(panels, shown, strict=True):
+        # Beyond its own sensor's range a column of the common table repeats its end.
+        low, high = own.temperature[[0, -1]] + np.array([-0.01, 0.01])
+        rows = (law.temperature >= low) & (law.temperature <= high)
+        _draw_law(panel, law.temperature[rows], values[rows], 2.0 * deviation[rows])
+        panel.axvline(fit.zero, color=style.GREY, linewidth=0.8, linestyle=":")
+        panel.axhline(0, color=style.INK, linewidth=0.7)
+        panel.set_ylabel(name)
+        panel.set_xlabel(_over(fit))
+        what, _, unit = name.partition(" in ")
+        bands.append(f"± {number(2.0 * float(deviation.max()))} {unit} for {what}")
+    panels[0].legend(loc="best")
+    caption = (
+        "As written, with the sign that the controller adds; the band is ± 2 standard"
+        f" deviations (at most {' and '.join(bands)}). It is zero at"
+        f" {place(round(fit.zero, 2))} °C by choice, dotted, and held outside."
+    )
+    return Plot("law", "What the PLC writes, over the temperature", figure, caption)
+
+
+def _draw_law(
+    panel: Axes,
+    warm: Float[np.ndarray, " n"],
+    values: Float[np.ndarray, " n"],
+    band: Float[np.ndarray, " n"],
+) -> None:
+    room = 0.12 * float(np.ptp(warm))
+    panel.fill_between(
+        warm, values - band, values + band,
+        color=style.BLUE, alpha=0.18, linewidth=0, label="± 2 sd",
+    )  # fmt: skip
+    panel.plot(
+        [warm[0] - room, *warm, warm[-1] + room], [values[0], *values, values[-1]],
+        color=style.GREY, linestyle="--", linewidth=1.0, label="held",
+    )  # fmt: skip
+    panel.plot(warm, values, color=style.BLUE, marker="o", markersize=4, label="law")
+
+
+def _over(fit: TemperatureResult) -> str:
+    """Return what a temperature is that a law follows, to stand under its axis."""
+    if len(fit.sensors) > 1:
+        return "temperature of its sensor in °C"
+    behind = "structure behind " if any(lag.applied for lag in fit.fit.lags) else ""
+    return f"{behind}{next(iter(fit.sensors))} in °C"
+
+
+def lines_plot(fit: TemperatureResult, scale: Scale) -> Plot:
+    """Draw deviations over the position for several temperatures with fitted lines."""
+    view, found = fit.view, fit.relative
+    assert view.position is not None  # there is a coefficient
+    assert found.coefficient is not None
+    warm = view.structure[:, found.coefficient.sensor]
+    figure, panels = _before_after(fit, scale, f"{fit.axis} in {scale.position}")
+    colours = mpl.colormaps[style.SEQUENTIAL]
+    norm = Normalize(float(warm.min()), float(warm.max()))
+    ends = np.array([view.position.min(), view.position.max()])
+    for rows in _by_temperature(warm, ~view.wild):
+        middle = float(np.median(warm[rows]))
+        colour, before = colours(0.9 * norm(middle)), view.before[rows]
+        if fit.law is not None:
+            # To the middle temperature along the law, so that the line is theirs.
+            own, where = view.structure[rows], view.position[rows]
+            level = np.median(own, axis=0)
+            before = before + found.predict(np.tile(level, (len(own), 1)), where)
+            before = before - found.predict(own, where)
+            line = found.predict(np.tile(level, (2, 1)), ends) * scale.factor
+            panels[0].plot(ends, line, color=colour, linewidth=1.0)
+        for panel, values in zip(panels, (before, view.from_file[rows]), strict=True):
+            marks(
+                panel, view.position[rows], values * scale.factor,
+                color=colour, label=f"{middle:.1f} °C",
+            )  # fmt: skip
+    handles = panels[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper right", ncols=_GROUPS, markerscale=1.5)
+    caption = _lines_caption(fit, scale, ends) + left_out_words(int(view.wild.sum()))
+    return Plot("lines", "Error over the position, by temperature", figure, caption)
+
+
+def _lines_caption(
+    fit: TemperatureResult, scale: Scale, ends: Float[np.ndarray, " 2"]
+) -> str:
+    found = fit.relative
+    assert found.coefficient is not None
+    if fit.law is None:
+        return (
+            "Each colour is a range of temperatures. No law is drawn, since none was"
+            " found that the readings determine."
+        )
+    slope = 1e6 * found.coefficient.slope
+    words = (
+        "Each colour is a range of temperatures, its readings moved along the law to the"
+        " temperature in the middle; the line is the law there. The slope changes by"
+        f" {number(slope, signed=True)} µm/m per K"
+    )
+    if found.intersects:
+        inside = ends[0] <= fit.reference <= ends[1]
+        words += f", and the lines meet at {place(round(fit.reference, 1))} mm"
+        words += "" if inside else ", outside what was measured"
+    left = fit.error["from_file"].sound.rms * scale.factor
+    return (
+        f"{words}. With the files as written {number(left)} {scale.error} rms are left."
+    )
+
+
+def over_temperature_plot(fit: TemperatureResult, scale: Scale) -> Plot:
+    """Draw the error over the temperature, measured at one position."""
+    view, found = fit.view, fit.relative
+    warm = view.structure[:, found.offset.sensor]
+    figure, panels = _before_after(fit, scale, _over(fit))
+    sound = ~view.wild
+    for panel, values in zip(panels, (view.before, view.from_file), strict=True):
+        marks(panel, warm[sound], values[sound] * scale.factor, size=2.6, alpha=0.5)
+    if fit.law is not None:
+        fine = np.linspace(warm.min(), warm.max(), 200)
+        law = found.offset.at(fine) * scale.factor
+        panels[0].plot(fine, law, color=style.ORANGE, label="law")
+        panels[0].legend(loc="best")
+    before, left = (
+        number(fit.error[name].sound.rms * scale.factor)
+        for name in ("before", "from_file")
+    )
+    caption = (
+        f"Every reading at its temperature: {before} {scale.error} rms before, {left}"
+        f" {scale.error} with the law as it was written."
+    )
+    caption += left_out_words(int(view.wild.sum()))
+    return Plot("temperature", "Error over the temperature", figure, caption)
+
+
+def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
+    """Draw the error over the time before and after, and the temperatures below."""
+    view, sound = fit.view, ~fit.view.wild
+    clock, label = _clock(view)
+    figure, panels = style.new_figure(4.2, rows=2, sharex=True, height_ratios=[1.4, 1])
+    before, predicted = (
+        number(fit.error[name].sound.rms * scale.factor)
+        for name in ("before", "predicted")
+    )
+    marks(
+        panels[0], clock[sound], view.before[sound] * scale.factor,
+        color=style.GREY, size=2.6, alpha=0.5, label="before",
+    )  # fmt: skip
+    after = "; nothing is predicted, since no law is written."
+    if fit.law is not None:
+        marks(
+            panels[0], clock[sound], view.predicted[sound] * scale.factor, size=2.6,
+            label="predicted: the law of other stretches of time",
+        )  # fmt: skip
+        after = (
+            " and with the law that the other stretches of time give"
+            f" ({predicted} {scale.error}): a stretch that alone reaches a temperature is"
+            " predicted by the value held there."
+        )
+    panels[0].axhline(0, color=style.INK, linewidth=0.7)
+    panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")
+    panels[0].legend(loc="best", markerscale=2)
+    _draw_temperatures(panels[1], fit, clock)
+    panels[1].set_xlabel(label)
+    caption = (
+        f"Above, each reading as measured ({before} {scale.error} rms){after} Below, what"
+        " the sensors showed."
+    )
+    caption += left_out_words(int(view.wild.sum()))
+    return Plot("time", "Error over the time, before and after", figure, caption)
+
+
+def _draw_temperatures(
+    panel: Axes, fit: TemperatureResult, clock: Float[np.ndarray, " t"]
+) -> None:
+    view, order = fit.view, np.argsort(clock, kind="stable")
+    colours = (style.ORANGE, style.GREEN, style.BLUE)
+    lagged = {lag.sensor for lag in fit.fit.lags if lag.applied}
+    for k, name in enumerate(fit.sensors):
+        colour = colours[k % len(colours)]
+        shown = [("-", name, view.readings.temperature)]
+        if k in lagged:
+            shown.append(("--", f"structure behind {name}", view.structure))
+        for line, label, values in shown:
+            panel.plot(
+                clock[order], values[order, k], color=colour, linestyle=line,
+                linewidth=1.0, label=label,
+            )  # fmt: skip
+    panel.set_ylabel("°C")
+    panel.legend(loc="best")
+
+
+def _clock(view: ThermalView) -> tuple[Float[np.ndarray, " t"], str]:
+    time = view.readings.time
+    if time is None:
+        return view.row.astype(float), "row of the measurement"
+    if float(np.ptp(time)) <= _MINUTES:
+        return time / 60.0, "time in minutes"
+    return time / 3600.0, "time in hours"
+
+
+def _by_temperature(
+    warm: Float[np.ndarray, " t"], sound: Bool[np.ndarray, " t"]
+) -> list[Bool[np.ndarray, " t"]]:
+    """Return the readings of a few ranges of temperature, equally wide."""
+    edges = np.linspace(float(warm.min()), float(warm.max()), _GROUPS + 1)
+    cell = np.clip(np.searchsorted(edges, warm, side="right") - 1, 0, _GROUPS - 1)
+    groups = [np.asarray((cell == k) & sound) for k in range(_GROUPS)]
+    return [group for group in groups if group.any()]
+
+
+def _before_after(
+    fit: TemperatureResult, scale: Scale, across: str
+) -> tuple[Figure, list[Axes]]:
+    """Return two panels for errors before and with what was written."""
+    up = f"error against {place(round(fit.zero, 1))} °C in {scale.error}"
+    after = "from the file"
+    if fit.law is None:
+        up, after = f"error about its median in {scale.error}", "nothing written"
+    return side_by_side(3.2, ("before", after), across, up)

@@ -18,6 +18,10 @@ def test_no_entry_stands_for_two_compensations() -> None:
         assert len(set(values)) == len(values)
 
 
+def test_tables_and_no_others_name_what_their_fit_writes() -> None:
+    assert all((one.entries.table is not None) == one.table for one in kinds())
+
+
 def test_unknown_compensation_has_no_record() -> None:
     with pytest.raises(KeyError, match="sag"):
         kind("sag")

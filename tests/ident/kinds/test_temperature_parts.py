@@ -31,7 +31,9 @@ def ramp(count: int = 60) -> ThermalReadings:
 def test_a_coefficient_at_one_position_is_refused() -> None:
     readings = ramp()
     single = ThermalReadings(readings.error, readings.temperature, np.full(60, 250.0))
-    with pytest.raises(FitError, match="all readings stand at 250 mm: a coefficient"):
+    with pytest.raises(
+        FitError, match="found all readings at 250 mm, expected two positions"
+    ):
         fit_temperature(single)
 
 

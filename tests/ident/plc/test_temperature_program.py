@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from axcomp.ident.job import ThermalLaw
-from axcomp.ident.kinds.temperature._structured_text import (
+from axcomp.ident.kinds.temperature._law import (
     PlcProgram,
     plc_objects,
-    plc_sensors,
     structured_text,
 )
 
@@ -35,9 +34,9 @@ def program_of(
 ) -> PlcProgram:
     given: dict[str, Any] = {
         "axis": "X", "number": 1, "title": "Mill", "law": LAW, "position": -200.1996,
-        "zero": 20.0, "offset": 0, "coefficient": len(names) - 1, "rates": RATES,
+        "zero": 20.0, "offset": names[0], "coefficient": names[-1], "rates": RATES,
     }  # fmt: skip
-    sensors = plc_sensors(names, [lag] * len(names))
+    sensors = dict.fromkeys(names, lag)
     return PlcProgram(**{**given, "sensors": sensors, **changes})
 
 

@@ -1,0 +1,66 @@
+"""What plots of several compensations have in common: marks, and before beside after."""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..report import _style as style
+
+_MOST = 3000
+"""Marks of one layer: more are thinned."""
+
+
+def marks(
+    panel: Axes,
+    across: Float[np.ndarray, " t"],
+    up: Float[np.ndarray, " t"],
+    *,
+    color: str | tuple[float, ...] = style.BLUE,
+    marker: str = "o",
+    size: float = 3.0,
+    alpha: float = 0.7,
+    label: str | None = None,
+) -> None:
+    """Draw readings as marks, many of them as a picture inside the SVG."""
+    rows = style.thin(len(across), _MOST)
+    panel.plot(
+        across[rows], up[rows], linestyle="none", marker=marker, markersize=size,
+        markeredgewidth=0, alpha=alpha, color=color, label=label,
+        rasterized=style.as_raster(rows.size),
+    )  # fmt: skip
+
+
+def directed_marks(
+    panel: Axes,
+    way: int,
+    across: Float[np.ndarray, " t"],
+    up: Float[np.ndarray, " t"],
+    size: float = 3.0,
+    alpha: float = 0.7,
+) -> None:
+    """Draw readings of one direction of motion, ±1, in its colour and with its marker."""
+    marks(
+        panel, across, up, color=style.DIRECTION_COLOR[way], size=size, alpha=alpha,
+        marker=style.DIRECTION_MARKER[way], label=style.DIRECTION_NAME[way],
+    )  # fmt: skip
+
+
+def side_by_side(
+    height: float, titles: tuple[str, str], across: str, up: str, shared: bool = True
+) -> tuple[Figure, list[Axes]]:
+    """Return two panels with a line at 0, what each shows above it, and labels."""
+    figure, panels = style.new_figure(height, columns=2, sharey=shared)
+    for panel, title in zip(panels, titles, strict=True):
+        panel.axhline(0, color=style.INK, linewidth=0.7)
+        panel.set_title(title)
+        panel.set_xlabel(across)
+    panels[0].set_ylabel(up)
+    return figure, panels
+
+
+def left_out_words(count: int, noun: str = "wild reading") -> str:
+    """Return that so many are not in a picture, to stand behind its caption."""
+    if not count:
+        return ""
+    return f" {count} {noun}{' is' if count == 1 else 's are'} left out of the picture."
