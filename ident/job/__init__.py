@@ -4,9 +4,9 @@ Read in this order: `_schema` (every key; those of a fit stand in the folders of
 with `_checks` (a job that can be run), `_run` (the whole way, in one function), `_plans` (every
 fit, planned), `_readings` and `_trend` (readings of a table, by `axcomp.ident.readings`),
 `_plan`, `_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
-(entries into the user's lists), `_gating`, `_whole` with `_acting` (the gate of a fit and of a
-whole axis), `_result` with `_verdict`, `_job_result`,
-`_loadsheet`, and `_measure_again` (the second measurement).
+(an axis from its drafts to its files), `_gating`, `_whole` with `_acting` (the gate of a fit and
+of a whole axis), `_result` with `_verdict`, `_job_result`, `_loadsheet` (its sentences stand in
+``load_sheet.txt.jinja``), and `_measure_again` (the second measurement).
 
 What is special about one compensation stands in `axcomp.ident.kinds` (`_parts` says what a job
 asks of it); `joint` identifies the fits of one group, `streamed` reads logs in pieces. The results

@@ -86,12 +86,13 @@ class LeftOutDraft(AbstractDraft):
 
     def prove(self, done: Written) -> LeftOutResult:
         share = self.share
+        frame: dict[str, Any] = self.frame(done) | {"conventions": ()}
         figures, remarks = ErrorFigures(np.nan, np.nan), list[Remark]()
         if share is not None:
             figures = error_figures(share.error, wild=share.wild)
             remarks = share.remarks()
         return LeftOutResult(
-            **self.frame(done) | {"conventions": ()},
+            **frame,
             error=dict.fromkeys(("before", "predicted", "from_file"), figures),
             remarks=(Remark.error(self._words()), *remarks, *done.files.remarks),
             files=(),
