@@ -1,7 +1,7 @@
 """Joint identification: any stack of effects fitted together, and what data can tell.
 
-Readings are those of `ident._recording`. Read `_effect` (what an effect is; `_tables`,
-`_crosstalk` and `_temperature` are more of them), `_design` (their columns side by side, datum
+Readings are those of `ident._recording`. Read `_effect` (what an effect is; `_motion`,
+`_tables`, `_crosstalk` and `_temperature` are some), `_design` (their columns side by side, datum
 and runs), `_gauge` (what may be moved between effects, and the rules for it), `_identified`
 (what the rows cannot tell) with `_words`, `_axis` (one axis fitted on `ident.core`) with `_lag`,
 and `_result` and `_fit` (what comes out).
@@ -11,9 +11,7 @@ from ..._recording import JointData as JointData
 from ._crosstalk import Crosstalk as Crosstalk
 from ._effect import (
     AbstractEffect as AbstractEffect,
-    Backlash as Backlash,
     Block as Block,
-    Delay as Delay,
     Number as Number,
 )
 from ._fit import (
@@ -21,6 +19,7 @@ from ._fit import (
     fit_joint as fit_joint,
     refit_joint as refit_joint,
 )
+from ._motion import Backlash as Backlash, Delay as Delay
 from ._result import (
     Identifiability as Identifiability,
     JointFit as JointFit,
