@@ -80,7 +80,7 @@ class ReversalFit:
     missing: Float[np.ndarray, " t"]
 
     @property
-    def numbers(self) -> dict[str, float]:
+    def numbers(self) -> dict[str, int | float]:
         """Look-ahead, distance and delay by the names of their list entries."""
         return {
             "reversal_lookahead": self.lookahead,

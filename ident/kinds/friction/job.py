@@ -23,9 +23,8 @@ from ...job._source import Tables
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from ._identify import Identified, identify
 from ._listing import FIRST_LEVEL, LawCurve, OutUnit, law_curve, numbers_of, out_unit
-from ._proof import view_of
 from ._recording import DriveRecording, read_drive
-from ._result import FrictionResult, FrictionView, choice_sentence
+from ._result import FrictionResult, FrictionView, choice_sentence, view_of
 from .keys import Spec
 
 _ENTRIES = 20
