@@ -21,7 +21,7 @@ _PLACES = 60
 """Places between which lines are drawn, at least; three for each knot."""
 _STEPS = np.linspace(-1.0, 1.0, 5)
 """Places beside a knot that are tried at a time, in reaches."""
-_REACHES = (0.1, 0.03, 0.01, 0.8, 0.3, 0.1, 0.03)
+_REACHES = (0.1, 0.03, 0.8, 0.3, 0.06)
 """Shares of the gap beside a knot in which better places are looked for, one after another."""
 _FLAT = 1e-12
 """Slope below which a curve is flat, in list units."""

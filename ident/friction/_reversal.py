@@ -80,7 +80,7 @@ class ReversalFit:
     missing: Float[np.ndarray, " t"]
 
     @property
-    def numbers(self) -> dict[str, float]:
+    def numbers(self) -> dict[str, int | float]:
         """Look-ahead, distance and delay by the names of their list entries."""
         return {
             "reversal_lookahead": self.lookahead,
@@ -345,7 +345,10 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
         best = dataclasses.replace(best, distance=0.0)
     factors, left = search.solve(best, use)
     close = np.isin(use, search.near)
-    share = _independent(left)
+    # Successive residuals have something in common: fewer of them count as independent.
+    common = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-300)
+    common = min(max(common, 0.0), 0.98)
+    share = (1 - common) / (1 + common)
     # A perfect recording leaves rounding: below it no two settings differ.
     floor = 1e-9 * float(np.abs(search.load).max())
     noise = max(float(np.sqrt(np.mean(left**2))), floor)
@@ -393,12 +396,3 @@ def _pass(
         found.append(search.refined(_Setting(lookahead, delay, distance, shape), use))
         squares[lookahead, delay] = found[-1][1]
     return min(found, key=lambda each: each[1])[0], squares
-
-
-def _independent(residual: Float[np.ndarray, " r"]) -> float:
-    """Return the share of samples that count as independent, from their lag of one."""
-    size = float(residual @ residual)
-    if size == 0 or len(residual) < _FEW:
-        return 1.0
-    common = float(np.clip(residual[1:] @ residual[:-1] / size, 0.0, 0.98))
-    return (1 - common) / (1 + common)

@@ -59,8 +59,6 @@ _TINY = 1e-300
 LOOKAHEADS = 5
 """How many look-aheads the controller has: 0 to 4 cycles."""
 _ANY_LAW = StribeckFriction(*np.ones(5))
-_KEPT = 32
-"""Distances whose shares are kept."""
 
 
 @final
@@ -393,7 +391,7 @@ def share_of(
     place[len(position) :] = position[-1]  # standing still behind the end
     motion = jnp.asarray(place), jnp.asarray(padded(velocity))
 
-    @lru_cache(_KEPT)
+    @lru_cache(maxsize=32)
     def share(distance: float) -> Float[np.ndarray, "l t"]:
         found = _shares(*motion, jnp.asarray(distance))
         return np.asarray(found)[:, : len(position)]

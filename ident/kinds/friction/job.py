@@ -18,9 +18,8 @@ from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from ...readings import Tables
 from ._identify import Identified, identify
 from ._listing import FIRST_LEVEL, LawCurve, OutUnit, law_curve, numbers_of, out_unit
-from ._proof import view_of
 from ._recording import DriveRecording, read_drive
-from ._result import FrictionResult, FrictionView, choice_sentence
+from ._result import FrictionResult, FrictionView, choice_sentence, view_of
 from .entries import entries_of_friction, friction_from_list, has_friction
 from .keys import Spec
 
