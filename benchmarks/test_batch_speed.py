@@ -4,7 +4,7 @@ The peer is a plain SciPy script for the same work: read the CSV, penalised leas
 direction with the weight by generalised cross-validation, leave each run out, write a list.
 """
 
-import importlib.util
+import importlib
 import json
 import os
 import resource
@@ -23,13 +23,8 @@ from scipy.signal import savgol_filter
 from threadpoolctl import threadpool_limits
 
 _HOME = Path(__file__).parents[1]
-_SPEC = importlib.util.spec_from_file_location(
-    "fleet", _HOME / "tests" / "ident" / "batch" / "conftest.py"
-)
-assert _SPEC is not None
-assert _SPEC.loader is not None
-_FLEET = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(_FLEET)
+sys.path.insert(0, str(_HOME))
+_FLEET = importlib.import_module("tests.ident.batch.conftest")
 
 
 ONE_THREAD = os.environ | {

@@ -5,6 +5,7 @@ identifier of the acquisition. Identifiers follow from the names, so that the sa
 the same file.
 """
 
+import functools
 import uuid
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
@@ -36,6 +37,14 @@ def scope_configuration(
         cycle_time: Time between samples in s; None: that of the task.
         net_id: AMS net id of the controller.
     """
+    return _configuration(tuple(rows), cycle_time, net_id)
+
+
+# Machines of a fleet have the same axes, and writing it takes a tenth of a short job.
+@functools.lru_cache(maxsize=16)
+def _configuration(
+    rows: tuple[Observable, ...], cycle_time: float | None, net_id: str
+) -> bytes:
     recorded = [row for row in rows if row.channel is not None]
     acquisitions = [_acquisition(row, cycle_time, net_id) for row in recorded]
     groups = {

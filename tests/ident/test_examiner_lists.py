@@ -257,7 +257,8 @@ def test_increment_that_is_none_is_bad_usage(
     path = tmp_path / "x.lis"
     path.write_text(CROSS, encoding="ascii")
     assert main(["check", str(path), "--increment", increment]) == 2
-    assert f"--increment: found {increment}" in capsys.readouterr().err
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"'--increment': found {increment}, expected more than 0" in said
 
 
 def test_file_that_is_named_twice_is_one_list(
@@ -365,7 +366,7 @@ def test_simulate_names_every_compensation_that_it_leaves_out(
         "kopf.achs_nr 3\nlr_param.crosscomp 1\nlr_param.crosstalk 1\n"
         "lr_param.anwahl_losekomp 1\nlr_param.temp_comp 1\n"
     )
-    assert simulate(tmp_path, table, Reading(axis)) == 0
+    assert simulate(tmp_path, table, axis) == 0
     out, err = capsys.readouterr()
     # By hand: 0.5 list units of 0.1 µm at 0.05 mm; 2 units at 0.2 mm.
     assert out.splitlines() == [

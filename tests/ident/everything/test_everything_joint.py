@@ -16,6 +16,7 @@ from axcomp.ident.fit.joint import (
 from axcomp.ident.machine import State
 from axcomp.ident.machine.motion import MotionLog, WorkingMachine
 
+from ..joint.gauge import in_gauge
 from .whole import AXES, NOISE, in_deviations, in_the_workspace
 
 
@@ -134,7 +135,7 @@ def test_following_error_leaks_into_nothing(
         if moving.effect.compensation == "delay":
             continue
         known = moving.determined & standing.determined & (moving.support > 20)
-        values = calm.in_gauge([part.values for part in fit.parts])[0]
+        values = in_gauge(calm, [part.values for part in fit.parts])[0]
         change = values[fit.parts.index(moving)] - standing.values
         spread = np.hypot(moving.standard_deviation, standing.standard_deviation)
         # Drift of the instrument and the bends of the truth between nodes add to σ.

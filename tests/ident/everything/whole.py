@@ -21,6 +21,8 @@ from axcomp.ident.fit.joint import (
 from axcomp.ident.machine import State
 from axcomp.ident.machine.motion import SPACE, WorkingMachine
 
+from ..joint.gauge import in_gauge
+
 AXES = tuple(SPACE)
 NOISE = 0.0005
 """Of one reading of the machine's instruments, in mm."""
@@ -152,7 +154,7 @@ def at_nodes(part: Part, machine: WorkingMachine) -> np.ndarray:
 
 def in_deviations(fit: JointFit, machine: WorkingMachine) -> dict[str, np.ndarray]:
     """Return (value − truth) / deviation of each part's known values, in the fit's gauge."""
-    truth, _ = fit.in_gauge([at_nodes(part, machine) for part in fit.parts])
+    truth, _ = in_gauge(fit, [at_nodes(part, machine) for part in fit.parts])
     found = {}
     for part, true in zip(fit.parts, truth, strict=True):
         known = part.determined & (part.support > 0) & (part.standard_deviation > 0)
