@@ -109,10 +109,20 @@ class Problem:
             weights: Of each term of the prior, relative to 1/noise².
             factor: Of the same matrix, where one is known.
         """
-        sums, slope = self.sums, self.held * self.theta
-        for weight, term in self._terms(weights):
-            slope[term.here] += weight * (term.penalty.gram @ self.theta[term.here])
-        factor = factor or self._factor(weights)
+        stack, sums = self.stack, self.sums
+        slope = self.held * self.theta
+        if stack.small:
+            flat = stack.grams.reshape(-1, stack.size**2)
+            precision = (weights @ flat).reshape(stack.size, stack.size)
+            slope += precision @ self.theta
+            if factor is None:
+                factor = self._dense_factor(precision)
+        else:
+            for weight, term in self._terms(weights):
+                here = term.here
+                slope[here] += weight * (term.penalty.gram @ self.theta[here])
+            if factor is None:
+                factor = self._band_factor(weights)
         if factor is None:
             return None
         move = factor.solve(self.right - slope)
@@ -145,7 +155,12 @@ class Problem:
         terms = zip(weights.tolist(), self.stack.terms, strict=True)
         return [(w, t) for w, t in terms if w > 0.0]
 
-    def _factor(self, weights: Vector) -> ArrowFactor | None:
+    def _dense_factor(self, prior: Float[np.ndarray, "u u"]) -> ArrowFactor | None:
+        matrix = self.sums.border + prior
+        np.einsum("ii->i", matrix)[:] += self.held
+        return ArrowFactor.of(np.zeros((0, 1)), self.sums.cross, matrix)
+
+    def _band_factor(self, weights: Vector) -> ArrowFactor | None:
         stack, sums = self.stack, self.sums
         terms = self._terms(weights)
         n = stack.band
@@ -191,7 +206,10 @@ class Posterior:
     @cached_property
     def penalties(self) -> Vector:
         """Penalty of each term for weight 1, free of cancellation."""
-        terms = self.problem.stack.terms
+        stack = self.problem.stack
+        if stack.small:
+            return np.asarray(np.square(stack.rows @ self.values).sum(axis=1))
+        terms = stack.terms
         bends = (t.penalty.rows @ self.values[t.here] for t in terms)
         return np.array([float(bend @ bend) for bend in bends])
 
@@ -243,8 +261,13 @@ class Posterior:
     @cached_property
     def traces(self) -> Vector:
         """Weight × trace of inverse × penalty matrix: unknowns that each term takes away."""
+        stack = self.problem.stack
+        if stack.small:
+            inverse = self.factor.border_inverse
+            each = stack.grams.reshape(-1, inverse.size) @ inverse.reshape(-1)
+            return np.asarray(self.weights * each)
         result = np.zeros(len(self.weights))
-        for k, term in enumerate(self.problem.stack.terms):
+        for k, term in enumerate(stack.terms):
             if self.weights[k] == 0.0:
                 continue
             own, shift = term.penalty, term.shift

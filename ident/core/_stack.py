@@ -5,10 +5,14 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
+from jaxtyping import Float
 
 from ._effect import AbstractEffect, Design, TableEffect, design_of
 from ._prior import AbstractPrior, Penalty
 from ._readings import Readings
+
+SMALL = 128
+"""Unknowns up to which a stack without a band is summed up and penalised by whole matrices."""
 
 
 @final
@@ -75,6 +79,26 @@ class Stack:
             for number, effect in enumerate(self.effects)
             for penalty in effect.prior.penalties
         )
+
+    @property
+    def small(self) -> bool:
+        """Whether all unknowns together are few, and none of them form a band."""
+        return not self.band and self.size <= SMALL
+
+    @cached_property
+    def rows(self) -> Float[np.ndarray, "k r u"]:
+        """Rows of each term over all unknowns of a small stack, filled up with zeros."""
+        parts = [np.asarray(term.penalty.rows.toarray()) for term in self.terms]
+        most = max((len(part) for part in parts), default=0)
+        result = np.zeros((len(parts), most, self.size))
+        for own, part, term in zip(result, parts, self.terms, strict=True):
+            own[: len(part), term.here] = part
+        return result
+
+    @cached_property
+    def grams(self) -> Float[np.ndarray, "k u u"]:
+        """Matrix of each term over all unknowns of a small stack."""
+        return np.asarray(self.rows.transpose(0, 2, 1) @ self.rows)
 
     @cached_property
     def free(self) -> int:

@@ -21,7 +21,7 @@ from ._effect import Design
 from ._errors import FitError
 from ._loss import Loss
 from ._readings import Readings
-from ._stack import Stack
+from ._stack import SMALL, Stack
 from ._threads import cores
 
 MANY = 100_000
@@ -294,6 +294,11 @@ def _gram(
     """Return $A^T W A$, dense where it is small."""
     count, width = shares.shape
     weighted = weight[:, None] * shares
+    if size <= SMALL:
+        keys = nodes[:, :, None] * size + nodes[:, None, :]
+        products = weighted[:, :, None] * shares[:, None, :]
+        found = np.bincount(keys.reshape(-1), products.reshape(-1), size * size)
+        return found.reshape(size, size)
     flat, pointers = nodes.reshape(-1), np.arange(count + 1) * width
     rows, scaled = (
         sp.csr_array((each.reshape(-1), flat, pointers), shape=(count, size))
