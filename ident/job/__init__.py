@@ -8,10 +8,10 @@ fit, planned), `_readings` and `_trend` (readings of a table, by `axcomp.ident.r
 of a whole axis), `_result` with `_verdict`, `_job_result`, `_loadsheet` (its sentences stand in
 ``load_sheet.txt.jinja``), and `_measure_again` (the second measurement).
 
-What is special about one compensation stands in `axcomp.ident.kinds` (`_parts` says what a job
-asks of it); `joint` identifies the fits of one group, `streamed` reads logs in pieces. The results
-of single compensations are imported when they are first asked for: a job of one table needs none
-of them, and starts sooner without.
+What is special about one compensation stands in `axcomp.ident.kinds` (`_protocol` says what a
+job asks of it); `joint` identifies the fits of one group, `streamed` reads logs in pieces. The
+results of single compensations are imported when they are first asked for: a job of one table
+needs none of them, and starts sooner without.
 """
 
 from typing import TYPE_CHECKING

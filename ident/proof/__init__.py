@@ -2,8 +2,8 @@
 
 Read `_figures` (how large an error is), `_heldout` (each reading under the list that was fitted
 without it), `_dynamics` and `_reversal` (the motion that a table adds), `_gate` (what it may
-do), `_circle` (what friction does to a circle). Rooms: `axis` (all that acts on
-one axis, judged together), `verify` (a controller's log against its lists), `doctor`
+do), `_circle` (what friction does to a circle). Folders: `axis` (all that acts on one
+axis, judged together), `verify` (a controller's log against its lists), `doctor`
 (measurements without and with the lists).
 
 The circular test, `doctor` and `verify` are imported when they are first asked for: most jobs

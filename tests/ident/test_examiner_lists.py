@@ -10,7 +10,6 @@ import pytest
 
 from axcomp.data.lists import Finding, ListFile, check, compare
 from axcomp.ident.cli import main
-from axcomp.ident.exchange import Reading
 
 CROSS = (
     "kopf.achs_nr 3\nkw.crosscomp.unit 1\nkw.crosscomp.last_index 3\n"
