@@ -4,7 +4,6 @@ The peer is a plain SciPy script for the same work: read the CSV, penalised leas
 direction with the weight by generalised cross-validation, leave each run out, write a list.
 """
 
-import importlib
 import json
 import os
 import resource
@@ -22,10 +21,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from scipy.signal import savgol_filter
 from threadpoolctl import threadpool_limits
 
-_HOME = Path(__file__).parents[1]
-sys.path.insert(0, str(_HOME))
-_FLEET = importlib.import_module("tests.ident.batch.conftest")
-
+from tests.ident.batch import conftest as fleets
 
 ONE_THREAD = os.environ | {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
@@ -181,21 +177,21 @@ def as_worker(jobs: Path, out: Path, size: int) -> dict[str, float]:
 
 
 def test_leadscrew_jobs(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
-    _FLEET.fleet(tmp_path / "jobs", 256)
+    fleets.fleet(tmp_path / "jobs", 256)
     arguments = (tmp_path / "jobs", tmp_path / "out", 64)
     found = benchmark.pedantic(as_worker, args=arguments, rounds=1)
     benchmark.extra_info |= found
 
 
 def test_friction_jobs(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
-    _FLEET.friction_fleet(tmp_path / "jobs", 64)
+    fleets.friction_fleet(tmp_path / "jobs", 64)
     arguments = (tmp_path / "jobs", tmp_path / "out", 64)
     found = benchmark.pedantic(as_worker, args=arguments, rounds=1)
     benchmark.extra_info |= found
 
 
 def test_leadscrew_jobs_by_scipy(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
-    names = _FLEET.fleet(tmp_path / "jobs", 64)
+    names = fleets.fleet(tmp_path / "jobs", 64)
     rounds = iter(range(100))
 
     def run() -> None:
@@ -209,7 +205,7 @@ def test_leadscrew_jobs_by_scipy(benchmark: BenchmarkFixture, tmp_path: Path) ->
 
 
 def test_friction_jobs_by_scipy(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
-    names = _FLEET.friction_fleet(tmp_path / "jobs", 8)
+    names = fleets.friction_fleet(tmp_path / "jobs", 8)
     rounds = iter(range(100))
 
     def run() -> None:
@@ -228,7 +224,7 @@ def test_friction_jobs_by_scipy(benchmark: BenchmarkFixture, tmp_path: Path) -> 
 def test_batch_from_the_command_line(
     benchmark: BenchmarkFixture, tmp_path: Path, jobs: int
 ) -> None:
-    _FLEET.fleet(tmp_path / "jobs", jobs)
+    fleets.fleet(tmp_path / "jobs", jobs)
     from_the_command_line(benchmark, tmp_path, jobs)
 
 
@@ -236,7 +232,7 @@ def test_batch_from_the_command_line(
 def test_friction_from_the_command_line(
     benchmark: BenchmarkFixture, tmp_path: Path, jobs: int
 ) -> None:
-    _FLEET.friction_fleet(tmp_path / "jobs", jobs)
+    fleets.friction_fleet(tmp_path / "jobs", jobs)
     from_the_command_line(benchmark, tmp_path, jobs)
 
 
@@ -311,7 +307,7 @@ def write_log(path: Path, rows: int) -> None:
 def test_streamed_job(benchmark: BenchmarkFixture, tmp_path: Path, loss: str) -> None:
     write_log(tmp_path / "log.parquet", 10_000_000)
     job = tmp_path / "job.toml"
-    _FLEET.plane_job(
+    fleets.plane_job(
         job, "log.parquet", 101, 10.0, read="stream = true", fit=f'loss = "{loss}"'
     )
     command = [sys.executable, "-m", "axcomp", "fit", str(job)]

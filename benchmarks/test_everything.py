@@ -6,10 +6,8 @@ Slow; run one seed with ``pytest benchmarks/test_everything.py -k "seed0"``.
 """
 
 import dataclasses
-import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -44,21 +42,8 @@ from axcomp.ident.machine.motion import (
     work_programme,
     write_motion_log,
 )
+from tests.ident.everything import whole
 
-_PLACE = Path(__file__).parents[1] / "tests" / "ident" / "everything" / "whole.py"
-
-
-def _shared() -> ModuleType:
-    """Return what the tests of the same machine are made of; tests are no package."""
-    found = importlib.util.spec_from_file_location("whole", _PLACE)
-    assert found is not None
-    assert found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    return module
-
-
-whole = _shared()
 AXES, NOISE = whole.AXES, whole.NOISE
 DRIFT = 6
 LIMIT = 10.0
