@@ -3,6 +3,7 @@ r"""Surfaces as a spreadsheet holds them: one axis along the top, the other down
 The cell in the corner names both axes: ``Y\X``, or ``Y [mm] \ X [mm]``.
 """
 
+import dataclasses
 import re
 from pathlib import Path
 
@@ -11,7 +12,8 @@ import numpy as np
 from ._dialect import Dialect
 from ._errors import CellError, LineError
 from ._header import parse_name, unit_in
-from ._table import Column, Skipped, Table
+from ._mesh import surface
+from ._table import Skipped, Table
 
 _AXIS = r"(?P<{0}>[A-Za-z])\s*(?:[\[(](?P<{0}_unit>[^\])]+)[\])])?"
 _CORNER = re.compile(
@@ -19,6 +21,7 @@ _CORNER = re.compile(
     re.MULTILINE,
 )
 _IN = re.compile(r"\bin\s+(\S+)|[\[(]([^\])]+)[\])]")
+_EMPTY = re.compile("")
 _AXES = "XYZ"
 
 
@@ -40,67 +43,61 @@ def read_matrix(path: Path, text: str, encoding: str) -> Table:
     """
     corner = _CORNER.search(text)
     assert corner is not None  # of `is_matrix`
-    top = text.count("\n", 0, corner.start())
     lines = text.split("\n")
-    body = [line for line in lines[top:] if line.strip()]
-    decimal = "," if corner["mark"] != "," and "," in "".join(body) else "."
-    dialect = Dialect(corner["mark"], decimal)
-    names = [corner["along"].upper(), corner["down"].upper()]
-    along: list[float] = []
-    rows: list[tuple[float, float, float, int]] = []
+    top = text.count("\n", 0, corner.start())
+    body = [(n, line) for n, line in enumerate(lines[top:], top + 1) if line.strip()]
+    commas = corner["mark"] != "," and any("," in line for _, line in body)
+    dialect = Dialect(corner["mark"], "," if commas else ".")
+    names = (corner["along"].upper(), corner["down"].upper())
+    (first, line), *below = body
+    heads = dialect.split(line)[1:]
+    while heads and not heads[-1]:
+        heads.pop()
+    along = [_number(path, dialect, first, names[0], cell) for cell in heads]
     sides: dict[float, int] = {}
-    skipped = [
-        Skipped(n, "title") for n, line in enumerate(lines[:top], 1) if line.strip()
-    ]
-    for number, line in enumerate(lines[top:], top + 1):
-        first, *cells = dialect.split(line)
-        if not any((first, *cells)):
+    points = []
+    for number, line in below:
+        head, *cells = dialect.split(line)
+        if not any((head, *cells)):
             continue
-        if not along:
-            while cells and not cells[-1]:
-                cells.pop()
-            along = [_number(path, dialect, number, names[0], cell) for cell in cells]
-            continue
-        if any(cells[len(along) :]) or len(cells) < len(along):
-            found = f"{len(cells)} cells ('{line.strip()[:40]}')"
-            expected = f"{len(along)} as many as positions of {names[0]} in the first"
-            raise LineError(str(path), number, found, expected)
-        side = _number(path, dialect, number, names[1], first)
+        while len(cells) > len(along) and not cells[-1]:
+            cells.pop()
+        side = _number(path, dialect, number, names[1], head)
         if side in sides:
             found = f"{names[1]} {side:g} a second time"
             expected = f"every position once (line {sides[side]})"
             raise LineError(str(path), number, found, expected)
         sides[side] = number
-        for place, cell in zip(along, cells, strict=False):
-            at = f"{names[0]} {place:g}, {names[1]} {side:g}"
-            if cell:
-                value = _number(path, dialect, number, f"error at {at}", cell)
-                rows.append((place, side, value, number))
-            else:
-                skipped.append(Skipped(number, f"not probed: {at}"))
-    if not rows:
+        points.append((number, [cell.replace(",", ".") for cell in cells]))
+    if not points:
         found, expected = f"'{corner[0].strip()}' and no value", "rows of values below"
-        raise LineError(str(path), top + 1, found, expected)
+        raise LineError(str(path), first, found, expected)
     third = [axis for axis in _AXES if axis not in names]
     role = f"{third[0]}.error" if len(third) == 1 else "error"
-    values = np.array(rows)
     units = [_unit(corner["along_unit"]) or "mm", _unit(corner["down_unit"]) or "mm"]
-    named = [*zip(names, units, strict=True), (role, _unit_of_titles(lines[:top]))]
-    roles = [*(f"{name}.position" for name in names), role]
-    return Table(
-        path=path,
-        format="matrix of a surface",
+    remark = (
+        f"Positions of {names[0]} stand along the top in {units[0]}, of {names[1]} down"
+        f" the side in {units[1]}; the values are taken as {role}."
+    )
+    axes = (np.array(along), np.array(list(sides)))
+    form = "matrix of a surface"
+    read = surface(path, form, names, axes, points, [remark], _EMPTY)
+    every = [*units, _unit_of_titles(lines[:top])]
+    titles = (
+        Skipped(n, "title") for n, line in enumerate(lines[:top], 1) if line.strip()
+    )
+    return dataclasses.replace(
+        read,
         columns=tuple(
-            Column(name, role, unit, values[:, k].copy(), header=name)
-            for k, ((name, unit), role) in enumerate(zip(named, roles, strict=True))
+            dataclasses.replace(column, unit=unit, role=own)
+            for column, unit, own in zip(
+                read.columns,
+                every,
+                (*(f"{name}.position" for name in names), role),
+                strict=True,
+            )
         ),
-        rows=len(rows),
-        lines=values[:, 3].astype(np.int64),
-        skipped=tuple(skipped),
-        remarks=(
-            f"Positions of {names[0]} stand along the top in {units[0]}, of {names[1]} down"
-            f" the side in {units[1]}; the values are taken as {role}.",
-        ),
+        skipped=(*titles, *read.skipped),
     )
 
 

@@ -15,6 +15,7 @@ _KLIPPER = re.compile(r"(?m)^\s*(?:#\*#)?\s*\[bed_mesh\b[^\]]*\]")
 _RRF = re.compile(r"\s*RepRapFirmware height map", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _ABSENT = re.compile(r"|[+-]?nan", re.IGNORECASE)
+_ABSENT_OR_ZERO = re.compile(r"|0|[+-]?nan", re.IGNORECASE)
 
 
 def is_bed_mesh(text: str) -> bool:
@@ -75,8 +76,8 @@ def read_bed_mesh(path: Path, text: str, profile: str | None) -> Table:
         )
         for a in "xy"
     ]
-    return _surface(
-        path, "Klipper bed mesh", ("x", "y"), axes, taken.points, remarks, False
+    return surface(
+        path, "Klipper bed mesh", ("x", "y"), axes, taken.points, remarks, _ABSENT
     )
 
 
@@ -184,7 +185,9 @@ def read_height_map(path: Path, text: str) -> Table:
         if len(row) == axes[0].size + 1 and row[-1] == "":
             row.pop()
         points.append((at, row))
-    return _surface(path, "RepRapFirmware height map", names, axes, points, [], True)
+    return surface(
+        path, "RepRapFirmware height map", names, axes, points, [], _ABSENT_OR_ZERO
+    )
 
 
 def _grid_value(
@@ -199,16 +202,26 @@ def _grid_value(
     raise LineError(str(path), line, found, f"{' or '.join(keys)} in it")
 
 
-def _surface(
+def surface(
     path: Path,
     form: str,
     names: tuple[str, str],
     axes: Sequence[Float[np.ndarray, " _"]],
     points: Sequence[tuple[int, list[str]]],
     remarks: Sequence[str],
-    bare_zero_is_absent: bool,
+    absent: re.Pattern[str],
 ) -> Table:
-    """Return the rows of a grid, y by y; cells without a reading are skipped."""
+    """Return the rows of a grid, y by y; cells without a reading are skipped.
+
+    Args:
+        path: The file.
+        form: Its format.
+        names: Of the two axes.
+        axes: Their positions.
+        points: Line and cells of each row.
+        remarks: On the file.
+        absent: What a cell holds that was not probed.
+    """
     xs, ys = axes
     skipped: list[Skipped] = []
     rows: list[tuple[float, float, float, int]] = []
@@ -221,7 +234,7 @@ def _surface(
             found = f"{len(cells)} points in row {at + 1}"
             raise LineError(str(path), line, found, f"{xs.size}")
         for x, cell in zip(xs.tolist(), cells, strict=True):
-            if _ABSENT.fullmatch(cell) or (bare_zero_is_absent and cell == "0"):
+            if absent.fullmatch(cell):
                 reason = f"not probed: {names[0]} {x:g}, {names[1]} {float(ys[at]):g}"
                 skipped.append(Skipped(line, reason))
             elif _NUMBER.fullmatch(cell):

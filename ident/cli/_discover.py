@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +9,7 @@ import typer
 
 from ...data.errors import UsageError
 from ..kinds import kind
-from ._said import tell
+from ._said import print_json, tell, working
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     from ..discover import Discovery
     from ..job import Job
     from ..readings import Observation
-
-_LONG = 10.0
-"""Seconds after which progress is printed as plain lines."""
 
 
 def discover(
@@ -52,18 +48,10 @@ def discover(
     console = Console(stderr=True, highlight=False)
     if write is not None:
         _refuse_place(job, write)
-    with console.status("reading the job") as status:
+    with working("reading the job") as progress:
         from ..discover import discover as look
         from ..job import load_job
         from ..readings import observe
-
-        start = time.monotonic()
-
-        def progress(line: str) -> None:
-            status.update(line)
-            # Where nobody sees the spinner, plain lines, but only once it takes long.
-            if not console.is_terminal and time.monotonic() - start > _LONG:
-                console.print(line, markup=False)
 
         loaded = load_job(job, needs_fits=False)
         progress("reading the measurements")
@@ -74,7 +62,7 @@ def discover(
     for remark in seen.remarks:
         tell(console, f"info: {remark}")
     if as_json:
-        typer.echo(json.dumps(_json(found, seen.names), indent=2, ensure_ascii=False))
+        print_json(_json(found, seen.names))
     else:
         _print(Console(highlight=False), found)
     if write is not None and found.found:

@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ....data.measurements import (
     Measurement,
@@ -33,20 +33,11 @@ class CrosstalkRecording:
         readings: For the estimator; positions have one column per adaptation axis.
         adaptation: Names of these axes.
         remarks: What was taken for granted.
-        rows: Row of the group's recording that each reading is, −1 between logs; None
-            where it is no group.
     """
 
     readings: CrosstalkReadings
     adaptation: tuple[str, ...]
     remarks: tuple[Remark, ...]
-    rows: Int[np.ndarray, " t"] | None = None
-
-    @property
-    def span(self) -> Float[np.ndarray, "k 2"]:
-        """From where to where each adaptation axis went, in mm."""
-        places = self.readings.positions
-        return np.stack([places.min(axis=0), places.max(axis=0)], axis=1)
 
 
 def read_crosstalk(tables: Tables, fit: Spec) -> CrosstalkRecording:
