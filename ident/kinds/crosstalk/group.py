@@ -14,18 +14,16 @@ from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
 from ...readings import Tables
+from ._events import cut_events, events_under, joined_logs
 from ._identify import Identified, options_of
-from ._list import Existing, events_under, existing_crosstalk
-from ._recording import joined_logs
 from .effect import (
     BRANCHES,
     CrosstalkFit,
     CrosstalkReadings,
-    Event,
-    cut_events,
+    Events,
     fit_crosstalk,
 )
-from .job import CrosstalkDraft
+from .job import CrosstalkDraft, Existing, existing_crosstalk
 from .keys import Spec
 
 
@@ -157,7 +155,7 @@ class CrosstalkMember(AbstractMember):
         left = self._log(share.recording, share.predicted, effect.adaptation)
         kept = np.isfinite(log.error)
         added = np.where(kept, np.nan_to_num(left.error - log.error), 0.0)
-        held_out = events_under(log, added, *rates, job.conventions)
+        held_out = events_under(log, added, rates, job.conventions)
         fit = self._tests(job, share, effect, events)
         found = Identified(
             fit=fit,
@@ -177,18 +175,17 @@ class CrosstalkMember(AbstractMember):
         job: Job,
         share: Share,
         effect: Crosstalk,
-        events: tuple[Event, ...],
+        events: Events,
     ) -> CrosstalkFit:
         part = share.part
         told = effect.table(part.determined.astype(float)) > 0.5
         support = effect.table(part.support.astype(float)).astype(np.int64)
         names = effect.adaptation
         spread = [
-            [event.standard_deviation for event in events if event.branch == row]
+            events.standard_deviation[events.branch == row]
             for row in range(len(BRANCHES))
         ]
         return CrosstalkFit(
-            mode=effect.mode,
             axes=tuple(range(len(names))),
             points=effect.points,
             values=np.where(told, part.table, np.nan),
@@ -199,7 +196,7 @@ class CrosstalkMember(AbstractMember):
             deceleration=float(effect.deceleration),
             velocity_dependent=effect.velocity_dependent,
             directions="given",
-            noise=tuple(float(np.median(own)) if own else np.nan for own in spread),
+            noise=np.array([np.median(own) if own.size else np.nan for own in spread]),
             events=events,
             scores=(),
             conventions=job.conventions,
