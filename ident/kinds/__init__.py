@@ -8,10 +8,9 @@ first use (`Kind.part`):
 * ``channel``: what a log shows of it (`proof.verify.AbstractChannel`);
 * ``probe``: its step of a probe (`_protocol.AbstractProbe`);
 * ``keys``: the keys of a fit in a job, and what is wrong with them (`_keys.FitSpec`);
-* ``job``: a fit from its plan to a draft, list and result (`_protocol.SinglePart`); tables share
-  theirs, and their page;
+* ``job``: a fit from its plan to a draft, list and result (`_protocol.SinglePart`);
 * ``group``: the same in a group of fits (`_protocol.GroupPart`);
-* ``page``: its part of the report (`_protocol.PagePart`).
+* ``page``: its part of the report (`_protocol.PagePart`); tables share these three.
 
 A compensation is added by a folder and by its name in `NAMES`. Entries that the registry of
 `data.lists` does not have stand in ``parameters.toml`` of the folder.
