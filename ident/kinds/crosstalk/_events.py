@@ -55,6 +55,10 @@ class CrosstalkReadings:
     error: Float[np.ndarray, " t"]
     positions: Float[np.ndarray, "t k"]
 
+    def take(self, rows: slice) -> "CrosstalkReadings":
+        """Return some of the rows."""
+        return CrosstalkReadings(*(column[rows] for column in vars(self).values()))
+
     def directed(self, acceleration: float, deceleration: float) -> "CrosstalkReadings":
         """Return the log with one direction per acceleration, or two where it turns.
 

@@ -116,7 +116,7 @@ def _part(rows: Rows, fit: Spec) -> CrosstalkReadings:
         acceleration=rows.motion(fit.master, "acceleration"),
         velocity=rows.motion(turning, "velocity"),
         error=_error(rows, fit.axis),
-        positions=np.stack(places, axis=1) if places else np.zeros((len(time), 0)),
+        positions=np.column_stack([np.zeros((len(time), 0)), *places]),
     )
 
 

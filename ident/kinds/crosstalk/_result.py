@@ -38,9 +38,14 @@ def coverage_of(model: Crosstalk, workspace: Float[np.ndarray, "k 2"]) -> float:
     """
     if not len(workspace):
         return 1.0
-    lines = [np.linspace(low, high, _RESOLUTION) for low, high in workspace]
-    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
-    return float(np.mean(np.asarray(model.covers(grid.reshape(-1, len(lines))))))
+    grid = _grid([np.linspace(low, high, _RESOLUTION) for low, high in workspace])
+    places = grid.reshape(-1, len(workspace))
+    return float(np.mean(np.asarray(model.covers(places))))
+
+
+def _grid(lines: Sequence[Float[np.ndarray, " _n"]]) -> Float[np.ndarray, "..."]:
+    """Return all places that lines of each axis make, the axes last."""
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
 
 
 def reversal_jumps(
@@ -116,7 +121,7 @@ def _along(
         np.linspace(low, high, _STEPS + 1)
         for low, high in zip(points.min(axis=0), points.max(axis=0), strict=True)
     ]
-    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
+    grid = _grid(lines)
     places = grid.reshape(-1, len(names))
     four = full_offsets(model, model, places).reshape(4, *grid.shape[:-1])
     steepest, along = 0.0, names[0]

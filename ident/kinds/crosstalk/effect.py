@@ -54,7 +54,6 @@ class CrosstalkFit:
             readings do not tell it.
         standard_deviation: Of the values; inf where the readings do not tell it.
         support: Events that touch each value.
-        complete: Tests of which all four values are measured: only these can be written.
         acceleration: Specified, in mm/s², positive.
         deceleration: Specified, in mm/s², negative.
         velocity_dependent: Whether the directions differ; else both rows are equal.
@@ -70,7 +69,6 @@ class CrosstalkFit:
     values: Float[np.ndarray, "4 p"]
     standard_deviation: Float[np.ndarray, "4 p"]
     support: Int[np.ndarray, "4 p"]
-    complete: Bool[np.ndarray, " p"]
     acceleration: float
     deceleration: float
     velocity_dependent: bool
@@ -84,6 +82,11 @@ class CrosstalkFit:
     def mode(self) -> int:
         """Of the list: 1, 2 or 3."""
         return 1 + len(self.axes)
+
+    @property
+    def complete(self) -> Bool[np.ndarray, " p"]:
+        """Tests of which all four values are measured: only these can be written."""
+        return np.asarray(np.isfinite(self.values).all(axis=0))
 
     @property
     def full(self) -> Float[np.ndarray, " n"]:
@@ -256,7 +259,6 @@ def fit_events(
         values=values,
         standard_deviation=deviation,
         support=support,
-        complete=np.asarray((support > 0).all(axis=0)),
         acceleration=rates[0],
         deceleration=rates[1],
         velocity_dependent=bool(apart),

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
-from ....data.lists import ListFile, Value
+from ....data.lists import Value
 from ....models import Crosstalk, LegacyCrosstalk
 from ...exchange import ExchangeError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
@@ -27,13 +27,7 @@ from ._result import (
     remarks_of,
 )
 from .effect import full_offsets
-from .entries import (
-    ENTRIES,
-    crosstalk_from_list,
-    crosstalk_masters,
-    entries_of_crosstalk,
-    has_crosstalk,
-)
+from .entries import ENTRIES, crosstalk_from_list, entries_of_crosstalk
 from .keys import Spec
 
 
@@ -61,10 +55,10 @@ def existing_crosstalk(job: Job, index: int, fit: Spec, lists: AxisLists) -> Exi
         JobError: If it was, and cannot be added to.
     """
     found, listing, holder = Existing(), lists.compensation, None
-    if listing is not None and has_crosstalk(listing):
+    if listing is not None and ENTRIES.is_in(listing):
         try:
             model = crosstalk_from_list(listing, job.conventions)
-            found = Existing(model, crosstalk_masters(listing))
+            found = Existing(model, ENTRIES.named_masters(listing))
         except ExchangeError as error:
             found = Existing(unread=str(error))
     if found.model is not None or found.unread:
@@ -161,25 +155,21 @@ class CrosstalkDraft(AbstractDraft):
             return "Works from start-up on"
         return f"Works once {' and '.join(self.found.masters)} are referenced"
 
-    @property
-    def replaces(self) -> tuple[str, ...]:
-        return tuple(f"{self.kind.prefix}.{name}" for name in ENTRIES.stale)
+    def _masters(self, job: Job) -> tuple[int, ...]:
+        """Return the numbers of the axes that it acts over, the accelerating one first."""
+        names = (self.fit.master, *self.found.masters)
+        return tuple(job.spec.axes[name].number for name in names)
 
     def entries(self, job: Job) -> dict[str, Value]:
-        axes = job.spec.axes
-        masters = (self.fit.master, *self.found.masters)
         try:
             entries: dict[str, Value] = dict(
-                entries_of_crosstalk(
-                    self.model(job), tuple(axes[name].number for name in masters)
-                )
+                entries_of_crosstalk(self.model(job), self._masters(job))
             )
         except ExchangeError as error:
             raise job.error(("fits", self.index), str(error)) from None
-        if self.fit.manual_activation is not None:
-            entries[f"{self.kind.prefix}.manual_activation"] = int(
-                self.fit.manual_activation
-            )
+        manual = self.fit.manual_activation
+        if manual is not None:
+            entries[f"{self.kind.prefix}.manual_activation"] = int(manual)
         return entries
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
@@ -193,22 +183,10 @@ class CrosstalkDraft(AbstractDraft):
 
     def _change(self, job: Job) -> Float[np.ndarray, "4 p"] | None:
         """Return what the new list adds beyond the old one, where both can be compared."""
-        axes, old, model = job.spec.axes, self.old.model, self.model(job)
-        names = (self.fit.master, *self.found.masters)
-        same = self.old.masters == tuple(axes[name].number for name in names)
-        if old is None or not same:
+        old, model = self.old.model, self.model(job)
+        if old is None or self.old.masters != self._masters(job):
             return None
         return full_offsets(model, model) - full_offsets(old, model)
-
-    def refuse_misread(self, job: Job, listing: ListFile) -> None:
-        parsed = ListFile.parse(listing.dumps(), listing.source)
-        for name, value in self.entries(job).items():
-            if parsed.integer(name) != value:
-                raise job.error(
-                    ("fits", self.index),
-                    f"found {parsed.integer(name)} for {name} in {listing.source} when"
-                    f" it was read back, expected {value}",
-                )
 
     def prove(self, done: Written) -> CrosstalkResult:
         job, found, fit = done.job, self.found, self.found.fit
