@@ -113,7 +113,7 @@ class Recording:
             group = np.repeat(np.arange(len(turns)), 2)
             wild = np.repeat(found.wild, 2)
             return Sides(place, way, -0.5 * way * width, wild, group)
-        before = np.nan_to_num(found.residual) - 0.5 * way * found.width
+        before = found.residual - 0.5 * way * found.width
         if self.run is not None and len(np.unique(self.run)) > 1:
             return Sides(self.position, way, before, found.wild, self.run, by_run=True)
         # Whole targets: those that stay must still be approached from both sides.

@@ -1,4 +1,4 @@
-"""What comes out of a backlash fit, and the fit to readings from both directions."""
+"""Backlash: readings from both directions in, the width out; `_trace` has reversals."""
 
 import dataclasses
 
@@ -198,29 +198,21 @@ def fit_backlash(
     Raises:
         FitError: If a direction is missing or no place was approached in both.
     """
-    keep = np.isfinite(position) & np.isfinite(error)
-    _check(position[keep], direction, keep)
-    rows = np.flatnonzero(keep)
-    position, error, way = position[rows], error[rows], direction[rows].astype(float)
-    clock = None if time is None else time[rows]
+    _check(position, direction)
+    way = direction.astype(float)
     common, places = _along(position, way)
     if run is not None:
-        common = np.hstack([common, _run_offsets(run[rows], way)])
+        common = np.hstack([common, _run_offsets(run, way)])
     # What the model of the controller would take away, about the mean of both directions.
     play = -np.asarray(Backlash(jnp.ones(()), 1).offset(way)) - 0.5
     columns = np.column_stack([play, common])
     names = ["backlash", *[_COMMON] * common.shape[1]]
-    found = regress(columns, error, time=clock, names=names, loss=loss)
-    wild, residual = np.zeros(len(keep), bool), np.full(len(keep), np.nan)
-    wild[rows], residual[rows] = found.wild, found.residual
+    found = regress(columns, error, time=time, names=names, loss=loss)
+    order = min(_HIGHEST, places - 1)
     return dataclasses.replace(
         BacklashFit.of(found, way, "readings"),
-        residual=residual,
-        wild=wild,
-        dependence=dependence_along(
-            position, play, common, error, min(_HIGHEST, places - 1), clock, loss
-        ),
-        drift=None if run is None else _drift(columns, run[rows], error, clock, loss),
+        dependence=dependence_along(position, play, common, error, order, time, loss),
+        drift=None if run is None else _drift(columns, run, error, time, loss),
     )
 
 
@@ -282,11 +274,7 @@ def dependence_along(
     )
 
 
-def _check(
-    position: Float[np.ndarray, " k"],
-    direction: Int[np.ndarray, " t"],
-    keep: Bool[np.ndarray, " t"],
-) -> None:
+def _check(position: Float[np.ndarray, " t"], direction: Int[np.ndarray, " t"]) -> None:
     """Refuse readings that cannot show a backlash."""
     odd = direction[~np.isin(direction, (1, -1))]
     if odd.size:
@@ -294,7 +282,7 @@ def _check(
         raise FitError(msg)
     ranges = []
     for sign, name in ((1, "positive"), (-1, "negative")):
-        places = position[direction[keep] == sign]
+        places = position[direction == sign]
         if not places.size:
             msg = (
                 f"no reading was approached in {name} direction: one direction does "

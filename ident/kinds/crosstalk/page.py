@@ -121,10 +121,8 @@ def _left_out(fit: CrosstalkResult, scale: Scale) -> list[tuple[str, str]]:
 
 
 def _choice(fit: CrosstalkResult, scale: Scale) -> str:
-    best = {score.mode: score for score in reversed(fit.fit.scores)}
-    for score in fit.fit.scores:
-        if score.held_out < best[score.mode].held_out:
-            best[score.mode] = score
+    worst_first = sorted(reversed(fit.fit.scores), key=lambda score: -score.held_out)
+    best = {score.mode: score for score in worst_first}
     parts = [
         f"mode {mode} {number(best[mode].held_out * scale.factor)} {scale.error} with"
         f" {count(int(np.prod(best[mode].counts, dtype=int)), 'test')}"
