@@ -97,10 +97,12 @@ class CrosstalkMember(AbstractMember):
             points = found.points if names else None
             rates = found.acceleration, found.deceleration
             way = found.velocity_dependent
+        # A list is written with all four entries of a test (S-35).
+        rules = dataclasses.replace(job.conventions, crosstalk_undirected="own")
         return Crosstalk(
             self.axis, self.fit.master, rates[0], rates[1],
             adaptation=names, positions=points,
-            velocity_dependent=bool(way), conventions=job.conventions,
+            velocity_dependent=bool(way), conventions=rules,
         )  # fmt: skip
 
     def _log(
