@@ -109,12 +109,11 @@ def _part(rows: Rows, fit: Spec) -> CrosstalkReadings:
         )
         raise MeasurementError(str(rows.measured.source), reason)
     order = POSITION_ORDER[rules.crosstalk_input]
-    turning = fit.axis if rules.crosstalk_velocity == "slave" else fit.master
     places = [rows.position(axis, why, order) for axis in fit.adapts_to]
     return CrosstalkReadings(
         time=time,
         acceleration=rows.motion(fit.master, "acceleration"),
-        velocity=rows.motion(turning, "velocity"),
+        velocity=rows.motion(fit.mover(rules), "velocity"),
         error=_error(rows, fit.axis),
         positions=np.column_stack([np.zeros((len(time), 0)), *places]),
     )

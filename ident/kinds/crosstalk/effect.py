@@ -103,7 +103,8 @@ class CrosstalkFit:
         """
         if active is None:
             return self.complete
-        return self.complete | are_among(self.points, np.asarray(active.surface.points))
+        known = are_among(self.points, np.asarray(active.surface.points))
+        return np.asarray(self.complete | known)
 
     def compensation(self, active: Crosstalk | None = None) -> Crosstalk | None:
         """Return the list that takes this error away, as the controller runs it.

@@ -30,7 +30,7 @@ def member(
         JobError: If existing lists do not suit.
     """
     old = existing_crosstalk(job, index, fit, lists)
-    return CrosstalkMember(index, fit, lists, old)
+    return CrosstalkMember(index, fit, lists, old, fit.mover(job.conventions))
 
 
 @final
@@ -40,10 +40,12 @@ class CrosstalkMember(AbstractMember):
 
     Attributes:
         old: Crosstalk of the list that is there.
+        mover: Axis whose direction of motion counts.
     """
 
     fit: Spec
     old: Existing
+    mover: str
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -51,7 +53,7 @@ class CrosstalkMember(AbstractMember):
 
     @property
     def accelerating(self) -> tuple[str, ...]:
-        return (self.fit.master,)
+        return (self.fit.master, self.mover)
 
     def unfit(self, recording: GroupRecording) -> str:
         rate = recording.data.acceleration[self.fit.master]
@@ -120,7 +122,7 @@ class CrosstalkMember(AbstractMember):
         whole = CrosstalkReadings(
             time=data.time,
             acceleration=data.acceleration[master],
-            velocity=data.velocity[master],
+            velocity=data.velocity[self.mover],
             error=np.asarray(error, dtype=float),
             positions=np.column_stack([np.zeros((len(data), 0)), *places]),
         )

@@ -186,7 +186,7 @@ class CrosstalkDraft(AbstractDraft):
         old, model = self.old.model, self.model(job)
         if old is None or self.old.masters != self._masters(job):
             return None
-        return full_offsets(model, model) - full_offsets(old, model)
+        return np.asarray(full_offsets(model, model) - full_offsets(old, model))
 
     def prove(self, done: Written) -> CrosstalkResult:
         job, found, fit = done.job, self.found, self.found.fit
