@@ -320,11 +320,8 @@ def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
 
 def _course(fit: CrosstalkResult, event: int) -> tuple[Float[np.ndarray, " t"], ...]:
     """Return time in s, error about its level beside the event, and what is added, in mm."""
-    log, start, stop = (
-        fit.readings,
-        fit.fit.events.start[event],
-        fit.fit.events.stop[event],
-    )
+    log, events = fit.readings, fit.fit.events
+    start, stop = events.start[event], events.stop[event]
     rows = slice(max(2 * start - stop, 0), 2 * stop - start)
     full = max(fit.fit.acceleration, -fit.fit.deceleration)
     error = log.error[rows]
