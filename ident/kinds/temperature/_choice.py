@@ -14,8 +14,8 @@ from jaxtyping import Float, Int
 
 from ...core import FitError, Regression, node_shares, simplest
 from ...fit.joint import Temperature
+from ._estimate import LawScore, Meeting
 from ._line import Data, Shape, fit_line, laid_out, shape_of
-from ._types import LawScore, Meeting
 
 Fitted = tuple[Temperature, Regression]
 """A line, and the regression whose coefficients begin with its node values."""
@@ -25,6 +25,8 @@ BLOCKS, FOLDS = 20, 5
 """Stretches of time, and in how many turns they are left out, far from each other."""
 _VISIT = 0.05
 """Share of the range of temperatures that counts as staying where it is."""
+_FEW = 20
+"""Readings below which no lag is looked for."""
 _MATTERS = 0.02
 """Share of the squared held-out residuals by which a richer law must be better."""
 _LIMIT = 5.0
@@ -44,15 +46,13 @@ class Contest:
     Attributes:
         data: The readings.
         blocks: Number of the block of each.
-        loss: As for `regress`.
     """
 
     data: Data
     blocks: Int[np.ndarray, " t"]
-    loss: str
 
     @classmethod
-    def of(cls, data: Data, loss: str) -> "Contest":
+    def of(cls, data: Data) -> "Contest":
         """Return the contest over readings, in stays at one temperature or stretches of time."""
         data = data.thinned()
         theta = data.whole.temperature[data.sensors[0]][:: data.every]
@@ -65,17 +65,15 @@ class Contest:
             stay[row] = number
         if not 3 <= number + 1 < BLOCKS:
             stay = np.arange(len(theta)) * BLOCKS // len(theta)
-        return cls(data, stay, loss)
+        return cls(data, stay)
 
-    def fitted(
-        self, shape: Shape, reference: float, lags: Mapping[str, float]
-    ) -> Fitted | None:
+    def fitted(self, shape: Shape, lags: Mapping[str, float]) -> Fitted | None:
         """Return a law with its node values fitted; None where the readings are too few."""
-        line = self.data.laid_out(shape, reference, lags)
+        line = self.data.laid_out(shape, lags)
         if line is None or len(self.data.error) <= sum(shape):
             return None
         try:
-            return fit_line(line, self.data, self.loss, quick=True)
+            return fit_line(line, self.data, quick=True)
         except FitError:
             return None
 
@@ -120,26 +118,27 @@ class Contest:
         return result
 
     def shape(
-        self, reference: float, lags: Mapping[str, float]
-    ) -> tuple[Shape, tuple[LawScore, ...], float]:
+        self, lags: Mapping[str, float]
+    ) -> tuple[Shape, tuple[LawScore, ...], float | None]:
         """Return the simplest law that predicts no worse than the best by more than chance.
 
         Returns:
-            Nodes of the law, what was compared, and the scale of the residuals in mm.
+            Nodes of the law, what was compared, and the scale of the residuals in mm; nothing
+            is compared where the job gives the law.
 
         Raises:
             FitError: If not even the simplest law can be held to readings left out.
         """
-        most = {
-            "offset": MOST_NODES if "offset" in self.data.moved else 1,
-            "coefficient": MOST_NODES - 1,
-        }
+        given, laws = self.data.given_law, self.data.line.sensors
+        if len(given) == len(laws):
+            return tuple(given[law] for law in laws), (), None
+        most = {"offset": MOST_NODES, "coefficient": MOST_NODES - 1}
         shapes = itertools.product(
-            *(range(1, most[law] + 1) for law in self.data.line.sensors)
+            *([given[law]] if law in given else range(1, most[law] + 1) for law in laws)
         )
         tried, scale = dict[Shape, Float[np.ndarray, " t"]](), 0.0
         for shape in sorted(shapes, key=lambda each: (-sum(each), -each[0])):
-            fitted = self.fitted(shape, reference, lags)
+            fitted = self.fitted(shape, lags)
             if fitted is None:
                 continue
             scale = scale or scale_of(fitted[1].residual)
@@ -158,17 +157,18 @@ class Contest:
         ]
         return chosen, tuple(reversed(scores)), scale
 
-    def lags(self, reference: float) -> dict[str, float]:
+    def lags(self) -> dict[str, float]:
         """Return the lag in s of each sensor; a negative one is late itself.
 
         Tried with laws that can bend, on a grid, then refined. A lag is taken where it
         predicts held-out readings better by more than chance.
         """
-        data = self.data
-        none = dict.fromkeys(data.sensors, 0.0)
+        data, none = self.data, self.data.given_lags
+        if not data.open_lags or len(data.error) < _FEW:
+            return none
         bent = {"offset": 3 if "offset" in data.moved else 1, "coefficient": 2}
         shape = tuple(bent[law] for law in data.line.sensors)
-        still = self.fitted(shape, reference, none)
+        still = self.fitted(shape, none)
         if still is None:
             return none
         scale = scale_of(still[1].residual)
@@ -177,22 +177,22 @@ class Contest:
         grid = np.geomspace(5.0 * low, high / 6.0, _GRID)
 
         def cost(lags: Mapping[str, float]) -> float:
-            fitted = self.fitted(shape, reference, lags)
+            fitted = self.fitted(shape, lags)
             if fitted is None:
                 return np.inf
             ratio = np.abs(fitted[1].residual) / scale
             return float(np.square(np.minimum(ratio, _LIMIT)).sum())
 
         lags = none
-        for sensor in data.sensors * len(data.sensors):
+        for sensor in data.open_lags * len(data.open_lags):
             values = (0.0, *grid.tolist(), *(-grid).tolist())
             lags = min((lags | {sensor: value} for value in values), key=cost)
-        free = [sensor for sensor in data.sensors if lags[sensor] > 0]
-        fitted = self.fitted(shape, reference, lags)
+        free = [sensor for sensor in data.open_lags if lags[sensor] > 0]
+        fitted = self.fitted(shape, lags)
         if free and fitted is not None:
-            line, _ = fit_line(fitted[0], data, self.loss, False, free, quick=True)
+            line, _ = fit_line(fitted[0], data, False, free, quick=True)
             lags = {sensor: float(line.lags[sensor]) for sensor in data.sensors}
-            fitted = self.fitted(shape, reference, lags)
+            fitted = self.fitted(shape, lags)
         if fitted is None or not self._better(fitted, still, scale):
             return none
         return lags
@@ -251,12 +251,11 @@ class Contest:
         )
         if begin is None:
             return None, "too few", None
-        begin, _ = fit_line(begin, self.data, self.loss, True, free, quick=True)
-        met, regression = fit_line(begin, data, self.loss, True, free)
+        begin, _ = fit_line(begin, self.data, True, free, quick=True)
+        met, regression = fit_line(begin, data, True, free)
         if count > 1:
             first, second = (
-                (each, fit_line(each, self.data, self.loss, quick=True)[1])
-                for each in (met, line)
+                (each, fit_line(each, self.data, quick=True)[1]) for each in (met, line)
             )
             scale = scale_of(found.residual) if scale is None else scale
             if self.left_out(*first) is None or self._better(second, first, scale):

@@ -1,7 +1,6 @@
 """The thermal line that readings determine, and what readings left out say of it."""
 
 import dataclasses
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -9,17 +8,10 @@ from jaxtyping import Float
 from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
 from ._choice import BLOCKS, FOLDS
+from ._estimate import Confusion, TemperatureFit
 from ._recording import ThermalRecording
-from .effect import (
-    Confusion,
-    LawKey,
-    TemperatureFit,
-    ThermalReadings,
-    fit_temperature,
-)
+from .effect import fit_temperature
 from .keys import Spec
-
-LawPair = Literal["auto"] | tuple[LawKey, LawKey]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,13 +46,8 @@ def identify(recording: ThermalRecording, fit: Spec) -> Identified:
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    law: LawPair = "auto"
-    if fit.law is not None:
-        law = (
-            fit.law.get("offset", "constant"),
-            fit.law.get("coefficient", "constant"),
-        )
-    found = _line(recording, fit, recording.readings, law)
+    meet = recording.datum is None and not isinstance(fit.reference, float)
+    found = fit_temperature(recording.data, recording.line, meet=meet, loss=fit.loss)
     open_pairs = found.confounded
     named = {effect for pair in open_pairs for effect in (pair.first, pair.second)}
     dropped = bool(
@@ -68,17 +55,15 @@ def identify(recording: ThermalRecording, fit: Spec) -> Identified:
     )
     if dropped:
         # The slope and its change are one column: the offset stands apart from both.
-        found = _line(
-            recording, fit, recording.readings, (len(found.offset.value), "constant")
-        )
-    predicted = _held_out(recording, fit, found)
-    instead = None if open_pairs else drift_instead(recording, found)
+        law = {"offset": len(found.offset.value), "coefficient": 1}
+        line = dataclasses.replace(recording.line, law=law)
+        found = fit_temperature(recording.data, line, meet=meet, loss=fit.loss)
     return Identified(
         fit=found,
-        predicted=predicted,
+        predicted=_held_out(recording, found, meet, fit.loss),
         open=open_pairs,
         dropped=dropped,
-        instead=instead,
+        instead=None if open_pairs else drift_instead(recording, found),
     )
 
 
@@ -86,58 +71,30 @@ def drift_instead(
     recording: ThermalRecording, fit: TemperatureFit
 ) -> AgainstDrift | None:
     """Return what may be a drift of the instrument as well; None where that is settled."""
-    readings, used = recording.readings, fit.used
+    data, used = recording.data, fit.used
     count = int(used.sum())
-    clock = np.arange(count, dtype=float)
-    if readings.time is not None:
-        clock = readings.time[used]
+    clock = np.arange(count, dtype=float) if data.time is None else data.time[used]
     away = np.zeros(count)
-    if readings.position is not None:
-        away = readings.position[used] - readings.position[used].mean()
+    if recording.position is not None:
+        away = recording.position[used] - recording.position[used].mean()
     columns = {
-        "offset": fit.temperature[used, recording.effects.get("offset", 0)],
-        "coefficient": fit.temperature[used, recording.effects.get("coefficient", 0)],
+        effect: fit.temperature[used, recording.sensors.index(sensor)]
+        for effect, sensor in recording.effects.items()
     }
-    columns["coefficient"] = (
-        columns["coefficient"] - columns["coefficient"].mean()
-    ) * away
+    if "coefficient" in columns:
+        warm = columns["coefficient"]
+        columns["coefficient"] = (warm - warm.mean()) * away
     found = against_drift(
         clock,
-        np.stack([columns[effect] for effect in recording.effects], axis=1),
-        readings.error[used],
+        np.stack(list(columns.values()), axis=1),
+        recording.error[used],
         np.stack([np.ones(count), away], axis=1),
     )
     return found if found is not None and found.doubtful else None
 
 
-def _line(
-    recording: ThermalRecording,
-    fit: Spec,
-    readings: ThermalReadings,
-    law: LawPair,
-    lag: float | Literal["auto", "none"] | None = None,
-) -> TemperatureFit:
-    offset = recording.effects.get("offset")
-    reference = "intersection" if fit.reference is None else fit.reference
-    if recording.datum is not None and "coefficient" in recording.effects:
-        # The instrument was set to zero there: what the offset does, nobody saw.
-        offset, reference = None, recording.datum
-    if lag is None:
-        lag = fit.lag if readings.time is not None else "none"
-    return fit_temperature(
-        readings,
-        offset_sensor=offset,
-        coefficient_sensor=recording.effects.get("coefficient"),
-        law=law,
-        reference=reference,
-        lag=lag,
-        loss=fit.loss,
-        names=recording.sensors,
-    )
-
-
 def _held_out(
-    recording: ThermalRecording, fit: Spec, found: TemperatureFit
+    recording: ThermalRecording, found: TemperatureFit, meet: bool, loss: str
 ) -> Float[np.ndarray, " u"]:
     """Return errors less the line fitted to the other blocks.
 
@@ -145,28 +102,27 @@ def _held_out(
     fitted anew.
     """
     used = np.flatnonzero(found.used)
-    clock = recording.readings.time
+    clock = recording.data.time
     order = used if clock is None else used[np.argsort(clock[used], kind="stable")]
     rank = np.empty(len(found.used), dtype=np.int64)
     rank[order] = np.arange(len(order))
     groups = rank[used] * BLOCKS // len(used) % FOLDS
-    part = recording.readings.take(found.used)
-    structure = found.temperature[found.used]
-    part = dataclasses.replace(part, temperature=structure)
-    coefficient = found.coefficient
-    law = (
-        len(found.offset.value),
-        1 if coefficient is None else len(coefficient.value),
+    structure = found.temperature[used]
+    part = dataclasses.replace(
+        recording.data.take(used),
+        temperature=dict(zip(recording.sensors, structure.T, strict=True)),
     )
-    predicted = np.array(part.error, dtype=float)
+    law = {name: len(own.value) for name, own in found.laws.items()}
+    line = dataclasses.replace(recording.line, law=law, lag=0.0)
+    place, predicted = recording.position, recording.error[used]
     for group in np.unique(groups):
         out = groups == group
         try:
-            other = _line(recording, fit, part.take(~out), law, lag="none")
+            other = fit_temperature(part.take(~out), line, meet=meet, loss=loss)
         except FitError:
             # What is left tells nothing of this law: neither does the prediction.
-            predicted[out] -= np.median(part.error[~out])
+            predicted[out] -= np.median(recording.error[used][~out])
             continue
-        place = None if part.position is None else part.position[out]
-        predicted[out] -= other.predict(structure[out], place)
+        there = None if place is None else place[used][out]
+        predicted[out] -= other.predict(structure[out], there)
     return predicted

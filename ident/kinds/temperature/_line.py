@@ -1,17 +1,17 @@
-"""Complete readings in order of time, and the thermal line fitted to them."""
+"""Readings of a thermal line in order of time, and the line fitted to them by regression."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import median_filter
 
 from ..._recording import JointData
 from ...core import FitError, Regression, regress, regress_curve
 from ...fit.joint import Temperature
-from ._structure import missed_temperatures
-from ._types import ThermalReadings
+from ...fit.joint._temperature import LAWS
 
 LEAST_RANGE = 0.5
 """Range of a sensor in K below which no law is determined."""
@@ -23,7 +23,13 @@ _STEP = 0.02
 """Step in the logarithm of a time constant for slopes."""
 _REACH = 1e3
 """Distance of the reference in measured ranges that is looked at."""
-_AXIS = "axis"
+_ABSOLUTE_ZERO = -273.15
+_WINDOW = 7
+"""Readings over which a temperature is compared with its neighbours."""
+_GLITCH = 8.0
+"""Distance from the neighbours, in typical distances, that no structure can follow."""
+_LEAST_GLITCH = 1.0
+"""Distance in K that is no glitch in any case."""
 
 Shape = tuple[int, ...]
 """Nodes of offset and coefficient: 1 constant, 2 linear, more piecewise linear."""
@@ -31,34 +37,98 @@ Shape = tuple[int, ...]
 
 @dataclasses.dataclass(frozen=True)
 class Data:
-    """Complete readings of one fit, in order of time.
+    """Complete readings of one line, in order of time.
 
     Attributes:
         whole: All of them.
-        line: The line over its sensors, nodes and lags still open.
+        line: The line; its nodes and lags may still be open.
         moved: The laws that follow a sensor; the offset may be a constant.
+        loss: As for `regress`.
         every: Each so manieth row of the whole counts.
     """
 
     whole: JointData
     line: Temperature
     moved: tuple[str, ...]
+    loss: str
     every: int = 1
+
+    @classmethod
+    def of(
+        cls, line: Temperature, data: JointData, loss: str
+    ) -> tuple["Data", Int[np.ndarray, " r"]]:
+        """Return the complete readings, and the rows where they stood.
+
+        Args:
+            line: What is asked for; without an offset of its own it gets a constant one.
+            data: All readings; without a clock they count as one per second.
+            loss: As for `regress`.
+
+        Raises:
+            FitError: If they cannot tell what is asked for.
+        """
+        error = data.column("error", line.axis, line.name)
+        clock = np.arange(len(data), dtype=float) if data.time is None else data.time
+        keep = np.isfinite(error) & np.isfinite(clock)
+        for axis in line.masters:
+            keep &= np.isfinite(data.column("position", axis, line.name))
+        for sensor in line.sensor_names:
+            warm = data.column("temperature", sensor, line.name)
+            keep &= ~missed_temperatures(warm)
+        rows = np.flatnonzero(keep)
+        rows = rows[np.argsort(clock[rows], kind="stable")]
+        moved = tuple(law for law in LAWS if law in line.sensors)
+        # An offset that is a constant has the sensor of the coefficient: that tells it no node.
+        other, constant = (
+            line.sensors[moved[0]],
+            {} if "offset" in moved else {"offset": 1},
+        )
+        followed = {law: line.sensors.get(law, other) for law in ("offset", *moved)}
+        line = dataclasses.replace(line, sensors=followed, law={**line.law, **constant})
+        found = cls(dataclasses.replace(data, time=clock).take(rows), line, moved, loss)
+        found._check(len(data))
+        return found, rows
+
+    def _check(self, count: int) -> None:
+        """Refuse readings that show no law; ``count`` is how many there were."""
+        if len(self.error) < _LEAST:
+            msg = (
+                f"{len(self.error)} of {count} readings are complete, expected at least"
+                f" {_LEAST}."
+            )
+            raise FitError(msg)
+        for law in self.moved:
+            sensor = self.line.sensors[law]
+            values = self.whole.temperature[sensor]
+            if np.ptp(values) < LEAST_RANGE:
+                msg = (
+                    f"sensor {sensor} of the {law} stays at {values[0]:.4g} °C within "
+                    f"{np.ptp(values):.2g} K, expected a range of {LEAST_RANGE} K or more."
+                )
+                raise FitError(msg)
+        if "coefficient" in self.moved and np.ptp(self.position) == 0:
+            asked = self.line.sensors["offset"]
+            msg = (
+                f"found all readings at {self.position[0]:g} mm, expected two positions or more"
+                f" for the coefficient, or sensors = {{ offset = {asked!r} }}: at one position"
+                " only the offset can be fitted"
+            )
+            raise FitError(msg)
 
     @cached_property
     def error(self) -> Float[np.ndarray, " t"]:
         """In mm."""
-        return np.asarray(self.whole.error[_AXIS][:: self.every])
+        return np.asarray(self.whole.error[self.line.axis][:: self.every])
 
     @cached_property
     def position(self) -> Float[np.ndarray, " t"]:
         """In mm."""
-        return np.asarray(self.whole.position[_AXIS][:: self.every])
+        return np.asarray(self.whole.position[self.line.axis][:: self.every])
 
     @property
     def time(self) -> Float[np.ndarray, " t"]:
         """In s."""
-        assert self.whole.time is not None  # `complete_data` makes one
+        assert self.whole.time is not None  # `of` makes one
         return np.asarray(self.whole.time[:: self.every])
 
     @property
@@ -66,23 +136,41 @@ class Data:
         """Those that move a law, each once."""
         return tuple(dict.fromkeys(self.line.sensors[law] for law in self.moved))
 
-    def inputs(self, line: Temperature) -> list[Float[np.ndarray, " t"]]:
-        """Return the temperature of each law's structure in °C, then the position."""
-        return [each[:: self.every] for each in line.columns_of(self.whole)]
+    @property
+    def open_lags(self) -> tuple[str, ...]:
+        """Sensors whose lag is to be found."""
+        return tuple(name for name in self.sensors if self.line.lags[name] == "fit")
+
+    @property
+    def given_lags(self) -> dict[str, float]:
+        """Lags in s by sensor, 0 where it is to be found."""
+        lags = self.line.lags
+        return {
+            name: 0.0 if lags[name] == "fit" else float(lags[name])
+            for name in self.sensors
+        }
+
+    @property
+    def given_law(self) -> dict[str, int]:
+        """Nodes of the laws that are given."""
+        nodes = self.line.placed(self.whole).nodes
+        return {law: len(own) for law, own in nodes.items() if law in self.line.law}
 
     def warmth(self, line: Temperature) -> list[Float[np.ndarray, " t"]]:
         """Return the temperature of each law's structure in °C."""
         return self.inputs(line)[: len(line.sensors)]
 
+    def inputs(self, line: Temperature) -> list[Float[np.ndarray, " t"]]:
+        """Return the temperature of each law's structure in °C, then the position."""
+        return [each[:: self.every] for each in line.columns_of(self.whole)]
+
     def columns(self, line: Temperature) -> Float[np.ndarray, "t k"]:
         """Return the functions of which the node values of a line are the factors."""
         return line.rows(self.inputs(line))[1]
 
-    def laid_out(
-        self, shape: Shape, reference: float, lags: Mapping[str, float]
-    ) -> Temperature | None:
-        """Return a line over these readings, as `laid_out`; lags in s by sensor."""
-        line = dataclasses.replace(self.line, reference=reference).lagging(lags)
+    def laid_out(self, shape: Shape, lags: Mapping[str, float]) -> Temperature | None:
+        """Return the line over these readings, as `laid_out`; lags in s by sensor."""
+        line = self.line.lagging(lags)
         return laid_out(line, self.warmth(line), shape)
 
     @property
@@ -143,7 +231,6 @@ def names_of(line: Temperature, met: bool = False, lags: int = 0) -> tuple[str, 
 def fit_line(
     line: Temperature,
     data: Data,
-    loss: str,
     free_reference: bool = False,
     free_lags: Sequence[str] = (),
     quick: bool = False,
@@ -153,7 +240,6 @@ def fit_line(
     Args:
         line: Start; its temperatures stay.
         data: Readings.
-        loss: As for `regress`.
         free_reference: Fit the reference position (needs a constant offset).
         free_lags: Sensors whose lag is fitted.
         quick: The regression needs no covariance.
@@ -183,84 +269,30 @@ def fit_line(
 
     if not start:
         return line, regress(
-            data.columns(line), data.error, time=data.time, names=names, loss=loss,
-            quick=quick,
+            data.columns(line), data.error, time=data.time, names=names,
+            loss=data.loss, quick=quick,
         )  # fmt: skip
     first, last = np.array(ends).T
     shapes, found = regress_curve(
         lambda trial: data.columns(at(trial)), data.error,
         np.clip(np.array(start), first, last), width=np.array(widths),
-        bounds=(first, last), time=data.time, names=names, loss=loss, quick=quick,
+        bounds=(first, last), time=data.time, names=names, loss=data.loss, quick=quick,
     )  # fmt: skip
     return at(shapes), found
 
 
-def complete_data(
-    readings: ThermalReadings,
-    sensors: tuple[int | None, int | None],
-    names: Sequence[str],
-) -> tuple[Data, Int[np.ndarray, " r"]]:
-    """Return the complete readings in order of time, and the rows where they stood.
+def missed_temperatures(
+    temperature: Float[np.ndarray, " t"],
+) -> Bool[np.ndarray, " t"]:
+    """Return which readings of a sensor are none: not finite, impossible, or lone jumps.
 
     Args:
-        readings: As they were handed in.
-        sensors: Of offset and coefficient; None = has none.
-        names: Of all sensors, for messages.
-
-    Raises:
-        FitError: If they cannot tell what is asked for.
+        temperature: In °C, in order of time.
     """
-    whole = len(readings.error)
-    position = np.zeros(whole) if readings.position is None else readings.position
-    clock = np.arange(whole, dtype=float) if readings.time is None else readings.time
-    moved = {
-        law: names[sensor]
-        for law, sensor in zip(("offset", "coefficient"), sensors, strict=True)
-        if sensor is not None
-    }
-    keep = np.isfinite(readings.error) & np.isfinite(position) & np.isfinite(clock)
-    heat = dict(zip(names, readings.temperature.T, strict=True))
-    for sensor in moved.values():
-        keep &= ~missed_temperatures(heat[sensor])
-    rows = np.flatnonzero(keep)
-    rows = rows[np.argsort(clock[rows], kind="stable")]
-    # An offset that is a constant has the sensor of the coefficient: that tells it no node.
-    other = next(iter(moved.values()))
-    followed = {law: moved.get(law, other) for law in ("offset", *moved)}
-    data = Data(
-        JointData(
-            position={_AXIS: position[rows]},
-            error={_AXIS: readings.error[rows]},
-            temperature={name: heat[name][rows] for name in moved.values()},
-            time=clock[rows],
-        ),
-        Temperature(_AXIS, followed),
-        tuple(moved),
-    )
-    _check(data, whole)
-    return data, rows
-
-
-def _check(data: Data, whole: int) -> None:
-    """Refuse readings that show no law."""
-    count = len(data.error)
-    if count < _LEAST:
-        msg = f"{count} of {whole} readings are complete, expected at least {_LEAST}."
-        raise FitError(msg)
-    for law in data.moved:
-        sensor = data.line.sensors[law]
-        values = data.whole.temperature[sensor]
-        if np.ptp(values) < LEAST_RANGE:
-            msg = (
-                f"sensor {sensor} of the {law} stays at {values[0]:.4g} °C within "
-                f"{np.ptp(values):.2g} K, expected a range of {LEAST_RANGE} K or more."
-            )
-            raise FitError(msg)
-    if "coefficient" in data.moved and np.ptp(data.position) == 0:
-        asked = data.line.sensors["offset"]
-        msg = (
-            f"found all readings at {data.position[0]:g} mm, expected two positions or more"
-            f" for the coefficient, or sensors = {{ offset = {asked!r} }}: at one position"
-            " only the offset can be fitted"
-        )
-        raise FitError(msg)
+    missed = ~np.isfinite(temperature) | (temperature < _ABSOLUTE_ZERO)
+    values = temperature[~missed]
+    if len(values) >= _WINDOW:
+        away = np.abs(values - median_filter(values, _WINDOW, mode="nearest"))
+        typical = 1.4826 * float(np.median(away))
+        missed[~missed] = away > max(_GLITCH * typical, _LEAST_GLITCH)
+    return np.asarray(missed)

@@ -7,10 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import Measurement, MeasurementError
+from ..._recording import JointData, stacked
 from ...fit import FitError
+from ...fit.joint import Temperature
 from ...job._result import Remark
-from ...readings import Rows, Tables, joined, sensor_name
-from .effect import ThermalReadings, steady
+from ...readings import Rows, Tables, sensor_name
 from .keys import Effect, Spec
 
 
@@ -19,25 +20,92 @@ class ThermalRecording:
     """Readings of one axis while temperatures changed.
 
     Attributes:
-        readings: Error, sensors, positions (or None) and instants (or None).
+        data: Error, sensors, positions (or none) and instants (or None).
         rows: Which row of all measurements, one after the other, each reading was.
-        sensors: Names of the sensors, as columns of the temperatures.
-        effects: Number of the sensor of each effect that is fitted.
+        line: What is fitted to them.
+        effects: Sensor of each effect that is asked for.
         datum: Where the instrument was set to zero at all temperatures, or None.
-        reference_temperature: In °C, at which nothing is to be corrected.
         remarks: What was taken for granted.
         carriers: Tables of the same group, which hold what no temperature moves; None
             where the line is fitted alone.
     """
 
-    readings: ThermalReadings
+    data: JointData
     rows: Int[np.ndarray, " t"]
-    sensors: tuple[str, ...]
-    effects: dict[Effect, int]
+    line: Temperature
+    effects: dict[Effect, str]
     datum: float | None
-    reference_temperature: float
     remarks: tuple[Remark, ...]
     carriers: tuple[str, ...] | None = None
+
+    @property
+    def error(self) -> Float[np.ndarray, " t"]:
+        """In mm."""
+        return np.asarray(self.data.error[self.line.axis])
+
+    @property
+    def position(self) -> Float[np.ndarray, " t"] | None:
+        """In mm; None where the error was measured at one position."""
+        return self.data.position.get(self.line.axis)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors, as columns of the temperatures."""
+        return tuple(self.data.temperature)
+
+    @property
+    def temperature(self) -> Float[np.ndarray, "t s"]:
+        """Of the sensors in °C."""
+        return np.stack(list(self.data.temperature.values()), axis=1)
+
+    def number(self, effect: Effect) -> int:
+        """Return the number of the sensor of an effect; of the other one where it has none."""
+        first = next(iter(self.effects.values()))
+        return self.sensors.index(self.effects.get(effect, first))
+
+
+def effects_of(tables: Tables, fit: Spec) -> dict[Effect, str]:
+    """Return the sensor of each effect that is fitted.
+
+    Raises:
+        MeasurementError: If the only sensor is to be taken and there is none, or several.
+    """
+    found = fit.effects
+    if found is None:
+        measured = tables.measured(fit.sources[0], fit.axis, (fit.axis,))
+        only = _only_sensor(measured, fit.axis)
+        found = {"offset": only, "coefficient": only}
+    return {effect: sensor_name(role) for effect, role in found.items()}
+
+
+def line_of(
+    fit: Spec, effects: dict[Effect, str], data: JointData, warmth: float
+) -> Temperature:
+    """Return the line that a fit asks for; its reference is in the middle where none is given.
+
+    Args:
+        fit: Keys of the job.
+        effects: Sensor of each effect.
+        data: Readings.
+        warmth: Reference temperature in °C.
+    """
+    reference = 0.0
+    if isinstance(fit.reference, float):
+        reference = fit.reference
+    elif "coefficient" in effects:
+        place = data.position[fit.axis]
+        reference = 0.5 * float(np.nanmin(place) + np.nanmax(place))
+    lag: float | str = 0.0
+    if data.time is not None and fit.lag != "none":
+        lag = "fit" if fit.lag == "auto" else fit.lag
+    return Temperature(
+        fit.axis,
+        {str(effect): sensor for effect, sensor in effects.items()},
+        reference=reference,
+        law={str(effect): law for effect, law in (fit.law or {}).items()},
+        lag=lag,
+        reference_temperature=warmth,
+    )
 
 
 def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
@@ -48,66 +116,59 @@ def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
         FitError: If there is no plateau where one is asked for.
         JobError: If the measurements do not suit each other.
     """
-    effects: dict[Effect, str] | None = fit.effects
-    remarks: list[Remark] = []
-    parts: list[tuple[Rows, ThermalReadings]] = []
+    effects, remarks = effects_of(tables, fit), list[Remark]()
+    parts, plateau = list[JointData](), list[np.ndarray]()
     for name in fit.sources:
         measured = tables.measured(name, fit.axis, (fit.axis,))
         rows = Rows(tables.job, name, measured, [fit.axis], gaps=True)
-        if effects is None:
-            only = only_sensor(rows.measured, fit.axis)
-            effects = {"offset": only, "coefficient": only}
-        parts.append((rows, _part(rows, fit, effects)))
+        parts.append(_part(rows, fit, effects))
         remarks += map(Remark.info, rows.remarks)
-    assert effects is not None  # there is at least one measurement
-    names = tuple(dict.fromkeys(sensor_name(each) for each in effects.values()))
-    time, words = _one_clock([rows.time for rows, _ in parts])
+        if fit.steady is not None:
+            plateau.append(rows.temperature(fit.steady.sensor, "for steady"))
+    counts = [len(part) for part in parts]
+    time, words = _one_clock([part.time for part in parts])
     remarks += words
-    readings = ThermalReadings(
-        np.concatenate([part.error for _, part in parts]),
-        np.concatenate([part.temperature for _, part in parts]),
-        joined([part.position for _, part in parts]),
-        time,
+    data = JointData(
+        position=stacked(parts, "position", counts),
+        error=stacked(parts, "error", counts),
+        temperature=stacked(parts, "temperature", counts),
+        time=time,
     )
-    kept = np.arange(len(readings.error))
-    if fit.steady is not None:
-        sensor = fit.steady.sensor
-        plateau = [rows.temperature(sensor, "for steady") for rows, _ in parts]
+    kept = np.arange(len(data))
+    if plateau:
         keep, said = _plateau(fit, np.concatenate(plateau), time)
         remarks.append(said)
-        readings, kept = readings.take(keep), kept[keep]
-    datum, reference = _common(tables, fit)
-    numbers: dict[Effect, int] = {}
-    for effect, sensor in effects.items():
-        numbers[effect] = names.index(sensor_name(sensor))
-    return ThermalRecording(
-        readings=readings,
-        rows=kept,
-        sensors=names,
-        effects=numbers,
-        datum=datum,
-        reference_temperature=reference,
-        remarks=tuple(remarks),
-    )
+        data, kept = data.take(keep), kept[keep]
+    datum, warmth = _common(tables, fit)
+    line = line_of(fit, effects, data, warmth)
+    if datum is not None and "coefficient" in effects:
+        # The instrument was set to zero there: what the offset does, nobody saw.
+        own = {"coefficient": effects["coefficient"]}
+        line = dataclasses.replace(line, sensors=own, reference=datum)
+    return ThermalRecording(data, kept, line, effects, datum, tuple(remarks))
 
 
-def _part(rows: Rows, fit: Spec, effects: dict[Effect, str]) -> ThermalReadings:
+def _part(rows: Rows, fit: Spec, effects: dict[Effect, str]) -> JointData:
     """Return the readings of one measurement."""
     why = f"for the temperature fit of {fit.axis}"
-    names = dict.fromkeys(sensor_name(each) for each in effects.values())
-    temperature = np.stack([rows.temperature(each, why) for each in names], axis=1)
-    position = None
+    names = dict.fromkeys(effects.values())
+    temperature = {name: rows.temperature(name, why) for name in names}
+    places = {}
     if "coefficient" in effects:
         why += (
             ", or sensors = { offset = … } where the error was measured at one position"
         )
-        position = rows.position(fit.axis, why)
-    places = {} if position is None else {fit.axis: position}
+        places[fit.axis] = rows.position(fit.axis, why)
     error = rows.error(fit.axis, places, lengths=False)
-    return ThermalReadings(error, temperature, position, None)
+    return JointData(
+        position=places,
+        error={fit.axis: error},
+        temperature=temperature,
+        time=rows.time,
+    )
 
 
-def only_sensor(measured: Measurement, axis: str) -> str:
+def _only_sensor(measured: Measurement, axis: str) -> str:
     """Return the role of the only sensor.
 
     Raises:
@@ -167,6 +228,46 @@ def _plateau(
         f" ±{asked.within:g} K (steady)."
     )
     return keep, Remark.info(words)
+
+
+def steady(
+    time: Float[np.ndarray, " t"],
+    value: Float[np.ndarray, " t"],
+    within: float,
+    level: float | None = None,
+) -> Bool[np.ndarray, " t"]:
+    """Return the readings of the longest plateau of a signal: heating done, load constant.
+
+    Args:
+        time: In s, ascending.
+        value: Of the signal that is to be steady (a heater, a spindle), NaN = missed.
+        within: Largest distance from the level.
+        level: Of the plateau; None = the most frequent one.
+
+    Raises:
+        FitError: If there is none.
+    """
+    known = np.isfinite(value)
+    if level is None and known.any():
+        ordered = np.sort(value[known])
+        # The densest half: a plateau is where the signal spends its time.
+        half = max(len(ordered) // 2, 1)
+        width = ordered[half - 1 :] - ordered[: len(ordered) - half + 1]
+        first = int(np.argmin(width))
+        level = float(np.median(ordered[first : first + half]))
+    inside = known & (np.abs(value - (0.0 if level is None else level)) <= within)
+    # A lone reading outside does not end a plateau.
+    bridged = inside.copy()
+    bridged[1:-1] |= ~inside[1:-1] & inside[:-2] & inside[2:]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bridged, [False]])))
+    starts, ends = edges[::2], edges[1::2]
+    if not len(starts):
+        msg = f"no reading lies within ±{within:g} of a plateau, expected a steady stretch."
+        raise FitError(msg)
+    longest = int(np.argmax(time[ends - 1] - time[starts]))
+    result = np.zeros(len(value), bool)
+    result[starts[longest] : ends[longest]] = True
+    return np.asarray(result & inside)
 
 
 def _common(tables: Tables, fit: Spec) -> tuple[float | None, float]:

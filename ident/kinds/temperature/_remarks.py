@@ -6,9 +6,9 @@ import numpy as np
 
 from ...discover import heat_or_drift
 from ...job._result import Remark
+from ._estimate import Effect, Lag, Meeting, TemperatureFit
 from ._identify import Identified
 from ._recording import ThermalRecording
-from .effect import Effect, Lag, Meeting, TemperatureFit
 
 _ONE_WAY = 0.95
 """Correlation of temperature and time from which nothing but the clock may be seen."""
@@ -62,7 +62,7 @@ def remarks_of(
         )
     yield from _of_fit(recording, found.fit)
     yield from _not_told(axis, recording, found)
-    hottest = float(np.max(recording.readings.temperature[found.fit.used]))
+    hottest = float(np.max(recording.temperature[found.fit.used]))
     if hottest > _HOT:
         yield Remark.warning(
             f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
@@ -143,7 +143,7 @@ def _not_told(
     axis: str, recording: ThermalRecording, found: Identified
 ) -> Iterator[Remark]:
     """Return what these readings cannot say, however well they fit."""
-    readings, fit = recording.readings, found.fit
+    fit = found.fit
     if fit.coefficient is None:
         why = f"The error was measured at one position of {axis}"
         if recording.carriers is not None:
@@ -161,18 +161,17 @@ def _not_told(
         )
     from scipy.stats import rankdata  # takes long to load
 
-    used = fit.used
-    clock = readings.time
+    used, warm, clock = fit.used, recording.temperature, recording.data.time
     row = np.arange(len(used), dtype=float) if clock is None else clock
     for sensor in dict.fromkeys(recording.effects.values()):
-        warmth = readings.temperature[used, sensor]
+        warmth = warm[used, recording.sensors.index(sensor)]
         if warmth.std() > 0 and row[used].std() > 0:
             # Ranks: a warm-up is a curve over the time, and still one way.
             alike = float(np.corrcoef(rankdata(row[used]), rankdata(warmth))[0, 1])
             if abs(alike) > _ONE_WAY:
                 way = "rose" if alike > 0 else "fell"
                 yield Remark.warning(
-                    f"{recording.sensors[sensor]!r} only {way} while measuring"
+                    f"{sensor!r} only {way} while measuring"
                     f" (rank correlation with time {alike:.2f}): whatever else changed"
                     " with time is taken for the temperature. A measurement over"
                     " warming and cooling tells them apart."
@@ -193,7 +192,7 @@ def _drift_instead(
     if found.instead is None:
         return []
     effect, sensor = next(iter(recording.effects.items()))
-    heat = f"temperature {effect} of {axis} by {recording.sensors[sensor]}"
+    heat = f"temperature {effect} of {axis} by {sensor}"
     what, remedy = heat_or_drift(heat, axis)
     size = f"{1e3 * found.instead.rms:.2g} µm rms"
     words = f"The data cannot tell: {what} ({size}). {remedy}"
@@ -206,18 +205,17 @@ def _alike(recording: ThermalRecording) -> list[Remark]:
     first, second = (recording.effects.get(key) for key in ("offset", "coefficient"))
     if first is None or second is None or first == second:
         return []
-    one, two = (recording.readings.temperature[:, k] for k in (first, second))
+    one, two = (recording.data.temperature[name] for name in (first, second))
     known = np.isfinite(one) & np.isfinite(two)
     if known.sum() < 3 or not np.ptp(one[known]) > 0 or not np.ptp(two[known]) > 0:
         return []
     alike = float(np.corrcoef(one[known], two[known])[0, 1])
     if abs(alike) < _SAME_COURSE:
         return []
-    names = recording.sensors[first], recording.sensors[second]
     return [
         Remark.warning(
-            f"{names[0]} and {names[1]} changed alike (correlation {alike:.4f}): that the"
-            f" offset follows {names[0]} and the coefficient {names[1]} is the choice of"
+            f"{first} and {second} changed alike (correlation {alike:.4f}): that the"
+            f" offset follows {first} and the coefficient {second} is the choice of"
             " the job, these readings cannot tell it. Measure once while they differ."
         )
     ]
@@ -227,12 +225,10 @@ def _state(
     axis: str, recording: ThermalRecording, fit: TemperatureFit, zero: float
 ) -> Iterator[Remark]:
     """Return where the law is zero, what stays for the tables, and how far it reaches."""
-    wished = recording.reference_temperature
-    laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
+    wished = recording.line.reference_temperature
     far = {
         recording.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
-        for law in laws
-        if len(law.value) > 1
+        for law in fit.moving
     }
     if len(far) > 1 and any(abs(warm - wished) > 0.05 for warm in far.values()):
         at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in far.items())

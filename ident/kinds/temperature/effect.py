@@ -1,67 +1,29 @@
 """Temperature: errors over position and temperature in, the thermal line out.
 
-Read before: `_types` (what goes in and comes out), `_structure` (the temperature behind a
-sensor: the one first-order lag), `_line` (readings in order, and the line fitted to them),
-`_choice` (law, lag and intersection by readings left out).
+Read before: `_estimate` (what comes out), `_line` (readings in order, and the line fitted to
+them), `_choice` (law, lag and intersection by readings left out).
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Literal
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from ..._recording import JointData
 from ...core import FitError, Regression, one_blas_thread
 from ...fit.joint import Temperature
-from ...fit.joint._temperature import LAWS as LAWS
 from ._choice import Contest
-from ._line import (
-    LEAST_RANGE as LEAST_RANGE,
-    Data,
-    Shape,
-    complete_data,
-    fit_line,
-    names_of,
-)
-from ._structure import (
-    Clocked as Clocked,
-    clocked as clocked,
-    lagged as lagged,
-    steady as steady,
-)
-from ._types import (
-    Confusion as Confusion,
-    Effect as Effect,
-    Lag as Lag,
-    Law as Law,
-    LawScore as LawScore,
-    Meeting as Meeting,
-    TemperatureFit as TemperatureFit,
-    ThermalReadings as ThermalReadings,
-    laws_of as laws_of,
-)
+from ._estimate import Confusion, Effect, Lag, Meeting, TemperatureFit
+from ._line import Data, fit_line, names_of
 
-LawKey = Literal["constant", "linear"] | int
-"""A law over the temperature, or its number of nodes."""
-_LAWS = {"constant": 1, "linear": 2}
-_FEW = 20
-"""Readings below which no lag is looked for."""
 _ALIKE = 0.98
 """Partial correlation of two effects from which the readings do not tell them apart."""
 
 
 @one_blas_thread()
 def fit_temperature(
-    readings: ThermalReadings,
-    *,
-    offset_sensor: int | None = 0,
-    coefficient_sensor: int | None = 0,
-    law: Literal["auto"] | tuple[LawKey, LawKey] = "auto",
-    reference: float | Literal["intersection"] = "intersection",
-    lag: float | Literal["auto", "none"] = "auto",
-    loss: str = "student",
-    names: Sequence[str] = (),
+    data: JointData, line: Temperature, *, meet: bool = False, loss: str = "student"
 ) -> TemperatureFit:
     r"""Fit $e = o(T_1) + c(T_2)(s - s_0)$ to errors at positions and temperatures.
 
@@ -70,115 +32,77 @@ def fit_temperature(
     likelihood, and its covariance is carried through the estimate.
 
     Args:
-        readings: Errors in mm, positions in mm, temperatures in °C, times in s. NaN = missed.
-        offset_sensor: Sensor that moves the offset; None = the offset is a constant.
-        coefficient_sensor: Sensor that moves the slope over the position; None = no slope is
-            fitted (the error was measured at one position).
-        law: ``"auto"`` lets readings left out choose the simplest of constant, linear and
-            piecewise linear laws that predicts as well as the best; a pair for offset and
-            coefficient out of ``"constant"``, ``"linear"`` and numbers of nodes sets it.
-        reference: $s_0$ in mm, or ``"intersection"``: where the lines of all temperatures meet,
-            so that only the coefficient depends on the temperature; the middle of the
-            positions where they meet nowhere.
-        lag: ``"auto"`` estimates a first-order lag of the structure behind each sensor and
-            applies it where it predicts better; ``"none"``; or the time constant in s.
+        data: Readings, NaN = missed; without a clock the rows are in order of time, at equal
+            distances.
+        line: What is asked for. Without a sensor of its own the offset is a constant; without
+            one of the coefficient no slope is fitted (the error was measured at one position).
+            Laws that are not given are chosen: the simplest of constant, linear and piecewise
+            linear ones that predicts readings left out as well as the best. A lag to be fitted
+            is applied where it predicts better.
+        meet: Look from the reference of the line for the position where the lines of all
+            temperatures meet, so that only the coefficient depends on the temperature.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
-        names: Of the sensors, for messages; none = their numbers from 1.
 
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    names = list(names) or [str(k + 1) for k in range(len(readings.temperature.T))]
-    data, rows = complete_data(readings, (offset_sensor, coefficient_sensor), names)
-    contest = Contest.of(data, loss)
-    place, wanted = 0.0, False
-    if not isinstance(reference, str):
-        place = reference
-    elif coefficient_sensor is not None:
-        place, wanted = float(data.position.min() + data.position.max()) / 2.0, True
-    lags = _lags(contest, lag, place)
+    complete, rows = Data.of(line, data, loss)
+    contest = Contest.of(complete)
+    lags = contest.lags()
     late = {sensor for sensor, constant in lags.items() if constant < 0.0}
     lags = {sensor: max(constant, 0.0) for sensor, constant in lags.items()}
-    shape, scores, scale = _shape(contest, law, place, lags)
+    shape, scores, scale = contest.shape(lags)
     # A sensor that no law follows has no lag.
-    follows = {
-        data.line.sensors[name]
-        for name, count in zip(data.line.sensors, shape, strict=True)
-        if count > 1
-    }
+    laws = zip(complete.line.sensors.items(), shape, strict=True)
+    follows = {sensor for (_, sensor), count in laws if count > 1}
     lags = {name: lags[name] * (name in follows) for name in lags}
-    line = data.laid_out(shape, place, lags)
-    if line is None:
+    placed = complete.laid_out(shape, lags)
+    if placed is None:
         msg = f"too few readings between {max(shape)} nodes."
         raise FitError(msg)
-    free = [name for name in data.sensors if lags[name] > 0 and lag == "auto"]
+    free = [name for name in complete.open_lags if lags[name] > 0]
     if free:
-        line, _ = fit_line(line, contest.data, loss, False, free, quick=True)
-    line, found = fit_line(line, data, loss, False, free)
-    _refuse_undetermined(line, found)
+        placed, _ = fit_line(placed, contest.data, False, free, quick=True)
+    fitted, found = fit_line(placed, complete, False, free)
+    _refuse_undetermined(fitted, found)
     meeting: Meeting = "given"
     unsure = None
-    if wanted:
-        met, meeting, unsure = contest.meeting((line, found), data, scale, free)
-        line, found = (line, found) if met is None else met
-        _refuse_undetermined(line, found)
-    columns, value = data.columns(line), found.coefficients[: line.size]
-    further = found.standard_deviation[line.size :]
-    whole = len(readings.error)
-    used, wild = np.zeros(whole, bool), np.zeros(whole, bool)
-    residual: Float[np.ndarray, " t"] = np.full(whole, np.nan)
-    temperature = np.full_like(readings.temperature, np.nan)
+    if meet and "coefficient" in complete.moved:
+        met, meeting, unsure = contest.meeting((fitted, found), complete, scale, free)
+        fitted, found = (fitted, found) if met is None else met
+        _refuse_undetermined(fitted, found)
+    columns, value = complete.columns(fitted), found.coefficients[: fitted.size]
+    further = found.standard_deviation[fitted.size :]
+    sensors = tuple(data.temperature)
+    used, wild = np.zeros((2, len(data)), bool)
+    residual: Float[np.ndarray, " t"] = np.full(len(data), np.nan)
+    temperature: Float[np.ndarray, "t s"] = np.full((len(data), len(sensors)), np.nan)
     used[rows], wild[rows] = True, found.wild
-    residual[rows] = data.error - columns @ value
-    for name in data.sensors:
-        temperature[rows, names.index(name)] = line.structure(data.whole, name)
-    laws = laws_of(line, names, value, found.standard_deviation[: line.size])
+    residual[rows] = complete.error - columns @ value
+    for name in complete.sensors:
+        structure = fitted.structure(complete.whole, name)
+        temperature[rows, sensors.index(name)] = structure
     return TemperatureFit(
-        offset=laws["offset"],
-        coefficient=laws.get("coefficient"),
-        reference=line.reference,
+        line=fitted,
+        sensors=sensors,
+        values=value,
+        covariance=found.covariance,
+        names=names_of(fitted, meeting == "met", len(free)),
         reference_deviation=float(further[0]) if meeting == "met" else None,
         meeting=meeting,
-        lags=_reported_lags(names, line, found, free, late),
-        names=names_of(line, meeting == "met", len(free)),
-        covariance=found.covariance,
+        meeting_deviation=unsure,
+        lags=_reported_lags(sensors, fitted, found, free, late),
         noise=found.noise,
-        independent=float(found.independent[: line.size].min()),
+        independent=float(found.independent[: fitted.size].min()),
         used=used,
         wild=wild,
         residual=residual,
         temperature=temperature,
         scores=scores,
-        confounded=_confusions(data, line),
+        confounded=_confusions(complete, fitted),
         support=tuple((np.abs(columns[~found.wild]) > 0).sum(axis=0).tolist()),
         converged=found.converged,
-        meeting_deviation=unsure,
     )
-
-
-def _lags(
-    contest: Contest, lag: float | Literal["auto", "none"], place: float
-) -> dict[str, float]:
-    """Return time constants in s by sensor; below 0 where the sensor itself is late."""
-    if lag == "auto" and len(contest.data.error) >= _FEW:
-        return contest.lags(place)
-    given = 0.0 if isinstance(lag, str) else lag
-    return dict.fromkeys(contest.data.sensors, given)
-
-
-def _shape(
-    contest: Contest,
-    law: Literal["auto"] | tuple[LawKey, LawKey],
-    place: float,
-    lags: Mapping[str, float],
-) -> tuple[Shape, tuple[LawScore, ...], float | None]:
-    """Return the law, those it was compared with, and the scale of their residuals."""
-    if law == "auto":
-        return contest.shape(place, lags)
-    counts = [_LAWS[each] if isinstance(each, str) else each for each in law]
-    if "offset" not in contest.data.moved:
-        counts[0] = 1
-    return tuple(counts[: len(contest.data.line.sensors)]), (), None
 
 
 def _refuse_undetermined(line: Temperature, found: Regression) -> None:

@@ -92,9 +92,8 @@ class TemperatureDraft(AbstractDraft):
         Where two sensors move the line it is the reference itself: each law is held at its
         own end, the measured temperature next to it.
         """
-        fit, wished = self.found.fit, self.recording.reference_temperature
-        laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
-        following = [law for law in laws if len(law.value) > 1] or laws
+        fit, wished = self.found.fit, self.recording.line.reference_temperature
+        following = fit.moving or tuple(fit.laws.values())
         if len({law.sensor for law in following}) > 1:
             return wished
         low = max(float(law.temperature[0]) for law in following)
@@ -103,9 +102,7 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def written(self) -> bool:
-        laws = (self.found.fit.offset, self.found.fit.coefficient)
-        moves = any(law is not None and len(law.value) > 1 for law in laws)
-        return moves and self.found.determined
+        return bool(self.found.fit.moving) and self.found.determined
 
     @property
     def partial(self) -> bool:
@@ -188,9 +185,9 @@ class TemperatureDraft(AbstractDraft):
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        readings = read_thermal(tables, fit).readings
-        known = np.isfinite(readings.error)
-        error, place = readings.error[known], readings.position
+        recording = read_thermal(tables, fit)
+        known = np.isfinite(recording.error)
+        error, place = recording.error[known], recording.position
         positions = np.zeros((len(error), 1)) if place is None else place[known, None]
         return SecondMeasurement.of(
             ", ".join(fit.sources), positions, error - np.median(error)
@@ -248,7 +245,7 @@ class TemperatureDraft(AbstractDraft):
 
     def _places(self, job: Job) -> Float[np.ndarray, " p"]:
         """Return the ends of what the axis reaches in mm; its reference without those."""
-        place = self.recording.readings.position
+        place = self.recording.position
         if place is None:
             return np.array([self._position])
         place = place[self.found.fit.used]
@@ -300,6 +297,4 @@ class TemperatureDraft(AbstractDraft):
     @property
     def _followed(self) -> tuple[int, int]:
         """Numbers of the sensors of offset and coefficient: of one of them for both."""
-        effects = self.recording.effects
-        first = next(iter(effects.values()))
-        return effects.get("offset", first), effects.get("coefficient", first)
+        return self.recording.number("offset"), self.recording.number("coefficient")

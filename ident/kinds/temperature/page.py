@@ -14,10 +14,10 @@ from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, place
 from ...report._words import WildRow
 from .._drawing import left_out_words, marks, side_by_side
+from ._estimate import LawScore, TemperatureFit
 from ._law import RATE
 from ._remarks import lag_words, meeting_words
 from ._result import TemperatureResult, ThermalView
-from .effect import LawScore, TemperatureFit
 
 _MOST_WILD = 12
 _MOST_LAWS = 4
@@ -52,7 +52,7 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
     found = []
     for row in rows.tolist():
         warm = ", ".join(
-            f"{name} {view.readings.temperature[row, k]:.1f} °C"
+            f"{name} {view.temperature[row, k]:.1f} °C"
             for k, name in enumerate(fit.sensors)
         )
         if view.position is not None:
@@ -138,7 +138,7 @@ def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
     if noise.drift > 0:
         unit = (
             f"{noise.time_constant / 60:.3g} minutes"
-            if fit.view.readings.time is not None
+            if fit.view.time is not None
             else "rows"
         )
         words += (
@@ -337,7 +337,7 @@ def _draw_temperatures(
     lagged = {lag.sensor for lag in fit.fit.lags if lag.applied}
     for k, name in enumerate(fit.sensors):
         colour = colours[k % len(colours)]
-        shown = [("-", name, view.readings.temperature)]
+        shown = [("-", name, view.temperature)]
         if k in lagged:
             shown.append(("--", f"structure behind {name}", view.structure))
         for line, label, values in shown:
@@ -350,7 +350,7 @@ def _draw_temperatures(
 
 
 def _clock(view: ThermalView) -> tuple[Float[np.ndarray, " t"], str]:
-    time = view.readings.time
+    time = view.time
     if time is None:
         return view.row.astype(float), "row of the measurement"
     if float(np.ptp(time)) <= _MINUTES:
