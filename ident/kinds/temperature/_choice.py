@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...core import FitError, Regression, node_shares, simplest
 from ...fit.joint import Temperature
@@ -86,36 +86,11 @@ class Contest:
         that are left no law claims anything, and nothing counts: judging there would reward
         what luckily extends.
         """
-        data, groups = self.data, self.blocks
+        groups = self.blocks
         if groups.max() + 1 > 2 * FOLDS:
             groups = groups % FOLDS
-        inputs, root = data.inputs(line), np.sqrt(found.share)
-        theta = inputs[: len(line.sensors)]
-        result = np.zeros(len(groups))
-        for group in np.unique(groups):
-            out = groups == group
-            other = laid_out(line, [warm[~out] for warm in theta], shape_of(line))
-            if other is None:
-                return None
-            columns = other.rows(inputs)[1]
-            design = columns[~out] * root[~out, None]
-            size = np.sqrt(np.square(design).sum(axis=0))
-            if not (size > 0).all():
-                return None
-            aim = root[~out] * data.error[~out]
-            value, _, rank, _ = np.linalg.lstsq(design / size, aim, rcond=1e-6)
-            if rank < len(value):
-                return None
-            inside = np.all(
-                [
-                    (warm[out] >= warm[~out].min()) & (warm[out] <= warm[~out].max())
-                    for warm in theta
-                ],
-                axis=0,
-            )
-            left = data.error[out] - columns[out] @ (value / size)
-            result[out] = np.where(inside, left, 0.0)
-        return result
+        left, inside = leave_out(line, found, self.data, groups)
+        return None if np.isnan(left).any() else np.where(inside, left, 0.0)
 
     def shape(
         self, lags: Mapping[str, float]
@@ -264,6 +239,41 @@ class Contest:
         if not sure < max(10.0 * span, abs(met.reference)):
             return None, "uncertain", sure
         return (met, regression), "met", None
+
+
+def leave_out(
+    line: Temperature, found: Regression, data: Data, groups: Int[np.ndarray, " t"]
+) -> tuple[Float[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
+    """Return what a line fitted without its group leaves of each reading in mm.
+
+    Reference, lags, number of nodes and the weights that the loss left the readings are those
+    of the line; its nodes lie over the temperatures of the others.
+
+    Returns:
+        NaN where the others do not tell the law; and which readings lie within the
+        temperatures of the others.
+    """
+    inputs, root = data.inputs(line), np.sqrt(found.share)
+    theta = inputs[: len(line.sensors)]
+    left, inside = np.full(len(groups), np.nan), np.ones(len(groups), bool)
+    for group in np.unique(groups):
+        out = groups == group
+        for warm in theta:
+            low, high = warm[~out].min(), warm[~out].max()
+            inside[out] &= (warm[out] >= low) & (warm[out] <= high)
+        other = laid_out(line, [warm[~out] for warm in theta], shape_of(line))
+        if other is None:
+            continue
+        columns = other.rows(inputs)[1]
+        design = columns[~out] * root[~out, None]
+        size = np.sqrt(np.square(design).sum(axis=0))
+        if not (size > 0).all():
+            continue
+        aim = root[~out] * data.error[~out]
+        value, _, rank, _ = np.linalg.lstsq(design / size, aim, rcond=1e-6)
+        if rank == len(value):
+            left[out] = data.error[out] - columns[out] @ (value / size)
+    return left, inside
 
 
 def scale_of(residual: Float[np.ndarray, " t"]) -> float:

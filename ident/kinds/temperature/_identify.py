@@ -3,11 +3,8 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
 
 from ...discover import AgainstDrift, against_drift
-from ...fit import FitError
-from ._choice import BLOCKS, FOLDS
 from ._estimate import Confusion, TemperatureFit
 from ._recording import ThermalRecording
 from .effect import fit_temperature
@@ -22,13 +19,11 @@ class Identified:
         fit: The estimate, in the sign of the error.
         open: Effects that the readings cannot tell apart.
         dropped: The coefficient was held constant, since only the offset is determined.
-        predicted: Error of each used reading in mm less what the other blocks say of it.
         held_out: What was left out together: ``block`` or ``run``.
         instead: What a drift of the instrument would explain as well; None where none does.
     """
 
     fit: TemperatureFit
-    predicted: Float[np.ndarray, " u"]
     open: tuple[Confusion, ...] = ()
     dropped: bool = False
     held_out: str = "block"
@@ -60,7 +55,6 @@ def identify(recording: ThermalRecording, fit: Spec) -> Identified:
         found = fit_temperature(recording.data, line, meet=meet, loss=fit.loss)
     return Identified(
         fit=found,
-        predicted=_held_out(recording, found, meet, fit.loss),
         open=open_pairs,
         dropped=dropped,
         instead=None if open_pairs else drift_instead(recording, found),
@@ -91,38 +85,3 @@ def drift_instead(
         np.stack([np.ones(count), away], axis=1),
     )
     return found if found is not None and found.doubtful else None
-
-
-def _held_out(
-    recording: ThermalRecording, found: TemperatureFit, meet: bool, loss: str
-) -> Float[np.ndarray, " u"]:
-    """Return errors less the line fitted to the other blocks.
-
-    The law, its number of nodes and its lags are those of the whole; everything else is
-    fitted anew.
-    """
-    used = np.flatnonzero(found.used)
-    clock = recording.data.time
-    order = used if clock is None else used[np.argsort(clock[used], kind="stable")]
-    rank = np.empty(len(found.used), dtype=np.int64)
-    rank[order] = np.arange(len(order))
-    groups = rank[used] * BLOCKS // len(used) % FOLDS
-    structure = found.temperature[used]
-    part = dataclasses.replace(
-        recording.data.take(used),
-        temperature=dict(zip(recording.sensors, structure.T, strict=True)),
-    )
-    law = {name: len(own.value) for name, own in found.laws.items()}
-    line = dataclasses.replace(recording.line, law=law, lag=0.0)
-    place, predicted = recording.position, recording.error[used]
-    for group in np.unique(groups):
-        out = groups == group
-        try:
-            other = fit_temperature(part.take(~out), line, meet=meet, loss=loss)
-        except FitError:
-            # What is left tells nothing of this law: neither does the prediction.
-            predicted[out] -= np.median(recording.error[used][~out])
-            continue
-        there = None if place is None else place[used][out]
-        predicted[out] -= other.predict(structure[out], there)
-    return predicted

@@ -180,7 +180,7 @@ def view_of(
         temperature=recording.temperature[used],
         structure=structure,
         before=before,
-        predicted=before if line is None else found.predicted,
+        predicted=before if line is None else fit.predicted[used],
         from_file=from_file,
         wild=fit.wild[used],
     )

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from ..._recording import JointData
 from ...core import FitError, Regression, one_blas_thread
 from ...fit.joint import Temperature
-from ._choice import Contest
+from ._choice import BLOCKS, FOLDS, Contest, leave_out
 from ._estimate import Confusion, Effect, Lag, Meeting, TemperatureFit
 from ._line import Data, fit_line, names_of
 
@@ -75,10 +75,14 @@ def fit_temperature(
     further = found.standard_deviation[fitted.size :]
     sensors = tuple(data.temperature)
     used, wild = np.zeros((2, len(data)), bool)
-    residual: Float[np.ndarray, " t"] = np.full(len(data), np.nan)
+    residual, predicted = np.full((2, len(data)), np.nan)
     temperature: Float[np.ndarray, "t s"] = np.full((len(data), len(sensors)), np.nan)
     used[rows], wild[rows] = True, found.wild
     residual[rows] = complete.error - columns @ value
+    turn = np.arange(len(rows)) * BLOCKS // len(rows) % FOLDS
+    left, _ = leave_out(fitted, found, complete, turn)
+    level = complete.error - np.median(complete.error)
+    predicted[rows] = np.where(np.isnan(left), level, left)
     for name in complete.sensors:
         structure = fitted.structure(complete.whole, name)
         temperature[rows, sensors.index(name)] = structure
@@ -97,6 +101,7 @@ def fit_temperature(
         used=used,
         wild=wild,
         residual=residual,
+        predicted=predicted,
         temperature=temperature,
         scores=scores,
         confounded=_confusions(complete, fitted),

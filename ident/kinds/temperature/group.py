@@ -139,7 +139,6 @@ class TemperatureMember(AbstractMember):
         fit = self._line(share, effect)
         found = Identified(
             fit=fit,
-            predicted=share.predicted[share.rows],
             held_out=share.recording.held_out,
             instead=drift_instead(recording, fit),
         )
@@ -167,6 +166,7 @@ class TemperatureMember(AbstractMember):
             used=np.ones(int(rows.sum()), dtype=bool),
             wild=share.wild,
             residual=share.left,
+            predicted=share.predicted[rows],
             temperature=np.stack(
                 [effect.structure(data, name)[rows] for name in self.sensors], axis=1
             ),
