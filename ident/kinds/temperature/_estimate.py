@@ -121,11 +121,9 @@ class TemperatureFit:
         covariance: Of the values, then of the intersection (mm) and of the logarithms of the
             time constants.
         names: Of the parameters, in the order of the covariance.
-        reference_deviation: Standard deviation of the intersection in mm; None where the
-            reference was given.
         meeting: Whether the lines of all temperatures meet at the reference, where the offset
             is a constant, or why that was not taken.
-        meeting_deviation: Standard deviation in mm of an intersection that was too uncertain.
+        meeting_deviation: Standard deviation in mm of the intersection, where there is one.
         lags: One per sensor that is used.
         noise: How residuals scatter, in mm and s.
         independent: Independent readings that would leave the same uncertainty of the least
@@ -158,7 +156,6 @@ class TemperatureFit:
     temperature: Float[np.ndarray, "t s"]
     support: tuple[int, ...]
     converged: bool
-    reference_deviation: float | None = None
     meeting_deviation: float | None = None
     scores: tuple[LawScore, ...] = ()
     confounded: tuple[Confusion, ...] = ()
@@ -197,6 +194,11 @@ class TemperatureFit:
     def reference(self) -> float:
         """$s_0$ in mm."""
         return float(self.line.reference)
+
+    @property
+    def reference_deviation(self) -> float | None:
+        """Standard deviation of the reference in mm; None where lines do not meet there."""
+        return self.meeting_deviation if self.intersects else None
 
     @property
     def intersects(self) -> bool:

@@ -23,6 +23,10 @@ _STEP = 0.02
 """Step in the logarithm of a time constant for slopes."""
 _REACH = 1e3
 """Distance of the reference in measured ranges that is looked at."""
+BLOCKS, FOLDS = 20, 5
+"""Stretches of time, and in how many turns they are left out, far from each other."""
+_VISIT = 0.05
+"""Share of the range of temperatures that counts as staying where it is."""
 _ABSOLUTE_ZERO = -273.15
 _WINDOW = 7
 """Readings over which a temperature is compared with its neighbours."""
@@ -172,6 +176,24 @@ class Data:
         """Return the line over these readings, as `laid_out`; lags in s by sensor."""
         line = self.line.lagging(lags)
         return laid_out(line, self.warmth(line), shape)
+
+    @property
+    def stretches(self) -> Int[np.ndarray, " t"]:
+        """Stretches of time of the readings, as many in each."""
+        return np.arange(len(self.error)) * BLOCKS // len(self.error)
+
+    @cached_property
+    def blocks(self) -> Int[np.ndarray, " t"]:
+        """Stays at one temperature, which are held out together, or stretches of time."""
+        theta = self.whole.temperature[self.sensors[0]][:: self.every]
+        limit = _VISIT * max(float(np.ptp(theta)), 1e-9)
+        stay = np.zeros(len(theta), np.int64)
+        start, number = theta[0], 0
+        for row, value in enumerate(theta):
+            if abs(value - start) > limit:
+                start, number = value, number + 1
+            stay[row] = number
+        return stay if 3 <= number + 1 < BLOCKS else self.stretches
 
     @property
     def lag_range(self) -> tuple[float, float]:

@@ -12,7 +12,6 @@ from ...job._result import AbstractResult, Expectation
 from ._estimate import Law, TemperatureFit
 from ._identify import Identified
 from ._law import RATE, ThermalLaw
-from ._recording import ThermalRecording
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,28 +148,21 @@ def _law(law: Law | None, sensors: tuple[str, ...], factor: float) -> Any:
     }
 
 
-def view_of(
-    recording: ThermalRecording,
-    found: Identified,
-    zero: float,
-    line: TemperatureLine | None,
-) -> ThermalView:
+def view_of(found: Identified, line: TemperatureLine | None) -> ThermalView:
     """Return the complete readings with what became of them.
 
     Args:
-        recording: What was measured.
-        found: The estimate and its proof.
-        zero: Temperature in °C at which nothing is corrected.
+        found: The estimate with its readings.
         line: What was written, read back; None: nothing, and errors stand about their
             median.
     """
-    fit, used = found.fit, found.fit.used
+    recording, fit, used = found.recording, found.fit, found.fit.used
     error, time, place = recording.error[used], recording.data.time, recording.position
     place = None if place is None else place[used]
     structure = fit.temperature[used]
     before = from_file = error - np.median(error)
     if line is not None:
-        before = error - fit.predict(np.full(structure.shape, zero), place)
+        before = error - fit.predict(np.full(structure.shape, found.zero), place)
         away = np.zeros(len(before)) if place is None else place
         from_file = before + np.asarray(line.offset(away, structure))
     return ThermalView(

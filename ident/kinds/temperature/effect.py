@@ -13,9 +13,9 @@ from jaxtyping import Float
 from ..._recording import JointData
 from ...core import FitError, Regression, one_blas_thread
 from ...fit.joint import Temperature
-from ._choice import BLOCKS, FOLDS, Contest, leave_out
+from ._choice import choose_lags, choose_law, find_meeting, leave_out
 from ._estimate import Confusion, Effect, Lag, Meeting, TemperatureFit
-from ._line import Data, fit_line, names_of
+from ._line import FOLDS, Data, fit_line, names_of
 
 _ALIKE = 0.98
 """Partial correlation of two effects from which the readings do not tell them apart."""
@@ -47,11 +47,11 @@ def fit_temperature(
         FitError: If the readings cannot determine what is asked for.
     """
     complete, rows = Data.of(line, data, loss)
-    contest = Contest.of(complete)
-    lags = contest.lags()
+    few = complete.thinned()
+    lags = choose_lags(few)
     late = {sensor for sensor, constant in lags.items() if constant < 0.0}
     lags = {sensor: max(constant, 0.0) for sensor, constant in lags.items()}
-    shape, scores, scale = contest.shape(lags)
+    shape, scores = choose_law(few, lags)
     # A sensor that no law follows has no lag.
     laws = zip(complete.line.sensors.items(), shape, strict=True)
     follows = {sensor for (_, sensor), count in laws if count > 1}
@@ -62,49 +62,46 @@ def fit_temperature(
         raise FitError(msg)
     free = [name for name in complete.open_lags if lags[name] > 0]
     if free:
-        placed, _ = fit_line(placed, contest.data, False, free, quick=True)
-    fitted, found = fit_line(placed, complete, False, free)
-    _refuse_undetermined(fitted, found)
+        placed, _ = fit_line(placed, few, False, free, quick=True)
+    fitted = fit_line(placed, complete, False, free)
+    _refuse_undetermined(*fitted)
     meeting: Meeting = "given"
     unsure = None
     if meet and "coefficient" in complete.moved:
-        met, meeting, unsure = contest.meeting((fitted, found), complete, scale, free)
-        fitted, found = (fitted, found) if met is None else met
-        _refuse_undetermined(fitted, found)
-    columns, value = complete.columns(fitted), found.coefficients[: fitted.size]
-    further = found.standard_deviation[fitted.size :]
+        fitted, meeting, unsure = find_meeting(fitted, complete, free)
+        _refuse_undetermined(*fitted)
+    line, found = fitted
+    columns, value = complete.columns(line), found.coefficients[: line.size]
     sensors = tuple(data.temperature)
     used, wild = np.zeros((2, len(data)), bool)
     residual, predicted = np.full((2, len(data)), np.nan)
     temperature: Float[np.ndarray, "t s"] = np.full((len(data), len(sensors)), np.nan)
     used[rows], wild[rows] = True, found.wild
     residual[rows] = complete.error - columns @ value
-    turn = np.arange(len(rows)) * BLOCKS // len(rows) % FOLDS
-    left, _ = leave_out(fitted, found, complete, turn)
+    left, _ = leave_out(complete, fitted, complete.stretches % FOLDS)
     level = complete.error - np.median(complete.error)
     predicted[rows] = np.where(np.isnan(left), level, left)
     for name in complete.sensors:
-        structure = fitted.structure(complete.whole, name)
+        structure = line.structure(complete.whole, name)
         temperature[rows, sensors.index(name)] = structure
     return TemperatureFit(
-        line=fitted,
+        line=line,
         sensors=sensors,
         values=value,
         covariance=found.covariance,
-        names=names_of(fitted, meeting == "met", len(free)),
-        reference_deviation=float(further[0]) if meeting == "met" else None,
+        names=names_of(line, meeting == "met", len(free)),
         meeting=meeting,
         meeting_deviation=unsure,
-        lags=_reported_lags(sensors, fitted, found, free, late),
+        lags=_reported_lags(sensors, line, found, free, late),
         noise=found.noise,
-        independent=float(found.independent[: fitted.size].min()),
+        independent=float(found.independent[: line.size].min()),
         used=used,
         wild=wild,
         residual=residual,
         predicted=predicted,
         temperature=temperature,
         scores=scores,
-        confounded=_confusions(complete, fitted),
+        confounded=_confusions(complete, line),
         support=tuple((np.abs(columns[~found.wild]) > 0).sum(axis=0).tolist()),
         converged=found.converged,
     )

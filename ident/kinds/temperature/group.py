@@ -18,9 +18,8 @@ from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
 from ...readings import Tables
 from ._estimate import Lag, Law, TemperatureFit
-from ._identify import Identified, drift_instead
+from ._identify import Identified, ThermalRecording, effects_of, line_of
 from ._line import LEAST_RANGE
-from ._recording import ThermalRecording, effects_of, line_of
 from .job import TemperatureDraft, refuse_unstated_law
 from .keys import Effect, Spec
 
@@ -136,13 +135,9 @@ class TemperatureMember(AbstractMember):
             remarks=tuple(share.remarks()),
             carriers=share.tables,
         )
-        fit = self._line(share, effect)
-        found = Identified(
-            fit=fit,
-            held_out=share.recording.held_out,
-            instead=drift_instead(recording, fit),
-        )
-        return TemperatureDraft(self.index, self.fit, self.lists, recording, found)
+        line = self._line(share, effect)
+        found = Identified(recording, line, held_out=share.recording.held_out)
+        return TemperatureDraft(self.index, self.fit, self.lists, found)
 
     def _line(self, share: Share, effect: Temperature) -> TemperatureFit:
         """Return the part as the fit of a single line."""
@@ -179,7 +174,7 @@ class TemperatureMember(AbstractMember):
         if meeting is not None:
             place, sure = meeting
             fit = dataclasses.replace(
-                _turned(fit, place), reference_deviation=sure, meeting="met"
+                _turned(fit, place), meeting_deviation=sure, meeting="met"
             )
         elif "offset" not in fit.laws:
             fit = _turned(fit, 0.0)
