@@ -3,8 +3,7 @@
 import numpy as np
 
 from axcomp.ident.fit.joint import JointData, Temperature
-from axcomp.ident.kinds.temperature._estimate import TemperatureFit
-from axcomp.ident.kinds.temperature.effect import fit_temperature
+from axcomp.ident.kinds.temperature.fit import TemperatureFit, fit_temperature
 
 
 def readings(

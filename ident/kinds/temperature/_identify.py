@@ -14,8 +14,7 @@ from ...fit import FitError
 from ...fit.joint import Temperature
 from ...job._result import Remark
 from ...readings import Rows, Tables, sensor_name
-from ._estimate import TemperatureFit
-from .effect import fit_temperature
+from .fit import TemperatureFit, fit_temperature
 from .keys import Effect, Spec
 
 

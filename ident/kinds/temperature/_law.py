@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ...proof import GateCheck, GateLimits, gate_check
-from ._estimate import TemperatureFit
 from .entries import COLUMNS
+from .fit import TemperatureFit
 from .keys import block_names, plain_name
 
 _SAME = 1e-3

@@ -6,8 +6,8 @@ import numpy as np
 
 from ...discover import heat_or_drift
 from ...job._result import Remark
-from ._estimate import Effect, Lag, Meeting, TemperatureFit
 from ._identify import Identified
+from .fit import Effect, Lag, Meeting, TemperatureFit
 
 _ONE_WAY = 0.95
 """Correlation of temperature and time from which nothing but the clock may be seen."""

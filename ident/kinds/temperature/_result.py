@@ -9,9 +9,9 @@ from jaxtyping import Bool, Float, Int
 
 from ....models import TemperatureLine
 from ...job._result import AbstractResult, Expectation
-from ._estimate import Law, TemperatureFit
 from ._identify import Identified
 from ._law import RATE, ThermalLaw
+from .fit import Law, TemperatureFit
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,9 +17,8 @@ from ...job.joint._member import AbstractMember, at_once, few
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
 from ...readings import Tables
-from ._estimate import Lag, Law, TemperatureFit
 from ._identify import Identified, ThermalRecording, effects_of, line_of
-from ._line import LEAST_RANGE
+from .fit import LEAST_RANGE, Lag, Law, TemperatureFit
 from .job import TemperatureDraft, refuse_unstated_law
 from .keys import Effect, Spec
 

@@ -14,10 +14,10 @@ from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, place
 from ...report._words import WildRow
 from .._drawing import left_out_words, marks, side_by_side
-from ._estimate import LawScore, TemperatureFit
 from ._law import RATE
 from ._remarks import lag_words, meeting_words
 from ._result import TemperatureResult, ThermalView
+from .fit import LawScore, TemperatureFit
 
 _MOST_WILD = 12
 _MOST_LAWS = 4

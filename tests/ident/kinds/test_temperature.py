@@ -8,7 +8,7 @@ import pytest
 from axcomp.ident._recording import lagged
 from axcomp.ident.core import FitError
 from axcomp.ident.fit.joint import JointData
-from axcomp.ident.kinds.temperature._estimate import TemperatureFit
+from axcomp.ident.kinds.temperature.fit import TemperatureFit
 
 from ..thermal_line import fitted, readings
 

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import median_filter
 
-from ..._recording import JointData
-from ...core import FitError, Regression, regress, regress_curve
-from ...fit.joint import Temperature
-from ...fit.joint._temperature import LAWS
+from ...._recording import JointData
+from ....core import FitError, Regression, regress, regress_curve
+from ....fit.joint import Temperature
+from ....fit.joint._temperature import LAWS
 
 LEAST_RANGE = 0.5
 """Range of a sensor in K below which no law is determined."""

@@ -1,8 +1,4 @@
-"""Temperature: errors over position and temperature in, the thermal line out.
-
-Read before: `_estimate` (what comes out), `_line` (readings in order, and the line fitted to
-them), `_choice` (law, lag and intersection by readings left out).
-"""
+"""Temperature: errors over position and temperature in, the thermal line out."""
 
 import itertools
 from collections.abc import Sequence
@@ -10,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ..._recording import JointData
-from ...core import FitError, Regression, one_blas_thread
-from ...fit.joint import Temperature
+from ...._recording import JointData
+from ....core import FitError, Regression, one_blas_thread
+from ....fit.joint import Temperature
 from ._choice import choose_lags, choose_law, find_meeting, leave_out
 from ._estimate import Confusion, Effect, Lag, Meeting, TemperatureFit
 from ._line import FOLDS, Data, fit_line, names_of

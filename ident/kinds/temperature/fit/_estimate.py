@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import block_diag
 
-from ...core import DriftNoise, node_shares
-from ...fit.joint import Temperature
-from ...fit.joint._temperature import LAWS
+from ....core import DriftNoise, node_shares
+from ....fit.joint import Temperature
+from ....fit.joint._temperature import LAWS
 
 Effect = Literal["level", "offset", "slope", "slope change"]
 """Level of the error, temperature at the offset, slope over the position, and how that

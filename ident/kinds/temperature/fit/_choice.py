@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...core import FitError, Regression, node_shares, simplest
-from ...fit.joint import Temperature
+from ....core import FitError, Regression, node_shares, simplest
+from ....fit.joint import Temperature
 from ._estimate import LawScore, Meeting
 from ._line import FOLDS, Data, Shape, fit_line, laid_out, shape_of
 
