@@ -15,7 +15,7 @@ from ...fit.joint import Temperature
 from ...job._result import Remark
 from ...readings import Rows, Tables, sensor_name
 from .fit import TemperatureFit, fit_temperature
-from .keys import Effect, Spec
+from .keys import Spec
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ThermalRecording:
     data: JointData
     rows: Int[np.ndarray, " t"]
     line: Temperature
-    effects: dict[Effect, str]
+    effects: dict[str, str]
     datum: float | None
     remarks: tuple[Remark, ...]
     carriers: tuple[str, ...] | None = None
@@ -152,7 +152,7 @@ def identify(recording: ThermalRecording, fit: Spec) -> Identified:
     return Identified(recording, found, dropped)
 
 
-def effects_of(tables: Tables, fit: Spec) -> dict[Effect, str]:
+def effects_of(tables: Tables, fit: Spec) -> dict[str, str]:
     """Return the sensor of each effect that is fitted.
 
     Raises:
@@ -163,11 +163,11 @@ def effects_of(tables: Tables, fit: Spec) -> dict[Effect, str]:
         measured = tables.measured(fit.sources[0], fit.axis, (fit.axis,))
         only = _only_sensor(measured, fit.axis)
         found = {"offset": only, "coefficient": only}
-    return {effect: sensor_name(role) for effect, role in found.items()}
+    return {str(effect): sensor_name(role) for effect, role in found.items()}
 
 
 def line_of(
-    fit: Spec, effects: dict[Effect, str], data: JointData, warmth: float
+    fit: Spec, effects: dict[str, str], data: JointData, warmth: float
 ) -> Temperature:
     """Return the line that a fit asks for; its reference is in the middle where none is given.
 
@@ -188,7 +188,7 @@ def line_of(
         lag = "fit" if fit.lag == "auto" else fit.lag
     return Temperature(
         fit.axis,
-        {str(effect): sensor for effect, sensor in effects.items()},
+        effects,
         reference=reference,
         law={str(effect): law for effect, law in (fit.law or {}).items()},
         lag=lag,
@@ -236,7 +236,7 @@ def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
     return ThermalRecording(data, kept, line, effects, datum, tuple(remarks))
 
 
-def _part(rows: Rows, fit: Spec, effects: dict[Effect, str]) -> JointData:
+def _part(rows: Rows, fit: Spec, effects: dict[str, str]) -> JointData:
     """Return the readings of one measurement."""
     why = f"for the temperature fit of {fit.axis}"
     names = dict.fromkeys(effects.values())

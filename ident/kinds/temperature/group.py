@@ -20,7 +20,7 @@ from ...readings import Tables
 from ._identify import Identified, ThermalRecording, effects_of, line_of
 from .fit import LEAST_RANGE, Lag, Law, TemperatureFit
 from .job import TemperatureDraft, refuse_unstated_law
-from .keys import Effect, Spec
+from .keys import Spec
 
 _SURE = 3.0
 """Deviations up to which lines of all temperatures count as meeting in a point."""
@@ -53,7 +53,7 @@ class TemperatureMember(AbstractMember):
     """
 
     fit: Spec
-    effects: dict[Effect, str]
+    effects: dict[str, str]
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -151,7 +151,7 @@ class TemperatureMember(AbstractMember):
             line=effect,
             sensors=self.sensors,
             values=part.values,
-            covariance=block_diag(*(np.outer(own, own) for own in spread)),
+            covariance=np.asarray(block_diag(*(np.outer(own, own) for own in spread))),
             names=effect.labels,
             meeting="given",
             lags=self._lags(share),
@@ -210,7 +210,7 @@ def _turned(fit: TemperatureFit, away: float) -> TemperatureFit:
         fit,
         line=line,
         values=np.append(0.0, fit.values[first:]),
-        covariance=block_diag(0.0, fit.covariance[first:, first:]),
+        covariance=np.asarray(block_diag(0.0, fit.covariance[first:, first:])),
         names=line.labels,
         support=(len(fit.used), *fit.support[first:]),
     )

@@ -7,11 +7,9 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg import block_diag
 
 from ....core import DriftNoise, node_shares
 from ....fit.joint import Temperature
-from ....fit.joint._temperature import LAWS
 
 Effect = Literal["level", "offset", "slope", "slope change"]
 """Level of the error, temperature at the offset, slope over the position, and how that
@@ -237,10 +235,8 @@ class TemperatureFit:
         """
         size, here = self.line.size, np.array([temperature])
         move = np.eye(len(self.covariance))
-        move[:size, :size] -= block_diag(*(
-            np.repeat(node_shares(here, nodes), len(nodes), axis=0)
-            for nodes in self.line.nodes.values()
-        ))  # fmt: skip
+        for name, own in self.line.split(np.arange(size)).items():
+            move[np.ix_(own, own)] -= node_shares(here, self.line.nodes[name])
         return dataclasses.replace(
             self,
             values=move[:size, :size] @ self.values,
@@ -251,10 +247,11 @@ class TemperatureFit:
         self, temperature: Float[np.ndarray, " t"]
     ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
         """Return the deviations of offset (mm) and coefficient (mm/mm) at temperatures."""
-        places = self.line.split(np.arange(self.line.size))
-        result = dict.fromkeys(LAWS, np.zeros(len(temperature)))
-        for name, nodes in self.line.nodes.items():
-            share, own = node_shares(temperature, nodes), places[name]
+        result = {
+            name: np.zeros(len(temperature)) for name in ("offset", "coefficient")
+        }
+        for name, own in self.line.split(np.arange(self.line.size)).items():
+            share = node_shares(temperature, self.line.nodes[name])
             variance = ((share @ self.covariance[np.ix_(own, own)]) * share).sum(axis=1)
             result[name] = np.sqrt(np.maximum(variance, 0.0))
         return result["offset"], result["coefficient"]
