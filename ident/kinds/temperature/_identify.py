@@ -52,11 +52,6 @@ class ThermalRecording:
         return self.data.position.get(self.line.axis)
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors, as columns of the temperatures."""
-        return tuple(self.data.temperature)
-
-    @property
     def temperature(self) -> Float[np.ndarray, "t s"]:
         """Of the sensors in °C."""
         return np.stack(list(self.data.temperature.values()), axis=1)
@@ -119,7 +114,7 @@ class Identified:
         clock = np.arange(count, dtype=float) if time is None else time[used]
         away = np.zeros(count) if place is None else place[used] - place[used].mean()
         columns = {
-            effect: fit.temperature[used, recording.sensors.index(sensor)]
+            effect: fit.temperature[used, fit.sensors.index(sensor)]
             for effect, sensor in recording.effects.items()
         }
         if "coefficient" in columns:
@@ -177,12 +172,11 @@ def line_of(
         data: Readings.
         warmth: Reference temperature in °C.
     """
-    reference = 0.0
+    place = data.position[fit.axis] if "coefficient" in effects else np.zeros(0)
+    place = place[np.isfinite(place)]
+    reference = 0.5 * float(place.min() + place.max()) if place.size else 0.0
     if isinstance(fit.reference, float):
         reference = fit.reference
-    elif "coefficient" in effects:
-        place = data.position[fit.axis]
-        reference = 0.5 * float(np.nanmin(place) + np.nanmax(place))
     lag: float | str = 0.0
     if data.time is not None and fit.lag != "none":
         lag = "fit" if fit.lag == "auto" else fit.lag

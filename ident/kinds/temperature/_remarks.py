@@ -61,7 +61,7 @@ def remarks_of(found: Identified, sign_known: bool) -> Iterator[Remark]:
         yield Remark.warning(words)
     for lag in fit.lags:
         level = "warning" if lag.sensor_late else "info"
-        yield Remark(level, lag_words(lag, recording.sensors[lag.sensor]))
+        yield Remark(level, lag_words(lag, fit.sensors[lag.sensor]))
     wild, missed = int(fit.wild.sum()), int((~fit.used).sum())
     if wild:
         yield Remark.warning(f"{wild} wild readings were left out.")
@@ -200,7 +200,7 @@ def _state(found: Identified) -> Iterator[Remark]:
     recording, fit, zero = found.recording, found.fit, found.zero
     wished = recording.line.reference_temperature
     far = {
-        recording.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
+        fit.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
         for law in fit.moving
     }
     if len(far) > 1 and any(abs(warm - wished) > 0.05 for warm in far.values()):

@@ -50,7 +50,6 @@ class TemperatureResult(AbstractResult):
     """The thermal line of an axis.
 
     Attributes:
-        sensors: Names, as columns of the temperatures.
         reference: Position where the line turns, in mm (P-AXIS-00272).
         zero: Temperature in °C at which nothing is corrected.
         law: As written; None where nothing is.
@@ -59,13 +58,17 @@ class TemperatureResult(AbstractResult):
         view: The readings before and after.
     """
 
-    sensors: tuple[str, ...]
     reference: float
     zero: float
     law: ThermalLaw | None
     fit: TemperatureFit
     cycles: int
     view: ThermalView
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors, as columns of the temperatures."""
+        return self.fit.sensors
 
     @functools.cached_property
     def relative(self) -> TemperatureFit:

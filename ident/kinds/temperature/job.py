@@ -145,7 +145,7 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        return self.found.recording.sensors
+        return self.found.fit.sensors
 
     @property
     def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
@@ -185,7 +185,6 @@ class TemperatureDraft(AbstractDraft):
                 file for file in done.names if self.written and file.name in names
             ),
             held_out=self.found.held_out,
-            sensors=self.sensors,
             reference=self._position,
             zero=self.found.zero,
             law=self._law(job) if self.written else None,

@@ -19,7 +19,7 @@ from ._line import FOLDS, Data, Shape, fit_line, laid_out, shape_of
 
 Fitted = tuple[Temperature, Regression]
 """A line, and the regression whose coefficients begin with its node values."""
-MOST_NODES = 5
+_MOST_NODES = 5
 """A law that the PLC interpolates needs no more."""
 _MOST_TURNS = 10
 """Blocks that are left out one after the other; of more, some together."""
@@ -51,7 +51,7 @@ def choose_law(
     given, laws = data.given_law, data.line.sensors
     if len(given) == len(laws):
         return tuple(given[law] for law in laws), ()
-    most = {"offset": MOST_NODES, "coefficient": MOST_NODES - 1}
+    most = {"offset": _MOST_NODES, "coefficient": _MOST_NODES - 1}
     shapes = itertools.product(
         *([given[law]] if law in given else range(1, most[law] + 1) for law in laws)
     )
