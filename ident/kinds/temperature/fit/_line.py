@@ -82,11 +82,9 @@ class Data:
         rows = np.flatnonzero(keep)
         rows = rows[np.argsort(clock[rows], kind="stable")]
         moved = tuple(law for law in LAWS if law in line.sensors)
+        constant = {} if "offset" in moved else {"offset": 1}
         # An offset that is a constant has the sensor of the coefficient: that tells it no node.
-        other, constant = (
-            line.sensors[moved[0]],
-            {} if "offset" in moved else {"offset": 1},
-        )
+        other = line.sensors[moved[0]]
         followed = {law: line.sensors.get(law, other) for law in ("offset", *moved)}
         line = dataclasses.replace(line, sensors=followed, law={**line.law, **constant})
         found = cls(dataclasses.replace(data, time=clock).take(rows), line, moved, loss)
