@@ -52,6 +52,7 @@ from ._external import (
     from_interface as from_interface,
 )
 from ._identity import (
+    MOST_REVERSAL_CYCLES as MOST_REVERSAL_CYCLES,
     Increments as Increments,
     axis_number as axis_number,
 )

@@ -14,7 +14,7 @@ from ._dynamics import (
     slope,
     step,
 )
-from ._reversal import reversal_dynamics
+from ._reversal import largest_step, reversal_dynamics
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +81,7 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     unit = "mm" if table.unit == "mm" else "°"
     feed = limits.feed / 60.0
     steepest, at_slope = slope(table)
-    largest_step, at_step = step(table)
+    highest, at_step = step(table)
     sharpest, at_kink = kink(table)
     fastest, at_acceleration = acceleration(table, feed)
     # 1 µm per mm is 0.001, and so is 0.001° per °.
@@ -89,7 +89,7 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     lines = [
         _largest(table, "max_correction", table.offset, limits.max_correction, unit),
         gate_check("max_slope", 1e3 * steepest, limits.max_slope, per, at_slope),
-        gate_check("max_step", largest_step, limits.max_step, unit, at_step),
+        gate_check("max_step", highest, limits.max_step, unit, at_step),
         gate_check(
             "max_velocity",
             gradient(table) * feed,
@@ -122,6 +122,30 @@ def gate_check(
     # The noise of floating point must not fail a table that lies on the limit.
     passed = bool(value <= limit * (1 + 1e-9))
     return GateCheck(name, float(value), float(limit), unit, passed, where)
+
+
+def check_switching(
+    jump: float,
+    cycles: int,
+    limits: GateLimits,
+    unit: str,
+    entry: str,
+    moments: str = "COMP ON/OFF, homing or reload",
+) -> GateCheck:
+    """Return the line of the gate for the step in one cycle where one comes or goes.
+
+    Args:
+        jump: What it adds at most, in mm or °.
+        cycles: Over which it is spread.
+        limits: Of the job.
+        unit: Of the jump.
+        entry: What spreads it in the list, for the words.
+        moments: At which it comes or goes, for the words.
+    """
+    how = f"{entry} {cycles}" if cycles > 1 else f"{entry} {cycles}: abrupt"
+    step = largest_step(jump, cycles)
+    where = f"at {moments}, {how}"
+    return gate_check("max_switching", step, limits.max_switching, unit, where)
 
 
 def _largest(

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._channel import AbstractChannel
-from ._hypothesis import RULES, Hypothesis
+from ._hypothesis import RULES, Hypothesis, other_rules
 from ._search import EQUAL, Found
 from ._words import Phrase, joined, phrases
 
@@ -210,12 +210,8 @@ def settled(
 
 def _named_rules(channel: AbstractChannel, best: Hypothesis) -> str:
     """Return the conventions that differ and are no fault, as the end of a sentence."""
-    assumed = channel.conventions.to_dict()
-    found = [
-        f"{name} = {value}"
-        for name, value in best.change.conventions.to_dict().items()
-        if value != assumed[name] and name not in RULES
-    ]
+    rules = other_rules(best.change, channel.plain)
+    found = [f"{name} = {value}" for name, value in rules.items() if name not in RULES]
     return f" with {joined(found)}" if found else ""
 
 
