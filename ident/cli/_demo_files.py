@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.errors import AxcompError
-from ...data.lists import ListFile
 from ..machine import (
     LASER,
     PROBE,
@@ -151,33 +150,6 @@ def write_drive(folder: Path, seed: int) -> Path:
     path = folder / "drive_x.csv"
     write_drive_trace(path, record_drive(example_drive(), seed))
     return path
-
-
-def old_list() -> ListFile:
-    """Return the list that the machine came with: the beam has sagged further since."""
-    places = np.linspace(0.0, TRAVEL[0], 11)
-    # A smaller arc, measured when the machine was new; entries are offsets in 0.1 µm.
-    arc = -140 * 4 * (places / TRAVEL[0]) * (1 - places / TRAVEL[0])
-    lines = [
-        "# Compensation list of the Y axis",
-        "# made at acceptance, 11 points along X          (do not lose this line)",
-        "kopf.achs_nr                     2",
-        "kopf.log_achs_name               Y_AXIS",
-        "kw.crosscomp.unit                1        ( 0.1 um )",
-        "kw.crosscomp.last_index          10",
-        "kw.crosscomp.master_ax_nr        1        # X",
-        *(
-            f"kw.crosscomp.table[{k}].setpoint   {round(place * 1e4)}"
-            for k, place in enumerate(places)
-        ),
-        *(
-            f"kw.crosscomp.table[{k}].correction   {round(value)}"
-            for k, value in enumerate(arc)
-        ),
-        "Ende",
-    ]
-    text = "\r\n".join(lines) + "\r\n"
-    return ListFile.parse(text.encode("latin-1"), "achskw2.lis")
 
 
 def _hash(path: Path) -> str:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ...data.errors import AxcompError
+
 if TYPE_CHECKING:
     from ...data.lists import ListFile
     from ..exchange import StoredConventions
@@ -78,6 +80,33 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     from ...data.lists import ListFile
 
     return [ListFile.read(file) for file in dict.fromkeys(files)]
+
+
+class NoEntryError(AxcompError):
+    """A file of which no line is an entry of a list."""
+
+    def __init__(self, source: str, found: str) -> None:
+        super().__init__(source, found)
+        self.source, self.found = source, found
+
+    def __str__(self) -> str:
+        return f"{self.source}: found {self.found}, expected entries of a list"
+
+
+def read_shown_list(path: Path) -> "ListFile":
+    """Return the list in a file that is to be shown: it must hold something.
+
+    Raises:
+        OSError: If the file cannot be read.
+        NoEntryError: If no line of it is an entry.
+    """
+    from ...data.lists import ListFile
+
+    listing = ListFile.read(path)
+    if not listing.columns:
+        found = "no entry" if listing.lines else "an empty file"
+        raise NoEntryError(str(path), "UTF-16" if listing.is_wide else found)
+    return listing
 
 
 def rules_of(file: Path | None) -> "StoredConventions":

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ._events_file import read_events
-from ._motion_file import read_motion
+from ._motion_file import read_events, read_motion
 from ._options import (
     AsJson,
     CycleTime,

@@ -52,17 +52,18 @@ class DriveTrace:
     current: Float[np.ndarray, " t"]
 
 
-def example_drive() -> Drive:
-    """Return the drive of X of the demo's portal mill."""
+def example_drive(size: float = 1.0) -> Drive:
+    """Return the drive of X of the demo's portal mill, or one of another size like it."""
+    law = (1.6 * size, 2.3 * size, 4.0, 2.0, 0.006 * size)
     return Drive(
         # Coulomb, break-away, Stribeck velocity and exponent, viscous.
-        law=StribeckFriction(*map(jnp.asarray, (1.6, 2.3, 4.0, 2.0, 0.006))),
-        inertia=0.004,
+        law=StribeckFriction(*map(jnp.asarray, law)),
+        inertia=0.004 * size,
         load=0.0,
         rated_current=9.0,
         torque_unit=0.001,
         noise=0.05,
-    )  # fmt: skip
+    )
 
 
 def record_drive(drive: Drive, seed: int) -> DriveTrace:

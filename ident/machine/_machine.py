@@ -11,8 +11,7 @@ from ...data.errors import AxcompError
 from ...data.lists import ListFile
 from ...models import Conventions, Motion, PositionController, TemperatureLine
 from ..exchange import Reading, axes_in_use, controller_from_lists, machine_lists
-from ._sources import AbstractErrorSource
-from ._state import Positions, State
+from ._sources import AbstractErrorSource, Positions, State
 
 
 class MachineError(AxcompError):

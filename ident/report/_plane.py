@@ -82,7 +82,7 @@ def heat(
         vmax=limits[1],
         rasterized=True,
     )
-    if _keeps_aspect(table):
+    if 0.25 <= _ratio(table) <= 1.2:
         axes.set_aspect("equal")
     return mesh
 
@@ -168,10 +168,6 @@ def middles(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
 
 def _ratio(table: PlaneTable) -> float:
     return float(np.ptp(table.up)) / (float(np.ptp(table.across)) or 1.0)
-
-
-def _keeps_aspect(table: PlaneTable) -> bool:
-    return 0.25 <= _ratio(table) <= 1.2
 
 
 def map_height(table: PlaneTable) -> float:

@@ -1,12 +1,21 @@
 """One fit of a job as a section of the page: words, tables and plots in their order."""
 
 import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..job import AbstractResult, ErrorFigures, Remark
 from ..kinds import kind
 from ._body import Body, by_level
-from ._scale import Scale, percent, scale_of
+from ._scale import Scale, count, number, percent, scale_of
 from ._verdict import Headline, headline_of
+
+if TYPE_CHECKING:
+    from ..job import LeftOutResult
+
+_MOST = 8
+"""Values that are not determined and named one by one."""
 
 _COLUMNS = (
     ("before", "before", "measured"),
@@ -135,7 +144,36 @@ def body_of(fit: AbstractResult, scale: Scale) -> Body:
         return kind(fit.compensation).page.body(fit, scale)
     # Whatever kind it was to be: its readings do not tell it.
     from ..job import LeftOutResult
-    from ._left_out_body import left_out_body
 
     assert isinstance(fit, LeftOutResult)
-    return left_out_body(fit, scale)
+    return _left_out_body(fit, scale)
+
+
+def _left_out_body(fit: "LeftOutResult", scale: Scale) -> Body:
+    """Return the sentences on a fit that nothing was written of."""
+    nothing = ("As written", "Nothing: see the remarks above.")
+    part = fit.part
+    if part is None:
+        return Body(plots=[], facts=[nothing])
+    told = int(np.sum(part.determined & (part.support > 0)))
+    reached = int(np.sum(part.support > 0))
+    facts = [
+        (
+            "Values",
+            f"{told} of {count(len(part.values), 'value')} are determined; readings touch"
+            f" {reached} of them.",
+        ),
+        (
+            "Information",
+            f"Beside the other effects of the group {percent(part.share)} of what these"
+            " readings would tell of it alone is left.",
+        ),
+        ("Scatter of a reading", f"{number(fit.noise * scale.factor)} {scale.error}."),
+    ]
+    lost = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
+    if lost.size:
+        names = "; ".join(part.labels[int(k)] for k in lost[:_MOST])
+        more = f" and {lost.size - _MOST} more" if lost.size > _MOST else ""
+        facts.append(("Not determined", f"{names}{more}."))
+    facts.append(nothing)
+    return Body(plots=[], facts=facts)

@@ -102,7 +102,7 @@ def draw_cloud(
     where: Float[np.ndarray, " t"],
     value: Float[np.ndarray, " t"],
     direction: Int[np.ndarray, " t"],
-    size: float,
+    size: float | None,
     names: Mapping[int, str],
     alpha: float,
     most: int | None = None,
@@ -114,7 +114,7 @@ def draw_cloud(
         where: Place of each reading.
         value: Its error.
         direction: ±1, or 0.
-        size: Of a mark in points.
+        size: Of a mark in points; None: the smaller, the more there are.
         names: In the legend, by direction.
         alpha: Opacity.
         most: Readings of one direction that are drawn.
@@ -124,9 +124,11 @@ def draw_cloud(
         if most is not None:
             rows = rows[thin(rows.size, most)]
         if rows.size:
+            fitting = float(np.clip(90 / np.sqrt(rows.size), 1.2, 3))
             axes.plot(
                 where[rows], value[rows], linestyle="none",
-                marker=DIRECTION_MARKER[way], markersize=size, markeredgewidth=0,
+                marker=DIRECTION_MARKER[way], markeredgewidth=0,
+                markersize=fitting if size is None else size,
                 color=DIRECTION_COLOR[way], alpha=alpha, label=names[way],
                 rasterized=as_raster(rows.size),
             )  # fmt: skip

@@ -3,15 +3,16 @@
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ....models import Motion, PositionController
+from ....models import Motion
 from .._drive import Drive
 from .._machine import VirtualMachine
-from .._state import State
+from .._sources import State
 from ._heat import HeatedPart, following
 from ._loop import AxisLoop, directions
 from ._programme import CYCLE, Programme
@@ -83,22 +84,14 @@ class MotionLog:
     def take(self, rows: slice | np.ndarray) -> "MotionLog":
         """Return some of the rows."""
 
-        def of(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-            return {name: each[rows] for name, each in values.items()}
+        def of(value: Any) -> Any:
+            if isinstance(value, State):
+                return value.take(rows)
+            if isinstance(value, Mapping):
+                return {name: each[rows] for name, each in value.items()}
+            return value[rows]
 
-        return MotionLog(
-            time=self.time[rows],
-            position=of(self.position),
-            velocity=of(self.velocity),
-            acceleration=of(self.acceleration),
-            encoder=of(self.encoder),
-            actual=of(self.actual),
-            current=of(self.current),
-            temperature=of(self.temperature),
-            state=self.state.take(rows),
-            truth=of(self.truth),
-            wrong=of(self.wrong),
-        )
+        return MotionLog(**{name: of(value) for name, value in vars(self).items()})
 
     def every(self, step: int) -> "MotionLog":
         """Return each row of so many, as one thins a log that is too long."""
@@ -172,26 +165,11 @@ def _compensated(
         name: following(values, work.plc_lags.get(name, 0.0), CYCLE)
         for name, values in sensors.items()
     }
-    found = _run(controller, axes, programme, followed)
-    moved, friction = np.asarray(found[0]), found[1]
-    added = {axis: moved[:, k] for k, axis in enumerate(axes)}
-    if friction is None:
-        return added, none
-    fed = np.asarray(friction)
-    units = {a: work.drives[a].rated_current * work.drives[a].torque_unit for a in axes}
-    return added, {axis: units[axis] * fed[:, k] for k, axis in enumerate(axes)}
 
-
-def _run(
-    controller: PositionController,
-    axes: tuple[str, ...],
-    programme: Programme,
-    sensors: Mapping[str, Float[np.ndarray, " t"]],
-) -> tuple[Float[Array, "t a"], Float[Array, "t a"] | None]:
     def columns(values: Mapping[str, Float[np.ndarray, " t"]]) -> Float[Array, "t a"]:
         return jnp.asarray(np.stack([values[axis] for axis in axes], axis=1))
 
-    heat = np.stack(list(sensors.values()), axis=1) if sensors else None
+    heat = np.stack(list(followed.values()), axis=1) if followed else None
     motion = Motion(
         columns(programme.position),
         columns(programme.velocity),
@@ -199,22 +177,21 @@ def _run(
         temperature=None if heat is None else jnp.asarray(heat),
     )
     offsets, _ = controller.run(controller.start(), motion)
-    return offsets.offset, offsets.friction
+    moved = np.asarray(offsets.offset)
+    added = {axis: moved[:, k] for k, axis in enumerate(axes)}
+    if offsets.friction is None:
+        return added, none
+    fed = np.asarray(offsets.friction)
+    units = {a: work.drives[a].rated_current * work.drives[a].torque_unit for a in axes}
+    return added, {axis: units[axis] * fed[:, k] for k, axis in enumerate(axes)}
 
 
-def write_motion_log(path: Path, log: MotionLog, decimals: int = 6) -> None:
+def write_motion_log(path: Path, log: MotionLog) -> None:
     """Write a log with roles as column names: mm, s, °C, A."""
     columns: dict[str, np.ndarray] = {"time": log.time}
+    roles = ("position", "velocity", "acceleration", "encoder", "actual", "current")
     for axis in log.position:
-        columns |= {
-            f"{axis}.position": log.position[axis],
-            f"{axis}.velocity": log.velocity[axis],
-            f"{axis}.acceleration": log.acceleration[axis],
-            f"{axis}.encoder": log.encoder[axis],
-            f"{axis}.actual": log.actual[axis],
-            f"{axis}.current": log.current[axis],
-        }
+        columns |= {f"{axis}.{role}": getattr(log, role)[axis] for role in roles}
     columns |= {f"temperature.{name}": each for name, each in log.temperature.items()}
     table = np.column_stack(list(columns.values()))
-    header = ",".join(columns)
-    np.savetxt(path, table, f"%.{decimals}f", ",", header=header, comments="")
+    np.savetxt(path, table, "%.6f", ",", header=",".join(columns), comments="")
