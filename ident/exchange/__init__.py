@@ -12,7 +12,6 @@ writes them back. `_conventions_file`: the rules of one machine.
 from ._axis_models import (
     AxisModels as AxisModels,
     load_model as load_model,
-    models_from_lists as models_from_lists,
     write_lists as write_lists,
 )
 from ._capacity import build_number as build_number
@@ -22,7 +21,9 @@ from ._controller import (
 )
 from ._conventions_file import (
     StoredConventions as StoredConventions,
+    TomlError as TomlError,
     read_conventions as read_conventions,
+    read_toml as read_toml,
 )
 from ._convert import (
     ExchangedTable as ExchangedTable,
@@ -81,13 +82,15 @@ from ._probe import (
     ProbeAxis as ProbeAxis,
     Probed as Probed,
     make_probe as make_probe,
-)
-from ._probe_inputs import (
     probed_in as probed_in,
     travel_in as travel_in,
 )
-from ._probe_steps import ProbeStep as ProbeStep, probe_steps as probe_steps
-from ._probe_text import probe_program as probe_program, probe_text as probe_text
+from ._probe_text import (
+    ProbeStep as ProbeStep,
+    probe_program as probe_program,
+    probe_steps as probe_steps,
+    probe_text as probe_text,
+)
 from ._reload import simulate_events as simulate_events
 from ._simulate import AxisOffsets as AxisOffsets, simulate as simulate
 from ._table import (
@@ -97,5 +100,4 @@ from ._table import (
     nodes_in as nodes_in,
     refuse_lost_nodes as refuse_lost_nodes,
 )
-from ._toml import TomlError as TomlError, read_toml as read_toml
 from ._units import LIST_UNITS as LIST_UNITS, ModelUnit as ModelUnit

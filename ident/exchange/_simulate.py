@@ -6,21 +6,22 @@ from collections.abc import Callable, Mapping, Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from ...data.lists import ListFile
 from ...models import (
+    Conventions,
     Motion as ControllerMotion,
     Offsets,
     PositionController,
 )
 from ..kinds import kinds
 from ._controller import controller_of
-from ._controller_motion import controller_motion
 from ._errors import ExchangeError
 from ._events import ControllerEvent, Windows, homed_rows, selected_rows
 from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
-from ._motion import Motion
+from ._motion import Motion, direction_of_motion, unwrapped
+from ._nodes import as_array
 
 _SMALLEST = 256
 """Motions are padded to powers of two from here on: few shapes to compile."""
@@ -100,9 +101,14 @@ def simulate(
             motion.position(axis, f"for {one.kind.noun} of A{one.axis}")
     numbers = axes_in_use(used, machine)
     controller = controller_of(computed, machine, numbers, reading)
-    whole = controller_motion(motion, numbers, reading)
+    whole = _controller_motion(motion, numbers, reading)
     if events is not None:
-        whole = _with_events(whole, controller, events, numbers, windows or {})
+        rows = whole.cycles
+        whole = dataclasses.replace(
+            whole,
+            homed=homed_rows(events, numbers, rows),
+            active=selected_rows(controller, events, numbers, rows, windows or {}),
+        )
     found = _run(controller, whole, settled=motion.time is None)
     listed = set(machine.compensation) if only is None else set[int]()
     shown = sorted({one.axis for one in used} | listed)
@@ -119,18 +125,85 @@ def simulate(
     )
 
 
-def _with_events(
-    motion: ControllerMotion,
-    controller: PositionController,
-    events: Sequence[ControllerEvent],
-    numbers: Sequence[int],
-    windows: Windows,
+def _controller_motion(
+    motion: Motion, numbers: Sequence[int], reading: Reading
 ) -> ControllerMotion:
-    """Return the motion with what is homed, switched on and loaded in each row."""
-    rows = motion.cycles
-    homed = homed_rows(events, numbers, rows)
-    active = selected_rows(controller, events, numbers, rows, windows)
-    return dataclasses.replace(motion, homed=homed, active=active)
+    """Return the motion as the controller takes it, a column per axis.
+
+    What no compensation needs and the motion does not have is 0.
+
+    Raises:
+        ExchangeError: If the conventions take actual positions and there are none.
+    """
+    none = np.zeros(motion.rows)
+
+    def table(
+        columns: Sequence[Float[np.ndarray, " t"] | None],
+    ) -> Float[Array, "t a"]:
+        return as_array(np.stack([none if c is None else c for c in columns], axis=1))
+
+    conventions = reading.conventions
+    pairs = [(n, reading.span(n)) for n in numbers]
+    actual = _actuals(motion, numbers, conventions)
+    velocities: Float[Array, "t a"] | None = None
+    accelerations: Float[Array, "t a"] | None = None
+    if conventions.crosstalk_input == "actual":
+        rates = [motion.actual_rates(n, span) for n, span in pairs]
+        velocities = table([one[0] for one in rates])
+        accelerations = table([one[1] for one in rates])
+    return ControllerMotion(
+        position=table([motion.positions.get(n) for n in numbers]),
+        velocity=table([motion.velocity(n, span) for n, span in pairs]),
+        acceleration=table([motion.acceleration(n, span) for n, span in pairs]),
+        temperature=(
+            table(list(motion.temperatures.values())) if motion.temperatures else None
+        ),
+        direction=_directions(motion, numbers, reading),
+        actual=actual,
+        actual_velocity=velocities,
+        actual_acceleration=accelerations,
+    )
+
+
+def _directions(
+    motion: Motion, numbers: Sequence[int], reading: Reading
+) -> Float[Array, "t a"] | None:
+    """Return the directions where the controller cannot tell them by positions."""
+    if not motion.directions and not reading.modulo:
+        return None
+    places = motion.positions
+    if reading.conventions.direction_source == "actual":
+        places = motion.actuals
+    columns = []
+    for axis in numbers:
+        found = motion.directions.get(axis)
+        if found is None and motion.time is not None and axis in places:
+            found = direction_of_motion(unwrapped(places[axis], reading.span(axis)), 0)
+        columns.append(np.zeros(motion.rows) if found is None else found.astype(float))
+    return as_array(np.stack(columns, axis=1))
+
+
+def _actuals(
+    motion: Motion, numbers: Sequence[int], conventions: Conventions
+) -> Float[Array, "t a"] | None:
+    asking = {
+        name
+        for name in ("plane_input", "direction_source", "crosstalk_input")
+        if getattr(conventions, name) == "actual"
+    }
+    if motion.actuals:
+        # An axis without its own is where it is commanded.
+        either = {**motion.positions, **motion.actuals}
+        none = np.zeros(motion.rows)
+        return as_array(np.stack([either.get(n, none) for n in numbers], axis=1))
+    if asking:
+        raise ExchangeError(
+            where=motion.source,
+            found="no actual positions",
+            expected=f"columns such as A{numbers[0]}.actual, as the convention"
+            f" {sorted(asking)[0]} takes them",
+        )
+    return None
 
 
 def _run(
