@@ -104,9 +104,6 @@ def main(argv: list[str] | None = None) -> int:
         if end.code == 130:  # typer has caught the interrupt, and says nothing
             print("axcomp: interrupted", file=sys.stderr)
         return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except KeyboardInterrupt:
-        print("axcomp: interrupted", file=sys.stderr)
-        return 130
     except AxcompError as error:
         print(f"axcomp: {error}", file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1

@@ -60,9 +60,6 @@ def _summary(files: int, counts: dict[str, int]) -> str:
     checked = "1 list checked" if files == 1 else f"{files} lists checked"
     if not any(counts.values()):
         return f"{checked}: nothing found"
-    parts = [
-        f"{counts['error']} error{'s' * (counts['error'] != 1)}",
-        f"{counts['warning']} warning{'s' * (counts['warning'] != 1)}",
-        f"{counts['info']} remark{'s' * (counts['info'] != 1)}",
-    ]
+    nouns = {"error": "error", "warning": "warning", "info": "remark"}
+    parts = [f"{counts[k]} {noun}{'s' * (counts[k] != 1)}" for k, noun in nouns.items()]
     return f"{checked}: {', '.join(parts)}"

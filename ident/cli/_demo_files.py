@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ...data.errors import AxcompError
+from ...data.errors import FoundError
 from ..machine import (
     LASER,
     PROBE,
@@ -32,6 +32,10 @@ from ..machine import (
 )
 
 _MANIFEST = ".axcomp-demo.json"
+_OWN = (
+    "an empty folder or an unchanged one of an earlier demo; move it away, or name another"
+    " folder with --out"
+)
 _MADE = ("result/", "second/", "work/result/", "work/second/")
 
 
@@ -40,19 +44,11 @@ def text_of(name: str) -> bytes:
     return resources.files("axcomp.ident.cli").joinpath("demo", name).read_bytes()
 
 
-class FolderError(AxcompError):
+class FolderError(FoundError):
     """The demo would overwrite something that is not its own."""
 
-    def __init__(self, folder: str, found: str) -> None:
-        super().__init__(folder, found)
-        self.folder, self.found = folder, found
-
-    def __str__(self) -> str:
-        return (
-            f"{self.folder}: found {self.found}, expected an empty folder or an "
-            "unchanged one of an earlier demo; move it away, or name another folder "
-            "with --out"
-        )
+    def __init__(self, where: str, found: str, expected: str = _OWN) -> None:
+        super().__init__(where, found, expected)
 
 
 @dataclasses.dataclass(frozen=True)

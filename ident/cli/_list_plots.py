@@ -4,7 +4,6 @@ Imported only where something is drawn: matplotlib takes longer to load than a l
 """
 
 import dataclasses
-import itertools
 import pathlib
 from collections.abc import Sequence
 from typing import Any
@@ -15,6 +14,7 @@ from matplotlib.figure import Figure
 
 from ...data.lists import OffsetCurve
 from ..report._iso_chart import write_chart
+from ..report._style import borders
 
 
 def draw_tables(
@@ -106,8 +106,8 @@ def _plane_figure(planes: Sequence[tuple[str, OffsetCurve]]) -> Figure:
     image: Any = None
     for axes, (label, plane), field in zip(all_axes, planes, fields, strict=True):
         image = axes.pcolormesh(
-            _edges(plane.nodes[0]),
-            _edges(plane.nodes[1]),
+            borders(np.asarray(plane.nodes[0])),
+            borders(np.asarray(plane.nodes[1])),
             field,
             cmap="RdBu_r",
             vmin=-limit,
@@ -124,11 +124,3 @@ def _plane_figure(planes: Sequence[tuple[str, OffsetCurve]]) -> Figure:
         image, ax=all_axes, label=f"offset that the controller adds / {unit}"
     )
     return figure
-
-
-def _edges(nodes: Sequence[float]) -> list[float]:
-    """Return the borders of cells that have the nodes in their middle."""
-    if len(nodes) == 1:
-        return [nodes[0] - 0.5, nodes[0] + 0.5]
-    middles = [(a + b) / 2 for a, b in itertools.pairwise(nodes)]
-    return [2 * nodes[0] - middles[0], *middles, 2 * nodes[-1] - middles[-1]]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...data.errors import AxcompError
+from ...data.errors import FoundError
 
 if TYPE_CHECKING:
     from ...data.lists import ListFile
@@ -82,15 +82,8 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     return [ListFile.read(file) for file in dict.fromkeys(files)]
 
 
-class NoEntryError(AxcompError):
+class NoEntryError(FoundError):
     """A file of which no line is an entry of a list."""
-
-    def __init__(self, source: str, found: str) -> None:
-        super().__init__(source, found)
-        self.source, self.found = source, found
-
-    def __str__(self) -> str:
-        return f"{self.source}: found {self.found}, expected entries of a list"
 
 
 def read_shown_list(path: Path) -> "ListFile":
@@ -105,7 +98,8 @@ def read_shown_list(path: Path) -> "ListFile":
     listing = ListFile.read(path)
     if not listing.columns:
         found = "no entry" if listing.lines else "an empty file"
-        raise NoEntryError(str(path), "UTF-16" if listing.is_wide else found)
+        found = "UTF-16" if listing.is_wide else found
+        raise NoEntryError(str(path), found, "entries of a list")
     return listing
 
 

@@ -17,7 +17,6 @@ from ._plane import (
     heat,
     label,
     map_height,
-    middles,
     plane_table,
     spread_limits,
     symmetric,
@@ -160,8 +159,8 @@ def mean_by_cell(
 ) -> tuple[Float[np.ndarray, "j i"], Int[np.ndarray, "j i"], Int[np.ndarray, " t"]]:
     """Return mean and number of the readings nearest to each node, and their node."""
     columns, rows = len(table.across), len(table.up)
-    i = np.searchsorted(middles(table.across), positions[:, 0])
-    j = np.searchsorted(middles(table.up), positions[:, 1])
+    i = np.searchsorted(style.middles(table.across), positions[:, 0])
+    j = np.searchsorted(style.middles(table.up), positions[:, 1])
     cell = j * columns + i
     number_of = np.bincount(cell, minlength=rows * columns)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -97,6 +97,20 @@ def thin(size: int, limit: int = DRAWN_POINTS) -> Int[np.ndarray, " k"]:
     return np.sort(chosen)
 
 
+def borders(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+    """Return the borders of the cells around the nodes."""
+    if len(nodes) == 1:
+        return np.array([nodes[0] - 0.5, nodes[0] + 0.5])
+    inner = middles(nodes)
+    return np.concatenate(
+        [[2 * nodes[0] - inner[0]], inner, [2 * nodes[-1] - inner[-1]]]
+    )
+
+
+def middles(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+    return np.asarray((nodes[1:] + nodes[:-1]) / 2)
+
+
 def draw_cloud(
     axes: Axes,
     where: Float[np.ndarray, " t"],

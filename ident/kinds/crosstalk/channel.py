@@ -35,7 +35,7 @@ class CrosstalkChannel(AbstractChannel):
         timed = self.motion.cycle is not None
         if timed and self.motion.has_actual(dynamic, self.axis):
             self.relevant = (*self.relevant, "crosstalk_input")
-        known = sorted(self.motion.path.positions)
+        known = sorted(self.motion.positions)
         swaps = [(number, *places) for number in known if number != dynamic]
         if len(places) == 2:
             swaps.insert(0, (dynamic, places[1], places[0]))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ...exchange import InUse, Motion, Reading
+from ...exchange import InUse, Reading
 from ..verify import AbstractChannel, LogMotion
 from ._likelihood import BAND, Fitted, fit_changes, mean_likelihood
 from ._measured import Difference
@@ -98,13 +98,13 @@ class Scene:
     def channel(self, use: InUse, axis: int) -> AbstractChannel:
         """Return a compensation at the places where an axis was measured."""
         change = self.changes[axis]
-        path = Motion(
+        motion = LogMotion(
             positions=change.positions,
             directions={} if change.direction is None else {use.axis: change.direction},
             time=None,
             source="the measurements",
+            ranges=self.reading.modulo,
         )
-        motion = LogMotion(path, ranges=self.reading.modulo)
         return use.kind.log_channel(use, motion, self.reading)
 
     def column(self, use: InUse, axis: int) -> Float[np.ndarray, " g"]:

@@ -62,7 +62,9 @@ class Hypothesis:
 
     def words(self, channel: AbstractChannel) -> tuple[str, ...]:
         """Return the faults that it consists of; empty where there is none."""
-        found = list(self._scale_words())
+        found = ["sign"] * (self.scale < 0) + ["unit"]
+        if not self.is_free:
+            found = list(SCALES[self.scale])
         change, plain = self.change, channel.plain
         if change.is_shifted:
             found.append("shift")
@@ -81,11 +83,6 @@ class Hypothesis:
         """Return the names of the attributes, and of the change's, that differ."""
         mine, theirs = (vars(one) | vars(one.change) for one in (self, other))
         return {k for k in mine if k != "change" and mine[k] != theirs[k]}
-
-    def _scale_words(self) -> tuple[str, ...]:
-        if not self.is_free:
-            return SCALES[self.scale]
-        return ("sign", "unit") if self.scale < 0 else ("unit",)
 
     def cost(self, channel: AbstractChannel, samples: float) -> float:
         """Return twice the logarithm by which it is less likely than the plain one.

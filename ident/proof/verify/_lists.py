@@ -112,8 +112,8 @@ def motion_of(
         for role in log.motion.values
         if role.endswith(".drive_position")
     }
-    path = Motion.of(log.motion, number)
-    return LogMotion(path, log.cycle, ranges=ranges, drives=drives)
+    path = vars(Motion.of(log.motion, number))
+    return LogMotion(**path, cycle=log.cycle, ranges=ranges, drives=drives)
 
 
 def reports_of(
