@@ -3,7 +3,6 @@
 The jobs and the text for the user stand in the folder ``demo``.
 """
 
-import dataclasses
 import hashlib
 import json
 from importlib import resources
@@ -18,14 +17,10 @@ from ..machine import (
     PROBE,
     STRAIGHTEDGE,
     TRAVEL,
-    Reading,
     VirtualMachine,
-    example_drive,
     measure_length,
     measure_straightness,
     measure_surface,
-    record_drive,
-    write_drive_trace,
     write_laser_table,
     write_straightness,
     write_surface,
@@ -49,15 +44,6 @@ class FolderError(FoundError):
 
     def __init__(self, where: str, found: str, expected: str = _OWN) -> None:
         super().__init__(where, found, expected)
-
-
-@dataclasses.dataclass(frozen=True)
-class Measured:
-    """The three measurements of the demo, by axis."""
-
-    laser: Reading
-    straightness: Reading
-    surface: Reading
 
 
 def claim_folder(out: Path) -> None:
@@ -98,8 +84,8 @@ def seal_folder(out: Path) -> None:
     (out / _MANIFEST).write_text(text, encoding="utf-8")
 
 
-def measure(machine: VirtualMachine, seed: int) -> Measured:
-    """Measure the machine, with another seed at other positions."""
+def write_measurements(folder: Path, machine: VirtualMachine, seed: int) -> None:
+    """Measure the machine, with another seed at other positions, and write three files."""
     length, width = TRAVEL
     rng = np.random.default_rng(seed)
     # Off the round numbers: equal steps would always meet the same spot of the screw.
@@ -107,11 +93,13 @@ def measure(machine: VirtualMachine, seed: int) -> Measured:
     targets[1:-1] += np.round(rng.uniform(-2.5, 2.5, targets.size - 2), 3)
     along = np.linspace(0.0, length, 41)
     points = _probe_points(length, width, rng)
-    return Measured(
-        measure_length(machine, "X", targets, 5, LASER, seed + 1),
-        measure_straightness(machine, "Y", "X", along, 3, STRAIGHTEDGE, seed + 2),
-        measure_surface(machine, "Z", ("X", "Y"), points, PROBE, seed + 3),
-    )
+    laser = measure_length(machine, "X", targets, 5, LASER, seed + 1)
+    beam = measure_straightness(machine, "Y", "X", along, 3, STRAIGHTEDGE, seed + 2)
+    surface = measure_surface(machine, "Z", ("X", "Y"), points, PROBE, seed + 3)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_laser_table(folder / "laser_x.csv", laser)
+    write_straightness(folder / "straightness_y.csv", "X", beam)
+    write_surface(folder / "surface_z.csv", ("X", "Y"), surface)
 
 
 def _probe_points(
@@ -128,24 +116,6 @@ def _probe_points(
     points = np.clip(points, 0.0, [length, width])
     hidden = (points[:, 0] > 0.8 * length) & (points[:, 1] > 0.7 * width)
     return np.asarray(points[~hidden])
-
-
-def write_measurements(folder: Path, measured: Measured) -> tuple[Path, ...]:
-    """Write the three measurement files and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    names = ("laser_x.csv", "straightness_y.csv", "surface_z.csv")
-    laser, straightness, surface = (folder / name for name in names)
-    write_laser_table(laser, measured.laser)
-    write_straightness(straightness, "X", measured.straightness)
-    write_surface(surface, ("X", "Y"), measured.surface)
-    return laser, straightness, surface
-
-
-def write_drive(folder: Path, seed: int) -> Path:
-    """Write what the drive of X recorded and return the path."""
-    path = folder / "drive_x.csv"
-    write_drive_trace(path, record_drive(example_drive(), seed))
-    return path
 
 
 def _hash(path: Path) -> str:

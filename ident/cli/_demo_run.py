@@ -15,7 +15,12 @@ from ..job import (
     write_atomically,
 )
 from ..kinds.friction.entries import friction_from_list
-from ..machine import VirtualMachine, example_drive, example_machine
+from ..machine import (
+    VirtualMachine,
+    example_drive,
+    example_machine,
+    record_drive,
+)
 from ..proof import circular_test
 from ..report import write_report
 from . import _demo_files as files
@@ -110,8 +115,8 @@ def _spikes(job: JobResult, folder: Path) -> Spikes:
 
 def _write_inputs(out: Path, machine: VirtualMachine) -> None:
     """Write everything that a user would bring: measurements, old list, job."""
-    files.write_measurements(out / "measurements", files.measure(machine, _SEED))
-    files.write_drive(out / "measurements", _SEED + 7)
+    files.write_measurements(out / "measurements", machine, _SEED)
+    record_drive(out / "measurements" / "drive_x.csv", example_drive(), _SEED + 7)
     (out / "machine").mkdir(exist_ok=True)
     # The list that the machine came with: the beam has sagged further since.
     write_atomically(out / "machine" / "achskw2.lis", files.text_of("achskw2.lis"))
@@ -125,6 +130,6 @@ def _measure_again(out: Path, machine: VirtualMachine) -> Path:
     The instruments' zeros are taken off exactly as they were the first time.
     """
     folder = out / "second"
-    files.write_measurements(folder, files.measure(machine, _SEED + 100))
+    files.write_measurements(folder, machine, _SEED + 100)
     write_atomically(folder / "job.toml", files.text_of("second.toml"))
     return folder / "job.toml"

@@ -82,7 +82,7 @@ def simulate(
     Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
     and A3.friction in drive units.
     """
-    from ..exchange import Reading, simulate_events
+    from ..exchange import Reading, simulate as follow
     from ..job import use_compilation_cache
 
     ranges = axis_ranges(modulo, "--modulo")
@@ -94,7 +94,7 @@ def simulate(
         source = motion if events is None else events
         happened = read_events(source, path, events is None)
         step("following the controller")
-        found = simulate_events(
+        found = follow(
             lists,
             path,
             Reading(

@@ -4,7 +4,7 @@ Read `_units`, `_identity` and `_nodes` (integers of a list), then `_machine_lis
 compensations the lists of a machine switch on) and `_controller` (the controller that has
 them); what each compensation says of itself is in ``kinds/<name>/entries.py``.
 `_table`: what a table fit writes, with its nodes and its sign. `_simulate` runs a machine
-(`_events` and `_reload`: with what happens at the controller meanwhile), `_probe` asks it for
+(`_events`: with what happens at the controller meanwhile), `_probe` asks it for
 plateaus; `load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists`
 writes them back. `_conventions_file`: the rules of one machine.
 """
@@ -39,7 +39,6 @@ from ._convert_text import (
 from ._errors import ExchangeError as ExchangeError
 from ._evaluate import offset_at as offset_at
 from ._events import (
-    EVENT_FORMS as EVENT_FORMS,
     ControllerEvent as ControllerEvent,
     parse_action as parse_action,
 )
@@ -86,12 +85,10 @@ from ._probe import (
     travel_in as travel_in,
 )
 from ._probe_text import (
-    ProbeStep as ProbeStep,
     probe_program as probe_program,
     probe_steps as probe_steps,
     probe_text as probe_text,
 )
-from ._reload import simulate_events as simulate_events
 from ._simulate import AxisOffsets as AxisOffsets, simulate as simulate
 from ._table import (
     AbstractTable as AbstractTable,

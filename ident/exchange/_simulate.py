@@ -15,10 +15,16 @@ from ...models import (
     Offsets,
     PositionController,
 )
-from ..kinds import kinds
+from ..kinds import NAMES, kind, kinds
 from ._controller import controller_of
 from ._errors import ExchangeError
-from ._events import ControllerEvent, Windows, homed_rows, selected_rows
+from ._events import (
+    ControllerEvent,
+    Windows,
+    homed_rows,
+    loaded_versions,
+    selected_rows,
+)
 from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
 from ._motion import Motion, direction_of_motion, unwrapped
 from ._nodes import as_array
@@ -57,29 +63,68 @@ def simulate(
     cycle_time: float | None = None,
     only: Callable[[InUse], bool] | None = None,
     events: Sequence[ControllerEvent] | None = None,
-    windows: Windows | None = None,
 ) -> tuple[AxisOffsets, ...]:
     """Return what the controller adds to each axis along a motion.
 
     Without an axis list everything in a list is active; with one, what its activation
-    bits say, what waits for COMP ON included. Without time the rows stand for
-    themselves: neither filters nor delays.
+    bits say, what waits for COMP ON included unless there are events. Without time the rows
+    stand for themselves: neither filters nor delays.
+
+    Where lists are loaded again, the old table goes and the new one comes as at COMP OFF and
+    ON: over the cycles of each, both at the same time (S-06).
 
     Args:
-        lists: Compensation and axis lists in any order.
+        lists: Compensation and axis lists in any order, as they are loaded in the first row.
         motion: Commanded motion.
         reading: How the lists are read.
         cycle_time: Of the controller in s, to hold the time step of the motion against.
         only: Which compensations are computed; None: all. Axes that have none of them are
             left out.
-        events: COMP commands, homing and program end in the order of their rows (see
-            `simulate_events`); None: everything has been on and homed for long.
-        windows: In which rows a table is loaded, by axis and name; else in all.
+        events: In the order of their rows; None: everything has been on and homed for
+            long, also what waits for COMP ON.
 
     Raises:
         ExchangeError: If a list makes no table, an axis has two lists, or the motion
-            lacks an axis or has bad values.
+            lacks an axis, has bad values, or no time for events; if a list that is loaded
+            again replaces none.
     """
+    if events is None:
+        return _simulated(lists, motion, reading, cycle_time, only)
+    if motion.time is None:
+        raise ExchangeError(
+            where=motion.source, found="no time", expected="time, for events"
+        )
+    others = [one for one in events if one.action != "reload"]
+    versions, spans = loaded_versions(lists, events, motion.rows)
+    found: tuple[AxisOffsets, ...] = ()
+    known: set[int] = set()
+    for version in versions:
+        used = machine_lists(version).in_use(reading.conventions, reading.lines)
+        windows = {
+            (one.axis, one.name): spans[id(one.listing)]
+            for one in used
+            if id(one.listing) in spans
+        }
+        offsets = _simulated(
+            version, motion, reading, cycle_time, only, others, windows
+        )
+        new = {id(one) for one in version} - known
+        known |= new
+        fresh = {(one.axis, one.name) for one in used if id(one.listing) in new}
+        found = _joined(found, offsets, fresh) if found else offsets
+    return found
+
+
+def _simulated(
+    lists: Sequence[ListFile],
+    motion: Motion,
+    reading: Reading,
+    cycle_time: float | None,
+    only: Callable[[InUse], bool] | None,
+    events: Sequence[ControllerEvent] | None = None,
+    windows: Windows | None = None,
+) -> tuple[AxisOffsets, ...]:
+    """Return what lists add that are loaded in some rows, the windows, or in all."""
     motion.check(cycle_time)
     machine = machine_lists(lists)
     used = machine.in_use(reading.conventions, reading.lines)
@@ -277,4 +322,42 @@ def _axis(
         left_out=tuple(one.name for one, reason in why.items() if reason is not None),
         current=sum(currents[1:], currents[0]) if currents else None,
         remarks=tuple(remarks),
+    )
+
+
+def _joined(
+    before: tuple[AxisOffsets, ...],
+    after: tuple[AxisOffsets, ...],
+    fresh: set[tuple[int, str]],
+) -> tuple[AxisOffsets, ...]:
+    """Add what the new tables of a version add to what is known."""
+    by_axis = {one.axis: one for one in after}
+    joined = [
+        _added(one, by_axis.pop(one.axis), fresh) if one.axis in by_axis else one
+        for one in before
+    ]
+    return tuple(sorted((*joined, *by_axis.values()), key=lambda one: one.axis))
+
+
+def _added(
+    before: AxisOffsets, after: AxisOffsets, fresh: set[tuple[int, str]]
+) -> AxisOffsets:
+    new = {n: v for n, v in after.parts.items() if (after.axis, n) in fresh}
+    known, none = before.parts, np.zeros_like(before.total)
+    parts = {
+        name: known.get(name, none) + new.get(name, none)
+        for name in NAMES
+        if name in known or name in new
+    }
+    current = before.current
+    pushes = any(kind(name).adds_current for axis, name in fresh if axis == after.axis)
+    if after.current is not None and pushes:
+        current = after.current if current is None else current + after.current
+    return dataclasses.replace(
+        before,
+        parts=parts,
+        total=before.total + sum(new.values(), none),
+        current=current,
+        left_out=tuple(dict.fromkeys((*before.left_out, *after.left_out))),
+        remarks=tuple(dict.fromkeys((*before.remarks, *after.remarks))),
     )

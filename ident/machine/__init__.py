@@ -10,11 +10,8 @@ machine at work.
 """
 
 from ._drive import (
-    Drive as Drive,
-    DriveTrace as DriveTrace,
     example_drive as example_drive,
     record_drive as record_drive,
-    write_drive_trace as write_drive_trace,
 )
 from ._example import (
     LASER as LASER,
