@@ -41,12 +41,9 @@ def results(
     writer = csv.DictWriter(sys.stdout, table.column_names, lineterminator="\n")
     writer.writeheader()
     writer.writerows(
-        {name: _shown(value) for name, value in row.items()} for row in rows
+        # With the digits that people read; JSON has them all.
+        {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()}
+        for row in rows
     )
     if not rows:
         typer.echo("No row answers that.", err=True)
-
-
-def _shown(value: object) -> object:
-    """Return a number with the digits that people read; JSON has them all."""
-    return f"{value:.6g}" if isinstance(value, float) else value

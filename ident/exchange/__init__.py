@@ -62,7 +62,6 @@ from ._machine_lists import (
     Reading as Reading,
     axes_in_use as axes_in_use,
     entries_of_activation as entries_of_activation,
-    is_activated as is_activated,
     machine_lists as machine_lists,
     reversal_cycles as reversal_cycles,
 )

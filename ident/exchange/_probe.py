@@ -208,8 +208,11 @@ def make_probe(
         old = (existing or {}).get(number)
         entries: dict[str, Value] = {}
         for one in mine:
-            entries |= kind(one.name).probe.entries(one, axes, conventions)
-            entries |= _kept_size(one, old)
+            facts = kind(one.name)
+            entries |= facts.probe.entries(one, axes, conventions)
+            size = f"{facts.prefix}.max_points"
+            if old is not None and facts.probe.plateaus and old.integer(size):
+                entries[size] = old.integer(size) or 0
         head: dict[str, Value] = {"kopf.achs_nr": number}
         head["kopf.log_achs_name"] = axes[number].name
         title = f"Probe list of {axes[number].name}: 10 um plateaus, not for machining."
@@ -227,15 +230,6 @@ def make_probe(
             source=f"achsmds{number}.add.lis",
         )
     return Probe(dict(axes), tuple(tables), lists, additions)
-
-
-def _kept_size(one: Probed, old: ListFile | None) -> dict[str, int | str]:
-    found = kind(one.name)
-    name = f"{found.prefix}.max_points"
-    if old is None or not found.probe.plateaus:
-        return {}
-    size = old.integer(name)
-    return {name: size} if size else {}
 
 
 def plateau(between: tuple[int, int]) -> Float[np.ndarray, " n"]:

@@ -331,33 +331,28 @@ def _joined(
     fresh: set[tuple[int, str]],
 ) -> tuple[AxisOffsets, ...]:
     """Add what the new tables of a version add to what is known."""
-    by_axis = {one.axis: one for one in after}
-    joined = [
-        _added(one, by_axis.pop(one.axis), fresh) if one.axis in by_axis else one
-        for one in before
-    ]
-    return tuple(sorted((*joined, *by_axis.values()), key=lambda one: one.axis))
-
-
-def _added(
-    before: AxisOffsets, after: AxisOffsets, fresh: set[tuple[int, str]]
-) -> AxisOffsets:
-    new = {n: v for n, v in after.parts.items() if (after.axis, n) in fresh}
-    known, none = before.parts, np.zeros_like(before.total)
-    parts = {
-        name: known.get(name, none) + new.get(name, none)
-        for name in NAMES
-        if name in known or name in new
-    }
-    current = before.current
-    pushes = any(kind(name).adds_current for axis, name in fresh if axis == after.axis)
-    if after.current is not None and pushes:
-        current = after.current if current is None else current + after.current
-    return dataclasses.replace(
-        before,
-        parts=parts,
-        total=before.total + sum(new.values(), none),
-        current=current,
-        left_out=tuple(dict.fromkeys((*before.left_out, *after.left_out))),
-        remarks=tuple(dict.fromkeys((*before.remarks, *after.remarks))),
-    )
+    joined = {one.axis: one for one in (*after, *before)}
+    for one in after:
+        old = joined[one.axis]
+        if old is one:
+            continue
+        new = {n: v for n, v in one.parts.items() if (one.axis, n) in fresh}
+        none = np.zeros_like(old.total)
+        pushes = any(
+            kind(name).adds_current for axis, name in fresh if axis == one.axis
+        )
+        currents = [old.current, one.current if pushes else None]
+        pushed = [current for current in currents if current is not None]
+        joined[one.axis] = dataclasses.replace(
+            old,
+            parts={
+                name: old.parts.get(name, none) + new.get(name, none)
+                for name in NAMES
+                if name in old.parts or name in new
+            },
+            total=old.total + sum(new.values(), none),
+            current=sum(pushed[1:], pushed[0]) if pushed else None,
+            left_out=tuple(dict.fromkeys((*old.left_out, *one.left_out))),
+            remarks=tuple(dict.fromkeys((*old.remarks, *one.remarks))),
+        )
+    return tuple(joined[axis] for axis in sorted(joined))

@@ -1,8 +1,7 @@
 """Measuring the virtual machine: instruments that scatter, drift and round, and their files."""
 
-import csv
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -156,32 +155,27 @@ def _measure(
 
 def write_laser_table(path: Path, found: Reading) -> None:
     """Write ``run, direction, target, error`` with target in mm and error in µm."""
-    rows = zip(
-        found.run, found.direction, found.positions[:, 0], found.reading, strict=True
-    )
-    lines = ([r, f"{d:+d}", f"{x:.3f}", f"{1000 * e:.3f}"] for r, d, x, e in rows)
-    _write_csv(path, ["run", "direction", "target [mm]", "error [um]"], lines)
+    columns = [found.run, found.direction, found.positions, 1000 * found.reading]
+    forms = ("%d", "%+d", "%.3f", "%.3f")
+    _write_csv(path, "run,direction,target [mm],error [um]", columns, forms)
 
 
 def write_straightness(path: Path, along: str, found: Reading) -> None:
     """Write ``run, position, deviation`` with position in mm and deviation in µm."""
-    rows = zip(found.run, found.positions[:, 0], found.reading, strict=True)
-    lines = ([r, f"{x:.3f}", f"{1000 * e:.3f}"] for r, x, e in rows)
-    _write_csv(path, ["run", f"{along.lower()} [mm]", "deviation [um]"], lines)
+    header = f"run,{along.lower()} [mm],deviation [um]"
+    columns = [found.run, found.positions, 1000 * found.reading]
+    _write_csv(path, header, columns, ("%d", "%.3f", "%.3f"))
 
 
 def write_surface(path: Path, across: tuple[str, str], found: Reading) -> None:
     """Write ``x, y, dz`` with positions in mm and heights in µm."""
-    rows = zip(found.positions, found.reading, strict=True)
-    lines = ([f"{x:.3f}", f"{y:.3f}", f"{1000 * e:.3f}"] for (x, y), e in rows)
     first, second = (axis.lower() for axis in across)
-    _write_csv(path, [f"{first} [mm]", f"{second} [mm]", "dz [um]"], lines)
+    columns = [found.positions, 1000 * found.reading]
+    _write_csv(path, f"{first} [mm],{second} [mm],dz [um]", columns, ("%.3f",) * 3)
 
 
 def _write_csv(
-    path: Path, header: Sequence[str], lines: Iterable[Sequence[object]]
+    path: Path, header: str, columns: Sequence[np.ndarray], forms: Sequence[str]
 ) -> None:
-    with path.open("w", encoding="ascii", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(lines)
+    table = np.column_stack(columns)
+    np.savetxt(path, table, forms, ",", header=header, comments="")

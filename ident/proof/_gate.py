@@ -81,38 +81,30 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     unit = "mm" if table.unit == "mm" else "°"
     feed = limits.feed / 60.0
     steepest, at_slope = slope(table)
-    highest, at_step = step(table)
     sharpest, at_kink = kink(table)
-    fastest, at_acceleration = acceleration(table, feed)
     # 1 µm per mm is 0.001, and so is 0.001° per °.
     per = "µm/mm" if table.unit == "mm" else "0.001°/°"
-    lines = [
-        _largest(table, "max_correction", table.offset, limits.max_correction, unit),
-        gate_check("max_slope", 1e3 * steepest, limits.max_slope, per, at_slope),
-        gate_check("max_step", highest, limits.max_step, unit, at_step),
-        gate_check(
-            "max_velocity",
-            gradient(table) * feed,
-            limits.max_velocity,
-            f"{unit}/s",
-            at_slope,
-        ),
-        gate_check("max_kink", sharpest * feed, limits.max_kink, f"{unit}/s", at_kink),
-        gate_check(
-            "max_acceleration",
-            fastest,
-            limits.max_acceleration,
-            f"{unit}/s²",
-            at_acceleration,
-        ),
-    ]
+    found: dict[str, tuple[str, tuple[float, str]]] = {
+        "max_correction": (unit, _largest(table, table.offset)),
+        "max_slope": (per, (1e3 * steepest, at_slope)),
+        "max_step": (unit, step(table)),
+        "max_velocity": (f"{unit}/s", (gradient(table) * feed, at_slope)),
+        "max_kink": (f"{unit}/s", (sharpest * feed, at_kink)),
+        "max_acceleration": (f"{unit}/s²", acceleration(table, feed)),
+    }
     if len(table.offset) == 2:
-        lines += _reversal(table, limits, unit)
+        jump, where = _largest(table, [table.offset[0] - table.offset[1]])
+        spread = f"{where}, spread over {table.cycles} cycles"
+        fast, hard = reversal_dynamics(jump, table.cycles, table.cycle_time)
+        found["max_reversal"] = unit, (jump, where)
+        found["max_velocity at reversal"] = f"{unit}/s", (fast, spread)
+        found["max_acceleration at reversal"] = f"{unit}/s²", (hard, spread)
     if table.change is not None and limits.max_change is not None:
-        lines.append(
-            _largest(table, "max_change", table.change, limits.max_change, unit)
-        )
-    return tuple(lines)
+        found["max_change"] = unit, _largest(table, table.change)
+    return tuple(
+        gate_check(name, value, getattr(limits, name.split()[0]), shown, where)
+        for name, (shown, (value, where)) in found.items()
+    )
 
 
 def gate_check(
@@ -148,35 +140,8 @@ def check_switching(
     return gate_check("max_switching", step, limits.max_switching, unit, where)
 
 
-def _largest(
-    table: GateTable,
-    name: str,
-    branches: Sequence[np.ndarray],
-    limit: float,
-    unit: str,
-) -> GateCheck:
+def _largest(table: GateTable, branches: Sequence[np.ndarray]) -> tuple[float, str]:
+    """Return the largest size among branches, and at which node it is."""
     sizes = np.abs(np.stack(branches))
     _, *index = np.unravel_index(sizes.argmax(), sizes.shape)
-    where = f"at {place_of(table, [int(k) for k in index])}"
-    return gate_check(name, float(sizes.max()), limit, unit, where)
-
-
-def _reversal(table: GateTable, limits: GateLimits, unit: str) -> list[GateCheck]:
-    jump = np.abs(table.offset[0] - table.offset[1])
-    k = int(jump.argmax())
-    where = f"at {place_of(table, [k])}"
-    spread = f"{where}, spread over {table.cycles} cycles"
-    fast, hard = reversal_dynamics(float(jump[k]), table.cycles, table.cycle_time)
-    return [
-        gate_check("max_reversal", float(jump[k]), limits.max_reversal, unit, where),
-        gate_check(
-            "max_velocity at reversal", fast, limits.max_velocity, f"{unit}/s", spread
-        ),
-        gate_check(
-            "max_acceleration at reversal",
-            hard,
-            limits.max_acceleration,
-            f"{unit}/s²",
-            spread,
-        ),
-    ]
+    return float(sizes.max()), f"at {place_of(table, [int(k) for k in index])}"

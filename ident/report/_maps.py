@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 from jaxtyping import Float, Int
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..job import TableResult
@@ -26,9 +27,6 @@ from ._scale import Scale, count, grouped, number, percent
 
 _TALL = 3.8
 """Maps higher than this, in inches, are square rather than wide."""
-
-_SIDE_BY_SIDE = ("ab", "cc")
-"""Old and new beside each other, their difference below."""
 
 
 def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
@@ -99,7 +97,11 @@ def change_maps(fit: TableResult, scale: Scale) -> Plot | None:
     both = np.stack([old, new]) * scale.factor
     span = symmetric(both)
     change = both[1] - both[0]
-    figure, panels = style.new_mosaic(1.62 * map_height(table) + 0.5, _SIDE_BY_SIDE)
+    size = (7.2, 1.62 * map_height(table) + 0.5)
+    figure = Figure(figsize=size, layout="constrained")
+    # Old and new beside each other, their difference below.
+    mosaic = figure.subplot_mosaic("ab\ncc", height_ratios=[0.62, 1.0])
+    panels = [mosaic[name] for name in "abc"]
     layers = [
         heat(axes, table, value, limits=(-span, span), diverging=True)
         for axes, value in zip(panels, both, strict=False)

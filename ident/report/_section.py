@@ -73,8 +73,10 @@ def section_of(fit: AbstractResult, place: int) -> Section:
     """Return the section of one fit; ``place`` counts the fits of the job from 1."""
     scale = scale_of(fit.unit)
     over = " over " + ", ".join(fit.over) if fit.over else ""
+    # In a file name and an anchor.
+    safe = "".join(c if c.isascii() and c.isalnum() else "_" for c in fit.axis)
     return Section(
-        name=f"{place}-{fit.compensation}-{_plain(fit.axis)}",
+        name=f"{place}-{fit.compensation}-{safe}",
         heading=f"{place}. {fit.compensation.capitalize()} of {fit.axis}{over}",
         verdict=headline_of(fit, scale),
         remarks=by_level(fit.remarks),
@@ -131,11 +133,6 @@ def summary_row(section: Section) -> tuple[str, ...]:
         gain,
         cells.get("verified", "no" if section.fit.again else "not yet"),
     )
-
-
-def _plain(name: str) -> str:
-    """Return a name that is safe in a file name and an anchor."""
-    return "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in name)
 
 
 def body_of(fit: AbstractResult, scale: Scale) -> Body:

@@ -78,13 +78,6 @@ def new_figure(
     return figure, list(axes.ravel())
 
 
-def new_mosaic(height: float, rows: tuple[str, ...]) -> tuple[Figure, list[Axes]]:
-    """Return a figure laid out by letters, one per panel, and its axes in order."""
-    figure = Figure(figsize=(7.2, height), layout="constrained")
-    panels = figure.subplot_mosaic("\n".join(rows), height_ratios=[0.62, 1.0])
-    return figure, [panels[name] for name in sorted(panels)]
-
-
 def thin(size: int, limit: int = DRAWN_POINTS) -> Int[np.ndarray, " k"]:
     """Return ascending indices of at most ``limit`` of ``size`` readings.
 

@@ -116,11 +116,11 @@ def smoothness_sentence(fit: TableResult, scale: Scale) -> str:
                 "longer ones are followed"
             )
     named = ", ".join(f"{name}: {weight:.3g}" for name, weight in weights.items())
+    stated = f"Weights of the prior relative to 1/noise²: {named}."
     if not parts:
-        return f"Weights of the prior relative to 1/noise²: {named}."
+        return stated
     text = "; ".join(parts)
-    weights_named = f"Weights of the prior relative to 1/noise²: {named}."
-    return f"{text[0].upper()}{text[1:]}. {weights_named}"
+    return f"{text[0].upper()}{text[1:]}. {stated}"
 
 
 def damped_wavelengths(fit: TableResult) -> dict[int, float | None]:

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Collection
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...exchange import LIST_UNITS, Motion
 from .._gate import GateCheck, gate_check
@@ -96,7 +96,8 @@ def judge_together(
     """
     alone = error + added.get(compensation, 0.0)
     together = error + np.sum(list(added.values()), axis=0)
-    sound = _sound(alone)
+    away = np.abs(alone - np.median(alone))
+    sound = away <= _WILD * 1.4826 * np.median(away) + 1.0 / LIST_UNITS
     count, left = int(sound.sum()), _rms(alone[sound], about_zero)
     sure = _SLACK + _SURE / np.sqrt(2.0 * max(count, 1))
     return Together(
@@ -108,11 +109,6 @@ def judge_together(
         together=_rms(together[sound], about_zero),
         limit=float(max(left, predicted or 0.0) * sure) + 1.0 / LIST_UNITS,
     )
-
-
-def _sound(left: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
-    away = np.abs(left - np.median(left))
-    return np.asarray(away <= _WILD * 1.4826 * np.median(away) + 1.0 / LIST_UNITS)
 
 
 def _rms(values: Float[np.ndarray, " t"], about_zero: bool) -> float:
