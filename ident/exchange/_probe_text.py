@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from ..kinds import kind, kinds
 from ._probe import Outcome, Probe, ProbeAxis, Probed, number_text, places_text
 
+_FEED = 1000
+"""mm/min."""
+
 
 @dataclasses.dataclass(frozen=True)
 class ProbeStep:
@@ -121,14 +124,10 @@ def probe_text(probe: Probe) -> str:
     return "\n".join(lines)
 
 
-def probe_program(probe: Probe, feed: float = 1000.0) -> str:
+def probe_program(probe: Probe) -> str:
     """Return an NC program that goes through all of it, resting for a second each time.
 
     At its end every compensation is on or off as it was before.
-
-    Args:
-        probe: The probe.
-        feed: In mm/min.
     """
     lines = ["; Probe: log positions and offsets while this runs. Check the way first."]
     blocks: list[str] = []
@@ -137,13 +136,13 @@ def probe_program(probe: Probe, feed: float = 1000.0) -> str:
         on = f"{step.axis}[COMP ON {step.keyword}]"
         way, before = "G00" if step.moving else "G01", step.moving or step.steady
         rest = "G04 1"
-        blocks += [_block("G01", step.start, feed), rest]
+        blocks += [_block("G01", step.start), rest]
         if before:
             blocks += [on]
-        blocks += [_block(way, step.end, feed), rest]
+        blocks += [_block(way, step.end), rest]
         if not before:
             blocks += [on, rest]
-        blocks += [_block(way, step.start, feed), rest]
+        blocks += [_block(way, step.start), rest]
     words = dict.fromkeys(step.axis for step in probe_steps(probe))
     was = {
         (word, one.keyword): f"V.L.WAS_{word}_{one.keyword}".upper()
@@ -168,6 +167,6 @@ def probe_program(probe: Probe, feed: float = 1000.0) -> str:
     return "\n".join([*lines, ""])
 
 
-def _block(way: str, places: Mapping[str, float], feed: float) -> str:
+def _block(way: str, places: Mapping[str, float]) -> str:
     words = " ".join(f"{name}={number_text(value)}" for name, value in places.items())
-    return f"G90 {way} {words}" + (f" F{feed:g}" if way == "G01" else "")
+    return f"G90 {way} {words}" + f" F{_FEED}" * (way == "G01")

@@ -191,12 +191,10 @@ class WildRow:
     error: str
 
 
-def wild_rows(
-    fit: TableResult, readings: Readings, scale: Scale, limit: int = 12
-) -> list[WildRow]:
-    """Return the largest rejected readings, at most ``limit``."""
+def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRow]:
+    """Return the largest rejected readings, at most a dozen."""
     rows = np.flatnonzero(readings.wild)
-    rows = rows[np.argsort(-np.abs(readings.before[rows]), kind="stable")][:limit]
+    rows = rows[np.argsort(-np.abs(readings.before[rows]), kind="stable")][:12]
     found = []
     for row in rows.tolist():
         spots = zip(fit.masters, readings.positions[row], strict=True)

@@ -120,10 +120,10 @@ def _said(parts: Sequence[Phrase]) -> str:
 def _equals(channel: AbstractChannel, found: Found) -> list[list[Phrase]]:
     """Return other faults that explain the log as well as the best ones."""
     best = found.rivals[0]
-    seen = [set(best.hypothesis.words(channel))]
+    seen = [set(best.hypothesis.faults(channel))]
     result = []
     for one in found.rivals[1:]:
-        words = set(one.hypothesis.words(channel))
+        words = set(one.hypothesis.faults(channel))
         if one.criterion > best.criterion + EQUAL or not words:
             continue
         if not any(words >= known for known in seen):
@@ -139,11 +139,11 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
     nothing of the controller.
     """
     best = found.rivals[0]
-    own = set(best.hypothesis.words(channel))
+    own = set(best.hypothesis.faults(channel))
     if not {"lag", "filter"} & own:
         return ""
     for one in found.rivals[1:]:
-        words = set(one.hypothesis.words(channel))
+        words = set(one.hypothesis.faults(channel))
         if words ^ own != {"lag", "filter"} or one.misfit > best.misfit + EQUAL:
             continue
         texts = [
@@ -159,7 +159,7 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
 def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
     """Return what could be otherwise without being seen in this log."""
     best, *others = found.rivals
-    told = best.hypothesis.words(channel)
+    told = best.hypothesis.faults(channel)
     near = [
         best.hypothesis.apart(one.hypothesis)
         for one in others
