@@ -17,11 +17,9 @@ from .._sources import (
     ScrewPitch,
     TableFlatness,
 )
-from ._heat import HeatedPart
-from ._loop import AxisLoop
+from ._instruments import HeatedPart, Tracker
 from ._programme import Path, Programme
-from ._record import WorkingMachine
-from ._tracker import Tracker
+from ._record import AxisLoop, WorkingMachine
 
 SPACE = {"X": 800.0, "Y": 400.0, "Z": 200.0}
 """Travel of each axis from 0, in mm."""
