@@ -21,9 +21,7 @@ from ._controller import (
 )
 from ._conventions_file import (
     StoredConventions as StoredConventions,
-    TomlError as TomlError,
     read_conventions as read_conventions,
-    read_toml as read_toml,
 )
 from ._convert import (
     ExchangedTable as ExchangedTable,
@@ -95,5 +93,10 @@ from ._table import (
     by_branch as by_branch,
     nodes_in as nodes_in,
     refuse_lost_nodes as refuse_lost_nodes,
+)
+from ._toml import (
+    TomlError as TomlError,
+    line_of as line_of,
+    read_toml as read_toml,
 )
 from ._units import LIST_UNITS as LIST_UNITS, ModelUnit as ModelUnit

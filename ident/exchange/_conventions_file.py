@@ -6,61 +6,15 @@ second measurement of that machine; what stands in ``[assumed]`` holds until the
 
 import dataclasses
 import json
-import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...data.errors import AxcompError
 from ...models import ConventionError, Conventions
+from ._toml import TomlError, line_of, read_toml
 
 _TABLES = ("verified", "assumed")
 _IDENTITY = ("machine", "saved_at")
-_AT = re.compile(r"(.*?) \(at (?:line (\d+), column (\d+)|end of document)\)")
-
-
-class TomlError(AxcompError, ValueError):
-    """A file that is no TOML, or not what it should be.
-
-    Attributes:
-        source: The file.
-        line: Where in it, or None.
-        reason: What was found and what was expected.
-    """
-
-    def __init__(self, source: str, line: int | None, reason: str) -> None:
-        super().__init__(source, line, reason)
-        self.source, self.line, self.reason = source, line, reason
-
-    def __str__(self) -> str:
-        where = self.source if self.line is None else f"{self.source}:{self.line}"
-        return f"{where}: {self.reason}"
-
-
-def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    """Return the text and the values of a TOML file.
-
-    Raises:
-        TomlError: If it is none.
-        OSError: If it cannot be read.
-    """
-    raw = path.read_bytes()
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        reason = f"found byte 0x{raw[error.start]:02x}, expected UTF-8 text"
-        raise TomlError(str(path), line, reason) from None
-    try:
-        return text, tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        match = _AT.fullmatch(str(error))
-        if match is None:
-            raise TomlError(str(path), None, f"not TOML: {error}") from None
-        line = int(match[2]) if match[2] else text.count("\n") + 1
-        place = f" in column {match[3]}" if match[3] else ""
-        raise TomlError(str(path), line, f"not TOML: {match[1]}{place}") from None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,35 +100,25 @@ def read_conventions(path: Path, machine: str | None = None) -> StoredConvention
         table = values.get(name, {})
         if not isinstance(table, dict):
             reason = f"{name}: found {table!r}, expected a table [{name}]"
-            raise TomlError(str(path), _line(text, name), reason)
+            raise TomlError(str(path), line_of(text, [name]), reason)
         (settled if name == "verified" else assumed).update(table)
     try:
         found = Conventions.from_dict({**assumed, **settled})
     except ConventionError as error:
-        line = _line(text, error.name)
+        tables = [[name] for name in _TABLES if error.name in values.get(name, ())]
+        line = line_of(text, [*next(iter(tables), []), error.name])
         raise TomlError(str(path), line, str(error)) from None
     own = identity.get("machine")
     if own is not None and not isinstance(own, str):
         reason = f"machine: found {own!r}, expected the id of a machine in quotes"
-        raise TomlError(str(path), _line(text, "machine"), reason)
+        raise TomlError(str(path), line_of(text, ["machine"]), reason)
     if machine is not None and own not in (None, machine):
         reason = f"found the conventions of machine {own!r}, expected {machine!r}"
-        raise TomlError(str(path), _line(text, "machine"), reason)
+        raise TomlError(str(path), line_of(text, ["machine"]), reason)
     saved = identity.get("saved_at")
     return StoredConventions(
         found, frozenset(settled), own, None if saved is None else str(saved)
     )
-
-
-def _line(text: str, name: str) -> int | None:
-    """Return the line that sets a name or opens its table."""
-    start = re.compile(
-        rf"""\s*(?:["']?{re.escape(name)}["']?\s*=|\[{re.escape(name)}\])"""
-    )
-    for number, line in enumerate(text.splitlines(), start=1):
-        if start.match(line):
-            return number
-    return None
 
 
 def _toml(value: int | str) -> str:

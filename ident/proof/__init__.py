@@ -18,12 +18,14 @@ from ._figures import (
     ErrorFigures as ErrorFigures,
     RunTable as RunTable,
     error_figures as error_figures,
+    wild_readings as wild_readings,
 )
 from ._gate import (
     GateCheck as GateCheck,
     GateLimits as GateLimits,
     gate_check as gate_check,
     judge as judge,
+    reversal_checks as reversal_checks,
 )
 from ._heldout import (
     HeldOut as HeldOut,

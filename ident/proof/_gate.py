@@ -92,19 +92,55 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
         "max_kink": (f"{unit}/s", (sharpest * feed, at_kink)),
         "max_acceleration": (f"{unit}/s²", acceleration(table, feed)),
     }
+    lines = [
+        gate_check(name, value, getattr(limits, name), shown, where)
+        for name, (shown, (value, where)) in found.items()
+    ]
     if len(table.offset) == 2:
         jump, where = _largest(table, [table.offset[0] - table.offset[1]])
-        spread = f"{where}, spread over {table.cycles} cycles"
-        fast, hard = reversal_dynamics(jump, table.cycles, table.cycle_time)
-        found["max_reversal"] = unit, (jump, where)
-        found["max_velocity at reversal"] = f"{unit}/s", (fast, spread)
-        found["max_acceleration at reversal"] = f"{unit}/s²", (hard, spread)
+        words = where, f"{where}, spread over {table.cycles} cycles"
+        lines += reversal_checks(
+            jump, table.cycles, table.cycle_time, limits, unit, words
+        )
     if table.change is not None and limits.max_change is not None:
-        found["max_change"] = unit, _largest(table, table.change)
-    return tuple(
-        gate_check(name, value, getattr(limits, name.split()[0]), shown, where)
-        for name, (shown, (value, where)) in found.items()
-    )
+        worst, where = _largest(table, table.change)
+        lines.append(gate_check("max_change", worst, limits.max_change, unit, where))
+    return tuple(lines)
+
+
+def reversal_checks(
+    jump: float,
+    cycles: int,
+    cycle_time: float,
+    limits: GateLimits,
+    unit: str,
+    where: tuple[str, str],
+) -> list[GateCheck]:
+    """Return the lines of the gate for what comes at a reversal.
+
+    Args:
+        jump: In mm or °.
+        cycles: Over which it is spread.
+        cycle_time: In s.
+        limits: Of the job.
+        unit: Of the jump.
+        where: Words for the jump, and for what it does when it is spread.
+    """
+    fast, hard = reversal_dynamics(jump, cycles, cycle_time)
+    at, spread = where
+    return [
+        gate_check("max_reversal", jump, limits.max_reversal, unit, at),
+        gate_check(
+            "max_velocity at reversal", fast, limits.max_velocity, f"{unit}/s", spread
+        ),
+        gate_check(
+            "max_acceleration at reversal",
+            hard,
+            limits.max_acceleration,
+            f"{unit}/s²",
+            spread,
+        ),
+    ]
 
 
 def gate_check(

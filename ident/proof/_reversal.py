@@ -74,7 +74,11 @@ def choose_cycles(
         velocity, acceleration = reversal_dynamics(jump, cycles, cycle_time)
         return velocity <= max_velocity and acceleration <= max_acceleration
 
-    if existing in range(2, MOST_REVERSAL_CYCLES + 1) and inside(existing):
+    if (
+        existing is not None
+        and 2 <= existing <= MOST_REVERSAL_CYCLES
+        and inside(existing)
+    ):
         return existing
     return _fewest(inside, MOST_REVERSAL_CYCLES)
 

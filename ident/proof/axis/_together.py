@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...exchange import LIST_UNITS, Motion
+from .._figures import wild_readings
 from .._gate import GateCheck, gate_check
 from ._loaded import Loaded
 
@@ -14,8 +15,6 @@ _SURE = 3.0
 """Standard deviations of an rms figure, 1/√(2n) each, up to which it is no other."""
 _SLACK = 1.1
 """What other tables add by their own noise: a tenth of the error that is left."""
-_WILD = 6.0
-"""Robust standard deviations from the middle beyond which a reading is left out."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,8 +95,7 @@ def judge_together(
     """
     alone = error + added.get(compensation, 0.0)
     together = error + np.sum(list(added.values()), axis=0)
-    away = np.abs(alone - np.median(alone))
-    sound = away <= _WILD * 1.4826 * np.median(away) + 1.0 / LIST_UNITS
+    sound = ~wild_readings(alone, least=1.0 / LIST_UNITS)
     count, left = int(sound.sum()), _rms(alone[sound], about_zero)
     sure = _SLACK + _SURE / np.sqrt(2.0 * max(count, 1))
     return Together(
