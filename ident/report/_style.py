@@ -112,7 +112,7 @@ def draw_cloud(
     size: float | None,
     names: Mapping[int, str],
     alpha: float,
-    most: int | None = None,
+    most: int = DRAWN_POINTS,
 ) -> None:
     """Draw readings as marks that tell their direction.
 
@@ -128,17 +128,34 @@ def draw_cloud(
     """
     for way in (1, -1, 0):
         rows = np.flatnonzero(direction == way)
-        if most is not None:
-            rows = rows[thin(rows.size, most)]
         if rows.size:
             fitting = float(np.clip(90 / np.sqrt(rows.size), 1.2, 3))
-            axes.plot(
-                where[rows], value[rows], linestyle="none",
-                marker=DIRECTION_MARKER[way], markeredgewidth=0,
-                markersize=fitting if size is None else size,
-                color=DIRECTION_COLOR[way], alpha=alpha, label=names[way],
-                rasterized=as_raster(rows.size),
+            marks(
+                axes, where[rows], value[rows], color=DIRECTION_COLOR[way], alpha=alpha,
+                marker=DIRECTION_MARKER[way], label=names[way], most=most,
+                size=fitting if size is None else size,
             )  # fmt: skip
+
+
+def marks(
+    axes: Axes,
+    across: Float[np.ndarray, " t"],
+    up: Float[np.ndarray, " t"],
+    *,
+    color: str | tuple[float, ...] = BLUE,
+    marker: str = "o",
+    size: float = 3.0,
+    alpha: float = 0.7,
+    label: str | None = None,
+    most: int = 3000,
+) -> None:
+    """Draw readings as marks, so many at most, and many as a picture inside the SVG."""
+    rows = thin(len(across), most)
+    axes.plot(
+        across[rows], up[rows], linestyle="none", marker=marker, markersize=size,
+        markeredgewidth=0, alpha=alpha, color=color, label=label,
+        rasterized=as_raster(rows.size),
+    )  # fmt: skip
 
 
 def as_raster(size: int) -> bool:

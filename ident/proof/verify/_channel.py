@@ -63,6 +63,13 @@ class Way:
     step: float
     ends: bool = True
 
+    @classmethod
+    def of(cls, places: Float[np.ndarray, " n"], ends: bool = True) -> "Way":
+        """Return the extent of nodes in any order."""
+        every = np.unique(places)
+        step = float(np.min(np.diff(every))) if len(every) > 1 else 1.0
+        return cls(float(every[0]), float(every[-1]), step, ends)
+
 
 @dataclasses.dataclass(frozen=True)
 class Parts:

@@ -60,18 +60,11 @@ def channels_of(
     return {axis: parts for axis, parts in found.items() if parts}
 
 
-def unfiltered(channel: AbstractChannel) -> AbstractChannel:
-    """Return a channel as the objects report it that know no filters."""
-    plain = copy.copy(channel)
-    plain.cycles = 0
-    return plain
-
-
-def at_clock(channel: AbstractChannel, clock: float) -> AbstractChannel:
-    """Return a channel as it is read some part of a cycle later."""
-    late = copy.copy(channel)
-    late.motion = dataclasses.replace(channel.motion, clock=clock)
-    return late
+def changed(channel: AbstractChannel, **fields: object) -> AbstractChannel:
+    """Return a channel with other attributes."""
+    other = copy.copy(channel)
+    vars(other).update(fields)
+    return other
 
 
 def axis_names(lists: Sequence[ListFile]) -> dict[str, int]:

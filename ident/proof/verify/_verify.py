@@ -16,14 +16,13 @@ from ._hypothesis import FAULT
 from ._judge import Verdict, judge_found
 from ._lists import (
     ByAxis,
-    at_clock,
     axis_names,
+    changed,
     channels_of,
     motion_of,
     number_of,
     owners,
     reports_of,
-    unfiltered,
 )
 from ._motion import LogMotion
 from ._search import Found, search
@@ -96,7 +95,8 @@ def verify_log(
         found: Explained = {}
         for (axis, name), report in reports.items():
             channel = channels[axis][name]
-            channel = channel if report.filtered else unfiltered(channel)
+            if not report.filtered:  # the objects know no filters
+                channel = changed(channel, cycles=0)
             target = Target.of(report.values, step=report.step)
             found[axis, name] = channel, search(channel, target)
         return found
@@ -216,7 +216,8 @@ def _sums(
             f"A{axis}.drive_position comes {1e3 * (late + part) * motion.cycle:.1f} ms"
             f" after A{axis}.position; that is allowed for."
         )
-    parts = {name: at_clock(one, part) for name, one in parts.items()}
+    late_by = dataclasses.replace(motion, clock=part)
+    parts = {name: changed(one, motion=late_by) for name, one in parts.items()}
     found = search_total(parts, target)
     return [judge_found(parts[name], one) for name, one in found.items()], True
 
