@@ -4,6 +4,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -161,7 +162,7 @@ def _half_gain(
 
     if damping(math.pi) <= density:
         return None
-    half = brentq(lambda omega: damping(omega) - density, 0.0, math.pi, rtol=1e-12)
+    half: Any = brentq(lambda omega: damping(omega) - density, 0.0, math.pi, rtol=1e-12)
     return 2 * math.pi / max(float(half), 1e-9) * spacing
 
 
