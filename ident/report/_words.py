@@ -162,7 +162,7 @@ def _half_gain(
 
     if damping(math.pi) <= density:
         return None
-    half: Any = brentq(lambda omega: damping(omega) - density, 0.0, math.pi, rtol=1e-12)
+    half: Any = brentq(lambda omega: damping(omega) - density, 0.0, math.pi)
     return 2 * math.pi / max(float(half), 1e-9) * spacing
 
 
