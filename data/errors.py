@@ -9,5 +9,16 @@ class AxcompError(Exception):
     """
 
 
+class FoundError(AxcompError, ValueError):
+    """Something else than what is needed: where, what was found, what was expected."""
+
+    def __init__(self, where: str, found: str, expected: str) -> None:
+        super().__init__(where, found, expected)
+        self.where, self.found, self.expected = where, found, expected
+
+    def __str__(self) -> str:
+        return f"{self.where}: found {self.found}, expected {self.expected}"
+
+
 class UsageError(AxcompError):
     """The command line itself is wrong: exit status 2."""

@@ -2,10 +2,10 @@
 
 `_app` assembles the commands and turns errors into one line and an exit status. Each command is
 a module of its own name (`_fit`, `_batch`, `_check` …) that imports what it needs when it runs,
-so that `axcomp check` starts without JAX. What a command prints stands beside it: `_fit_text`
-with `_group_text`, `_diff_text`, `_show_tables`, `_list_plots`; `_said` sets sentences for a
-terminal. `axcomp demo` is `_demo` over `_demo_run` (a machine measured at rest) and
-`_demo_work` (the mill at work).
+so that `axcomp check` starts without JAX. What a command prints stands beside it: `_fit_text`,
+`_show_tables`, `_list_plots`; `_said` sets sentences for a
+terminal. `axcomp demo` is `_demo` over `_demo_run` (a machine measured at rest, and the
+mill at work).
 """
 
 import gc

@@ -31,7 +31,6 @@ from . import (
     _objects,
     _probe,
     _read,
-    _results,
     _show,
     _simulate,
     _verify,
@@ -52,7 +51,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "fit": _fit.fit,
     "iso230": _iso230.iso230,
     "batch": _batch.batch,
-    "results": _results.results,
+    "results": _batch.results,
     "check": _check.check,
     "show": _show.show,
     "diff": _diff.diff,
@@ -104,9 +103,6 @@ def main(argv: list[str] | None = None) -> int:
         if end.code == 130:  # typer has caught the interrupt, and says nothing
             print("axcomp: interrupted", file=sys.stderr)
         return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except KeyboardInterrupt:
-        print("axcomp: interrupted", file=sys.stderr)
-        return 130
     except AxcompError as error:
         print(f"axcomp: {error}", file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1

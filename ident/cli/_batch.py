@@ -1,4 +1,4 @@
-"""The command ``batch``: many jobs, resumable, here or on a cluster."""
+"""The commands ``batch``, many jobs here or on a cluster, and ``results``, its table."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +14,10 @@ _EVERY = 10.0
 """Seconds between plain lines where nobody sees a status line."""
 _SHOWN = 20
 """Reasons that are printed; all of them stand in results.parquet."""
+_SELECT = (
+    "job, machine_id, axis, compensation, state, passed, verdict, before_rms, predicted_rms,"
+    " from_file_rms, reason"
+)
 
 
 def batch(
@@ -111,3 +115,41 @@ def _print(result: "BatchResult", out: Path) -> None:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def results(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a batch.")],
+    where: Annotated[
+        str | None,
+        typer.Option(help="SQL condition, e.g. \"not passed and machine_id = 'm7'\"."),
+    ] = None,
+    select: Annotated[
+        str, typer.Option(help="SQL list of columns; * for all.")
+    ] = _SELECT,
+    order: Annotated[str | None, typer.Option(help="SQL list to sort by.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Rows at most.")] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print a JSON list, one object per row.")
+    ] = False,
+) -> None:
+    """Show rows of the table of a batch as CSV; `docs/batch.md` names the columns."""
+    import csv
+    import json
+    import sys
+
+    from ..batch import query_results
+
+    table = query_results(folder, where, select, order, limit)
+    rows = table.to_pylist()
+    if as_json:
+        typer.echo(json.dumps(rows, default=str))
+        return
+    writer = csv.DictWriter(sys.stdout, table.column_names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(
+        # With the digits that people read; JSON has them all.
+        {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()}
+        for row in rows
+    )
+    if not rows:
+        typer.echo("No row answers that.", err=True)

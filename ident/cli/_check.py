@@ -50,19 +50,11 @@ def check(
         level: sum(finding.level == level for finding in findings)
         for level in ("error", "warning", "info")
     }
-    typer.echo(_summary(len(lists), counts), err=True)
+    nouns = {"error": "error", "warning": "warning", "info": "remark"}
+    parts = [f"{counts[k]} {noun}{'s' * (counts[k] != 1)}" for k, noun in nouns.items()]
+    summary = ", ".join(parts) if findings else "nothing found"
+    typer.echo(
+        f"{len(lists)} list{'s' * (len(lists) != 1)} checked: {summary}", err=True
+    )
     if counts["error"] or (strict and counts["warning"]):
         raise typer.Exit(1)
-
-
-def _summary(files: int, counts: dict[str, int]) -> str:
-    """Return one sentence on the whole check."""
-    checked = "1 list checked" if files == 1 else f"{files} lists checked"
-    if not any(counts.values()):
-        return f"{checked}: nothing found"
-    parts = [
-        f"{counts['error']} error{'s' * (counts['error'] != 1)}",
-        f"{counts['warning']} warning{'s' * (counts['warning'] != 1)}",
-        f"{counts['info']} remark{'s' * (counts['info'] != 1)}",
-    ]
-    return f"{checked}: {', '.join(parts)}"

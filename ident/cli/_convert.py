@@ -79,9 +79,8 @@ def convert(
         machine = {}
         write_atomically(target, text_of(table, form, trim=trim).encode())
     size = " × ".join(str(len(each)) for each in table.nodes)
-    directions = ", both directions" * (
-        table.compensation == "leadscrew" and len(table.entries) == 2
-    )
+    both = len(table.nodes) == 1 and len(table.entries) == 2
+    directions = ", both directions" * both
     typer.echo(
         f"{table.compensation}, {size} nodes{directions}: {target} ({form})", err=True
     )

@@ -1,5 +1,6 @@
 """The command ``demo``: a machine with known faults, from measurement to proof."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -58,25 +59,33 @@ def demo(
 
 
 def _print(console: "Console", out: Path, result: "DemoResult") -> None:
-    from rich.table import Table
-
     console.print(
         "A portal mill that exists only in the computer was measured, compensated,\n"
         "and measured again with the new lists loaded. Typical error in µm\n"
         "(rms without wild readings):\n",
         markup=False,
     )
-    table = Table(box=None, pad_edge=False)
-    table.add_column("known fault")
-    for heading in ("before", "predicted", "verified"):
-        table.add_column(f"  {heading}", justify="right")
-    for fit in result.job.tables:
-        sizes = (f"{1000 * one.rms:.1f}" for one in _figures(fit).values())
-        table.add_row(_WHAT[fit.compensation], *sizes)
-    spikes = (f"{1000 * size:.1f}" for size in vars(result.spikes).values())
-    table.add_row("X  friction: mark on a circle, largest", *spikes)
-    console.print(table)
-    _print_work(console, result)
+    rows = {
+        _WHAT[fit.compensation]: [one.rms for one in _figures(fit).values()]
+        for fit in result.job.tables
+    }
+    rows["X  friction: mark on a circle, largest"] = list(vars(result.spikes).values())
+    _print_stages(console, "known fault", rows)
+    console.print(
+        "\nThen such a mill worked for two minutes with every fault at once: pitch,\n"
+        "backlash, a bent beam, an uneven table, warmth, and a column that nods. One job\n"
+        "took its log, in motion, apart; the reference was late against the encoders.\n",
+        markup=False,
+    )
+    found = {
+        axis: [fit.compensation for fit in result.work.job.fits if fit.axis == axis]
+        for axis in result.work.rms
+    }
+    rows = {
+        f"{axis}  {', '.join(found[axis])}": list(sizes.values())
+        for axis, sizes in result.work.rms.items()
+    }
+    _print_stages(console, "everything at once", rows)
     lists = ", ".join(fit.files[0].name for fit in result.job.tables)
     lines = [
         "",
@@ -94,25 +103,18 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
         console.print(line, markup=False, soft_wrap=True)
 
 
-def _print_work(console: "Console", result: "DemoResult") -> None:
+def _print_stages(
+    console: "Console", head: str, rows: Mapping[str, Sequence[float]]
+) -> None:
+    """Print errors in mm by stage as µm."""
     from rich.table import Table
 
-    console.print(
-        "\nThen such a mill worked for two minutes with every fault at once: pitch,\n"
-        "backlash, a bent beam, an uneven table, warmth, and a column that nods. One job\n"
-        "took its log, in motion, apart; the reference was late against the encoders.\n",
-        markup=False,
-    )
     table = Table(box=None, pad_edge=False)
-    table.add_column("everything at once")
-    for heading in ("before", "predicted", "verified"):
-        table.add_column(f"  {heading}", justify="right")
-    for axis, sizes in result.work.rms.items():
-        found = ", ".join(
-            fit.compensation for fit in result.work.job.fits if fit.axis == axis
-        )
-        numbers = (f"{1000 * size:.1f}" for size in sizes.values())
-        table.add_row(f"{axis}  {found}", *numbers)
+    table.add_column(head)
+    for stage in ("before", "predicted", "verified"):
+        table.add_column(f"  {stage}", justify="right")
+    for words, sizes in rows.items():
+        table.add_row(words, *(f"{1000 * size:.1f}" for size in sizes))
     console.print(table)
 
 

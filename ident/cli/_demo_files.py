@@ -3,7 +3,6 @@
 The jobs and the text for the user stand in the folder ``demo``.
 """
 
-import dataclasses
 import hashlib
 import json
 from importlib import resources
@@ -12,27 +11,26 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ...data.errors import AxcompError
-from ...data.lists import ListFile
+from ...data.errors import FoundError
 from ..machine import (
     LASER,
     PROBE,
     STRAIGHTEDGE,
     TRAVEL,
-    Reading,
     VirtualMachine,
-    example_drive,
     measure_length,
     measure_straightness,
     measure_surface,
-    record_drive,
-    write_drive_trace,
     write_laser_table,
     write_straightness,
     write_surface,
 )
 
 _MANIFEST = ".axcomp-demo.json"
+_OWN = (
+    "an empty folder or an unchanged one of an earlier demo; move it away, or name another"
+    " folder with --out"
+)
 _MADE = ("result/", "second/", "work/result/", "work/second/")
 
 
@@ -41,28 +39,11 @@ def text_of(name: str) -> bytes:
     return resources.files("axcomp.ident.cli").joinpath("demo", name).read_bytes()
 
 
-class FolderError(AxcompError):
+class FolderError(FoundError):
     """The demo would overwrite something that is not its own."""
 
-    def __init__(self, folder: str, found: str) -> None:
-        super().__init__(folder, found)
-        self.folder, self.found = folder, found
-
-    def __str__(self) -> str:
-        return (
-            f"{self.folder}: found {self.found}, expected an empty folder or an "
-            "unchanged one of an earlier demo; move it away, or name another folder "
-            "with --out"
-        )
-
-
-@dataclasses.dataclass(frozen=True)
-class Measured:
-    """The three measurements of the demo, by axis."""
-
-    laser: Reading
-    straightness: Reading
-    surface: Reading
+    def __init__(self, where: str, found: str, expected: str = _OWN) -> None:
+        super().__init__(where, found, expected)
 
 
 def claim_folder(out: Path) -> None:
@@ -103,8 +84,8 @@ def seal_folder(out: Path) -> None:
     (out / _MANIFEST).write_text(text, encoding="utf-8")
 
 
-def measure(machine: VirtualMachine, seed: int) -> Measured:
-    """Measure the machine, with another seed at other positions."""
+def write_measurements(folder: Path, machine: VirtualMachine, seed: int) -> None:
+    """Measure the machine, with another seed at other positions, and write three files."""
     length, width = TRAVEL
     rng = np.random.default_rng(seed)
     # Off the round numbers: equal steps would always meet the same spot of the screw.
@@ -112,11 +93,13 @@ def measure(machine: VirtualMachine, seed: int) -> Measured:
     targets[1:-1] += np.round(rng.uniform(-2.5, 2.5, targets.size - 2), 3)
     along = np.linspace(0.0, length, 41)
     points = _probe_points(length, width, rng)
-    return Measured(
-        measure_length(machine, "X", targets, 5, LASER, seed + 1),
-        measure_straightness(machine, "Y", "X", along, 3, STRAIGHTEDGE, seed + 2),
-        measure_surface(machine, "Z", ("X", "Y"), points, PROBE, seed + 3),
-    )
+    laser = measure_length(machine, "X", targets, 5, LASER, seed + 1)
+    beam = measure_straightness(machine, "Y", "X", along, 3, STRAIGHTEDGE, seed + 2)
+    surface = measure_surface(machine, "Z", ("X", "Y"), points, PROBE, seed + 3)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_laser_table(folder / "laser_x.csv", laser)
+    write_straightness(folder / "straightness_y.csv", "X", beam)
+    write_surface(folder / "surface_z.csv", ("X", "Y"), surface)
 
 
 def _probe_points(
@@ -133,51 +116,6 @@ def _probe_points(
     points = np.clip(points, 0.0, [length, width])
     hidden = (points[:, 0] > 0.8 * length) & (points[:, 1] > 0.7 * width)
     return np.asarray(points[~hidden])
-
-
-def write_measurements(folder: Path, measured: Measured) -> tuple[Path, ...]:
-    """Write the three measurement files and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    names = ("laser_x.csv", "straightness_y.csv", "surface_z.csv")
-    laser, straightness, surface = (folder / name for name in names)
-    write_laser_table(laser, measured.laser)
-    write_straightness(straightness, "X", measured.straightness)
-    write_surface(surface, ("X", "Y"), measured.surface)
-    return laser, straightness, surface
-
-
-def write_drive(folder: Path, seed: int) -> Path:
-    """Write what the drive of X recorded and return the path."""
-    path = folder / "drive_x.csv"
-    write_drive_trace(path, record_drive(example_drive(), seed))
-    return path
-
-
-def old_list() -> ListFile:
-    """Return the list that the machine came with: the beam has sagged further since."""
-    places = np.linspace(0.0, TRAVEL[0], 11)
-    # A smaller arc, measured when the machine was new; entries are offsets in 0.1 µm.
-    arc = -140 * 4 * (places / TRAVEL[0]) * (1 - places / TRAVEL[0])
-    lines = [
-        "# Compensation list of the Y axis",
-        "# made at acceptance, 11 points along X          (do not lose this line)",
-        "kopf.achs_nr                     2",
-        "kopf.log_achs_name               Y_AXIS",
-        "kw.crosscomp.unit                1        ( 0.1 um )",
-        "kw.crosscomp.last_index          10",
-        "kw.crosscomp.master_ax_nr        1        # X",
-        *(
-            f"kw.crosscomp.table[{k}].setpoint   {round(place * 1e4)}"
-            for k, place in enumerate(places)
-        ),
-        *(
-            f"kw.crosscomp.table[{k}].correction   {round(value)}"
-            for k, value in enumerate(arc)
-        ),
-        "Ende",
-    ]
-    text = "\r\n".join(lines) + "\r\n"
-    return ListFile.parse(text.encode("latin-1"), "achskw2.lis")
 
 
 def _hash(path: Path) -> str:

@@ -59,15 +59,10 @@ def doctor(
         typer.echo(line, err=True)
     shown = [(names.get(one.axis, f"A{one.axis}"), one) for one in found]
     if as_json:
+        keys = ("compensation", "verdict", "value", "sentence")
         print_json(
             [
-                {
-                    "axis": name,
-                    "compensation": one.compensation,
-                    "verdict": one.verdict,
-                    "value": one.value,
-                    "sentence": one.sentence,
-                }
+                {"axis": name} | {key: getattr(one, key) for key in keys}
                 for name, one in shown
             ]
         )

@@ -77,7 +77,8 @@ def iso230(
         figure = draw_iso_chart(
             tests, axis=found[last].axis, unit=unit, tolerance=limit
         )
-        charts = write_chart(figure, out, f"iso230_{_stem(file)}")
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", file.stem)
+        charts = write_chart(figure, out, f"iso230_{stem}")
     if as_json:
         print_json(_as_dict(tests, unit, verdict, charts))
     else:
@@ -334,7 +335,3 @@ def _print(
         drift = describe_drift(test, unit=unit)
         for remark in (*test.remarks, *([drift] if drift else ())):
             console.print(escape(f"{name}: {remark}" if name else remark))
-
-
-def _stem(path: Path) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)

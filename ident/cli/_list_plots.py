@@ -4,7 +4,6 @@ Imported only where something is drawn: matplotlib takes longer to load than a l
 """
 
 import dataclasses
-import itertools
 import pathlib
 from collections.abc import Sequence
 from typing import Any
@@ -14,60 +13,44 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...data.lists import OffsetCurve
-
-FORMATS = ("svg", "png")
-
-
-def draw_curves(curves: Sequence[OffsetCurve], out: pathlib.Path) -> list[pathlib.Path]:
-    """Draw each compensation of a list and return the files written.
-
-    Raises:
-        OSError: If the folder cannot be written.
-    """
-    paths: list[pathlib.Path] = []
-    for compensation in dict.fromkeys(curve.compensation for curve in curves):
-        alike = [c for c in curves if c.compensation == compensation and _drawable(c)]
-        if not alike:
-            continue
-        if len(alike[0].nodes) == 2:
-            figure = _plane_figure([("", alike[0])])
-        else:
-            figure = _line_figure([(curve.title, curve, "-") for curve in alike])
-        paths += _save(figure, out, compensation)
-    return paths
+from ..report._iso_chart import write_chart
+from ..report._style import borders
 
 
-def draw_comparison(
-    old: Sequence[OffsetCurve], new: Sequence[OffsetCurve], out: pathlib.Path
+def draw_tables(
+    new: Sequence[OffsetCurve],
+    out: pathlib.Path,
+    old: Sequence[OffsetCurve] | None = None,
 ) -> list[pathlib.Path]:
-    """Draw the tables of two lists over each other and return the files written.
+    """Draw each table of a list, over those of an old one if given; return the files.
 
     Raises:
         OSError: If the folder cannot be written.
     """
+    sides = [("", new)] if old is None else [("old", old), ("new", new)]
     paths: list[pathlib.Path] = []
-    for compensation in dict.fromkeys(curve.compensation for curve in (*new, *old)):
-        before, after = (
-            [c for c in side if c.compensation == compensation and _drawable(c)]
-            for side in (old, new)
-        )
-        both = [("old", c) for c in before] + [("new", c) for c in after]
-        if not both:
+    for name in dict.fromkeys(
+        c.compensation for _, side in reversed(sides) for c in side
+    ):
+        # There is nothing to draw over positions that do not ascend.
+        drawn = [
+            (age, curve)
+            for age, side in sides
+            for curve in side
+            if curve.compensation == name and curve.ascending and all(curve.nodes)
+        ]
+        if len({curve.metric for _, curve in drawn}) > 1:
+            drawn = [pair for pair in drawn if pair[0] != "old"]
+        if not drawn:
             continue
-        if len({curve.metric for _, curve in both}) > 1:
-            both = [pair for pair in both if pair[0] == "new"]
-        if len(both[0][1].nodes) == 2:
-            if len(both) == 2:
-                both.append(("new - old", _difference(before[0], after[0])))
-            figure = _plane_figure(both)
+        if len(drawn[0][1].nodes) == 2:
+            if len(drawn) == 2:
+                drawn.append(("new - old", _difference(drawn[0][1], drawn[1][1])))
+            figure = _plane_figure(drawn)
         else:
-            figure = _line_figure(
-                [
-                    (f"{age}: {curve.title}", curve, "--" if age == "old" else "-")
-                    for age, curve in both
-                ]
-            )
-        paths += _save(figure, out, f"diff_{compensation}")
+            figure = _line_figure(drawn)
+        stem = name if old is None else f"diff_{name}"
+        paths += write_chart(figure, out, stem, {"svg.hashsalt": "axcomp"})
     return paths
 
 
@@ -83,30 +66,25 @@ def _difference(old: OffsetCurve, new: OffsetCurve) -> OffsetCurve:
     return dataclasses.replace(new, nodes=grid, entries=entries)
 
 
-def _drawable(curve: OffsetCurve) -> bool:
-    """Return whether there is anything to draw: positions that ascend."""
-    return curve.ascending and all(curve.nodes)
-
-
 def _new_figure(columns: int) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(6.4 * columns, 4.8), layout="constrained")
+    figure = Figure(figsize=(6.4 * columns, 4.8), dpi=120, layout="constrained")
     return figure, [figure.add_subplot(1, columns, k + 1) for k in range(columns)]
 
 
-def _line_figure(curves: Sequence[tuple[str, OffsetCurve, str]]) -> Figure:
+def _line_figure(curves: Sequence[tuple[str, OffsetCurve]]) -> Figure:
     """Draw offsets over one position, with the nodes marked."""
     figure, (axes,) = _new_figure(1)
     metric = curves[0][1].metric
-    many = max(len(curve.nodes[0]) for _, curve, _ in curves) > 60
-    for label, curve, dash in curves:
+    many = max(len(curve.nodes[0]) for _, curve in curves) > 60
+    for age, curve in curves:
         axes.plot(
             curve.nodes[0],
             curve.offsets[0],
-            linestyle=dash,
+            linestyle="--" if age == "old" else "-",
             marker="" if many else "o",
             markersize=3,
             linewidth=1.2,
-            label=label,
+            label=f"{age}: {curve.title}" if age else curve.title,
         )
     axis = curves[0][1].masters[0]
     name = "" if axis is None else f" of axis {axis}"
@@ -128,8 +106,8 @@ def _plane_figure(planes: Sequence[tuple[str, OffsetCurve]]) -> Figure:
     image: Any = None
     for axes, (label, plane), field in zip(all_axes, planes, fields, strict=True):
         image = axes.pcolormesh(
-            _edges(plane.nodes[0]),
-            _edges(plane.nodes[1]),
+            borders(np.asarray(plane.nodes[0])),
+            borders(np.asarray(plane.nodes[1])),
             field,
             cmap="RdBu_r",
             vmin=-limit,
@@ -146,21 +124,3 @@ def _plane_figure(planes: Sequence[tuple[str, OffsetCurve]]) -> Figure:
         image, ax=all_axes, label=f"offset that the controller adds / {unit}"
     )
     return figure
-
-
-def _edges(nodes: Sequence[float]) -> list[float]:
-    """Return the borders of cells that have the nodes in their middle."""
-    if len(nodes) == 1:
-        return [nodes[0] - 0.5, nodes[0] + 0.5]
-    middles = [(a + b) / 2 for a, b in itertools.pairwise(nodes)]
-    return [2 * nodes[0] - middles[0], *middles, 2 * nodes[-1] - middles[-1]]
-
-
-def _save(figure: Figure, out: pathlib.Path, name: str) -> list[pathlib.Path]:
-    out.mkdir(parents=True, exist_ok=True)
-    paths = [out / f"{name}.{form}" for form in FORMATS]
-    for path in paths:
-        draft = path.with_name(f".{path.name}.part")
-        figure.savefig(draft, format=path.suffix[1:], dpi=120)
-        draft.replace(path)
-    return paths

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ...data.errors import FoundError
+
 if TYPE_CHECKING:
     from ...data.lists import ListFile
     from ..exchange import StoredConventions
@@ -70,8 +72,6 @@ Plots = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Folder for plots of the tables.")
 ]
 
-_RANGE = re.compile(r"A?(\d{1,5})=([^:]+):([^:]+)")
-
 
 def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     """Return the lists; one that a glob and a name both give is one list all the same."""
@@ -80,11 +80,56 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     return [ListFile.read(file) for file in dict.fromkeys(files)]
 
 
+class NoEntryError(FoundError):
+    """A file of which no line is an entry of a list."""
+
+
+def read_shown_list(path: Path) -> "ListFile":
+    """Return the list in a file that is to be shown: it must hold something.
+
+    Raises:
+        OSError: If the file cannot be read.
+        NoEntryError: If no line of it is an entry.
+    """
+    from ...data.lists import ListFile
+
+    listing = ListFile.read(path)
+    if not listing.columns:
+        found = "no entry" if listing.lines else "an empty file"
+        found = "UTF-16" if listing.is_wide else found
+        raise NoEntryError(str(path), found, "entries of a list")
+    return listing
+
+
 def rules_of(file: Path | None) -> "StoredConventions":
     """Return the rules in a file, the defaults without one."""
     from ..exchange import StoredConventions, read_conventions
 
     return StoredConventions() if file is None else read_conventions(file)
+
+
+def by_axis(
+    texts: Sequence[str] | None, option: str, value: str, expected: str
+) -> "dict[int, re.Match[str]]":
+    """Return what an option says of axes, by number, as the groups of a pattern.
+
+    Args:
+        texts: Such as ``A4=0:360``.
+        option: Its name.
+        value: Pattern of what stands behind ``A4=``.
+        expected: An example in words.
+
+    Raises:
+        BadParameter: If a text is something else.
+    """
+    found = {}
+    for text in texts or ():
+        match = re.fullmatch(rf"A?(?P<axis>\d{{1,5}})={value}", text)
+        if match is None:
+            message = f"found {text!r}, expected an axis and {expected}"
+            raise typer.BadParameter(message, param_hint=option)
+        found[int(match["axis"])] = match
+    return found
 
 
 def axis_ranges(
@@ -98,17 +143,13 @@ def axis_ranges(
     Raises:
         BadParameter: If a text is something else.
     """
+    number = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+    value = rf"\s*(?P<low>{number})\s*:\s*(?P<high>{number})\s*"
     found = {}
-    for text in texts or ():
-        match = _RANGE.fullmatch(text)
-        try:
-            if match is None:
-                raise ValueError
-            low, high = float(match[2]), float(match[3])
-            if not (-most <= low < high <= most and math.isfinite(high - low)):
-                raise ValueError
-        except ValueError:
-            message = f"found {text!r}, expected an axis and {expected}"
-            raise typer.BadParameter(message, param_hint=option) from None
-        found[int(match[1])] = (low, high)
+    for axis, match in by_axis(texts, option, value, expected).items():
+        low, high = float(match["low"]), float(match["high"])
+        if not (-most <= low < high <= most and math.isfinite(high - low)):
+            message = f"found {match[0]!r}, expected an axis and {expected}"
+            raise typer.BadParameter(message, param_hint=option)
+        found[axis] = low, high
     return found

@@ -1,7 +1,6 @@
 """The command ``probe``: lists that settle what the manuals leave open."""
 
 import dataclasses
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...data.errors import UsageError
-from ._options import AsJson, Increment, axis_ranges, read_lists
+from ._options import AsJson, Increment, axis_ranges, by_axis, read_lists
 from ._said import print_json
 
 if TYPE_CHECKING:
     from ...data.lists import ListFile
     from ...models import Conventions
-    from ..exchange import Probe, ProbeAxis, Probed
+    from ..exchange import ProbeAxis, Probed
 
 
 def probe(
@@ -54,11 +53,13 @@ def probe(
     One short log, or one reading of a dial gauge per axis, then settles sign, unit,
     order and owner of every table of this controller.
     """
-    from ..exchange import make_probe, probe_program, probe_text
+    from ..exchange import make_probe, probe_program, probe_steps, probe_text
     from ..job import write_atomically
 
     own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
-    given = _inputs(files, own, dict(_word(text) for text in word or ()), increment)
+    pattern, example = "(?P<word>[A-Za-z][A-Za-z0-9_]*)", "its word as in A1=X"
+    words = by_axis(word, "--word", pattern, example)
+    given = _inputs(files, own, {k: m["word"] for k, m in words.items()}, increment)
     found = make_probe(given.axes, given.tables, given.conventions, given.existing)
     contents = {
         listing.source: listing.dumps()
@@ -79,7 +80,11 @@ def probe(
     for name, content in contents.items():
         write_atomically(out / name, content)
     if as_json:
-        print_json(_json(found, list(contents)))
+        steps = [
+            {**dataclasses.asdict(step), "sentence": step.sentence}
+            for step in probe_steps(found)
+        ]
+        print_json({"files": list(contents), "steps": steps})
     else:
         typer.echo(probe_text(found), nl=False)
     typer.echo(f"{', '.join(contents)} in {out}", err=True)
@@ -154,24 +159,3 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
         job.conventions,
         [job.file(path) for path in paths],
     )
-
-
-def _json(probe: "Probe", files: Sequence[str]) -> dict[str, object]:
-    from ..exchange import probe_steps
-
-    steps = [
-        {**dataclasses.asdict(step), "sentence": step.sentence}
-        for step in probe_steps(probe)
-    ]
-    return {"files": list(files), "steps": steps}
-
-
-_WORD = re.compile(r"A?(\d{1,5})=([A-Za-z][A-Za-z0-9_]*)")
-
-
-def _word(text: str) -> tuple[int, str]:
-    match = _WORD.fullmatch(text)
-    if match is None:
-        message = f"found {text!r}, expected an axis and its word as in A1=X"
-        raise typer.BadParameter(message, param_hint="--word")
-    return int(match[1]), match[2]

@@ -153,13 +153,14 @@ def _print(table: "Table") -> None:
         if column.run is not None:
             side = {1: " +", -1: " -"}.get(column.direction or 0, "")
             role = f"{role}, run {column.run}{side}"
+        every = "" if column.sample_time is None else f"{1e3 * column.sample_time:g} ms"
         grid.add_row(
             escape(column.name),
             escape(role),
             "text" if column.text is not None else column.unit or "",
             *map(escape, ends),
             *(finite or ["", ""]),
-            *([str(column.samples), _every(column)] if clocked else []),
+            *([str(column.samples), every] if clocked else []),
         )
     console.print(grid)
     for name, number in table.scalars:
@@ -199,11 +200,6 @@ def _numbers(lines: "tuple[int, ...]") -> str:
     first, last = min(lines), max(lines)
     whole = len(lines) > 2 and last - first == len(lines) - 1
     return f"{first} to {last}" if whole else ", ".join(map(str, lines))
-
-
-def _every(column: "Column") -> str:
-    """Return the sample time, in words."""
-    return "" if column.sample_time is None else f"{1e3 * column.sample_time:g} ms"
 
 
 def _shown(value: float | str | None) -> str:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ._options import Plots
+from ._options import Plots, read_shown_list
 
 
 def show(
@@ -20,18 +20,17 @@ def show(
     from rich.console import Console
 
     from ...data.lists import offset_curves
-    from ._read_list import read_list
     from ._show_tables import list_views
 
-    shown = read_list(file)
+    shown = read_shown_list(file)
     width = None if sys.stderr.isatty() else 120
     console = Console(stderr=True, width=width, highlight=False, soft_wrap=False)
     for view in list_views(shown):
         console.print(view)
     if out is not None:
-        from ._list_plots import draw_curves
+        from ._list_plots import draw_tables
 
-        paths = draw_curves(offset_curves(shown), out)
+        paths = draw_tables(offset_curves(shown), out)
         for path in paths:
             typer.echo(f"wrote {path}", err=True)
         if not paths:

@@ -1,14 +1,12 @@
 """The command ``simulate``: what the controller would add along a motion."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ._events_file import read_events
-from ._motion_file import read_motion
+from ._motion_file import read_events, read_motion
 from ._options import (
     AsJson,
     CycleTime,
@@ -17,6 +15,7 @@ from ._options import (
     Modulo,
     Rules,
     axis_ranges,
+    by_axis,
     read_lists,
     rules_of,
 )
@@ -83,8 +82,8 @@ def simulate(
     Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
     and A3.friction in drive units.
     """
-    from ..exchange import Reading, simulate_events
-    from ..job import use_compilation_cache
+    from ..exchange import Reading, simulate as follow
+    from ..job import use_compilation_cache, write_atomically
 
     ranges = axis_ranges(modulo, "--modulo")
     use_compilation_cache()
@@ -95,7 +94,7 @@ def simulate(
         source = motion if events is None else events
         happened = read_events(source, path, events is None)
         step("following the controller")
-        found = simulate_events(
+        found = follow(
             lists,
             path,
             Reading(
@@ -111,7 +110,8 @@ def simulate(
     for remark in dict.fromkeys(text for axis in found for text in axis.remarks):
         typer.echo(f"axcomp: {remark}", err=True)
     if out is not None:
-        _write(out, columns)
+        encoded = _parquet if out.suffix.lower() == ".parquet" else _csv
+        write_atomically(out, encoded(columns))
     if as_json:
         print_json(_summary(columns, found, rules))
     elif out is None:
@@ -119,9 +119,6 @@ def simulate(
     else:
         rows = len(next(iter(columns.values()))) if columns else 0
         typer.echo(f"{rows} rows, {', '.join(columns)} in {out}", err=True)
-
-
-_TABLE = re.compile(r"A?(\d{1,5})=(.+?)(?::([A-Za-z_][\w-]*))?")
 
 
 def _lines(
@@ -134,22 +131,19 @@ def _lines(
     from ..exchange import machine_lists
     from ..kinds.temperature.entries import read_temperature_table
 
-    found = {}
     machines = machine_lists(lists).machine if texts else {}
-    for text in texts:
-        match = _TABLE.fullmatch(text)
-        if match is None:
-            message = f"found {text!r}, expected an axis and its file as in A1=T.csv"
-            raise typer.BadParameter(message, param_hint="--temperature")
-        axis = int(match[1])
-        found[axis] = read_temperature_table(
-            Path(match[2]),
+    value = r"(?P<file>.+?)(?::(?P<sensor>[A-Za-z_][\w-]*))?"
+    tables = by_axis(texts, "--temperature", value, "its file as in A1=T.csv")
+    return {
+        axis: read_temperature_table(
+            Path(match["file"]),
             list(motion.temperatures),
-            match[3],
+            match["sensor"],
             conventions,
             machines.get(axis),
         )
-    return found
+        for axis, match in tables.items()
+    }
 
 
 def _columns(
@@ -208,12 +202,7 @@ def _csv(columns: "dict[str, np.ndarray]") -> bytes:
     return sink.getvalue()
 
 
-def _write(out: Path, columns: "dict[str, np.ndarray]") -> None:
-    from ..job import write_atomically
-
-    if out.suffix.lower() != ".parquet":
-        write_atomically(out, _csv(columns))
-        return
+def _parquet(columns: "dict[str, np.ndarray]") -> bytes:
     import io
 
     import pyarrow as pa
@@ -221,4 +210,4 @@ def _write(out: Path, columns: "dict[str, np.ndarray]") -> None:
 
     sink = io.BytesIO()
     parquet.write_table(pa.table(columns), sink)
-    write_atomically(out, sink.getvalue())
+    return sink.getvalue()

@@ -130,16 +130,6 @@ def _decay(share: float, power: int) -> Function:
     return lambda gone: np.exp(-((gone / share) ** power))
 
 
-def _memory(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    low, high = view.span[axis]
-    return view.distance / (high - low), [_decay(each, 1) for each in _MEMORY]
-
-
-def _slow(view: AxisView, term: Term, axis: str, most: int) -> Factor:
-    speed = np.abs(view.data.velocity[axis])
-    return speed / np.nanmax(speed), [_decay(each, 2) for each in _KNEES]
-
-
 def _heat(view: AxisView, term: Term, sensor: str, most: int) -> Factor:
     """Return laws over the temperature of the structure behind a sensor.
 
@@ -165,9 +155,15 @@ def _heat(view: AxisView, term: Term, sensor: str, most: int) -> Factor:
 _FACTORS: Mapping[str, Callable[[AxisView, Term, str, int], Factor]] = {
     "line": _line,
     "push": _push,
-    "memory": _memory,
     "heat": _heat,
-    "slow": _slow,
+    "memory": lambda view, _, axis, most: (
+        view.distance / np.ptp(view.span[axis]),
+        [_decay(each, 1) for each in _MEMORY],
+    ),
+    "slow": lambda view, _, axis, most: (
+        np.abs(view.data.velocity[axis]) / np.nanmax(np.abs(view.data.velocity[axis])),
+        [_decay(each, 2) for each in _KNEES],
+    ),
     "middle": lambda view, _, axis, most: (view.scaled(axis), [_STRAIGHT]),
     "time": lambda view, _, axis, most: (_time(view), [_SAME]),
     # A delay between instrument and encoder may change with time.

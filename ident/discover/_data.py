@@ -7,21 +7,14 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.errors import AxcompError
+from ...data.errors import FoundError
 from .._recording import CHANNELS, Columns, JointData, stacked
 
 Verdict = Literal["the kernel cannot express this", "the data cannot tell"]
 
 
-class DiscoverError(AxcompError, ValueError):
-    """Measurements in which no compensation can be looked for: where, found, expected."""
-
-    def __init__(self, where: str, found: str, expected: str) -> None:
-        super().__init__(where, found, expected)
-        self.where, self.found, self.expected = where, found, expected
-
-    def __str__(self) -> str:
-        return f"{self.where}: found {self.found}, expected {self.expected}"
+class DiscoverError(FoundError):
+    """Measurements in which no compensation can be looked for."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ Read `_units`, `_identity` and `_nodes` (integers of a list), then `_machine_lis
 compensations the lists of a machine switch on) and `_controller` (the controller that has
 them); what each compensation says of itself is in ``kinds/<name>/entries.py``.
 `_table`: what a table fit writes, with its nodes and its sign. `_simulate` runs a machine
-(`_events` and `_reload`: with what happens at the controller meanwhile), `_probe` asks it for
+(`_events`: with what happens at the controller meanwhile), `_probe` asks it for
 plateaus; `load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists`
 writes them back. `_conventions_file`: the rules of one machine.
 """
@@ -12,7 +12,6 @@ writes them back. `_conventions_file`: the rules of one machine.
 from ._axis_models import (
     AxisModels as AxisModels,
     load_model as load_model,
-    models_from_lists as models_from_lists,
     write_lists as write_lists,
 )
 from ._capacity import build_number as build_number
@@ -38,7 +37,6 @@ from ._convert_text import (
 from ._errors import ExchangeError as ExchangeError
 from ._evaluate import offset_at as offset_at
 from ._events import (
-    EVENT_FORMS as EVENT_FORMS,
     ControllerEvent as ControllerEvent,
     parse_action as parse_action,
 )
@@ -52,6 +50,7 @@ from ._external import (
     from_interface as from_interface,
 )
 from ._identity import (
+    MOST_REVERSAL_CYCLES as MOST_REVERSAL_CYCLES,
     Increments as Increments,
     axis_number as axis_number,
 )
@@ -61,7 +60,6 @@ from ._machine_lists import (
     Reading as Reading,
     axes_in_use as axes_in_use,
     entries_of_activation as entries_of_activation,
-    is_activated as is_activated,
     machine_lists as machine_lists,
     reversal_cycles as reversal_cycles,
 )
@@ -80,14 +78,14 @@ from ._probe import (
     ProbeAxis as ProbeAxis,
     Probed as Probed,
     make_probe as make_probe,
-)
-from ._probe_inputs import (
     probed_in as probed_in,
     travel_in as travel_in,
 )
-from ._probe_steps import ProbeStep as ProbeStep, probe_steps as probe_steps
-from ._probe_text import probe_program as probe_program, probe_text as probe_text
-from ._reload import simulate_events as simulate_events
+from ._probe_text import (
+    probe_program as probe_program,
+    probe_steps as probe_steps,
+    probe_text as probe_text,
+)
 from ._simulate import AxisOffsets as AxisOffsets, simulate as simulate
 from ._table import (
     AbstractTable as AbstractTable,
@@ -96,5 +94,9 @@ from ._table import (
     nodes_in as nodes_in,
     refuse_lost_nodes as refuse_lost_nodes,
 )
-from ._toml import TomlError as TomlError, read_toml as read_toml
+from ._toml import (
+    TomlError as TomlError,
+    line_of as line_of,
+    read_toml as read_toml,
+)
 from ._units import LIST_UNITS as LIST_UNITS, ModelUnit as ModelUnit

@@ -113,9 +113,8 @@ class AxisModels(Mapping[str, Any]):
                 )
 
 
-def models_from_lists(
-    lists: Sequence[ListFile],
-    *,
+def load_model(
+    *lists: str | Path | ListFile,
     conventions: Conventions | None = None,
     increment: Increments = None,
     modulo: Ranges | None = None,
@@ -131,48 +130,35 @@ def models_from_lists(
         modulo: Range in ° by axis number, for the axes that turn.
 
     Raises:
+        OSError: If a file cannot be read.
         ExchangeError: If a list makes no table, or the lists are those of several axes.
     """
     rules = conventions or Conventions()
-    machine = machine_lists(lists)
+    read = [
+        one if isinstance(one, ListFile) else ListFile.read(Path(one)) for one in lists
+    ]
+    machine = machine_lists(read)
     numbers = sorted({*machine.compensation, *machine.machine})
     if len(numbers) != 1:
         raise ExchangeError(
-            where=", ".join(one.source for one in lists) or "no list",
+            where=", ".join(one.source for one in read) or "no list",
             found=f"lists of the axes {numbers}",
             expected="compensation list and axis list of one axis",
         )
     reading = Reading(rules, increment, modulo or {})
-    models: dict[str, Any] = {}
-    masters: dict[str, tuple[int, ...]] = {}
-    units: dict[str, ModelUnit | str] = {}
-    for one in machine.in_use(rules):
-        entries = one.kind.entries
-        models[one.name] = model_of(one, reading)
-        if one.kind.adds_current:
-            units[one.name] = entries.units[0]
-        if named := entries.named_masters(one.listing):
-            masters[one.name] = named
-    return AxisModels(numbers[0], models, masters, units)
-
-
-def load_model(
-    *lists: str | Path,
-    conventions: Conventions | None = None,
-    increment: Increments = None,
-    modulo: Ranges | None = None,
-) -> AxisModels:
-    """Return the models of an axis from its list files; see `models_from_lists`.
-
-    Raises:
-        OSError: If a file cannot be read.
-        ExchangeError: As `models_from_lists`.
-    """
-    return models_from_lists(
-        [ListFile.read(Path(one)) for one in lists],
-        conventions=conventions,
-        increment=increment,
-        modulo=modulo,
+    used = {one.name: one for one in machine.in_use(rules)}
+    masters = {
+        name: one.kind.entries.named_masters(one.listing) for name, one in used.items()
+    }
+    return AxisModels(
+        axis=numbers[0],
+        models={name: model_of(one, reading) for name, one in used.items()},
+        masters={name: named for name, named in masters.items() if named},
+        units={
+            name: one.kind.entries.units[0]
+            for name, one in used.items()
+            if one.kind.adds_current
+        },
     )
 
 

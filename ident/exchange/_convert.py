@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ...data.lists import ListFile, new_list
 from ...models import EquidistantNodes, Setpoints
 from ..kinds import kind
-from ._axis_models import AxisModels, models_from_lists
+from ._axis_models import AxisModels, load_model
 from ._errors import ExchangeError
 from ._units import LIST_UNITS
 
@@ -69,7 +69,7 @@ def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTab
     Raises:
         ExchangeError: If there is none, or several and none is named.
     """
-    held = models_from_lists([listing])
+    held = load_model(listing)
     names = [name for name in MASTERS if name in held]
     if compensation is not None:
         names = [name for name in names if name == compensation]

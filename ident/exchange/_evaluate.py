@@ -104,11 +104,7 @@ def _asked(
     return np.asarray(found.nodes)[rows], np.asarray(found.weights)[rows]
 
 
-@functools.lru_cache(maxsize=512)
-def _kept(
-    question: _Question,
-) -> tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]:
-    return _asked(question)
+_kept = functools.lru_cache(maxsize=512)(_asked)
 
 
 def _padded(

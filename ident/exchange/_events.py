@@ -18,6 +18,7 @@ from ...models import (
 )
 from ..kinds import kinds
 from ._errors import ExchangeError
+from ._identity import axis_number
 
 Action = Literal["on", "off", "homed", "not homed", "end", "reload"]
 Windows = Mapping[tuple[int, str], tuple[int, int]]
@@ -150,3 +151,38 @@ def _columns(one: ControllerEvent, numbers: Sequence[int]) -> list[int]:
             f" {', '.join(f'A{number}' for number in numbers)}",
         )
     return [list(numbers).index(one.axis)]
+
+
+def loaded_versions(
+    lists: Sequence[ListFile], events: Sequence[ControllerEvent], rows: int
+) -> tuple[list[list[ListFile]], dict[int, tuple[int, int]]]:
+    """Return the lists after each reload, and in which rows each list is loaded."""
+    versions = [list(lists)]
+    spans = {id(one): (0, rows) for one in lists}
+    for event in events:
+        if event.listing is None:
+            continue
+        place = _replaced(versions[-1], event)
+        old = versions[-1][place]
+        spans[id(old)] = (spans[id(old)][0], event.row)
+        # A copy: the same list may be loaded several times.
+        new = dataclasses.replace(event.listing)
+        spans[id(new)] = (event.row, rows)
+        versions.append([*versions[-1][:place], new, *versions[-1][place + 1 :]])
+    return versions, spans
+
+
+def _replaced(version: Sequence[ListFile], event: ControllerEvent) -> int:
+    """Return the place of the list that an event loads again."""
+    listing = event.listing
+    assert listing is not None
+    for place, one in enumerate(version):
+        same_kind = one.kind == listing.kind == "compensation"
+        if same_kind and axis_number(one) == axis_number(listing):
+            return place
+    raise ExchangeError(
+        where=event.where,
+        found=f"{listing.source}, a list of axis {axis_number(listing)}",
+        expected="a compensation list of an axis that has one; axis lists are not"
+        " updated at run time",
+    )

@@ -10,7 +10,7 @@ from ._units import LIST_UNITS
 Increments = float | Mapping[int, float] | None
 """mm (or °) per encoder increment: one for all axes, by axis number, or not known."""
 
-MOST_CYCLES = 19
+MOST_REVERSAL_CYCLES = 19
 """For a reversal and for the temperature: fewer than 20 (S-25, S-44)."""
 _TABLES = ("table[]", "table[][]", "position[]")
 _REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,2})?")
@@ -89,9 +89,11 @@ def refuse_many(cycles: int, name: str) -> None:
     Raises:
         ExchangeError: Naming the entry.
     """
-    if cycles > MOST_CYCLES:
+    if cycles > MOST_REVERSAL_CYCLES:
         raise ExchangeError(
-            where=name, found=str(cycles), expected=f"at most {MOST_CYCLES} cycles"
+            where=name,
+            found=str(cycles),
+            expected=f"at most {MOST_REVERSAL_CYCLES} cycles",
         )
 
 

@@ -99,7 +99,8 @@ class MachineLists:
                     continue
                 one = _in_list(number, each, listing, conventions)
                 key = one.axis, one.name
-                if not self._on(one.axis, each):
+                own = self.machine.get(one.axis)
+                if own is not None and not each.entries.is_activated(own):
                     continue
                 if key in found:
                     raise ExchangeError(
@@ -124,10 +125,6 @@ class MachineLists:
                         number, each, machine, conventions
                     )
         return tuple(found[key] for key in sorted(found))
-
-    def _on(self, axis: int, one: Kind) -> bool:
-        machine = self.machine.get(axis)
-        return machine is None or one.entries.is_activated(machine)
 
 
 def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
@@ -162,15 +159,6 @@ def axes_in_use(used: Sequence[InUse], lists: MachineLists) -> tuple[int, ...]:
     """Return the logical numbers of all axes that lists and compensations name."""
     named = {axis for one in used for axis in (one.axis, *one.masters)}
     return tuple(sorted(named | set(lists.compensation) | set(lists.machine)))
-
-
-def is_activated(machine: ListFile, compensation: str) -> bool:
-    """Return whether an axis list switches a compensation on.
-
-    Raises:
-        ExchangeError: If its entry is unreadable.
-    """
-    return kind(compensation).entries.is_activated(machine)
 
 
 def entries_of_activation(compensations: Iterable[str]) -> dict[str, int | str]:

@@ -114,12 +114,11 @@ class Motion:
             ExchangeError: If a value is not finite, times do not ascend or columns
                 differ in length, or the time step is not the cycle time.
         """
-        groups = {
-            "position": self.positions, "velocity": self.velocities,
-            "acceleration": self.accelerations, "actual": self.actuals,
-        }  # fmt: skip
         columns = {
-            f"A{n}.{k}": v for k, group in groups.items() for n, v in group.items()
+            f"A{number}.{role}": values
+            for role, attribute in _COLUMNS.items()
+            if role != "direction"
+            for number, values in getattr(self, attribute).items()
         }
         columns |= {f"temperature.{name}": v for name, v in self.temperatures.items()}
         if self.time is not None:

@@ -14,7 +14,10 @@ from jaxtyping import Float
 from ...data.lists import ListFile, Value, new_list
 from ...models import Conventions
 from ..kinds import kind
+from ._controller import model_of
 from ._errors import ExchangeError
+from ._identity import Increments
+from ._machine_lists import Reading, machine_lists
 from ._nodes import GridNodes
 from ._units import LIST_UNITS
 
@@ -128,6 +131,41 @@ class Probe:
     additions: Mapping[int, ListFile]
 
 
+def probed_in(lists: Sequence[ListFile], conventions: Conventions) -> list[Probed]:
+    """Return what lists hold and can be probed; tables whether active or not.
+
+    Friction is probed where a list holds it, at a low level of it: a current that nobody
+    measured must not be put on a drive.
+
+    Raises:
+        ExchangeError: If an axis has two lists, or a table does not name its master.
+    """
+    machine = machine_lists(lists)
+    tables = dataclasses.replace(machine, machine={}).in_use(conventions)
+    lines = dataclasses.replace(machine, compensation={}).in_use(conventions)
+    return [one.kind.probe.probed(one) for one in (*tables, *lines)]
+
+
+def travel_in(
+    lists: Sequence[ListFile], conventions: Conventions, increment: Increments = None
+) -> dict[int, tuple[float, float]]:
+    """Return over which positions in mm or ° the tables of the lists go, by axis.
+
+    Raises:
+        ExchangeError: If a list makes no table.
+    """
+    machine = dataclasses.replace(machine_lists(lists), machine={})
+    found: dict[int, list[float]] = {}
+    for one in machine.in_use(conventions):
+        if not one.kind.table:
+            continue
+        ways = model_of(one, Reading(conventions, increment)).ways
+        for axis, nodes in zip(one.masters, ways, strict=True):
+            places = np.asarray(nodes.positions, dtype=float)
+            found.setdefault(axis, []).extend((places[0], places[-1]))
+    return {axis: (float(min(p)), float(max(p))) for axis, p in found.items()}
+
+
 def make_probe(
     axes: Mapping[int, ProbeAxis],
     tables: Sequence[Probed],
@@ -170,8 +208,11 @@ def make_probe(
         old = (existing or {}).get(number)
         entries: dict[str, Value] = {}
         for one in mine:
-            entries |= kind(one.name).probe.entries(one, axes, conventions)
-            entries |= _kept_size(one, old)
+            facts = kind(one.name)
+            entries |= facts.probe.entries(one, axes, conventions)
+            size = f"{facts.prefix}.max_points"
+            if old is not None and facts.probe.plateaus and old.integer(size):
+                entries[size] = old.integer(size) or 0
         head: dict[str, Value] = {"kopf.achs_nr": number}
         head["kopf.log_achs_name"] = axes[number].name
         title = f"Probe list of {axes[number].name}: 10 um plateaus, not for machining."
@@ -189,15 +230,6 @@ def make_probe(
             source=f"achsmds{number}.add.lis",
         )
     return Probe(dict(axes), tuple(tables), lists, additions)
-
-
-def _kept_size(one: Probed, old: ListFile | None) -> dict[str, int | str]:
-    found = kind(one.name)
-    name = f"{found.prefix}.max_points"
-    if old is None or not found.probe.plateaus:
-        return {}
-    size = old.integer(name)
-    return {name: size} if size else {}
 
 
 def plateau(between: tuple[int, int]) -> Float[np.ndarray, " n"]:

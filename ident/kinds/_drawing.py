@@ -6,29 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..report import _style as style
-
-_MOST = 3000
-"""Marks of one layer: more are thinned."""
-
-
-def marks(
-    panel: Axes,
-    across: Float[np.ndarray, " t"],
-    up: Float[np.ndarray, " t"],
-    *,
-    color: str | tuple[float, ...] = style.BLUE,
-    marker: str = "o",
-    size: float = 3.0,
-    alpha: float = 0.7,
-    label: str | None = None,
-) -> None:
-    """Draw readings as marks, many of them as a picture inside the SVG."""
-    rows = style.thin(len(across), _MOST)
-    panel.plot(
-        across[rows], up[rows], linestyle="none", marker=marker, markersize=size,
-        markeredgewidth=0, alpha=alpha, color=color, label=label,
-        rasterized=style.as_raster(rows.size),
-    )  # fmt: skip
+from ..report._style import marks as marks
 
 
 def directed_marks(

@@ -4,17 +4,14 @@ Measured with no list, it gives the data of a job; measured again with the writt
 it gives a true second measurement, since its errors come from physical causes and its offsets
 from the controller's rules, not from the fit.
 
-Read `_sources` and `_moving_sources` (causes), `_state`, `_machine`, `_instrument` and
-`_measure` (files as instruments leave them), `_drive`, `_example` (the machine of the demo);
-`motion` is the same machine at work.
+Read `_sources` (causes, and the state of a machine), `_machine`, `_measure` (files as
+instruments leave them), `_drive`, `_example` (the machine of the demo); `motion` is the same
+machine at work.
 """
 
 from ._drive import (
-    Drive as Drive,
-    DriveTrace as DriveTrace,
     example_drive as example_drive,
     record_drive as record_drive,
-    write_drive_trace as write_drive_trace,
 )
 from ._example import (
     LASER as LASER,
@@ -23,9 +20,9 @@ from ._example import (
     TRAVEL as TRAVEL,
     example_machine as example_machine,
 )
-from ._instrument import Instrument as Instrument
 from ._machine import MachineError as MachineError, VirtualMachine as VirtualMachine
 from ._measure import (
+    Instrument as Instrument,
     Reading as Reading,
     measure_length as measure_length,
     measure_straightness as measure_straightness,
@@ -34,16 +31,15 @@ from ._measure import (
     write_straightness as write_straightness,
     write_surface as write_surface,
 )
-from ._moving_sources import (
-    Nodding as Nodding,
-    PartGrowth as PartGrowth,
-    Play as Play,
-)
 from ._sources import (
     AbstractErrorSource as AbstractErrorSource,
     BeamBow as BeamBow,
+    Nodding as Nodding,
+    PartGrowth as PartGrowth,
+    Play as Play,
+    Positions as Positions,
     Reversal as Reversal,
     ScrewPitch as ScrewPitch,
+    State as State,
     TableFlatness as TableFlatness,
 )
-from ._state import Positions as Positions, State as State

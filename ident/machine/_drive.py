@@ -5,7 +5,6 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from ...models import AbstractFriction, StribeckFriction
 
@@ -37,36 +36,25 @@ class Drive:
     noise: float
 
 
-@dataclasses.dataclass(frozen=True)
-class DriveTrace:
-    """What a drive recorded: one row per sample.
-
-    Attributes:
-        time: In s.
-        position: Commanded, in mm.
-        current: Torque feedback in A; it opposes the motion, as the manual has it.
-    """
-
-    time: Float[np.ndarray, " t"]
-    position: Float[np.ndarray, " t"]
-    current: Float[np.ndarray, " t"]
-
-
-def example_drive() -> Drive:
-    """Return the drive of X of the demo's portal mill."""
+def example_drive(size: float = 1.0) -> Drive:
+    """Return the drive of X of the demo's portal mill, or one of another size like it."""
+    law = (1.6 * size, 2.3 * size, 4.0, 2.0, 0.006 * size)
     return Drive(
         # Coulomb, break-away, Stribeck velocity and exponent, viscous.
-        law=StribeckFriction(*map(jnp.asarray, (1.6, 2.3, 4.0, 2.0, 0.006))),
-        inertia=0.004,
+        law=StribeckFriction(*map(jnp.asarray, law)),
+        inertia=0.004 * size,
         load=0.0,
         rated_current=9.0,
         torque_unit=0.001,
         noise=0.05,
-    )  # fmt: skip
+    )
 
 
-def record_drive(drive: Drive, seed: int) -> DriveTrace:
-    """Return a recording of constant speeds, forth and back, with soft ramps."""
+def record_drive(path: Path, drive: Drive, seed: int) -> None:
+    """Record constant speeds, forth and back, with soft ramps, as a drive writes them.
+
+    A CSV with time in ms, position in mm and current in A, which opposes the motion.
+    """
     count, ramp = round(_HOLD / _CYCLE), round(_RAMP / _CYCLE)
     rise = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.arange(count) / ramp))
     shape = rise * rise[::-1]
@@ -75,15 +63,7 @@ def record_drive(drive: Drive, seed: int) -> DriveTrace:
     friction = np.asarray(drive.law(velocity))
     noise = drive.noise * np.random.default_rng(seed).normal(size=velocity.size)
     current = drive.inertia * acceleration + friction + drive.load + noise
-    return DriveTrace(
-        time=np.arange(velocity.size) * _CYCLE,
-        position=100.0 + np.cumsum(velocity) * _CYCLE,
-        current=-current,
-    )
-
-
-def write_drive_trace(path: Path, trace: DriveTrace) -> None:
-    """Write a recording as a CSV with time in ms, position in mm and current in A."""
-    table = np.column_stack([1e3 * trace.time, trace.position, trace.current])
-    header = "time_ms,x,current"
-    np.savetxt(path, table, "%.5f", ",", header=header, comments="")
+    time = np.arange(velocity.size) * _CYCLE
+    position = 100.0 + np.cumsum(velocity) * _CYCLE
+    table = np.column_stack([1e3 * time, position, -current])
+    np.savetxt(path, table, "%.5f", ",", header="time_ms,x,current", comments="")

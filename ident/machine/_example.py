@@ -1,7 +1,7 @@
 """The machine of `axcomp demo`: a small portal mill with three known faults."""
 
-from ._instrument import Instrument
 from ._machine import VirtualMachine
+from ._measure import Instrument
 from ._sources import BeamBow, Reversal, ScrewPitch, TableFlatness
 
 TRAVEL = (800.0, 400.0)

@@ -7,23 +7,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.errors import AxcompError
+from ...data.errors import FoundError
 from ...data.lists import ListFile
 from ...models import Conventions, Motion, PositionController, TemperatureLine
 from ..exchange import Reading, axes_in_use, controller_from_lists, machine_lists
-from ._sources import AbstractErrorSource
-from ._state import Positions, State
+from ._sources import AbstractErrorSource, Positions, State
+
+_WHERE = "virtual machine"
 
 
-class MachineError(AxcompError):
+class MachineError(FoundError):
     """Something was asked of the virtual machine that it does not have."""
-
-    def __init__(self, asked: str, expected: str) -> None:
-        super().__init__(asked, expected)
-        self.asked, self.expected = asked, expected
-
-    def __str__(self) -> str:
-        return f"virtual machine: found {self.asked}, expected {self.expected}"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -69,8 +63,8 @@ class VirtualMachine:
         for number in axes_in_use(used, sorted_lists):
             if number not in self.axes.values():
                 known = ", ".join(f"{n} ({a})" for a, n in self.axes.items())
-                asked, expected = f"a list for axis {number}", f"one of {known}"
-                raise MachineError(asked, expected)
+                asked = f"a list for axis {number}"
+                raise MachineError(_WHERE, asked, f"one of {known}")
         controller = controller_from_lists(
             lists,
             Reading(self.conventions, lines=lines or {}, commanded=True),
@@ -124,6 +118,6 @@ class VirtualMachine:
 
     def _known(self, axis: str) -> str:
         if axis not in self.axes:
-            asked, expected = f"axis {axis}", f"one of {', '.join(self.axes)}"
-            raise MachineError(asked, expected)
+            known = ", ".join(self.axes)
+            raise MachineError(_WHERE, f"axis {axis}", f"one of {known}")
         return axis

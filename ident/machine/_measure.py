@@ -1,15 +1,69 @@
-"""Measuring the virtual machine: files as a laser, a probe, a straightedge leave."""
+"""Measuring the virtual machine: instruments that scatter, drift and round, and their files."""
 
-import csv
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._instrument import Instrument
 from ._machine import VirtualMachine
+
+
+@dataclasses.dataclass(frozen=True)
+class Instrument:
+    """What stands between the true error and the reading; lengths in mm.
+
+    Attributes:
+        noise: Standard deviation of one reading.
+        resolution: Readings are whole multiples of this.
+        drift: Standard deviation of the drift from the start to the end of a run, as
+            the temperature of the hall makes it.
+        run_offset: Standard deviation of the shift between runs.
+        zero: The instrument's arbitrary zero.
+        tilt: Slope of its arbitrary straight line, in mm per mm along the first axis.
+        wild: Share of readings that are plainly wrong.
+        wild_size: How wrong they are, at most.
+    """
+
+    noise: float
+    resolution: float
+    drift: float = 0.0
+    run_offset: float = 0.0
+    zero: float = 0.0
+    tilt: float = 0.0
+    wild: float = 0.0
+    wild_size: float = 0.1
+
+    def read(
+        self,
+        error: Float[np.ndarray, " t"],
+        along: Float[np.ndarray, " t"],
+        run: Int[np.ndarray, " t"],
+        rng: np.random.Generator,
+    ) -> tuple[Float[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
+        """Return the readings in mm, and which of them are wild.
+
+        Args:
+            error: True error in mm in the order of measuring.
+            along: Position along the instrument's own line in mm.
+            run: Run of each reading, 0, 1, …, ascending.
+            rng: Source of chance.
+        """
+        size = len(error)
+        runs = int(run.max(initial=0)) + 1
+        start = np.searchsorted(run, np.arange(runs))
+        length = np.bincount(run, minlength=runs)
+        progress = (np.arange(size) - start[run]) / np.maximum(length - 1, 1)[run]
+        reading = error + self.zero + self.tilt * along
+        reading += self.run_offset * rng.standard_normal(runs)[run]
+        # About the middle of the run, so that a run's mean is its offset.
+        reading += self.drift * rng.standard_normal(runs)[run] * (progress - 0.5)
+        reading += self.noise * rng.standard_normal(size)
+        wild = rng.random(size) < self.wild
+        size_of = rng.uniform(0.3, 1.0, size) * self.wild_size
+        reading += np.where(wild, size_of * rng.choice([-1.0, 1.0], size), 0.0)
+        return self.resolution * np.rint(reading / self.resolution), wild
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,32 +155,27 @@ def _measure(
 
 def write_laser_table(path: Path, found: Reading) -> None:
     """Write ``run, direction, target, error`` with target in mm and error in µm."""
-    rows = zip(
-        found.run, found.direction, found.positions[:, 0], found.reading, strict=True
-    )
-    lines = ([r, f"{d:+d}", f"{x:.3f}", f"{1000 * e:.3f}"] for r, d, x, e in rows)
-    _write_csv(path, ["run", "direction", "target [mm]", "error [um]"], lines)
+    columns = [found.run, found.direction, found.positions, 1000 * found.reading]
+    forms = ("%d", "%+d", "%.3f", "%.3f")
+    _write_csv(path, "run,direction,target [mm],error [um]", columns, forms)
 
 
 def write_straightness(path: Path, along: str, found: Reading) -> None:
     """Write ``run, position, deviation`` with position in mm and deviation in µm."""
-    rows = zip(found.run, found.positions[:, 0], found.reading, strict=True)
-    lines = ([r, f"{x:.3f}", f"{1000 * e:.3f}"] for r, x, e in rows)
-    _write_csv(path, ["run", f"{along.lower()} [mm]", "deviation [um]"], lines)
+    header = f"run,{along.lower()} [mm],deviation [um]"
+    columns = [found.run, found.positions, 1000 * found.reading]
+    _write_csv(path, header, columns, ("%d", "%.3f", "%.3f"))
 
 
 def write_surface(path: Path, across: tuple[str, str], found: Reading) -> None:
     """Write ``x, y, dz`` with positions in mm and heights in µm."""
-    rows = zip(found.positions, found.reading, strict=True)
-    lines = ([f"{x:.3f}", f"{y:.3f}", f"{1000 * e:.3f}"] for (x, y), e in rows)
     first, second = (axis.lower() for axis in across)
-    _write_csv(path, [f"{first} [mm]", f"{second} [mm]", "dz [um]"], lines)
+    columns = [found.positions, 1000 * found.reading]
+    _write_csv(path, f"{first} [mm],{second} [mm],dz [um]", columns, ("%.3f",) * 3)
 
 
 def _write_csv(
-    path: Path, header: Sequence[str], lines: Iterable[Sequence[object]]
+    path: Path, header: str, columns: Sequence[np.ndarray], forms: Sequence[str]
 ) -> None:
-    with path.open("w", encoding="ascii", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(lines)
+    table = np.column_stack(columns)
+    np.savetxt(path, table, forms, ",", header=header, comments="")

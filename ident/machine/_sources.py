@@ -1,13 +1,52 @@
-"""Known errors of a machine: each a physical cause, in mm over positions in mm."""
+"""Known errors of a machine, each a physical cause, and the state that they depend on."""
 
 import abc
 import dataclasses
-from typing import final
+from collections.abc import Mapping
+from typing import ClassVar, final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from ._state import State
+Positions = Mapping[str, Float[np.ndarray, " t"]]
+"""Position per axis in mm."""
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """A machine at ``t`` instants; what is left out does not matter or is at rest.
+
+    Attributes:
+        position: Of the axes in mm, where their encoders have them.
+        direction: Of the last motion of the axes, ±1.
+        acceleration: Of the axes in mm/s²; an axis left out does not accelerate.
+        temperature: Of the parts of the machine in °C (the parts, not their sensors); a
+            part left out has the temperature at which it was set up.
+    """
+
+    position: Positions
+    direction: Mapping[str, Float[np.ndarray, " t"] | Int[np.ndarray, " t"]]
+    acceleration: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    temperature: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+
+    @property
+    def rows(self) -> int:
+        """Number of instants."""
+        known = [*self.position.values(), *self.direction.values()]
+        return len(known[0]) if known else 0
+
+    def take(self, rows: slice | np.ndarray) -> "State":
+        """Return the state at some of the instants."""
+        return State(
+            **{
+                part: {name: values[rows] for name, values in every.items()}
+                for part, every in vars(self).items()
+            }
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,27 +59,15 @@ class AbstractErrorSource(abc.ABC):
 
     axis: str
 
-    @property
-    @abc.abstractmethod
-    def compensation(self) -> str:
-        """Compensation of the controller that is meant for it."""
-
-    @property
-    @abc.abstractmethod
-    def inputs(self) -> tuple[str, ...]:
-        """Axes whose positions the error depends on."""
-
-    @property
-    def masters(self) -> tuple[str, ...]:
-        """Axes that the compensation looks at, other than the axis itself."""
-        return tuple(axis for axis in self.inputs if axis != self.axis)
+    compensation: ClassVar[str]
+    """Compensation of the controller that is meant for it."""
 
     @abc.abstractmethod
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         """Return actual − encoder in mm, at standstill actual − commanded.
 
         Args:
-            at: State of the machine, with the positions of at least the axes in `inputs`.
+            at: State of the machine, with the positions that the error depends on.
         """
 
 
@@ -63,13 +90,7 @@ class ScrewPitch(AbstractErrorSource):
     periodic: float
     lead: float
 
-    @property
-    def compensation(self) -> str:
-        return "leadscrew"
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        return (self.axis,)
+    compensation: ClassVar[str] = "leadscrew"
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         place = at.position[self.axis]
@@ -94,13 +115,7 @@ class Reversal(AbstractErrorSource):
     at_end: float
     length: float
 
-    @property
-    def compensation(self) -> str:
-        return "leadscrew"
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        return (self.axis,)
+    compensation: ClassVar[str] = "leadscrew"
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         share = np.clip(at.position[self.axis] / self.length, 0.0, 1.0)
@@ -128,13 +143,7 @@ class BeamBow(AbstractErrorSource):
     wave: float
     wavelength: float
 
-    @property
-    def compensation(self) -> str:
-        return "cross"
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        return (self.along,)
+    compensation: ClassVar[str] = "cross"
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         place = at.position[self.along]
@@ -163,13 +172,7 @@ class TableFlatness(AbstractErrorSource):
     sag: float
     dent: float
 
-    @property
-    def compensation(self) -> str:
-        return "plane"
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        return self.across
+    compensation: ClassVar[str] = "plane"
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         first, second = (
@@ -180,3 +183,83 @@ class TableFlatness(AbstractErrorSource):
         sag = -self.sag * np.cos(np.pi * first / 2) * np.cos(np.pi * second / 2)
         near = np.square(first + 1 / 3) + np.square(second + 1 / 3)
         return twist + sag - self.dent * np.exp(-near / (2 * (1 / 6) ** 2))
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Play(AbstractErrorSource):
+    """Play of a nut, the same everywhere: coming from above the axis stops short.
+
+    Attributes:
+        width: In mm.
+    """
+
+    width: float
+
+    compensation: ClassVar[str] = "backlash"
+
+    def error(self, at: State) -> Float[np.ndarray, " t"]:
+        return -0.5 * self.width * np.asarray(at.direction[self.axis], dtype=float)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class PartGrowth(AbstractErrorSource):
+    """A part that grows as it warms: it shifts the axis, and it stretches it.
+
+    Attributes:
+        part: Name of the part, whose temperature counts.
+        shift: In mm per K.
+        stretch: In mm per mm and K.
+        reference: Position in mm that the stretching leaves where it is.
+        neutral: Temperature in °C at which nothing is wrong.
+    """
+
+    part: str
+    shift: float = 0.0
+    stretch: float = 0.0
+    reference: float = 0.0
+    neutral: float = 20.0
+
+    compensation: ClassVar[str] = "temperature"
+
+    def error(self, at: State) -> Float[np.ndarray, " t"]:
+        if self.part not in at.temperature:
+            return np.zeros(at.rows)
+        warmer = at.temperature[self.part] - self.neutral
+        if not self.stretch:
+            return self.shift * warmer
+        away = at.position[self.axis] - self.reference
+        return warmer * (self.shift + self.stretch * away)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Nodding(AbstractErrorSource):
+    """A column that nods as another axis accelerates, the more the higher it reaches.
+
+    Attributes:
+        master: Axis that accelerates.
+        along: Axis whose position sets how far it nods.
+        at_start: Error in mm per 1000 mm/s² at position 0 of ``along``.
+        at_end: The same at ``length``.
+        length: In mm.
+        braking: Share of it that remains where the acceleration is negative.
+    """
+
+    master: str
+    along: str
+    at_start: float
+    at_end: float
+    length: float
+    braking: float = 1.0
+
+    compensation: ClassVar[str] = "crosstalk"
+
+    def error(self, at: State) -> Float[np.ndarray, " t"]:
+        if self.master not in at.acceleration:
+            return np.zeros(at.rows)
+        rate = at.acceleration[self.master] / 1000.0
+        reach = at.position[self.along] / self.length
+        size = self.at_start + (self.at_end - self.at_start) * reach
+        return size * np.where(rate < 0.0, self.braking, 1.0) * rate

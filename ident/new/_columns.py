@@ -145,7 +145,9 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         axis = (owner if each.kind == "error" else home)[0]
         options, asks = _options(each, axis, outside=outside)
         if asks:
-            unclear.append(_unclear(each.column, asks, options))
+            column, largest = each.column.name, _largest(each.column)
+            choices = tuple(options)
+            unclear.append(Unclear(column, frozenset(asks), choices, largest))
         else:
             roles.setdefault(options[0][0], []).append(options[0][1])
     unclear = [*_joined(unclear), *untold]
@@ -391,12 +393,6 @@ def _sensor(column: Column) -> str:
     words = _WORDS["temperature"] | {"t", "degc", "c", "k"}
     pieces = [p for p in _PIECE.findall(column.name) if p.casefold() not in words]
     return "_".join(pieces).casefold() or "sensor"
-
-
-def _unclear(
-    column: Column, asks: set[str], choices: Sequence[tuple[str, ColumnSpec]]
-) -> Unclear:
-    return Unclear(column.name, frozenset(asks), tuple(choices), _largest(column))
 
 
 def _joined(unclear: Sequence[Unclear]) -> list[Unclear]:

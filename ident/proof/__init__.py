@@ -18,6 +18,7 @@ from ._figures import (
     ErrorFigures as ErrorFigures,
     RunTable as RunTable,
     error_figures as error_figures,
+    wild_readings as wild_readings,
 )
 from ._gate import (
     GateCheck as GateCheck,
@@ -57,17 +58,11 @@ if TYPE_CHECKING:
         verify_log as verify_log,
     )
 
-_HOMES = {
-    "CircularTest": "_circle",
-    "ServoLoop": "_circle",
-    "circular_test": "_circle",
-    "Diagnosis": "doctor",
-    "Measured": "doctor",
-    "diagnose": "doctor",
-    "not_judged": "doctor",
-    "Verdict": "verify",
-    "Verification": "verify",
-    "verify_log": "verify",
+_NAMES = {
+    "_circle": "CircularTest ServoLoop circular_test",
+    "doctor": "Diagnosis Measured diagnose not_judged",
+    "verify": "Verdict Verification verify_log",
 }
+_HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
 
 __getattr__ = importer(__name__, _HOMES)

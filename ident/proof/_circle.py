@@ -134,13 +134,9 @@ def _filled_up(compensation: FrictionCompensation) -> FrictionCompensation:
     lack = -table.nodes.count % _ENTRIES
     points, values = np.asarray(table.nodes.points), np.asarray(table.values)
     beyond = points[-1] + max(points[-1], 1.0) * np.arange(1.0, lack + 1.0)
-    longer = {
-        id(table.nodes.points): np.append(points, beyond),
-        id(table.values): np.pad(values, (0, lack), "edge"),
-    }
-    leaves, tree = jax.tree.flatten(compensation)
-    found: FrictionCompensation = jax.tree.unflatten(
-        tree, [longer.get(id(leaf), leaf) for leaf in leaves]
+    longer = np.append(points, beyond), np.pad(values, (0, lack), "edge")
+    found: FrictionCompensation = eqx.tree_at(
+        lambda one: (one.law.nodes.points, one.law.values), compensation, longer
     )
     return found
 

@@ -14,7 +14,7 @@ from ._dynamics import (
     slope,
     step,
 )
-from ._reversal import reversal_dynamics
+from ._reversal import largest_step, reversal_dynamics
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,70 +81,31 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     unit = "mm" if table.unit == "mm" else "°"
     feed = limits.feed / 60.0
     steepest, at_slope = slope(table)
-    largest_step, at_step = step(table)
     sharpest, at_kink = kink(table)
-    fastest, at_acceleration = acceleration(table, feed)
     # 1 µm per mm is 0.001, and so is 0.001° per °.
     per = "µm/mm" if table.unit == "mm" else "0.001°/°"
+    found: dict[str, tuple[str, tuple[float, str]]] = {
+        "max_correction": (unit, _largest(table, table.offset)),
+        "max_slope": (per, (1e3 * steepest, at_slope)),
+        "max_step": (unit, step(table)),
+        "max_velocity": (f"{unit}/s", (gradient(table) * feed, at_slope)),
+        "max_kink": (f"{unit}/s", (sharpest * feed, at_kink)),
+        "max_acceleration": (f"{unit}/s²", acceleration(table, feed)),
+    }
     lines = [
-        _largest(table, "max_correction", table.offset, limits.max_correction, unit),
-        gate_check("max_slope", 1e3 * steepest, limits.max_slope, per, at_slope),
-        gate_check("max_step", largest_step, limits.max_step, unit, at_step),
-        gate_check(
-            "max_velocity",
-            gradient(table) * feed,
-            limits.max_velocity,
-            f"{unit}/s",
-            at_slope,
-        ),
-        gate_check("max_kink", sharpest * feed, limits.max_kink, f"{unit}/s", at_kink),
-        gate_check(
-            "max_acceleration",
-            fastest,
-            limits.max_acceleration,
-            f"{unit}/s²",
-            at_acceleration,
-        ),
+        gate_check(name, value, getattr(limits, name), shown, where)
+        for name, (shown, (value, where)) in found.items()
     ]
     if len(table.offset) == 2:
-        lines += _reversal(table, limits, unit)
-    if table.change is not None and limits.max_change is not None:
-        lines.append(
-            _largest(table, "max_change", table.change, limits.max_change, unit)
+        jump, where = _largest(table, [table.offset[0] - table.offset[1]])
+        words = where, f"{where}, spread over {table.cycles} cycles"
+        lines += reversal_checks(
+            jump, table.cycles, table.cycle_time, limits, unit, words
         )
+    if table.change is not None and limits.max_change is not None:
+        worst, where = _largest(table, table.change)
+        lines.append(gate_check("max_change", worst, limits.max_change, unit, where))
     return tuple(lines)
-
-
-def gate_check(
-    name: str, value: float, limit: float, unit: str, where: str
-) -> GateCheck:
-    """Return one line of the gate, passed where the value stays within the limit."""
-    # The noise of floating point must not fail a table that lies on the limit.
-    passed = bool(value <= limit * (1 + 1e-9))
-    return GateCheck(name, float(value), float(limit), unit, passed, where)
-
-
-def _largest(
-    table: GateTable,
-    name: str,
-    branches: Sequence[np.ndarray],
-    limit: float,
-    unit: str,
-) -> GateCheck:
-    sizes = np.abs(np.stack(branches))
-    _, *index = np.unravel_index(sizes.argmax(), sizes.shape)
-    where = f"at {place_of(table, [int(k) for k in index])}"
-    return gate_check(name, float(sizes.max()), limit, unit, where)
-
-
-def _reversal(table: GateTable, limits: GateLimits, unit: str) -> list[GateCheck]:
-    jump = np.abs(table.offset[0] - table.offset[1])
-    k = int(jump.argmax())
-    where = f"at {place_of(table, [k])}"
-    spread = f"{where}, spread over {table.cycles} cycles"
-    return reversal_checks(
-        float(jump[k]), table.cycles, table.cycle_time, limits, unit, (where, spread)
-    )
 
 
 def reversal_checks(
@@ -180,3 +141,43 @@ def reversal_checks(
             spread,
         ),
     ]
+
+
+def gate_check(
+    name: str, value: float, limit: float, unit: str, where: str
+) -> GateCheck:
+    """Return one line of the gate, passed where the value stays within the limit."""
+    # The noise of floating point must not fail a table that lies on the limit.
+    passed = bool(value <= limit * (1 + 1e-9))
+    return GateCheck(name, float(value), float(limit), unit, passed, where)
+
+
+def check_switching(
+    jump: float,
+    cycles: int,
+    limits: GateLimits,
+    unit: str,
+    entry: str,
+    moments: str = "COMP ON/OFF, homing or reload",
+) -> GateCheck:
+    """Return the line of the gate for the step in one cycle where one comes or goes.
+
+    Args:
+        jump: What it adds at most, in mm or °.
+        cycles: Over which it is spread.
+        limits: Of the job.
+        unit: Of the jump.
+        entry: What spreads it in the list, for the words.
+        moments: At which it comes or goes, for the words.
+    """
+    how = f"{entry} {cycles}" if cycles > 1 else f"{entry} {cycles}: abrupt"
+    step = largest_step(jump, cycles)
+    where = f"at {moments}, {how}"
+    return gate_check("max_switching", step, limits.max_switching, unit, where)
+
+
+def _largest(table: GateTable, branches: Sequence[np.ndarray]) -> tuple[float, str]:
+    """Return the largest size among branches, and at which node it is."""
+    sizes = np.abs(np.stack(branches))
+    _, *index = np.unravel_index(sizes.argmax(), sizes.shape)
+    return float(sizes.max()), f"at {place_of(table, [int(k) for k in index])}"

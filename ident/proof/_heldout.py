@@ -123,13 +123,13 @@ def _run_variance(
 ) -> Float[np.ndarray, " t"]:
     """Return what a run that was not measured yet adds by its own offset and drift."""
     several = [fold.runs if len(fold.runs) > 1 else () for fold in folds]
-    offset, drift = (
-        np.array([sum(part) / max(len(part) - 1, 1) for part in parts])
-        for parts in (
-            [[effect.offset**2 for effect in runs] for runs in several],
-            [[effect.drift**2 for effect in runs] for runs in several],
-        )
-    )
+    offset, drift = np.array(
+        [
+            np.sum([(one.offset**2, one.drift**2) for one in runs] or [(0.0, 0.0)], 0)
+            / max(len(runs) - 1, 1)
+            for runs in several
+        ]
+    ).T
     if samples.order is None:
         return np.asarray(offset[which])
     late = samples.order - 0.5

@@ -1,11 +1,14 @@
-"""How fast the jump of a bilateral table at reversal is, spread over a few cycles."""
+"""How fast a jump is that is spread over cycles: at reversal, and on switching."""
 
 import functools
+from collections.abc import Callable
 
 import numpy as np
 
-MOST_CYCLES = 19
-"""P-AXIS-00243 must stay below 20."""
+from ..exchange import MOST_REVERSAL_CYCLES
+
+MOST_CYCLES = 20
+"""Largest `n_cycles` of cross, plane and crosstalk (P-COMP-00026, 00027, 00064)."""
 
 
 def spread_share(cycles: int) -> np.ndarray:
@@ -71,6 +74,47 @@ def choose_cycles(
         velocity, acceleration = reversal_dynamics(jump, cycles, cycle_time)
         return velocity <= max_velocity and acceleration <= max_acceleration
 
-    if existing is not None and 2 <= existing <= MOST_CYCLES and inside(existing):
+    if (
+        existing is not None
+        and 2 <= existing <= MOST_REVERSAL_CYCLES
+        and inside(existing)
+    ):
         return existing
-    return next((n for n in range(2, MOST_CYCLES) if inside(n)), MOST_CYCLES)
+    return _fewest(inside, MOST_REVERSAL_CYCLES)
+
+
+def largest_step(jump: float, cycles: int) -> float:
+    """Return the largest step in one cycle of a jump that sin² spreads over cycles.
+
+    Args:
+        jump: In mm or °.
+        cycles: `n_cycles`; 0 and 1 are abrupt (S-06).
+    """
+    return reversal_dynamics(jump, cycles, 1.0)[0]
+
+
+def switching_cycles(
+    jump: float, max_step: float, existing: int | None = None, most: int = MOST_CYCLES
+) -> int | None:
+    """Return over how many cycles a jump is to be spread, or None: as it is.
+
+    The smallest number whose largest step stays inside the limit. An existing number that
+    is large enough stays; where even the largest is too small, that one is returned, and
+    the gate says no.
+
+    Args:
+        jump: In mm or °.
+        max_step: Largest step in one cycle, likewise.
+        existing: What the list says already, or None.
+        most: Largest number that the parameter may have.
+    """
+
+    def inside(cycles: int) -> bool:
+        return largest_step(jump, cycles) <= max_step
+
+    return None if inside(existing or 0) else _fewest(inside, most)
+
+
+def _fewest(inside: Callable[[int], bool], most: int) -> int:
+    """Return the smallest number of cycles that stays inside the limits, else the largest."""
+    return next((n for n in range(2, most) if inside(n)), most)

@@ -29,7 +29,11 @@ def share_plot(group: "GroupResult") -> Plot:
         scale = scale_of(one.unit)
         effects = _effects(group, one)
         left = one.error["predicted"].sound.rms
-        names = [_label(each) for each in effects]
+        names = [
+            each.name.replace(f" of {each.axis}", "", 1)
+            + (" (in no list)" if not each.written else "")
+            for each in effects
+        ]
         sizes = [each.rms for each in effects]
         colors = [style.BLUE if each.written else style.GREY for each in effects]
         names += ["left over (predicted)", "scatter of a reading"]
@@ -171,8 +175,3 @@ def _say(one: "AxisSum", scale: Scale) -> str:
 def _effects(group: "GroupResult", one: "AxisSum") -> "list[EffectShare]":
     own = [each for each in group.effects if each.axis == one.axis]
     return sorted(own, key=lambda each: -each.rms)
-
-
-def _label(effect: "EffectShare") -> str:
-    words = effect.name.replace(f" of {effect.axis}", "", 1)
-    return words if effect.written else f"{words} (in no list)"

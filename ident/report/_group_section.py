@@ -46,24 +46,19 @@ def group_section(
     missing = [each for each in group.effects if each.index is not None and each.why]
     own = [sections[index] for index in group.fits]
     proven = all(section.verdict.level == "good" for section in own)
+    assumed = any(one.fit.judgement.has(Code.ASSUMED) for one in own)
+    opening = "Computed; signs unproven. " if assumed else ""
     level = "warn" if missing or group.lost or not proven else "good"
     return GroupSection(
         name=f"group-{place}",
         heading=f"Identified together: group {group.name}",
         level=level,
-        sentence=_opening(own) + _sentence(group, len(missing)),
+        sentence=opening + _sentence(group, len(missing)),
         remarks=by_level(group.remarks),
         plots=(share_plot(group), sum_plot(group)),
         facts=tuple(_facts(group)),
         group=group,
     )
-
-
-def _opening(sections: Sequence[Section]) -> str:
-    """Return what the verdicts on the fits say of the group as a whole."""
-    if any(section.fit.judgement.has(Code.ASSUMED) for section in sections):
-        return "Computed; signs unproven. "
-    return ""
 
 
 def _sentence(group: "GroupResult", missing: int) -> str:

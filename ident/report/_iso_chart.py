@@ -1,5 +1,6 @@
 """The ISO 230-2 chart: all runs, the means with their ±2 s band, and A, E, B marked."""
 
+import io
 import math
 import textwrap
 from collections.abc import Iterable, Mapping
@@ -8,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data.files import write_atomically
 from ...data.measurements import (
     EDITION,
     Iso230,
     describe_iso230,
+    widest_reversal,
+    with_arrows,
 )
-from ._iso_marks import draw_brackets, draw_reversal, draw_tolerance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +25,12 @@ if TYPE_CHECKING:
 _UP, _DOWN = "#1f5fa8", "#c4511d"
 _SERIES = ("#7d8590", "#12805c", "#7a3e9d")
 _INK = "#24292f"
+# Drawn by hand: as a formula ("$…$") it would load matplotlib's whole formula parser.
+_DOUBLE_ARROW = [
+    *((0.0, 1.0), (0.35, 0.5), (0.08, 0.5), (0.08, -0.5), (0.35, -0.5)),
+    *((0.0, -1.0), (-0.35, -0.5), (-0.08, -0.5), (-0.08, 0.5), (-0.35, 0.5)),
+    (0.0, 1.0),
+]
 _LEGEND_COLUMNS = 7
 _STYLE: Any = {
     "font.size": 9.0,
@@ -83,10 +92,10 @@ def draw_iso_chart(
         axes.set_ylim(low - room, high + room)
         for at, (name, test) in enumerate(tests.items()):
             colour = _INK if single else _SERIES[at]
-            draw_brackets(axes, test, colour, at, "" if single else name)
-            draw_reversal(axes, test, colour, small, long)
+            _draw_brackets(axes, test, colour, at, "" if single else name)
+            _draw_reversal(axes, test, colour, small, long)
         if tolerance is not None:
-            draw_tolerance(axes, list(tests.values())[-1], tolerance, small)
+            _draw_tolerance(axes, list(tests.values())[-1], tolerance, small)
         axes.set_xlabel(f"Position [{long}]")
         axes.set_ylabel(f"Deviation actual − commanded [{small}]")
         axes.axhline(0.0, color="#57606a", linewidth=0.8, zorder=1)
@@ -116,7 +125,9 @@ def iso_chart_sentence(tests: Mapping[str, Iso230], *, unit: str = "mm") -> str:
     return f"{reading} {describe_iso230(tests, unit=unit)}"
 
 
-def write_chart(figure: "Figure", folder: Path, stem: str) -> tuple[Path, Path]:
+def write_chart(
+    figure: "Figure", folder: Path, stem: str, style: Any = _STYLE
+) -> tuple[Path, Path]:
     """Write a figure as SVG and PNG into a folder, each replaced whole; return paths.
 
     Raises:
@@ -125,21 +136,14 @@ def write_chart(figure: "Figure", folder: Path, stem: str) -> tuple[Path, Path]:
     import matplotlib as mpl
 
     folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    with mpl.rc_context(_STYLE):
-        for ending in ("svg", "png"):
-            target = folder / f"{stem}.{ending}"
-            draft = folder / f".{stem}.{ending}.part"
-            try:
-                metadata = {"Date": None} if ending == "svg" else None
-                figure.savefig(
-                    draft, format=ending, metadata=metadata, facecolor="white"
-                )
-                draft.replace(target)
-            finally:
-                draft.unlink(missing_ok=True)
-            paths.append(target)
-    return paths[0], paths[1]
+    paths = folder / f"{stem}.svg", folder / f"{stem}.png"
+    with mpl.rc_context(style):
+        for path in paths:
+            form, content = path.suffix[1:], io.BytesIO()
+            metadata = {"Date": None} if form == "svg" else None
+            figure.savefig(content, format=form, metadata=metadata, facecolor="white")
+            write_atomically(path, content.getvalue())
+    return paths
 
 
 def _title(tests: Mapping[str, Iso230], axis: str) -> str:
@@ -218,3 +222,110 @@ def _extent(tests: Iterable[Iso230]) -> tuple[float, float]:
         for run in test.runs:
             values += [float(run.error.min()), float(run.error.max())]
     return min(values) * 1e3, max(values) * 1e3
+
+
+def _draw_brackets(axes: "Axes", test: Iso230, colour: str, at: int, name: str) -> None:
+    """Mark A and E as measured heights at the right of the plot."""
+    limits = (test.accuracy_ends(), test.systematic_ends())
+    labels = [
+        with_arrows(test.judged()[0]),
+        "E" if test.E is not None else "E↑" if test.E_up is not None else "E↓",
+    ]
+    beyond = axes.get_yaxis_transform()
+    for step, (ends, label) in enumerate(zip(limits, labels, strict=True)):
+        if ends is None:
+            continue
+        x = 1.02 + 0.06 * step + 0.125 * at
+        low, high = ends[0] * 1e3, ends[1] * 1e3
+        line: dict[str, Any] = {
+            "color": colour,
+            "clip_on": False,
+            "transform": beyond,
+            "linewidth": 1.2,
+        }
+        axes.plot([x, x], [low, high], **line)
+        for end in (low, high):
+            axes.plot([x - 0.007, x + 0.007], [end, end], **line)
+            axes.plot(
+                [0, x],
+                [end, end],
+                **{**line, "linewidth": 0.5, "alpha": 0.55, "linestyle": (0, (1, 2))},
+            )
+        axes.text(
+            x + 0.012,
+            (low + high) / 2,
+            f"{label} {name}{' ' if name else ''}= {high - low:.1f}",
+            transform=beyond,
+            rotation=90,
+            va="center",
+            ha="left",
+            fontsize=8.5,
+            color=colour,
+        )
+
+
+def _draw_reversal(
+    axes: "Axes", test: Iso230, colour: str, small: str, long: str
+) -> None:
+    """Mark the largest reversal between the two means."""
+    from matplotlib.path import Path
+    from matplotlib.patheffects import withStroke
+
+    widest = widest_reversal(test)
+    if widest is None or widest.mean_up is None or widest.mean_down is None:
+        return
+    ends = sorted((widest.mean_up * 1e3, widest.mean_down * 1e3))
+    axes.annotate(
+        "",
+        xy=(widest.target, ends[0]),
+        xytext=(widest.target, ends[1]),
+        arrowprops={
+            "arrowstyle": "<->",
+            "color": colour,
+            "lw": 1.3,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        },
+        zorder=8,
+    )
+    targets = [item.target for item in test.positions]
+    right = widest.target > (min(targets) + max(targets)) / 2
+    axes.annotate(
+        "B",
+        xy=(widest.target, sum(ends) / 2),
+        xytext=(-5 if right else 5, 0),
+        textcoords="offset points",
+        ha="right" if right else "left",
+        va="center",
+        fontsize=9,
+        fontweight="bold",
+        color=colour,
+        path_effects=[withStroke(linewidth=3, foreground="white")],
+        zorder=9,
+    )
+    # The figure stands in the legend: a label beside the arrow would cover the curves.
+    axes.plot(
+        [],
+        [],
+        linestyle="none",
+        marker=Path(_DOUBLE_ARROW, closed=True),
+        markersize=9,
+        color=colour,
+        label=f"B = {ends[1] - ends[0]:.1f} {small} at {widest.target:g} {long}",
+    )
+
+
+def _draw_tolerance(axes: "Axes", test: Iso230, tolerance: float, small: str) -> None:
+    """Draw the tolerance as a band around the middle of A."""
+    ends = test.accuracy_ends() or test.systematic_ends()
+    if ends is None:
+        return
+    middle = (ends[0] + ends[1]) / 2
+    axes.axhspan(
+        (middle - tolerance / 2) * 1e3,
+        (middle + tolerance / 2) * 1e3,
+        facecolor="#e6f4ea",
+        edgecolor="none",
+        zorder=0,
+        label=f"tolerance {tolerance * 1e3:g} {small}",
+    )

@@ -1,6 +1,7 @@
 """One-dimensional tables: error curve with its uncertainty, old list against new."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,42 +40,32 @@ class Branch:
         return self.support > 0
 
 
-@dataclasses.dataclass(frozen=True)
-class LineTable:
-    """A fitted 1-D table in display units; values are errors, not list entries."""
-
-    master: str
-    nodes: Float[np.ndarray, " n"]
-    branches: tuple[Branch, ...]
-
-
-def line_table(fit: TableResult, scale: Scale) -> LineTable:
-    """Return the error curve of a 1-D fit in display units."""
+def branches_of(fit: TableResult, scale: Scale) -> tuple[Branch, ...]:
+    """Return the error curve of a 1-D fit in display units; errors, not list entries."""
     layout = fit.fit.layout
     shape = (layout.branches, len(layout.nodes[0]))
     values = np.reshape(fit.fit.values, shape) * scale.factor
     sds = np.reshape(fit.fit.standard_deviation, shape) * scale.factor
     supports = np.reshape(fit.fit.support, shape)
     directions = (1, -1) if layout.branches == 2 else (0,)
-    branches = tuple(
+    return tuple(
         Branch(*row) for row in zip(directions, values, sds, supports, strict=True)
     )
-    return LineTable(fit.masters[0], layout.nodes[0], branches)
 
 
 def curve_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     """Draw the measured error, the nodes with ± 2 sd, and the unmeasured ones."""
-    table = line_table(fit, scale)
+    nodes, branches = fit.fit.layout.nodes[0], branches_of(fit, scale)
     figure, (axes,) = style.new_figure(3.4)
     drawn = _draw_readings(axes, readings)
-    for branch in table.branches:
-        _draw_branch(axes, table, branch)
-    _frame_curve(axes, table, readings)
-    axes.set_xlabel(f"{table.master} in {scale.position}")
+    for branch in branches:
+        _draw_branch(axes, nodes, branch)
+    _frame_curve(axes, branches, readings)
+    axes.set_xlabel(f"{fit.masters[0]} in {scale.position}")
     axes.set_ylabel(f"error of {fit.axis} in {scale.error}")
     axes.margins(x=0.02)
     figure.legend(*_unique(axes), loc="outside upper right", ncols=3)
-    caption = _say_curve(table, readings, scale, drawn)
+    caption = _say_curve(fit, branches, readings, scale, drawn)
     return Plot("error-curve", "Measured error and the fitted table", figure, caption)
 
 
@@ -135,38 +126,38 @@ def _draw_readings(axes: Axes, readings: Readings) -> int:
     return len(chosen)
 
 
-def _draw_branch(axes: Axes, table: LineTable, branch: Branch) -> None:
+def _draw_branch(axes: Axes, nodes: Float[np.ndarray, " n"], branch: Branch) -> None:
     colour = style.DIRECTION_COLOR[branch.direction]
     marker = style.DIRECTION_MARKER[branch.direction]
     name = style.DIRECTION_NAME[branch.direction]
     label = "table ± 2 sd" if branch.direction == 0 else f"table ± 2 sd, {name}"
     known = branch.measured
-    if len(table.nodes) <= _ERROR_BARS:
+    if len(nodes) <= _ERROR_BARS:
         axes.errorbar(
-            table.nodes[known], branch.value[known], 2 * branch.sd[known],
+            nodes[known], branch.value[known], 2 * branch.sd[known],
             color=colour, marker=marker, markersize=3.6, linewidth=1.1, capsize=1.8,
             elinewidth=0.8, label=label,
         )  # fmt: skip
     else:
         axes.fill_between(
-            table.nodes, branch.value - 2 * branch.sd, branch.value + 2 * branch.sd,
+            nodes, branch.value - 2 * branch.sd, branch.value + 2 * branch.sd,
             color=colour, alpha=0.25, linewidth=0,
         )  # fmt: skip
-        axes.plot(table.nodes, branch.value, color=colour, label=label)
+        axes.plot(nodes, branch.value, color=colour, label=label)
     if not known.all():
         axes.errorbar(
-            table.nodes[~known], branch.value[~known], 2 * branch.sd[~known],
+            nodes[~known], branch.value[~known], 2 * branch.sd[~known],
             linestyle="none", marker=marker, markersize=5, capsize=1.8,
             elinewidth=0.8, color=colour, markerfacecolor="white",
             label="not measured", zorder=5,
         )  # fmt: skip
 
 
-def _frame_curve(axes: Axes, table: LineTable, readings: Readings) -> None:
+def _frame_curve(axes: Axes, branches: Sequence[Branch], readings: Readings) -> None:
     """Choose the limits by what is sound; wild readings become marks at the edge."""
     sound = readings.before[~readings.wild]
-    tops = [branch.value + 2 * branch.sd for branch in table.branches]
-    ends = [branch.value - 2 * branch.sd for branch in table.branches]
+    tops = [branch.value + 2 * branch.sd for branch in branches]
+    ends = [branch.value - 2 * branch.sd for branch in branches]
     high = max(*(float(top.max()) for top in tops), float(np.max(sound, initial=-1e99)))
     low = min(*(float(end.min()) for end in ends), float(np.min(sound, initial=1e99)))
     pad = 0.06 * (high - low or 1.0)
@@ -190,10 +181,16 @@ def _unique(axes: Axes) -> tuple[list[Any], list[str]]:
     return list(reversed(kept.values())), list(reversed(kept.keys()))
 
 
-def _say_curve(table: LineTable, readings: Readings, scale: Scale, drawn: int) -> str:
-    unit, at = scale.error, table.master
+def _say_curve(
+    fit: TableResult,
+    branches: Sequence[Branch],
+    readings: Readings,
+    scale: Scale,
+    drawn: int,
+) -> str:
+    unit, at, nodes = scale.error, fit.masters[0], fit.fit.layout.nodes[0]
     parts = []
-    for branch in table.branches:
+    for branch in branches:
         low, high = int(np.argmin(branch.value)), int(np.argmax(branch.value))
         which = (
             "The fitted error"
@@ -202,24 +199,24 @@ def _say_curve(table: LineTable, readings: Readings, scale: Scale, drawn: int) -
         )
         parts.append(
             f"{which} runs from {number(branch.value[low])} {unit} at {at} = "
-            f"{place(table.nodes[low])} to {number(branch.value[high])} {unit} at "
-            f"{at} = {place(table.nodes[high])} {scale.position}."
+            f"{place(nodes[low])} to {number(branch.value[high])} {unit} at "
+            f"{at} = {place(nodes[high])} {scale.position}."
         )
-    if len(table.branches) == 2:
-        gap = table.branches[0].value - table.branches[1].value
+    if len(branches) == 2:
+        gap = branches[0].value - branches[1].value
         most = int(np.argmax(np.abs(gap)))
         parts.append(
             f"The two directions differ by {number(float(np.mean(gap)))} {unit} on "
-            f"average (+ minus −), most at {at} = {place(table.nodes[most])} "
+            f"average (+ minus −), most at {at} = {place(nodes[most])} "
             f"{scale.position}: {number(gap[most])} {unit}."
         )
-    sd = np.concatenate([branch.sd[branch.measured] for branch in table.branches])
+    sd = np.concatenate([branch.sd[branch.measured] for branch in branches])
     if sd.size:
         parts.append(
             f"Half of the measured nodes are known to ± {number(2 * np.median(sd))} "
             f"{unit} (2 sd) or better, the worst to ± {number(2 * sd.max())} {unit}."
         )
-    empty = sum(int((~branch.measured).sum()) for branch in table.branches)
+    empty = sum(int((~branch.measured).sum()) for branch in branches)
     if empty:
         parts.append(
             f"{count(empty, 'node is', 'nodes are')} not measured (hollow marks): "

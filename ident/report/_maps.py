@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 from jaxtyping import Float, Int
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..job import TableResult
@@ -17,7 +18,6 @@ from ._plane import (
     heat,
     label,
     map_height,
-    middles,
     plane_table,
     spread_limits,
     symmetric,
@@ -27,9 +27,6 @@ from ._scale import Scale, count, grouped, number, percent
 
 _TALL = 3.8
 """Maps higher than this, in inches, are square rather than wide."""
-
-_SIDE_BY_SIDE = ("ab", "cc")
-"""Old and new beside each other, their difference below."""
 
 
 def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
@@ -100,7 +97,11 @@ def change_maps(fit: TableResult, scale: Scale) -> Plot | None:
     both = np.stack([old, new]) * scale.factor
     span = symmetric(both)
     change = both[1] - both[0]
-    figure, panels = style.new_mosaic(1.62 * map_height(table) + 0.5, _SIDE_BY_SIDE)
+    size = (7.2, 1.62 * map_height(table) + 0.5)
+    figure = Figure(figsize=size, layout="constrained")
+    # Old and new beside each other, their difference below.
+    mosaic = figure.subplot_mosaic("ab\ncc", height_ratios=[0.62, 1.0])
+    panels = [mosaic[name] for name in "abc"]
     layers = [
         heat(axes, table, value, limits=(-span, span), diverging=True)
         for axes, value in zip(panels, both, strict=False)
@@ -160,8 +161,8 @@ def mean_by_cell(
 ) -> tuple[Float[np.ndarray, "j i"], Int[np.ndarray, "j i"], Int[np.ndarray, " t"]]:
     """Return mean and number of the readings nearest to each node, and their node."""
     columns, rows = len(table.across), len(table.up)
-    i = np.searchsorted(middles(table.across), positions[:, 0])
-    j = np.searchsorted(middles(table.up), positions[:, 1])
+    i = np.searchsorted(style.middles(table.across), positions[:, 0])
+    j = np.searchsorted(style.middles(table.up), positions[:, 1])
     cell = j * columns + i
     number_of = np.bincount(cell, minlength=rows * columns)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -13,7 +13,7 @@ from ..job import AbstractResult, JobResult, TableResult
 from . import _style as style
 from ._body import Plot
 from ._maps import mean_by_cell
-from ._plane import PlaneTable, bar, heat, label, plane_table
+from ._plane import bar, heat, label, plane_table, symmetric
 from ._readings import Readings, readings_of
 from ._scale import Scale, number, scale_of
 
@@ -48,7 +48,7 @@ def overview_plot(fits: Sequence[AbstractResult]) -> Plot | None:
     shown = [fit for fit in fits if isinstance(fit, TableResult)][:_MOST]
     if not shown:
         return None
-    heights = [_height(fit) for fit in shown]
+    heights = [2.0 if len(fit.masters) == 1 else 2.3 for fit in shown]
     figure = Figure(figsize=(7.2, sum(heights) + 0.2), layout="constrained")
     panels = figure.subplots(len(shown), 2, squeeze=False, height_ratios=heights)
     sentences = [
@@ -77,10 +77,6 @@ def write_picture(result: JobResult, path: Path) -> None:
             plot.figure.savefig(path, format="png", dpi=110)
 
 
-def _height(fit: TableResult) -> float:
-    return 2.0 if len(fit.masters) == 1 else 2.3
-
-
 def _draw_fit(
     figure: Figure,
     panels: list[Axes],
@@ -89,7 +85,10 @@ def _draw_fit(
     """Draw one row and return its sentence."""
     scale = scale_of(fit.unit)
     readings = readings_of(fit, scale)
-    before = _before(readings)
+    sound = ~readings.wild
+    before = Cloud(
+        readings.positions[sound], readings.before[sound], readings.direction[sound]
+    )
     after, kind = _after(readings, fit, scale)
     if len(fit.masters) == 2:
         _draw_maps(figure, panels, fit, scale, (before, after))
@@ -102,13 +101,6 @@ def _draw_fit(
         panel.set_title(f"{name}, {word}: {number(size)} {scale.error} rms", fontsize=8)
     return (
         f"{name}: {number(sizes[0])} → {number(sizes[1])} {scale.error} rms ({kind})."
-    )
-
-
-def _before(readings: Readings) -> Cloud:
-    keep = ~readings.wild
-    return Cloud(
-        readings.positions[keep], readings.before[keep], readings.direction[keep]
     )
 
 
@@ -160,10 +152,9 @@ def _draw_maps(
     scale: Scale,
     both: tuple[Cloud, Cloud],
 ) -> None:
-    table: PlaneTable = plane_table(fit, scale)
+    table = plane_table(fit, scale)
     means = [mean_by_cell(table, each.positions, each.error)[0] for each in both]
-    known = np.abs(np.concatenate([mean[np.isfinite(mean)] for mean in means]))
-    span = float(known.max(initial=0.0)) or 1.0
+    span = symmetric(np.stack(means))
     layers = [
         heat(panel, table, mean, limits=(-span, span), diverging=True)
         for panel, mean in zip(panels, means, strict=True)

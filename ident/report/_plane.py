@@ -74,15 +74,15 @@ def heat(
         limits = (-span, span)
     axes.grid(False)
     mesh = axes.pcolormesh(
-        _borders(table.across),
-        _borders(table.up),
+        style.borders(table.across),
+        style.borders(table.up),
         value,
         cmap=style.DIVERGING if diverging else style.SEQUENTIAL,
         vmin=limits[0],
         vmax=limits[1],
         rasterized=True,
     )
-    if _keeps_aspect(table):
+    if 0.25 <= _ratio(table) <= 1.2:
         axes.set_aspect("equal")
     return mesh
 
@@ -97,7 +97,7 @@ def hatch(
     empty = ~(table.measured if measured is None else measured)
     if not empty.any():
         return
-    across, up = _borders(table.across), _borders(table.up)
+    across, up = style.borders(table.across), style.borders(table.up)
     corners: list[tuple[float, float]] = []
     for first, last, low, high in _rectangles(empty):
         left, right, bottom, top = across[first], across[last], up[low], up[high]
@@ -152,26 +152,8 @@ def label(axes: Axes, table: PlaneTable, scale: Scale) -> None:
     axes.set_ylabel(f"{table.masters[1]} in {scale.position}")
 
 
-def _borders(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
-    """Return the borders of the cells around the nodes."""
-    if len(nodes) == 1:
-        return np.array([nodes[0] - 0.5, nodes[0] + 0.5])
-    inner = middles(nodes)
-    return np.concatenate(
-        [[2 * nodes[0] - inner[0]], inner, [2 * nodes[-1] - inner[-1]]]
-    )
-
-
-def middles(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
-    return np.asarray((nodes[1:] + nodes[:-1]) / 2)
-
-
 def _ratio(table: PlaneTable) -> float:
     return float(np.ptp(table.up)) / (float(np.ptp(table.across)) or 1.0)
-
-
-def _keeps_aspect(table: PlaneTable) -> bool:
-    return 0.25 <= _ratio(table) <= 1.2
 
 
 def map_height(table: PlaneTable) -> float:

@@ -126,9 +126,9 @@ def bin_means(
     return Bins(edges, number, mean, error)
 
 
-def robust_limit(value: Float[np.ndarray, " t"], share: float = 0.995) -> float:
+def robust_limit(value: Float[np.ndarray, " t"]) -> float:
     """Return the size that all but a few of the values stay within, never 0."""
     known = np.abs(value[np.isfinite(value)])
     if known.size == 0:
         return 1.0
-    return float(np.quantile(known, share)) * 1.15 or 1.0
+    return float(np.quantile(known, 0.995)) * 1.15 or 1.0

@@ -1,4 +1,4 @@
-"""What remains after the list, over position, order and run: is a pattern left?"""
+"""What remains after the list, over position, order and run, and what belongs to the runs."""
 
 import dataclasses
 
@@ -51,7 +51,8 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
     """Draw the predicted remaining error over each master, the order, and the runs."""
     if not readings.sound.any():
         return None
-    runs = _runs(readings)
+    known = np.unique([] if readings.run is None else readings.run).astype(float)
+    runs = known if 2 <= known.size <= 60 else None
     views = views_of(fit, readings, scale)
     panels = len(views) + (runs is not None)
     columns = 2 if panels % 2 == 0 else panels
@@ -77,30 +78,21 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
     return Plot("residuals", title, figure, caption)
 
 
-def _runs(readings: Readings) -> Float[np.ndarray, " r"] | None:
-    if readings.run is None:
-        return None
-    runs = np.unique(readings.run)
-    return runs.astype(float) if 2 <= runs.size <= 60 else None
-
-
 def _draw_cloud(
     axes: Axes, readings: Readings, where: Float[np.ndarray, " t"], limit: float
 ) -> Bins:
     keep = np.flatnonzero(readings.sound)
     keep = keep[style.thin(keep.size)]
-    for direction in (1, -1, 0):
-        rows = keep[readings.direction[keep] == direction]
-        if rows.size:
-            axes.plot(
-                where[rows], readings.predicted[rows],
-                linestyle="none", marker=style.DIRECTION_MARKER[direction],
-                markersize=float(np.clip(90 / np.sqrt(rows.size), 1.2, 3)),
-                markeredgewidth=0, color=style.DIRECTION_COLOR[direction], alpha=0.4,
-                rasterized=style.as_raster(rows.size),
-                label=f"reading, {style.DIRECTION_NAME[direction]}"
-                if direction else "reading",
-            )  # fmt: skip
+    names = {way: f"reading, {name}" for way, name in style.DIRECTION_NAME.items()}
+    style.draw_cloud(
+        axes,
+        where[keep],
+        readings.predicted[keep],
+        readings.direction[keep],
+        size=None,
+        names={**names, 0: "reading"},
+        alpha=0.4,
+    )
     sound = readings.sound
     slices = int(np.clip(np.count_nonzero(sound) // 12, 3, 24))
     bins = bin_means(where[sound], readings.predicted[sound], slices)
@@ -198,3 +190,53 @@ def _say_residuals(
             f"{grouped(value.size)} are in the slices, of {grouped(readings.total)}."
         )
     return " ".join(text)
+
+
+def runs_plot(fit: TableResult, scale: Scale) -> Plot | None:
+    """Draw the fitted run effects with ± 2 sd; None where there are none."""
+    effects = fit.fit.runs
+    if not effects:
+        return None
+    runs = np.array([effect.run for effect in effects])
+    figure, (axes,) = style.new_figure(2.5)
+    rows = (
+        ("offset of the run", 0.0, "o", style.BLUE,
+         [(effect.offset, effect.offset_sd) for effect in effects]),
+        ("drift from its start to its end", 0.18, "D", style.ORANGE,
+         [(effect.drift, effect.drift_sd) for effect in effects]),
+    )  # fmt: skip
+    drifts = any(effect.drift or effect.drift_sd for effect in effects)
+    for label, shift, marker, colour, pairs in rows[: 1 + drifts]:
+        value, sd = np.array(pairs).T
+        axes.errorbar(
+            runs + shift, value * scale.factor,
+            2 * np.nan_to_num(sd) * scale.factor, linestyle="none", marker=marker,
+            markersize=4.5, color=colour, elinewidth=1, capsize=2, label=label,
+        )  # fmt: skip
+    axes.axhline(0, color=style.INK, linewidth=0.7)
+    axes.set_xlabel("run")
+    if runs.size <= 25:
+        axes.set_xticks(runs.tolist(), [str(run) for run in runs])
+    axes.set_ylabel(f"against the mean in {scale.error}")
+    figure.legend(loc="outside upper right", ncols=2)
+    return Plot(
+        "runs", "Offset and drift of the runs", figure, _say_runs(fit, scale, drifts)
+    )
+
+
+def _say_runs(fit: TableResult, scale: Scale, drifts: bool) -> str:
+    effects = fit.fit.runs
+    far = max(effects, key=lambda effect: abs(effect.offset))
+    text = (
+        f"Run {far.run} lies farthest from the mean of the {len(effects)} runs: "
+        f"{number(far.offset * scale.factor, signed=True)} ± "
+        f"{number(2 * far.offset_sd * scale.factor)} {scale.error} (2 sd)."
+    )
+    if drifts:
+        fast = max(effects, key=lambda effect: abs(effect.drift))
+        text += (
+            f" Run {fast.run} drifts most, by "
+            f"{number(fast.drift * scale.factor, signed=True)} {scale.error} from its "
+            "start to its end against the mean drift of all runs."
+        )
+    return text + " This belongs to the runs and is kept out of the table."

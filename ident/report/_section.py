@@ -1,12 +1,21 @@
 """One fit of a job as a section of the page: words, tables and plots in their order."""
 
 import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..job import AbstractResult, ErrorFigures, Remark
 from ..kinds import kind
 from ._body import Body, by_level
-from ._scale import Scale, percent, scale_of
+from ._scale import Scale, count, number, percent, scale_of
 from ._verdict import Headline, headline_of
+
+if TYPE_CHECKING:
+    from ..job import LeftOutResult
+
+_MOST = 8
+"""Values that are not determined and named one by one."""
 
 _COLUMNS = (
     ("before", "before", "measured"),
@@ -64,8 +73,10 @@ def section_of(fit: AbstractResult, place: int) -> Section:
     """Return the section of one fit; ``place`` counts the fits of the job from 1."""
     scale = scale_of(fit.unit)
     over = " over " + ", ".join(fit.over) if fit.over else ""
+    # In a file name and an anchor.
+    safe = "".join(c if c.isascii() and c.isalnum() else "_" for c in fit.axis)
     return Section(
-        name=f"{place}-{fit.compensation}-{_plain(fit.axis)}",
+        name=f"{place}-{fit.compensation}-{safe}",
         heading=f"{place}. {fit.compensation.capitalize()} of {fit.axis}{over}",
         verdict=headline_of(fit, scale),
         remarks=by_level(fit.remarks),
@@ -124,18 +135,42 @@ def summary_row(section: Section) -> tuple[str, ...]:
     )
 
 
-def _plain(name: str) -> str:
-    """Return a name that is safe in a file name and an anchor."""
-    return "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in name)
-
-
 def body_of(fit: AbstractResult, scale: Scale) -> Body:
     """Return plots, facts and wild readings of a fit."""
     if not fit.left_out:
         return kind(fit.compensation).page.body(fit, scale)
     # Whatever kind it was to be: its readings do not tell it.
     from ..job import LeftOutResult
-    from ._left_out_body import left_out_body
 
     assert isinstance(fit, LeftOutResult)
-    return left_out_body(fit, scale)
+    return _left_out_body(fit, scale)
+
+
+def _left_out_body(fit: "LeftOutResult", scale: Scale) -> Body:
+    """Return the sentences on a fit that nothing was written of."""
+    nothing = ("As written", "Nothing: see the remarks above.")
+    part = fit.part
+    if part is None:
+        return Body(plots=[], facts=[nothing])
+    told = int(np.sum(part.determined & (part.support > 0)))
+    reached = int(np.sum(part.support > 0))
+    facts = [
+        (
+            "Values",
+            f"{told} of {count(len(part.values), 'value')} are determined; readings touch"
+            f" {reached} of them.",
+        ),
+        (
+            "Information",
+            f"Beside the other effects of the group {percent(part.share)} of what these"
+            " readings would tell of it alone is left.",
+        ),
+        ("Scatter of a reading", f"{number(fit.noise * scale.factor)} {scale.error}."),
+    ]
+    lost = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
+    if lost.size:
+        names = "; ".join(part.labels[int(k)] for k in lost[:_MOST])
+        more = f" and {lost.size - _MOST} more" if lost.size > _MOST else ""
+        facts.append(("Not determined", f"{names}{more}."))
+    facts.append(nothing)
+    return Body(plots=[], facts=facts)

@@ -78,13 +78,6 @@ def new_figure(
     return figure, list(axes.ravel())
 
 
-def new_mosaic(height: float, rows: tuple[str, ...]) -> tuple[Figure, list[Axes]]:
-    """Return a figure laid out by letters, one per panel, and its axes in order."""
-    figure = Figure(figsize=(7.2, height), layout="constrained")
-    panels = figure.subplot_mosaic("\n".join(rows), height_ratios=[0.62, 1.0])
-    return figure, [panels[name] for name in sorted(panels)]
-
-
 def thin(size: int, limit: int = DRAWN_POINTS) -> Int[np.ndarray, " k"]:
     """Return ascending indices of at most ``limit`` of ``size`` readings.
 
@@ -97,15 +90,29 @@ def thin(size: int, limit: int = DRAWN_POINTS) -> Int[np.ndarray, " k"]:
     return np.sort(chosen)
 
 
+def borders(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+    """Return the borders of the cells around the nodes."""
+    if len(nodes) == 1:
+        return np.array([nodes[0] - 0.5, nodes[0] + 0.5])
+    inner = middles(nodes)
+    return np.concatenate(
+        [[2 * nodes[0] - inner[0]], inner, [2 * nodes[-1] - inner[-1]]]
+    )
+
+
+def middles(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+    return np.asarray((nodes[1:] + nodes[:-1]) / 2)
+
+
 def draw_cloud(
     axes: Axes,
     where: Float[np.ndarray, " t"],
     value: Float[np.ndarray, " t"],
     direction: Int[np.ndarray, " t"],
-    size: float,
+    size: float | None,
     names: Mapping[int, str],
     alpha: float,
-    most: int | None = None,
+    most: int = DRAWN_POINTS,
 ) -> None:
     """Draw readings as marks that tell their direction.
 
@@ -114,22 +121,41 @@ def draw_cloud(
         where: Place of each reading.
         value: Its error.
         direction: ±1, or 0.
-        size: Of a mark in points.
+        size: Of a mark in points; None: the smaller, the more there are.
         names: In the legend, by direction.
         alpha: Opacity.
         most: Readings of one direction that are drawn.
     """
     for way in (1, -1, 0):
         rows = np.flatnonzero(direction == way)
-        if most is not None:
-            rows = rows[thin(rows.size, most)]
         if rows.size:
-            axes.plot(
-                where[rows], value[rows], linestyle="none",
-                marker=DIRECTION_MARKER[way], markersize=size, markeredgewidth=0,
-                color=DIRECTION_COLOR[way], alpha=alpha, label=names[way],
-                rasterized=as_raster(rows.size),
+            fitting = float(np.clip(90 / np.sqrt(rows.size), 1.2, 3))
+            marks(
+                axes, where[rows], value[rows], color=DIRECTION_COLOR[way], alpha=alpha,
+                marker=DIRECTION_MARKER[way], label=names[way], most=most,
+                size=fitting if size is None else size,
             )  # fmt: skip
+
+
+def marks(
+    axes: Axes,
+    across: Float[np.ndarray, " t"],
+    up: Float[np.ndarray, " t"],
+    *,
+    color: str | tuple[float, ...] = BLUE,
+    marker: str = "o",
+    size: float = 3.0,
+    alpha: float = 0.7,
+    label: str | None = None,
+    most: int = 3000,
+) -> None:
+    """Draw readings as marks, so many at most, and many as a picture inside the SVG."""
+    rows = thin(len(across), most)
+    axes.plot(
+        across[rows], up[rows], linestyle="none", marker=marker, markersize=size,
+        markeredgewidth=0, alpha=alpha, color=color, label=label,
+        rasterized=as_raster(rows.size),
+    )  # fmt: skip
 
 
 def as_raster(size: int) -> bool:

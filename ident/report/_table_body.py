@@ -1,13 +1,17 @@
 """Plots and sentences of a plane, cross or leadscrew table."""
 
-from ..job import TableResult
+import matplotlib as mpl
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...data.measurements import Iso230, iso230
+from ..job import SampleView, TableResult
 from ._body import Body, Plot
-from ._iso import iso_plot
+from ._iso_chart import draw_iso_chart, iso_chart_sentence
 from ._lines import change_plot, curve_plot
 from ._maps import change_maps, coverage_maps, error_map, remainder_map
 from ._readings import Readings, readings_of
-from ._residuals import residual_plot
-from ._runs import runs_plot
+from ._residuals import residual_plot, runs_plot
 from ._scale import Scale
 from ._spread import spread_plot
 from ._words import how_it_was_made, wild_rows
@@ -42,7 +46,7 @@ def _plots(
         drawn = [
             curve_plot(fit, readings, scale),
             change_plot(fit, scale),
-            iso_plot(fit),
+            _iso_plot(fit),
         ]
     drawn += [
         residual_plot(fit, readings, scale),
@@ -50,3 +54,55 @@ def _plots(
         spread_plot(readings, scale),
     ]
     return [plot for plot in drawn if plot is not None]
+
+
+def _iso_plot(fit: TableResult) -> Plot | None:
+    """Draw all runs before, predicted and verified; None without a run table."""
+    figures = fit.error.get("before")
+    if figures is None or not figures.iso230 or fit.samples.run is None:
+        return None
+    rows = _rows(fit)
+    if not rows.any():
+        return None
+    tests = {
+        "before": _evaluate(fit.samples, fit.samples.before, rows),
+        "predicted": _evaluate(fit.samples, fit.samples.predicted, rows),
+    }
+    seen = fit.measured
+    if seen is not None and (proven := seen.iso230) is not None:
+        tests[fit.measured_as] = proven
+    # The chart marks B with a mathematical sign; a name may hold a dollar all the same.
+    with mpl.rc_context({"text.parse_math": True}):
+        name = fit.axis.replace("$", r"\$")
+        figure = draw_iso_chart(tests, axis=name, unit=fit.unit, caption=False)
+    caption = iso_chart_sentence(tests, unit=fit.unit)
+    return Plot("iso-230-2", "ISO 230-2: all runs and their means", figure, caption)
+
+
+def _evaluate(
+    samples: SampleView, error: Float[np.ndarray, " t"], rows: Bool[np.ndarray, " t"]
+) -> Iso230:
+    assert samples.run is not None
+    direction = samples.direction
+    return iso230(
+        samples.positions[rows, 0],
+        error[rows],
+        samples.run[rows],
+        None if direction is None else direction[rows],
+    )
+
+
+def _rows(fit: TableResult) -> Bool[np.ndarray, " t"]:
+    """Return the readings behind the figures of the table: with wild ones or without.
+
+    The chart and the table beside it must tell the same A.
+    """
+    finite = np.isfinite(fit.samples.before) & np.isfinite(fit.samples.predicted)
+    wild = np.asarray(fit.samples.share <= 0.05)
+    stated = (fit.error["before"].iso230 or {}).get("A")
+    if stated is None or not wild.any():
+        return np.asarray(finite)
+    choices = (finite, finite & ~wild)
+    found = [_evaluate(fit.samples, fit.samples.before, rows).A for rows in choices]
+    gaps = [abs((value or 0.0) - stated) for value in found]
+    return np.asarray(choices[int(np.argmin(gaps))])

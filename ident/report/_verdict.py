@@ -41,7 +41,11 @@ def headline_of(fit: AbstractResult, scale: Scale) -> Headline:
     if not judged.reasons:
         return Headline(level, word, f"Ready to load: {_fall(fit, scale)}.")
     reason = judged.reasons[0]
-    return Headline(level, word, _SENTENCES[reason.code](fit, scale, reason))
+    made = _SENTENCES[reason.code]
+    if not isinstance(made, str):
+        return Headline(level, word, made(fit, scale, reason))
+    again = "" if fit.again is None else _again(fit, scale)
+    return Headline(level, word, made.format(fall=_fall(fit, scale), again=again))
 
 
 def short_verdict(verdict: Verdict, *, assumed: bool) -> str:
@@ -108,10 +112,6 @@ def _error(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     return message if fit.left_out else f"Do not load yet: {message}"
 
 
-def _nothing(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    return f"Nothing to load, no list was asked for or needed: {_fall(fit, scale)}."
-
-
 def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     seen = "" if fit.again is None else f"; {_again(fit, scale)}"
     return f"This list would not help: {_fall(fit, scale)}{seen}."
@@ -140,31 +140,19 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 
 
-def _no_better(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    return f"Take the list out again: {_again(fit, scale)}, no better than before."
-
-
-def _less(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    return (
-        f"Better, but less than predicted: {_fall(fit, scale)}; {_again(fit, scale)}."
-    )
-
-
-def _verified(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    return f"Verified: {_fall(fit, scale)}; {_again(fit, scale)}."
-
-
-_SENTENCES: dict[Code, Callable[[AbstractResult, Scale, Reason], str]] = {
+_SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.GATE: _gate,
     Code.ERROR: _error,
-    Code.NOTHING_WRITTEN: _nothing,
+    Code.NOTHING_WRITTEN: "Nothing to load, no list was asked for or needed: {fall}.",
     Code.NO_GAIN: _no_gain,
     Code.ASSUMED: _assumed,
     Code.DIAGNOSED: _diagnosed,
-    Code.NO_BETTER: _no_better,
-    Code.LESS_THAN_PREDICTED: _less,
-    Code.VERIFIED: _verified,
+    Code.NO_BETTER: "Take the list out again: {again}, no better than before.",
+    Code.LESS_THAN_PREDICTED: "Better, but less than predicted: {fall}; {again}.",
+    Code.VERIFIED: "Verified: {fall}; {again}.",
 }
+"""The first reason of a verdict in a sentence: with the fall of the error, and what a second
+measurement found."""
 
 
 def _again(fit: AbstractResult, scale: Scale) -> str:

@@ -1,14 +1,19 @@
 """What a fit found, in sentences: the verdict, and how the table was made."""
 
 import dataclasses
+import math
+import re
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ..job import TableResult
-from ._damping import damped_wavelengths
 from ._readings import Readings
 from ._scale import Scale, count, grouped, number, percent, place
+
+_WEIGHT = re.compile(r"order (\d+), axis (\d+)")
 
 
 def how_it_was_made(
@@ -112,11 +117,53 @@ def smoothness_sentence(fit: TableResult, scale: Scale) -> str:
                 "longer ones are followed"
             )
     named = ", ".join(f"{name}: {weight:.3g}" for name, weight in weights.items())
+    stated = f"Weights of the prior relative to 1/noise²: {named}."
     if not parts:
-        return f"Weights of the prior relative to 1/noise²: {named}."
+        return stated
     text = "; ".join(parts)
-    weights_named = f"Weights of the prior relative to 1/noise²: {named}."
-    return f"{text[0].upper()}{text[1:]}. {weights_named}"
+    return f"{text[0].upper()}{text[1:]}. {stated}"
+
+
+def damped_wavelengths(fit: TableResult) -> dict[int, float | None]:
+    r"""Return per master the wavelength that the prior damps to one half, in mm or °.
+
+    Nodes at distance $h$ with $\rho$ readings each, smoothed with weights $w_m$ on the
+    squared differences of order $m$, pass a wave of $\omega$ radians per node with the
+    gain $1 / (1 + \sum_m w_m (2 \sin(\omega/2))^{2m} / \rho)$, as a smoothing spline
+    does (Green and Silverman 1994, section 2.3). It is ½ where the sum equals $\rho$.
+    None where even the shortest wave that the nodes hold, two node distances, passes.
+    Masters without a weight of their own are left out.
+    """
+    orders: dict[int, list[tuple[int, float]]] = {}
+    for name, weight in fit.fit.smoothness.items():
+        match = _WEIGHT.search(name)
+        if match and weight > 0:
+            order, master = int(match[1]), int(match[2]) - 1
+            orders.setdefault(master, []).append((order, weight))
+    # Every reading belongs to one place between nodes: its share of the measured nodes.
+    measured = int(np.count_nonzero(fit.fit.support))
+    density = fit.readings / measured if measured else 0.0
+    found: dict[int, float | None] = {}
+    for master, weights in sorted(orders.items()):
+        if master >= len(fit.fit.layout.nodes) or density <= 0:
+            continue
+        nodes = fit.fit.layout.nodes[master]
+        spacing = float(np.median(np.diff(nodes))) if len(nodes) > 1 else 0.0
+        found[master] = _half_gain(weights, density, spacing)
+    return found
+
+
+def _half_gain(
+    weights: list[tuple[int, float]], density: float, spacing: float
+) -> float | None:
+    def damping(omega: float) -> float:
+        wave = 2 * math.sin(omega / 2)
+        return sum(weight * wave ** (2 * order) for order, weight in weights)
+
+    if damping(math.pi) <= density:
+        return None
+    half: Any = brentq(lambda omega: damping(omega) - density, 0.0, math.pi)
+    return 2 * math.pi / max(float(half), 1e-9) * spacing
 
 
 def _node_places(fit: TableResult, scale: Scale) -> list[str]:
@@ -145,12 +192,10 @@ class WildRow:
     error: str
 
 
-def wild_rows(
-    fit: TableResult, readings: Readings, scale: Scale, limit: int = 12
-) -> list[WildRow]:
-    """Return the largest rejected readings, at most ``limit``."""
+def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRow]:
+    """Return the largest rejected readings, at most a dozen."""
     rows = np.flatnonzero(readings.wild)
-    rows = rows[np.argsort(-np.abs(readings.before[rows]), kind="stable")][:limit]
+    rows = rows[np.argsort(-np.abs(readings.before[rows]), kind="stable")][:12]
     found = []
     for row in rows.tolist():
         spots = zip(fit.masters, readings.positions[row], strict=True)

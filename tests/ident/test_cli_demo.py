@@ -13,7 +13,6 @@ from axcomp.ident.cli import main
 from axcomp.ident.cli._demo_files import (
     FolderError,
     claim_folder,
-    measure,
     seal_folder,
     text_of,
     write_measurements,
@@ -139,9 +138,9 @@ def test_machine_whose_sign_is_flipped_is_named(
     flipped = Conventions(leadscrew_sign=1, cross_sign=-1, plane_sign=-1)
     machine = dataclasses.replace(example_machine(), conventions=flipped)
     names = [demo / "result" / f"achskw{number}.lis" for number in (1, 2, 3)]
-    again = measure(machine.with_lists(ListFile.read(name) for name in names), 5)
+    loaded = machine.with_lists(ListFile.read(name) for name in names)
     folder = tmp_path / "flipped"
-    write_measurements(folder, again)
+    write_measurements(folder, loaded, 5)
     text = text_of("second.toml").decode().replace("../result/", f"{demo / 'result'}/")
     (folder / "job.toml").write_text(text)
     out = tmp_path / "out"

@@ -12,8 +12,8 @@ from axcomp.ident.exchange import (
     entries_of_external_axis,
     external_axis_from_list,
     external_limits,
-    is_activated,
 )
+from axcomp.ident.kinds import kind
 from axcomp.ident.kinds.backlash.entries import backlash_from_list, entries_of_backlash
 from axcomp.ident.kinds.temperature.entries import (
     entries_of_temperature,
@@ -166,7 +166,7 @@ def test_coefficient_that_is_no_number_is_refused(value: str) -> None:
 def test_activation_comes_back_from_its_entries() -> None:
     listing = written(entries_of_activation(["cross", "leadscrew", "friction"]))
     names = ("cross", "plane", "leadscrew", "friction", "crosstalk", "backlash")
-    on = [name for name in names if is_activated(listing, name)]
+    on = [name for name in names if kind(name).entries.is_activated(listing)]
     assert on == ["cross", "leadscrew", "friction"]
     with pytest.raises(
         ExchangeError, match="found backlash without its reference flank"

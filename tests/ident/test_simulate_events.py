@@ -14,7 +14,6 @@ from axcomp.ident.exchange import (
     Reading,
     parse_action,
     simulate,
-    simulate_events,
 )
 from axcomp.models import Conventions, TemperatureLine
 
@@ -52,9 +51,7 @@ def parse(text: str, name: str = "achskw3.lis") -> ListFile:
 def offsets(
     *events: ControllerEvent, text: str = cross(1000, SCREW)
 ) -> dict[str, np.ndarray]:
-    (found,) = simulate_events(
-        [parse(text)], STILL, Reading(Conventions()), events=events
-    )
+    (found,) = simulate([parse(text)], STILL, Reading(Conventions()), events=events)
     assert found.remarks == ()
     np.testing.assert_allclose(found.total, sum(found.parts.values()), atol=ROUNDING)
     return dict(found.parts)
@@ -108,7 +105,7 @@ def test_reload_leads_from_the_old_table_to_the_new_one() -> None:
 
 def test_reload_leaves_what_the_list_does_not_hold() -> None:
     line = TemperatureLine(0.0, 0.01, 0.0)
-    (found,) = simulate_events(
+    (found,) = simulate(
         [parse(cross(1000))],
         STILL,
         Reading(Conventions(), lines={3: line}),
@@ -130,7 +127,7 @@ def test_command_before_a_reload_holds_behind_it() -> None:
 def test_without_events_everything_is_on_for_long() -> None:
     lists = [parse(cross(1000, SCREW))]
     (plain,) = simulate(lists, STILL, Reading(Conventions()))
-    (same,) = simulate_events(lists, STILL, Reading(Conventions()))
+    (same,) = simulate(lists, STILL, Reading(Conventions()))
     np.testing.assert_array_equal(plain.total, same.total)
     np.testing.assert_allclose(plain.total, 0.12, atol=ROUNDING)
 

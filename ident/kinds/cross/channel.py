@@ -13,7 +13,7 @@ class CrossChannel(TableChannel):
 
     def prepare(self) -> None:
         super().prepare()
-        known = sorted(self.motion.path.positions)
+        known = sorted(self.motion.positions)
         self.swaps = tuple((axis,) for axis in known if (axis,) != self.masters)
         self.relevant = ("table_filter",) if self.listed > 1 else ()
 

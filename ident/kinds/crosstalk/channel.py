@@ -25,7 +25,7 @@ class CrosstalkChannel(AbstractChannel):
         dynamic, *places = self.masters
         if isinstance(law, Crosstalk):
             points = np.asarray(law.surface.points)
-            self.ways = tuple(_way(column) for column in points.T)
+            self.ways = tuple(Way.of(column, ends=False) for column in points.T)
             if not law.velocity_dependent:
                 self.relevant = (*self.relevant, "crosstalk_undirected")
             if places:
@@ -35,7 +35,7 @@ class CrosstalkChannel(AbstractChannel):
         timed = self.motion.cycle is not None
         if timed and self.motion.has_actual(dynamic, self.axis):
             self.relevant = (*self.relevant, "crosstalk_input")
-        known = sorted(self.motion.path.positions)
+        known = sorted(self.motion.positions)
         swaps = [(number, *places) for number in known if number != dynamic]
         if len(places) == 2:
             swaps.insert(0, (dynamic, places[1], places[0]))
@@ -65,12 +65,6 @@ class CrosstalkChannel(AbstractChannel):
                 where = where - np.asarray(change.shift)
         found = law.offset(acceleration[rows], velocity[rows], where)
         return Parts(np.asarray(found))
-
-
-def _way(points: Float[np.ndarray, " p"]) -> Way:
-    places = np.unique(points)
-    step = float(np.min(np.diff(places))) if len(places) > 1 else 1.0
-    return Way(float(places[0]), float(places[-1]), step, ends=False)
 
 
 CHANNEL = CrosstalkChannel

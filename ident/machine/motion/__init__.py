@@ -11,13 +11,13 @@ from ._everything import (
     machine_with_everything as machine_with_everything,
     work_programme as work_programme,
 )
-from ._heat import HeatedPart as HeatedPart
-from ._loop import AxisLoop as AxisLoop, directions as directions
+from ._instruments import HeatedPart as HeatedPart, Tracker as Tracker
 from ._programme import CYCLE as CYCLE, Path as Path, Programme as Programme
 from ._record import (
+    AxisLoop as AxisLoop,
     MotionLog as MotionLog,
     WorkingMachine as WorkingMachine,
+    directions as directions,
     record as record,
     write_motion_log as write_motion_log,
 )
-from ._tracker import Tracker as Tracker

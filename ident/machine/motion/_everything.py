@@ -3,25 +3,23 @@
 import dataclasses
 from collections.abc import Collection
 
-import jax.numpy as jnp
 import numpy as np
 
-from ....models import StribeckFriction
-from .._drive import Drive
+from .._drive import example_drive
 from .._machine import VirtualMachine
-from .._moving_sources import Nodding, PartGrowth, Play
 from .._sources import (
     AbstractErrorSource,
     BeamBow,
+    Nodding,
+    PartGrowth,
+    Play,
     Reversal,
     ScrewPitch,
     TableFlatness,
 )
-from ._heat import HeatedPart
-from ._loop import AxisLoop
+from ._instruments import HeatedPart, Tracker
 from ._programme import Path, Programme
-from ._record import WorkingMachine
-from ._tracker import Tracker
+from ._record import AxisLoop, WorkingMachine
 
 SPACE = {"X": 800.0, "Y": 400.0, "Z": 200.0}
 """Travel of each axis from 0, in mm."""
@@ -79,7 +77,7 @@ def machine_with_everything(
         machine=VirtualMachine({"X": 1, "Y": 2, "Z": 3}, sources),
         loops={axis: loop for axis in SPACE},
         drives={
-            axis: _drive(size)
+            axis: example_drive(size)
             for axis, size in zip(SPACE, (1.0, 0.8, 1.3), strict=True)
         },
         parts=(
@@ -98,20 +96,6 @@ def machine_with_everything(
             axis: dataclasses.replace(tracker, zero=zero)
             for axis, zero in zip(SPACE, (0.31, -0.12, 0.05), strict=True)
         },
-    )
-
-
-def _drive(size: float) -> Drive:
-    law = StribeckFriction(
-        *(jnp.asarray(v) for v in (1.6 * size, 2.3 * size, 4.0, 2.0, 0.006 * size))
-    )
-    return Drive(
-        law=law,
-        inertia=0.004 * size,
-        load=0.0,
-        rated_current=9.0,
-        torque_unit=0.001,
-        noise=0.05,
     )
 
 

@@ -53,13 +53,7 @@ class Path:
         piece[:, 0] = self.place
         self._add(piece)
 
-    def line(
-        self,
-        feed: float,
-        *,
-        acceleration: float | None = None,
-        **target: float,
-    ) -> None:
+    def line(self, feed: float, **target: float) -> None:
         """Move to a target in mm at a feed in mm/s; axes left out stay."""
         there = np.array(
             [target.get(a, p) for a, p in zip(self.axes, self.place, strict=True)]
@@ -68,7 +62,7 @@ class Path:
         length = float(np.linalg.norm(way))
         if length < 1e-9:
             return
-        along = _profile(length, feed, acceleration or self.acceleration)
+        along = _profile(length, feed, self.acceleration)
         piece = along[:, :, None] * (way / length)
         piece[:, 0] += self.place
         self._add(piece)

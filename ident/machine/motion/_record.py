@@ -1,21 +1,77 @@
-"""A machine at work, and the log of its motion with the truth behind it."""
+"""A machine at work, its loops that lag, and the log of its motion with the truth behind it."""
 
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ....models import Motion, PositionController
+from ....models import Motion
 from .._drive import Drive
 from .._machine import VirtualMachine
-from .._state import State
-from ._heat import HeatedPart, following
-from ._loop import AxisLoop, directions
+from .._sources import State
+from ._instruments import HeatedPart, Tracker, following
 from ._programme import CYCLE, Programme
-from ._tracker import Tracker
+
+
+@dataclasses.dataclass(frozen=True)
+class AxisLoop:
+    """A position controller over a fast velocity loop, all of it linear.
+
+    Attributes:
+        gain: Kv in 1/s: at constant speed the axis stays behind by speed / gain.
+        feed_forward: Share of the commanded velocity that is fed forward; it takes that
+            share off the following error.
+        settling: Time constant of the velocity loop in s.
+        compliance: How far a step of the friction by 1 A would push the axis away at most,
+            about twice over, in mm; the integrator takes it back.
+        integral_time: Of that integrator in s.
+    """
+
+    gain: float
+    feed_forward: float
+    settling: float
+    compliance: float
+    integral_time: float
+
+    def follow(self, command: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        """Return the encoder's position, or its derivative for a command's derivative."""
+        return self._respond([self.feed_forward, self.gain], [], command)
+
+    def yielding(self, current: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        """Return by how much friction (in A, less what is fed forward) moves the axis."""
+        push = -self.compliance * (current - current[0])
+        return self._respond([1.0, 0.0], [self.integral_time], push)
+
+    def _respond(
+        self, above: list[float], lags: list[float], given: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        from scipy.signal import bilinear, lfilter
+
+        below = np.array([self.settling, 1.0, self.gain])
+        for lag in lags:
+            below = np.convolve(below, [lag, 1.0])
+        found = bilinear(above, below, fs=1.0 / CYCLE)
+        b, a = (np.asarray(part, dtype=float) for part in found)
+        start = given[0]
+        level = start * np.sum(b) / np.sum(a)
+        return np.asarray(lfilter(b, a, given - start) + level)
+
+
+def directions(
+    velocity: Float[np.ndarray, " t"], slow: float = 0.2
+) -> Float[np.ndarray, " t"]:
+    """Return the direction of the last motion, ±1, and 1 before the first.
+
+    What is slower than ``slow`` (mm/s) is the creeping of a loop that settles.
+    """
+    moving = np.flatnonzero(np.abs(velocity) > slow)
+    last = np.searchsorted(moving, np.arange(len(velocity)), side="right") - 1
+    signs = np.concatenate([[1.0], np.sign(velocity[moving])])
+    return np.asarray(signs[last + 1])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -83,22 +139,14 @@ class MotionLog:
     def take(self, rows: slice | np.ndarray) -> "MotionLog":
         """Return some of the rows."""
 
-        def of(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-            return {name: each[rows] for name, each in values.items()}
+        def of(value: Any) -> Any:
+            if isinstance(value, State):
+                return value.take(rows)
+            if isinstance(value, Mapping):
+                return {name: each[rows] for name, each in value.items()}
+            return value[rows]
 
-        return MotionLog(
-            time=self.time[rows],
-            position=of(self.position),
-            velocity=of(self.velocity),
-            acceleration=of(self.acceleration),
-            encoder=of(self.encoder),
-            actual=of(self.actual),
-            current=of(self.current),
-            temperature=of(self.temperature),
-            state=self.state.take(rows),
-            truth=of(self.truth),
-            wrong=of(self.wrong),
-        )
+        return MotionLog(**{name: of(value) for name, value in vars(self).items()})
 
     def every(self, step: int) -> "MotionLog":
         """Return each row of so many, as one thins a log that is too long."""
@@ -172,26 +220,11 @@ def _compensated(
         name: following(values, work.plc_lags.get(name, 0.0), CYCLE)
         for name, values in sensors.items()
     }
-    found = _run(controller, axes, programme, followed)
-    moved, friction = np.asarray(found[0]), found[1]
-    added = {axis: moved[:, k] for k, axis in enumerate(axes)}
-    if friction is None:
-        return added, none
-    fed = np.asarray(friction)
-    units = {a: work.drives[a].rated_current * work.drives[a].torque_unit for a in axes}
-    return added, {axis: units[axis] * fed[:, k] for k, axis in enumerate(axes)}
 
-
-def _run(
-    controller: PositionController,
-    axes: tuple[str, ...],
-    programme: Programme,
-    sensors: Mapping[str, Float[np.ndarray, " t"]],
-) -> tuple[Float[Array, "t a"], Float[Array, "t a"] | None]:
     def columns(values: Mapping[str, Float[np.ndarray, " t"]]) -> Float[Array, "t a"]:
         return jnp.asarray(np.stack([values[axis] for axis in axes], axis=1))
 
-    heat = np.stack(list(sensors.values()), axis=1) if sensors else None
+    heat = np.stack(list(followed.values()), axis=1) if followed else None
     motion = Motion(
         columns(programme.position),
         columns(programme.velocity),
@@ -199,22 +232,21 @@ def _run(
         temperature=None if heat is None else jnp.asarray(heat),
     )
     offsets, _ = controller.run(controller.start(), motion)
-    return offsets.offset, offsets.friction
+    moved = np.asarray(offsets.offset)
+    added = {axis: moved[:, k] for k, axis in enumerate(axes)}
+    if offsets.friction is None:
+        return added, none
+    fed = np.asarray(offsets.friction)
+    units = {a: work.drives[a].rated_current * work.drives[a].torque_unit for a in axes}
+    return added, {axis: units[axis] * fed[:, k] for k, axis in enumerate(axes)}
 
 
-def write_motion_log(path: Path, log: MotionLog, decimals: int = 6) -> None:
+def write_motion_log(path: Path, log: MotionLog) -> None:
     """Write a log with roles as column names: mm, s, °C, A."""
     columns: dict[str, np.ndarray] = {"time": log.time}
+    roles = ("position", "velocity", "acceleration", "encoder", "actual", "current")
     for axis in log.position:
-        columns |= {
-            f"{axis}.position": log.position[axis],
-            f"{axis}.velocity": log.velocity[axis],
-            f"{axis}.acceleration": log.acceleration[axis],
-            f"{axis}.encoder": log.encoder[axis],
-            f"{axis}.actual": log.actual[axis],
-            f"{axis}.current": log.current[axis],
-        }
+        columns |= {f"{axis}.{role}": getattr(log, role)[axis] for role in roles}
     columns |= {f"temperature.{name}": each for name, each in log.temperature.items()}
     table = np.column_stack(list(columns.values()))
-    header = ",".join(columns)
-    np.savetxt(path, table, f"%.{decimals}f", ",", header=header, comments="")
+    np.savetxt(path, table, "%.6f", ",", header=",".join(columns), comments="")

@@ -1,17 +1,16 @@
 """All that acts on one axis, judged together: offsets, motion, and what switching does.
 
-Read `_switching` (one compensation that comes or goes), `_loaded` (what acts with given
-lists, by the controller itself), `_workspace` (all of it over the travel) and `_together`
-(all of it on the readings of a measurement).
+Read `_loaded` (what acts with given lists, by the controller itself), `_workspace` (all of it
+over the travel) and `_together` (all of it on the readings of a measurement); one compensation
+that comes or goes is the gate's.
 """
 
-from ._loaded import Loaded as Loaded
-from ._switching import (
-    MOST_CYCLES as MOST_CYCLES,
-    check_switching as check_switching,
+from .._gate import check_switching as check_switching
+from .._reversal import (
     largest_step as largest_step,
     switching_cycles as switching_cycles,
 )
+from ._loaded import Loaded as Loaded
 from ._together import (
     Together as Together,
     added_beyond as added_beyond,

@@ -116,7 +116,9 @@ def _judged(
     places = dict(zip(reversed(axes), (each.ravel() for each in grid), strict=True))
     others = {axis for name in loaded.used for axis in loaded.inputs(name)} - set(axes)
     count = len(places[axes[0]])
-    places |= {axis: np.full(count, _middle(travel, axis)) for axis in others}
+    places |= {
+        axis: np.full(count, np.mean(travel.spans.get(axis, 0.0))) for axis in others
+    }
     turns = (
         loaded.used[name].kind.entries.turns(loaded.models[name]) for name in names
     )
@@ -191,10 +193,6 @@ def _nodes(
         middle = float(rows[0]) if len(rows) else 0.0
         rows = np.array([middle, middle + 1.0])
     return rows
-
-
-def _middle(travel: Travel, axis: int) -> float:
-    return float(np.mean(travel.spans.get(axis, (0.0, 0.0))))
 
 
 def warm_states(

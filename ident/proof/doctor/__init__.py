@@ -6,7 +6,6 @@ its probability. Below `SURE` nothing is said.
 """
 
 from ._diagnose import (
-    SURE as SURE,
     Diagnosis as Diagnosis,
     diagnose as diagnose,
     not_judged as not_judged,

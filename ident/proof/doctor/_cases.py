@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ...exchange import InUse, Motion, Reading
+from ...exchange import InUse, Reading
 from ..verify import AbstractChannel, LogMotion
-from ._likelihood import BAND, Fitted, fit_changes, mean_likelihood
 from ._measured import Difference
 
 _SCALES = {
@@ -35,6 +34,20 @@ _LARGEST = 20.0
 """Factor of the offset up to which anything is thought possible."""
 
 _MOST_SHIFTS = 160
+
+
+_FREEDOM = 6.0
+"""Degrees of freedom of the noise: Student's t, so that wild readings count little."""
+
+_BAND = 0.1
+"""Share by which the effect of a list may be off: machine and instrument drift."""
+
+_FLOOR = 1e-5
+"""mm: noise that is taken for granted."""
+
+_STEPS = 25
+_SETTLED = 1e-5
+"""Change of the noise, as a share of it, at which the likelihood has settled."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,13 +111,13 @@ class Scene:
     def channel(self, use: InUse, axis: int) -> AbstractChannel:
         """Return a compensation at the places where an axis was measured."""
         change = self.changes[axis]
-        path = Motion(
+        motion = LogMotion(
             positions=change.positions,
             directions={} if change.direction is None else {use.axis: change.direction},
             time=None,
             source="the measurements",
+            ranges=self.reading.modulo,
         )
-        motion = LogMotion(path, ranges=self.reading.modulo)
         return use.kind.log_channel(use, motion, self.reading)
 
     def column(self, use: InUse, axis: int) -> Float[np.ndarray, " g"]:
@@ -118,14 +131,14 @@ class Scene:
         axis: int,
         columns: list[np.ndarray],
         scales: Sequence[float],
-    ) -> Fitted:
+    ) -> "_Fitted":
         """Return how well columns explain the change of an axis.
 
         What other compensations of the axis did is not known either.
         """
         change, own = self.changes[axis], (use.axis, use.name)
         others = [v for k, v in self.columns.items() if k[0] == axis and k != own]
-        return fit_changes(
+        return _fit_changes(
             self.switched[own] * change.change,
             np.stack(columns),
             np.array(scales),
@@ -153,7 +166,7 @@ def cases_of(use: InUse, scene: Scene) -> Explained:
         # A shift that changes less than the band of every factor counts as none.
         apart = np.linalg.norm(moved - plain, axis=1)
         effect = np.linalg.norm(plain - plain.mean())
-        seen = apart >= BAND * effect
+        seen = apart >= _BAND * effect
         if seen.any():
             many = int(seen.sum())
             tried = scene.fits(
@@ -164,7 +177,15 @@ def cases_of(use: InUse, scene: Scene) -> Explained:
             kept = matters & (tried > likely[0] - _EXCLUDED)
             if kept.any():
                 blind = float(np.abs(sizes[seen][kept]).max())
-            cases.append(Case("shift", value, mean_likelihood(tried), _SHIFTED, sign=1))
+            cases.append(
+                Case(
+                    "shift",
+                    value,
+                    float(np.logaddexp.reduce(tried) - np.log(many)),
+                    _SHIFTED,
+                    sign=1,
+                )
+            )
     for swap in channel.swaps:
         column = channel.column(dataclasses.replace(channel.plain, masters=swap))
         prior = 0.5 * _ELSEWHERE / len(channel.swaps)
@@ -210,3 +231,91 @@ def _elsewhere(use: InUse, scene: Scene, nothing: float) -> list[Case]:
     found = [dataclasses.replace(one, prior=share) for one in found]
     # Not where it was measured: not active, or on an axis that nobody looked at.
     return [*found, Case("cannot tell", None, nothing, _ELSEWHERE, "nowhere")]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Fitted:
+    """How well hypotheses explain a change.
+
+    Attributes:
+        likelihood: Logarithm, per hypothesis.
+        factor: Of the column, as fitted.
+        deviation: Standard deviation of that factor.
+    """
+
+    likelihood: Float[np.ndarray, " h"]
+    factor: Float[np.ndarray, " h"]
+    deviation: Float[np.ndarray, " h"]
+
+
+def _fit_changes(
+    change: Float[np.ndarray, " g"],
+    columns: Float[np.ndarray, "h g"],
+    scales: Float[np.ndarray, " h"],
+    free: Float[np.ndarray, "g f"],
+    variance: Float[np.ndarray, " g"],
+) -> "_Fitted":
+    """Return how likely a change is under each hypothesis.
+
+    Zero, noise and, within a tenth of it, the factor are fitted: the same for every
+    hypothesis, so that none gains by it.
+
+    Args:
+        change: Error after − before, in mm or °.
+        columns: What the list adds under each hypothesis, in mm or °.
+        scales: Factor of it; NaN: whatever fits.
+        free: Columns that may be in the change in any case.
+        variance: Of each change, relative to that of one reading.
+    """
+    # Free columns of a like size keep the equations solvable.
+    free = free / np.sqrt(np.mean(np.square(free), axis=0))
+    weight = np.broadcast_to(1.0 / variance, columns.shape)
+    low, high = scales - _BAND * np.abs(scales), scales + _BAND * np.abs(scales)
+    noise = np.zeros(len(columns))
+    factor, power = np.zeros(len(columns)), np.zeros(len(columns))
+    squares = np.zeros(columns.shape)
+    for step in range(_STEPS):
+        clear = columns - _explained(columns, free, weight)
+        power = np.sum(weight * clear * clear, axis=1)
+        best = np.sum(weight * clear * change, axis=1) / np.maximum(power, 1e-30)
+        factor = np.where(np.isnan(scales), best, np.clip(best, low, high))
+        rest = change - factor[:, None] * columns
+        rest = rest - _explained(rest, free, weight)
+        squares = np.square(rest) / variance
+        if step == 0:
+            noise = np.maximum(np.sqrt(np.median(squares, axis=1)), _FLOOR)
+        before = noise
+        # The scale of Student's t that makes these squares most likely.
+        for _ in range(2):
+            mean = np.mean(_shares(squares, noise) * squares, axis=1)
+            noise = np.maximum(np.sqrt(mean), _FLOOR)
+        weight = _shares(squares, noise) / variance
+        if np.max(np.abs(noise / before - 1.0)) < _SETTLED:
+            break
+    logs = np.log1p(squares / (_FREEDOM * noise[:, None] ** 2)).sum(axis=1)
+    likelihood = -len(change) * np.log(noise) - 0.5 * (_FREEDOM + 1.0) * logs
+    return _Fitted(likelihood, factor, noise / np.sqrt(np.maximum(power, 1e-30)))
+
+
+def _shares(
+    squares: Float[np.ndarray, "h g"], noise: Float[np.ndarray, " h"]
+) -> Float[np.ndarray, "h g"]:
+    return np.asarray((_FREEDOM + 1.0) / (_FREEDOM + squares / noise[:, None] ** 2))
+
+
+def _explained(
+    values: Float[np.ndarray, "h g"],
+    free: Float[np.ndarray, "g f"],
+    weight: Float[np.ndarray, "h g"],
+) -> Float[np.ndarray, "h g"]:
+    """Return what of each row of values the free columns explain."""
+    weighted = weight[:, :, None] * free
+    normal = free.T @ weighted
+    normal += (
+        1e-12
+        * np.trace(normal, axis1=1, axis2=2)[:, None, None]
+        * np.eye(free.shape[1])
+    )
+    right = np.einsum("hgf,hg->hf", weighted, values)
+    found = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+    return np.asarray(found @ free.T)

@@ -42,22 +42,18 @@ class Difference:
     """What the lists changed: error after − error before, at the same places.
 
     Attributes:
-        axis: Logical number.
         positions: By logical axis number, in mm or °, shape ``(g,)`` each.
         direction: ±1 per place, or None.
         change: In mm or °.
         variance: Of each change, in units of that of a single reading.
         free: Columns that may be in the change: zero and slope of the instrument.
-        before: Root of the mean square of the error before, its mean taken out.
     """
 
-    axis: int
     positions: Mapping[int, Float[np.ndarray, " g"]]
     direction: Int[np.ndarray, " g"] | None
     change: Float[np.ndarray, " g"]
     variance: Float[np.ndarray, " g"]
     free: Float[np.ndarray, "g f"]
-    before: float
 
 
 def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Difference:
@@ -86,13 +82,11 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
     if any(one.line for one in every):
         free += list(positions.values())
     return Difference(
-        axis=before[0].axis,
         positions=positions,
         direction=keys[:, -1] if directed else None,
         change=new.level[told] - early[told],
         variance=1.0 / counts[told] + 1.0 / new.count[told],
         free=np.stack(free, axis=1),
-        before=float(np.std(np.concatenate([one.error for one in before]))),
     )
 
 

@@ -5,10 +5,9 @@ under changes that a controller may make (`Change`). The search compares such hy
 well they explain what was logged, the noise being estimated, and what each costs (a description
 length); the judge puts the best into words.
 
-Read `_verify` (the whole), `_reports` and `_target` (what is to be explained), `_lists` with
-`_channel` and `_tables` (the channels; each compensation has its own in `kinds`), `_hypothesis`,
-`_scan` and `_search`, `_judge`, `_words`; `_owner` and `_total` for logs that show more than one
-axis or sums only.
+Read `_verify` (the whole, and a clock that is off), `_lists` and `_target` (what is to be
+explained), `_channel` and `_tables` (the channels; each compensation has its own in `kinds`),
+`_hypothesis`, `_scan` and `_search`, `_judge`, `_words`; `_total` for logs that show sums only.
 """
 
 from ._channel import (

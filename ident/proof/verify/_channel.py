@@ -63,6 +63,13 @@ class Way:
     step: float
     ends: bool = True
 
+    @classmethod
+    def of(cls, places: Float[np.ndarray, " n"], ends: bool = True) -> "Way":
+        """Return the extent of nodes in any order."""
+        every = np.unique(places)
+        step = float(np.min(np.diff(every))) if len(every) > 1 else 1.0
+        return cls(float(every[0]), float(every[-1]), step, ends)
+
 
 @dataclasses.dataclass(frozen=True)
 class Parts:
@@ -179,7 +186,7 @@ class AbstractChannel(abc.ABC):
     def told_by_actual(self) -> bool:
         """Return whether a log can tell directions of the command from actual ones."""
         own = self.motion.has_actual(self.axis) and self.motion.cycle is not None
-        return own and self.axis not in self.motion.path.directions
+        return own and self.axis not in self.motion.directions
 
     def rules(self, conventions: Conventions) -> list[Conventions]:
         """Return conventions with another choice each of those that matter."""
@@ -228,18 +235,17 @@ class AbstractChannel(abc.ABC):
 
     def over_cycles(self, parts: Parts, change: Change) -> Float[np.ndarray, " t"]:
         """Return what is added per cycle in mm or °, filter included."""
-        return delayed(self._filtered(parts, change), self.motion.clock)
-
-    def _filtered(self, parts: Parts, change: Change) -> Float[np.ndarray, " t"]:
         cycles = self.cycles_of(change)
         late = change.conventions.filter_delay
         timed = self.motion.cycle is not None and cycles > 1
         if parts.change is None:
-            return smoothed(parts.ahead, cycles, late) if timed else parts.ahead
-        share = self.share(change)
-        if timed:
-            share = smoothed(share, cycles, late)
-        return np.asarray(parts.ahead + share * parts.change)
+            found = smoothed(parts.ahead, cycles, late) if timed else parts.ahead
+        else:
+            share = self.share(change)
+            if timed:
+                share = smoothed(share, cycles, late)
+            found = np.asarray(parts.ahead + share * parts.change)
+        return delayed(found, self.motion.clock)
 
 
 def smoothed(

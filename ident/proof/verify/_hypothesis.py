@@ -60,32 +60,38 @@ class Hypothesis:
     scale: float = 1.0
     is_free: bool = False
 
-    def words(self, channel: AbstractChannel) -> tuple[str, ...]:
-        """Return the faults that it consists of; empty where there is none."""
-        found = list(self._scale_words())
+    def faults(self, channel: AbstractChannel) -> dict[str, float | None]:
+        """Return the size of each fault that it consists of; empty where there is none.
+
+        A factor; mm or °; cycles; None where a fault has no size.
+        """
+        found: dict[str, float | None] = {}
+        words, size = () if self.is_free else SCALES[self.scale], abs(self.scale)
+        if self.scale < 0:
+            found["sign"] = -1.0
+        if "twice" in words:
+            found["twice"] = 2.0
+            size /= 2.0
+        if self.is_free or "unit" in words:
+            found["unit"] = size
         change, plain = self.change, channel.plain
         if change.is_shifted:
-            found.append("shift")
+            found["shift"] = max(change.shift, key=abs)
         rules = {RULES[name] for name in other_rules(change, plain) if name in RULES}
         if change.masters is not None or "swapped" in rules:
-            found.append("swapped")
+            found["swapped"] = None
         if self.lag:
-            found.append("lag")
+            found["lag"] = float(self.lag)
         if change.cycles is not None or "filter" in rules:
-            found.append("filter")
+            found["filter"] = float(channel.cycles_of(change))
         if change.edge is not None or "edge" in rules:
-            found.append("edge")
-        return tuple(found)
+            found["edge"] = None
+        return found
 
     def apart(self, other: "Hypothesis") -> set[str]:
         """Return the names of the attributes, and of the change's, that differ."""
         mine, theirs = (vars(one) | vars(one.change) for one in (self, other))
         return {k for k in mine if k != "change" and mine[k] != theirs[k]}
-
-    def _scale_words(self) -> tuple[str, ...]:
-        if not self.is_free:
-            return SCALES[self.scale]
-        return ("sign", "unit") if self.scale < 0 else ("unit",)
 
     def cost(self, channel: AbstractChannel, samples: float) -> float:
         """Return twice the logarithm by which it is less likely than the plain one.
@@ -98,7 +104,7 @@ class Hypothesis:
             samples: Number of independent rows.
         """
         number = math.log(max(samples, 2.0))
-        cost = FAULT * len(self.words(channel))
+        cost = FAULT * len(self.faults(channel))
         cost += number * sum(1 for shift in self.change.shift if shift)
         cost += 2.0 * math.log(20.0) * (self.lag != 0)
         if self.change.cycles is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._channel import AbstractChannel
-from ._hypothesis import RULES, Hypothesis
+from ._hypothesis import RULES, Hypothesis, other_rules
 from ._search import EQUAL, Found
 from ._words import Phrase, joined, phrases
 
@@ -67,26 +67,33 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
     ) -> Verdict:
         return Verdict(axis, name, words, value, sentence, *settled(channel, found))
 
-    nothing = Verdict(axis, name, (), (), "", {})
-    if not _is_excited(channel):
-        text = "the log cannot tell: on this motion the list adds nothing that changes"
-        return dataclasses.replace(nothing, sentence=text)
+    def silent(sentence: str) -> Verdict:
+        return Verdict(axis, name, (), (), sentence, {})
+
+    judged = channel.motion.judged
+    if float(np.max(np.abs(channel.column(channel.plain)[judged]))) <= 1e-6:
+        return silent(
+            "the log cannot tell: on this motion the list adds nothing that changes"
+        )
     if found.nothing < best.criterion - EQUAL:
-        text = "nothing is added: not active, or not logged"
-        return dataclasses.replace(nothing, sentence=text)
+        return silent("nothing is added: not active, or not logged")
     if found.nothing < best.criterion + EQUAL:
-        text = "the log cannot tell: what is added is lost in its noise"
-        return dataclasses.replace(nothing, sentence=text)
+        return silent("the log cannot tell: what is added is lost in its noise")
     left = systematic(found.residual)
-    size = _size(found.column[channel.motion.judged])
+    size = float(np.sqrt(np.mean(np.square(found.column[judged]))))
     faults = phrases(best.hypothesis, channel)
     if left > max(_ROUGH * size, 1e-4):
         rest, whole = _size_of(channel, left), _size_of(channel, size)
         text = f"not explained: {rest} of {whole} follow no rule that was tried"
         if faults:
             text += f" (nearest: {_said(faults)})"
-        return dataclasses.replace(nothing, sentence=text)
-    rules = _named_rules(channel, best.hypothesis)
+        return silent(text)
+    named_rules = [
+        f"{name} = {value}"
+        for name, value in other_rules(best.hypothesis.change, channel.plain).items()
+        if name not in RULES
+    ]
+    rules = f" with {joined(named_rules)}" if named_rules else ""
     others = _equals(channel, found)
     unseen = _unseen(channel, found)
     tail = f"; this log does not show {joined(unseen)}" if unseen else ""
@@ -113,10 +120,10 @@ def _said(parts: Sequence[Phrase]) -> str:
 def _equals(channel: AbstractChannel, found: Found) -> list[list[Phrase]]:
     """Return other faults that explain the log as well as the best ones."""
     best = found.rivals[0]
-    seen = [set(best.hypothesis.words(channel))]
+    seen = [set(best.hypothesis.faults(channel))]
     result = []
     for one in found.rivals[1:]:
-        words = set(one.hypothesis.words(channel))
+        words = set(one.hypothesis.faults(channel))
         if one.criterion > best.criterion + EQUAL or not words:
             continue
         if not any(words >= known for known in seen):
@@ -132,11 +139,11 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
     nothing of the controller.
     """
     best = found.rivals[0]
-    own = set(best.hypothesis.words(channel))
+    own = set(best.hypothesis.faults(channel))
     if not {"lag", "filter"} & own:
         return ""
     for one in found.rivals[1:]:
-        words = set(one.hypothesis.words(channel))
+        words = set(one.hypothesis.faults(channel))
         if words ^ own != {"lag", "filter"} or one.misfit > best.misfit + EQUAL:
             continue
         texts = [
@@ -152,7 +159,7 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
 def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
     """Return what could be otherwise without being seen in this log."""
     best, *others = found.rivals
-    told = best.hypothesis.words(channel)
+    told = best.hypothesis.faults(channel)
     near = [
         best.hypothesis.apart(one.hypothesis)
         for one in others
@@ -206,26 +213,6 @@ def settled(
         if min(others) - best.criterion < SETTLED:
             doubtful.add(name)
     return values, frozenset(doubtful)
-
-
-def _named_rules(channel: AbstractChannel, best: Hypothesis) -> str:
-    """Return the conventions that differ and are no fault, as the end of a sentence."""
-    assumed = channel.conventions.to_dict()
-    found = [
-        f"{name} = {value}"
-        for name, value in best.change.conventions.to_dict().items()
-        if value != assumed[name] and name not in RULES
-    ]
-    return f" with {joined(found)}" if found else ""
-
-
-def _is_excited(channel: AbstractChannel) -> bool:
-    column = channel.column(channel.plain)[channel.motion.judged]
-    return float(np.max(np.abs(column))) > 1e-6
-
-
-def _size(column: Float[np.ndarray, " r"]) -> float:
-    return float(np.sqrt(np.mean(np.square(column))))
 
 
 def systematic(residual: Float[np.ndarray, " r"]) -> float:

@@ -1,18 +1,32 @@
-"""From lists to channels: every compensation of every axis that can be judged."""
+"""What lists and log hold: axes, motion, channels, reports, and whose a cross table is (S-10)."""
 
 import copy
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from ....data.lists import ListFile
+from ....data.measurements import ControllerLog, LoggedOffset
+from ....models import Conventions
 from ...exchange import (
     ExchangeError,
+    Motion,
+    Ranges,
     Reading,
+    axis_number,
     machine_lists,
     reversal_cycles,
 )
+from ...kinds import kinds
 from ._channel import AbstractChannel
+from ._judge import SETTLED
 from ._motion import LogMotion
+from ._scan import few_rows, least_squares
+from ._target import Target
+
+_CHOICES = ("slave", "master")
 
 ByAxis = Mapping[int, Mapping[str, AbstractChannel]]
 """Channels by logical axis number and compensation."""
@@ -46,15 +60,147 @@ def channels_of(
     return {axis: parts for axis, parts in found.items() if parts}
 
 
-def unfiltered(channel: AbstractChannel) -> AbstractChannel:
-    """Return a channel as the objects report it that know no filters."""
-    plain = copy.copy(channel)
-    plain.cycles = 0
-    return plain
+def changed(channel: AbstractChannel, **fields: object) -> AbstractChannel:
+    """Return a channel with other attributes."""
+    other = copy.copy(channel)
+    vars(other).update(fields)
+    return other
 
 
-def at_clock(channel: AbstractChannel, clock: float) -> AbstractChannel:
-    """Return a channel as it is read some part of a cycle later."""
-    late = copy.copy(channel)
-    late.motion = dataclasses.replace(channel.motion, clock=clock)
-    return late
+def axis_names(lists: Sequence[ListFile]) -> dict[str, int]:
+    """Return the logical numbers of the axes by the names that the lists give them."""
+    found: dict[str, int] = {}
+    for listing in lists:
+        name = listing.text("kopf.log_achs_name")
+        if name and listing.kind == "compensation":
+            found[name.strip().casefold()] = axis_number(listing)
+    return found
+
+
+def number_of(text: str, names: Mapping[str, int], source: str) -> int:
+    match = re.fullmatch(r"A([0-9]+)", text)
+    if match:
+        return int(match[1])
+    if text.casefold() not in names:
+        known = ", ".join(sorted(names)) or "none"
+        raise ExchangeError(
+            where=source,
+            found=f"axis {text!r}",
+            expected="A1, A2, … after the logical numbers, or a name in a list"
+            f" (kopf.log_achs_name: {known})",
+        )
+    return names[text.casefold()]
+
+
+def motion_of(
+    log: ControllerLog, names: Mapping[str, int], ranges: Ranges
+) -> LogMotion:
+    """Return the motion of a log, by logical axis number."""
+
+    def number(name: str) -> int:
+        return number_of(name, names, str(log.source))
+
+    drives = {
+        number(role.partition(".")[0]): log.motion.require(role)
+        for role in log.motion.values
+        if role.endswith(".drive_position")
+    }
+    path = vars(Motion.of(log.motion, number))
+    return LogMotion(**path, cycle=log.cycle, ranges=ranges, drives=drives)
+
+
+def reports_of(
+    log: ControllerLog,
+    names: Mapping[str, int],
+    channels: ByAxis,
+) -> tuple[dict[tuple[int, str], LoggedOffset], list[str]]:
+    """Return what was reported by axis and compensation, and what is not judged."""
+    found: dict[tuple[int, str], LoggedOffset] = {}
+    ignored = ", ".join(map(repr, log.ignored))
+    remarks = [f"Columns that are not used: {ignored}."] if ignored else []
+    for one in log.offsets:
+        if one.compensation == "offset":
+            continue
+        if one.axis is None:
+            having = [
+                axis for axis, parts in channels.items() if one.compensation in parts
+            ]
+            if len(having) > 1:
+                raise ExchangeError(
+                    where=str(log.source),
+                    found=f"column {one.column!r} without an axis",
+                    expected="the axis before it, as in"
+                    f" A{having[0]}.{one.column}: {len(having)} axes have"
+                    f" {one.compensation}",
+                )
+            axis = having[0] if having else 0
+        else:
+            axis = number_of(one.axis, names, str(log.source))
+        if one.compensation not in channels.get(axis, {}):
+            words = "is logged, but no list that is active has it"
+            remarks.append(f"{one.column}: {one.compensation} {words}.")
+        elif (axis, one.compensation) not in found or one.filtered:
+            found[axis, one.compensation] = one
+    return found, remarks
+
+
+def owners(
+    lists: Sequence[ListFile],
+    log: ControllerLog,
+    names: Mapping[str, int],
+    motion: LogMotion,
+    reading: Reading,
+) -> tuple[Reading, dict[str, str]]:
+    """Return the rules with the axes that fit, and the rules that the log settles.
+
+    A controller that reports what it adds to an axis says with it which one of the two
+    axes of a table is compensated. Where both readings explain the log as well, that
+    which is assumed stays. Rules are by compensation.
+    """
+    settled: dict[str, str] = {}
+    for each in kinds():
+        reported = {
+            number_of(one.axis, names, str(log.source)): one
+            for one in log.offsets
+            if one.compensation == each.name and one.axis is not None
+        }
+        held = any(each.entries.is_in(one) for one in lists)
+        if each.owner is None or not reported or not held:
+            continue
+        scores: dict[str, float] = {}
+        for owner in _CHOICES:
+            rules = _with(reading, each.owner, owner)
+            try:
+                channels = channels_of(lists, motion, rules)
+            except ExchangeError:
+                break  # the log lacks a position, or an axis has two tables
+            parts = {axis: own.get(each.name) for axis, own in channels.items()}
+            scores[owner] = sum(
+                _left(parts.get(axis), one, motion) for axis, one in reported.items()
+            )
+        if len(scores) < len(_CHOICES):
+            continue
+        best = min(scores, key=lambda owner: scores[owner])
+        if max(scores.values()) - scores[best] >= SETTLED:
+            reading = _with(reading, each.owner, best)
+            settled[each.name] = each.owner
+    return reading, settled
+
+
+def _with(reading: Reading, rule: str, choice: str) -> Reading:
+    rules = {**reading.conventions.to_dict(), rule: choice}
+    return dataclasses.replace(reading, conventions=Conventions.from_dict(rules))
+
+
+def _left(
+    channel: AbstractChannel | None, reported: LoggedOffset, motion: LogMotion
+) -> float:
+    """Return the criterion of what a table leaves of a column by any factor."""
+    rows = few_rows(motion.judged)
+    part = Target.of(reported.values, step=reported.step).at(rows)
+    squares = part.power
+    if channel is not None:
+        none = np.zeros((1, len(channel.ways)))
+        column = channel.columns_at(channel.plain, none, rows)
+        squares = float(least_squares(part, column)[0])
+    return part.criterion(squares, float(len(rows)))

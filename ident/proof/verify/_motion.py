@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from typing import final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,33 +16,27 @@ _HISTORY = 128
 """Cycles before a piece of a log that filters look back at."""
 
 
-@dataclasses.dataclass(frozen=True)
-class LogMotion:
+@final
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogMotion(Motion):
     """Commanded motion of a log, one row per cycle or independent row.
 
     Attributes:
-        path: Positions and what else was logged of the axes.
         cycle: Time step in s; None where the rows are independent.
         clock: Cycles by which what was reported was recorded later.
         ranges: Of the axes that turn, in °.
         drives: Position on the drive bus by axis, which contains the compensations.
     """
 
-    path: Motion
     cycle: float | None = None
     clock: float = 0.0
     ranges: Ranges = dataclasses.field(default_factory=dict)
     drives: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
         default_factory=dict
     )
-    _directions: dict[tuple[int, int, bool], np.ndarray] = dataclasses.field(
-        default_factory=dict, repr=False, compare=False
+    _kept: dict[tuple[int, int, bool], np.ndarray] = dataclasses.field(
+        default_factory=dict, init=False, repr=False, compare=False
     )
-
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return self.path.rows
 
     @property
     def edge_rows(self) -> int:
@@ -58,39 +53,31 @@ class LogMotion:
         """Cycles by which an offset may be late and still be judged."""
         return min(MOST_CYCLES, self.edge_rows)
 
-    def position(self, axis: int, why: str) -> Float[np.ndarray, " t"]:
-        """Return the commanded position of an axis.
-
-        Raises:
-            ExchangeError: If the log does not have it.
-        """
-        return self.path.position(axis, why)
-
     def has_actual(self, *axes: int) -> bool:
         """Return whether the log has the actual position of one of the axes."""
-        return any(axis in self.path.actuals for axis in axes)
+        return any(axis in self.actuals for axis in axes)
 
     def actual(self, axis: int, why: str) -> Float[np.ndarray, " t"]:
         """Return the actual position of an axis; one without is where it should be."""
-        found = self.path.actuals.get(axis)
+        found = self.actuals.get(axis)
         return self.position(axis, why) if found is None else found
 
     def direction(
         self, axis: int, why: str, start: int, actual: bool = False
     ) -> Int[np.ndarray, " t"]:
         """Return the direction of motion of an axis, ±1 per row (S-21)."""
-        if axis in self.path.directions:
-            return self.path.directions[axis]
+        if axis in self.directions:
+            return self.directions[axis]
         place = self.actual(axis, why) if actual else self.position(axis, why)
         if self.cycle is None:
             return np.full(self.rows, start, dtype=np.int64)
         key = axis, start, actual
-        if key not in self._directions:
+        if key not in self._kept:
             if axis in self.ranges:
                 low, high = self.ranges[axis]
                 place = np.unwrap(place, period=high - low)
-            self._directions[key] = direction_of_motion(place, start)
-        return self._directions[key]
+            self._kept[key] = direction_of_motion(place, start)
+        return self._kept[key]
 
     def rates(
         self, axis: int, why: str, actual: bool = False
@@ -103,12 +90,12 @@ class LogMotion:
         span = None
         if axis in self.ranges:
             span = self.ranges[axis][1] - self.ranges[axis][0]
-        found = self.path.velocity(axis, span), self.path.acceleration(axis, span)
+        found = self.velocity(axis, span), self.acceleration(axis, span)
         if actual:
-            found = self.path.actual_rates(axis, span)
+            found = self.actual_rates(axis, span)
         if found[0] is None or found[1] is None:
             raise ExchangeError(
-                where=self.path.source,
+                where=self.source,
                 found=f"no velocity and acceleration of A{axis}, nor time",
                 expected=f"A{axis}.position and time {why}",
             )

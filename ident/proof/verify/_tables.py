@@ -13,12 +13,8 @@ from ._channel import AbstractChannel, Change, Edge, Parts, Way
 
 def ways_of(model: Model, ends: bool = True) -> tuple[Way, ...]:
     """Return the extent of a table per master, with or without edges."""
-    found = []
-    for one in model.ways:
-        places = np.asarray(one.positions, dtype=float)
-        step = float(np.min(np.diff(places))) if len(places) > 1 else 1.0
-        found.append(Way(float(places[0]), float(places[-1]), step, ends))
-    return tuple(found)
+    places = (np.asarray(one.positions, dtype=float) for one in model.ways)
+    return tuple(Way.of(each, ends) for each in places)
 
 
 class TableChannel(AbstractChannel):

@@ -51,11 +51,9 @@ def _factors(
     """Return for each part the factor nearest to what a joint fit says."""
     rows = next(iter(channels.values())).motion.judged
     names = [name for name, column in columns.items() if np.ptp(column[rows]) > 0]
-    free = np.stack(
-        [target.free_of(columns[name])[rows] for name in names], axis=1
-    ) if names else np.zeros((0, 0))  # fmt: skip
     if not names:
         return {}
+    free = np.stack([target.free_of(columns[name])[rows] for name in names], axis=1)
     fitted = np.linalg.lstsq(free, target.values[rows], rcond=None)[0]
     return {
         name: min(SCALES, key=lambda scale: abs(scale - value))

@@ -3,6 +3,8 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from ....data.lists import ListFile
 from ....data.measurements import ControllerLog
 from ....models import COMPENSATIONS, Conventions
@@ -10,15 +12,28 @@ from ...exchange import ExchangeError, Reading
 from ...fit import one_blas_thread
 from ...kinds import kinds
 from ._channel import AbstractChannel
-from ._clock import Explained, clock_cost, clock_of, worth
+from ._hypothesis import FAULT
 from ._judge import Verdict, judge_found
-from ._lists import ByAxis, at_clock, channels_of, unfiltered
+from ._lists import (
+    ByAxis,
+    axis_names,
+    changed,
+    channels_of,
+    motion_of,
+    number_of,
+    owners,
+    reports_of,
+)
 from ._motion import LogMotion
-from ._owner import owners
-from ._reports import axis_names, motion_of, number_of, reports_of
-from ._search import search
+from ._search import Found, search
 from ._target import Target
 from ._total import drive_target, search_total
+
+_PART = 0.1
+"""Part of a cycle from which on a clock is off: a controller is late by whole ones."""
+
+Explained = dict[tuple[int, str], tuple[AbstractChannel, Found]]
+"""What explains each reported compensation, by axis and name."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,20 +95,22 @@ def verify_log(
         found: Explained = {}
         for (axis, name), report in reports.items():
             channel = channels[axis][name]
-            channel = channel if report.filtered else unfiltered(channel)
+            if not report.filtered:  # the objects know no filters
+                channel = changed(channel, cycles=0)
             target = Target.of(report.values, step=report.step)
             found[axis, name] = channel, search(channel, target)
         return found
 
     found = explained(channels)
-    clock = clock_of(found) if motion.cycle else 0.0
+    clock = _clock_of(found) if motion.cycle else 0.0
     if clock:
         timed = dataclasses.replace(motion, clock=clock)
         others = channels_of(lists, timed, reading)
         again = explained(others)
         assert motion.cycle is not None
         # The clock is one more thing to explain; it must be worth it.
-        if worth(again) + clock_cost(motion.rows) < worth(found):
+        cost = FAULT + float(np.log(motion.rows))
+        if _worth(again) + cost < _worth(found):
             found, channels = again, others
             way = "later" if clock > 0 else "earlier"
             remarks.append(
@@ -118,6 +135,50 @@ def verify_log(
     found_all = _summary(verdicts, channels, driven, conventions, remarks)
     settled = found_all.settled | set(owned.values())
     return dataclasses.replace(found_all, settled=settled)
+
+
+def _worth(found: Explained) -> float:
+    """Return the criterion of all that was found, the smaller the better."""
+    return sum(one.rivals[0].criterion for _, one in found.values())
+
+
+def _clock_of(found: Explained) -> float:
+    """Return how many cycles later the offsets were recorded; 0 where none are broken.
+
+    A controller can only be late by whole cycles. A part of one that all compensations
+    share is the clock of the recording, and with it what most of them share.
+    """
+    late: list[float] = []
+    weights: list[float] = []
+    for channel, one in found.values():
+        # A filter of two cycles is half a cycle late: only unfiltered ones count here.
+        best = next(
+            (r.hypothesis for r in one.rivals if r.hypothesis.change.cycles is None),
+            one.best,
+        )
+        rows = channel.motion.judged
+        column = best.scale * channel.column(best.change)
+        slope = np.gradient(column)[rows.start - best.lag : rows.stop - best.lag]
+        base = column[rows.start - best.lag : rows.stop - best.lag]
+        target = one.residual + one.column[rows]
+        power = float(slope @ slope)
+        noise = float(np.mean(np.square(one.residual)))
+        if power <= 100.0 * noise:
+            continue
+        late.append(best.lag - float((target - base) @ slope) / power)
+        weights.append(power / noise)
+    if not late:
+        return 0.0
+    turns = 2.0 * np.pi * np.array(late)
+    centre = np.average(np.exp(1j * turns), weights=weights)
+    part = float(np.angle(centre)) / (2.0 * np.pi)
+    apart = np.angle(np.exp(1j * turns - 2j * np.pi * part)) / (2.0 * np.pi)
+    allowed = _PART + 4.0 / np.sqrt(np.array(weights))
+    if abs(part) < _PART or np.any(np.abs(apart) > allowed):
+        return 0.0
+    whole = np.round(np.array(late) - part)
+    votes = {value: np.array(weights)[whole == value].sum() for value in whole}
+    return float(max(votes, key=lambda value: votes[value])) + part
 
 
 def _sums(
@@ -155,7 +216,8 @@ def _sums(
             f"A{axis}.drive_position comes {1e3 * (late + part) * motion.cycle:.1f} ms"
             f" after A{axis}.position; that is allowed for."
         )
-    parts = {name: at_clock(one, part) for name, one in parts.items()}
+    late_by = dataclasses.replace(motion, clock=part)
+    parts = {name: changed(one, motion=late_by) for name, one in parts.items()}
     found = search_total(parts, target)
     return [judge_found(parts[name], one) for name, one in found.items()], True
 
@@ -175,7 +237,7 @@ def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdic
 
 def _summary(
     verdicts: Sequence[Verdict],
-    channels: Mapping[int, Mapping[str, AbstractChannel]],
+    channels: ByAxis,
     driven: set[int],
     conventions: Conventions,
     remarks: list[str],

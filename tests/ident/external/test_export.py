@@ -14,7 +14,6 @@ from axcomp.ident.cli import main
 from axcomp.ident.exchange import (
     ExchangeError,
     StoredConventions,
-    is_activated,
 )
 from axcomp.ident.external import (
     UntraceableError,
@@ -22,6 +21,7 @@ from axcomp.ident.external import (
     extremes,
     list_source,
 )
+from axcomp.ident.kinds import kind
 from axcomp.models import Conventions, Leadscrew, OffsetPart, OffsetStack, Plane
 
 from ..job_run.screw import laser, screw_job
@@ -128,8 +128,8 @@ def test_lists_become_a_compensation_and_are_switched_off(
     assert sorted(printed) == sorted(f"ext/{one.name}" for one in Path("ext").iterdir())
     listing = ListFile.read(folder / "ext" / "achsmds1.add.lis")
     # Both would correct twice.
-    assert not is_activated(listing, "leadscrew")
-    assert not is_activated(listing, "cross")
+    assert not kind("leadscrew").entries.is_activated(listing)
+    assert not kind("cross").entries.is_activated(listing)
     assert listing.get("lr_param.crosscomp") is not None
     assert "A1: cross, leadscrew" in (folder / "ext" / "README.md").read_text()
     header = (folder / "ext" / "axcomp_external.h").read_text()
