@@ -96,5 +96,9 @@ from ._table import (
     nodes_in as nodes_in,
     refuse_lost_nodes as refuse_lost_nodes,
 )
-from ._toml import TomlError as TomlError, read_toml as read_toml
+from ._toml import (
+    TomlError as TomlError,
+    line_of as line_of,
+    read_toml as read_toml,
+)
 from ._units import LIST_UNITS as LIST_UNITS, ModelUnit as ModelUnit

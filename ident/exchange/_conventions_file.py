@@ -6,13 +6,12 @@ second measurement of that machine; what stands in ``[assumed]`` holds until the
 
 import dataclasses
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ...models import ConventionError, Conventions
-from ._toml import TomlError, read_toml
+from ._toml import TomlError, line_of, read_toml
 
 _TABLES = ("verified", "assumed")
 _IDENTITY = ("machine", "saved_at")
@@ -101,35 +100,25 @@ def read_conventions(path: Path, machine: str | None = None) -> StoredConvention
         table = values.get(name, {})
         if not isinstance(table, dict):
             reason = f"{name}: found {table!r}, expected a table [{name}]"
-            raise TomlError(str(path), _line(text, name), reason)
+            raise TomlError(str(path), line_of(text, [name]), reason)
         (settled if name == "verified" else assumed).update(table)
     try:
         found = Conventions.from_dict({**assumed, **settled})
     except ConventionError as error:
-        line = _line(text, error.name)
+        tables = [[name] for name in _TABLES if error.name in values.get(name, ())]
+        line = line_of(text, [*next(iter(tables), []), error.name])
         raise TomlError(str(path), line, str(error)) from None
     own = identity.get("machine")
     if own is not None and not isinstance(own, str):
         reason = f"machine: found {own!r}, expected the id of a machine in quotes"
-        raise TomlError(str(path), _line(text, "machine"), reason)
+        raise TomlError(str(path), line_of(text, ["machine"]), reason)
     if machine is not None and own not in (None, machine):
         reason = f"found the conventions of machine {own!r}, expected {machine!r}"
-        raise TomlError(str(path), _line(text, "machine"), reason)
+        raise TomlError(str(path), line_of(text, ["machine"]), reason)
     saved = identity.get("saved_at")
     return StoredConventions(
         found, frozenset(settled), own, None if saved is None else str(saved)
     )
-
-
-def _line(text: str, name: str) -> int | None:
-    """Return the line that sets a name or opens its table."""
-    start = re.compile(
-        rf"""\s*(?:["']?{re.escape(name)}["']?\s*=|\[{re.escape(name)}\])"""
-    )
-    for number, line in enumerate(text.splitlines(), start=1):
-        if start.match(line):
-            return number
-    return None
 
 
 def _toml(value: int | str) -> str:

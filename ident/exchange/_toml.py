@@ -1,7 +1,9 @@
 """TOML files, read with the line of what is wrong in them."""
 
+import bisect
 import re
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -51,3 +53,37 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         line = int(match[2]) if match[2] else text.count("\n") + 1
         place = f" in column {match[3]}" if match[3] else ""
         raise TomlError(str(path), line, f"not TOML: {match[1]}{place}") from None
+
+
+def line_of(text: str, where: Iterable[int | str]) -> int | None:
+    """Return the line (1-based) of a key of a TOML text, or of the nearest table around it.
+
+    Args:
+        text: That `tomllib` reads; it does not tell where its keys stand.
+        where: Names of tables and keys, numbers in arrays: ``("fits", 0, "start")``.
+    """
+    lines, path = text.splitlines(keepends=True), tuple(where)
+
+    def holds(count: int) -> bool:
+        # A value of several lines makes no text before its end.
+        for end in range(count, len(lines) + 1):
+            try:
+                return _is_in(tomllib.loads("".join(lines[:end])), path)
+            except tomllib.TOMLDecodeError:
+                continue
+        return True
+
+    while path and not _is_in(tomllib.loads(text), path):
+        path = path[:-1]
+    if not path:
+        return None
+    return bisect.bisect_left(range(len(lines) + 1), True, key=holds)
+
+
+def _is_in(tree: Any, path: Iterable[int | str]) -> bool:
+    try:
+        for part in path:
+            tree = tree[part]
+    except (KeyError, IndexError, TypeError):
+        return False
+    return True

@@ -8,10 +8,10 @@ from typing import Any
 
 import pydantic
 
+from ..exchange import line_of
 from ..kinds import NAMES, kind
 from ..kinds._keys import JobPart, KeyPath
 from ._errors import JobError
-from ._lines import line_of
 from ._schema import (
     Axis,
     ColumnChoice,
@@ -66,7 +66,7 @@ def first_fault(
     path: Path,
     error: pydantic.ValidationError,
     values: dict[str, Any],
-    lines: dict[KeyPath, int],
+    text: str,
 ) -> JobError:
     """Return the first thing that pydantic found, in our words."""
     found = error.errors(include_url=False)
@@ -121,7 +121,7 @@ def first_fault(
         reason = f"found {given}, expected {' or '.join(dict.fromkeys(wishes))}"
     return JobError(
         str(path),
-        line_of(lines, where),
+        line_of(text, where),
         f"{key_words(where)}: {reason}" if where else reason,
     )
 

@@ -1,7 +1,6 @@
 """A job file, read and checked as far as it can be before any work starts."""
 
 import dataclasses
-import functools
 import hashlib
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,11 +9,11 @@ from typing import Any
 import pydantic
 
 from ...models import Conventions
-from ..exchange import TomlError, read_conventions, read_toml
+from ..exchange import TomlError, line_of, read_conventions, read_toml
+from ..kinds._keys import KeyPath
 from ._checks import find_fault
 from ._errors import JobError
 from ._faults import first_fault, key_words
-from ._lines import Path as KeyPath, key_lines, line_of
 from ._schema import JobFile
 
 _PART = 1 << 16
@@ -43,11 +42,6 @@ class Job:
     text: str
     inputs: tuple[Path, ...]
 
-    @functools.cached_property
-    def lines(self) -> dict[KeyPath, int]:
-        """Line of every key, looked for once something is wrong with one."""
-        return key_lines(self.text)
-
     @property
     def increments(self) -> dict[int, float]:
         """Worth of an encoder increment in mm or °, by logical number of the axis."""
@@ -68,7 +62,7 @@ class Job:
         """Return the error that a key is, ready to raise."""
         return JobError(
             str(self.path),
-            line_of(self.lines, where),
+            line_of(self.text, where),
             f"{key_words(where)}: {reason}" if where else reason,
         )
 
@@ -88,7 +82,7 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
     try:
         spec = JobFile.model_validate(values)
     except pydantic.ValidationError as error:
-        raise first_fault(path, error, values, key_lines(text)) from None
+        raise first_fault(path, error, values, text) from None
     job = Job(path, spec, _ASSUMED, frozenset(), text, ())
     if needs_fits and not spec.fits:
         found = "found 0 values, expected 1"
