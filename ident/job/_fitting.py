@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections import Counter
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -12,7 +11,7 @@ from ..fit import Samples, TableLayout, fit_table
 from ..kinds._keys import TableSpec
 from ..proof import held_out
 from ..readings import Tables
-from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned
+from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
 from ._found_nodes import grid_words, suit
 from ._load import Job
 from ._plan import Plan, plan_fit
@@ -40,22 +39,12 @@ def plan(
 
     def draft(left: Leftovers) -> AbstractDraft:
         log, words = in_pieces(tables, index, fit, planned.table)
-        beside = {
-            name: left.beside[index, name]
-            for name in fit.sources
-            if (index, name) in left.beside
-        }
         found: AbstractTableDraft
         if log is not None:
-            _refuse_beside(job, index, beside)
+            _refuse_beside(job, index, fit, left)
             found = fit_log(planned, log)
         else:
-            extra = {
-                name: left.earlier[fit.axis, name]
-                for name in fit.sources
-                if (fit.axis, name) in left.earlier
-            }
-            readings = read_fit(tables, index, fit, planned.table, extra, beside, words)
+            readings = read_fit(tables, index, fit, planned.table, left, words)
             found = fit_plan(planned, readings)
         refuse_unowned_trend(job, planned, found.estimate)
         return found
@@ -63,16 +52,15 @@ def plan(
     return draft
 
 
-def _refuse_beside(
-    job: Job, index: int, beside: Mapping[str, Sequence[Beside]]
-) -> None:
-    for name, others in beside.items():
-        raise job.error(
-            ("measurements", name, "stream"),
-            f"found a log that is read in pieces, beside {others[0].words}, which was off"
-            f" while measuring and will act as well: expected stream = false, so that"
-            f" fits[{index}] can correct what it leaves",
-        )
+def _refuse_beside(job: Job, index: int, fit: TableSpec, left: Leftovers) -> None:
+    for name in fit.sources:
+        for other in left.beside.get((index, name), ()):
+            raise job.error(
+                ("measurements", name, "stream"),
+                f"found a log that is read in pieces, beside {other.words}, which was off"
+                f" while measuring and will act as well: expected stream = false, so that"
+                f" fits[{index}] can correct what it leaves",
+            )
 
 
 def fit_plan(plan: Plan, readings: Readings) -> TableDraft:

@@ -1,8 +1,9 @@
 """A job file, read and checked as far as it can be before any work starts."""
 
 import dataclasses
+import functools
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ..exchange import TomlError, line_of, read_conventions, read_toml
 from ..kinds._keys import KeyPath
 from ._checks import find_fault
 from ._errors import JobError
+from ._existing import AxisLists, existing_lists
 from ._faults import first_fault, key_words
 from ._schema import JobFile
 
@@ -41,6 +43,15 @@ class Job:
     verified: frozenset[str]
     text: str
     inputs: tuple[Path, ...]
+
+    @functools.cached_property
+    def lists(self) -> Mapping[str, AxisLists]:
+        """The lists that the axes have already, by axis.
+
+        Raises:
+            JobError: If a file is another kind of list, or that of another axis.
+        """
+        return existing_lists(self)
 
     @property
     def increments(self) -> dict[int, float]:

@@ -1,7 +1,7 @@
 """From measurements to readings of one fit: errors, positions, directions, runs."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,7 +10,7 @@ from ..exchange import AbstractTable
 from ..kinds._keys import TableSpec
 from ..proof import RunTable
 from ..readings import Tables, place_in_run, read_joined, runs_overlap, wanted_by
-from ._draft import Beside
+from ._draft import Leftovers
 from ._load import Job
 from ._result import Remark
 
@@ -89,8 +89,7 @@ def read_fit(
     index: int,
     fit: TableSpec,
     table: AbstractTable,
-    extra: Mapping[str, Float[np.ndarray, " t"]],
-    beside: Mapping[str, Sequence[Beside]],
+    left: Leftovers,
     words: tuple[Remark, ...] = (),
 ) -> Readings:
     """Return the readings of a fit, all its measurements joined.
@@ -100,9 +99,8 @@ def read_fit(
         index: Of the fit in the job.
         fit: Its specification.
         table: What will be written.
-        extra: By measurement, what earlier fits of this axis add to it; a later fit
-            takes what they leave.
-        beside: By measurement, what will act on the axis as well and was off then.
+        left: What earlier fits of this axis add, and what will act on it as well and was
+            off while measuring: the fit takes what they leave.
         words: What there is to say of them already.
 
     Raises:
@@ -114,15 +112,15 @@ def read_fit(
     remarks = [*words, *map(Remark.info, found.remarks)]
     for name, rows in found.rows.items():
         own = found.slices[name]
-        if name in extra:
-            error[own] += extra[name]
+        if (fit.axis, name) in left.earlier:
+            error[own] += left.earlier[fit.axis, name]
             remarks.append(
                 Remark.info(
                     f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
                     " this one corrects what that list leaves."
                 )
             )
-        for one in beside.get(name, ()):
+        for one in left.beside.get((index, name), ()):
             error[own] += one.at(rows)
             remarks.append(
                 Remark.info(

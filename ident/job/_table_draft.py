@@ -15,7 +15,7 @@ from ..fit import Samples, TableFit
 from ..kinds._keys import FitSpec, TableSpec
 from ..proof import ErrorFigures, GateCheck, HeldOut
 from ..readings import Tables, without_zero
-from ._draft import AbstractDraft, Written
+from ._draft import AbstractDraft, Leftovers, Written
 from ._gating import (
     chosen_cycles,
     pass_gate,
@@ -26,7 +26,7 @@ from ._gating import (
 from ._load import Job
 from ._plan import Plan
 from ._readings import Readings, read_fit
-from ._remarks import Counts, fit_remarks, outside, places_of, use_remarks
+from ._remarks import fit_remarks, outside, places_of, use_remarks
 from ._result import Remark, SampleView, Streamed, TableResult, staged
 from ._second import SecondMeasurement
 
@@ -39,18 +39,24 @@ class Proof:
         fit: The estimate; its arrays over readings are those of ``samples``.
         samples: The readings that are shown.
         error: By stage, over all readings.
-        counts: Of the readings.
+        readings: How many there are.
+        wild: How many of them the fit leaves out.
+        outside: How many lie outside the table.
         by_run: Whether runs were held out, else spatial blocks.
         remarks: What is to be said of the readings.
+        places: Where each wild reading lies, in words; empty where nobody kept that.
         streamed: What was read in pieces; None: all readings were in memory.
     """
 
     fit: TableFit
     samples: SampleView
     error: Mapping[str, ErrorFigures]
-    counts: Counts
+    readings: int
+    wild: int
+    outside: int
     by_run: bool
     remarks: tuple[Remark, ...]
+    places: tuple[str, ...] = ()
     streamed: Streamed | None = None
 
 
@@ -177,7 +183,7 @@ class AbstractTableDraft(AbstractDraft):
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
-        found = read_fit(tables, self.index, fit, table, {}, {})
+        found = read_fit(tables, self.index, fit, table, Leftovers())
         own = table.masters == (table.axis,)
         branch = plan.branch(found.direction)
         added = table.offset(table.model(self.integers), found.positions, branch)
@@ -216,7 +222,7 @@ class AbstractTableDraft(AbstractDraft):
             remarks=(
                 *plan.remarks,
                 *proof.remarks,
-                *fit_remarks(self, proof.counts, linear),
+                *fit_remarks(self, proof, linear),
                 *use_remarks(proof.error, proof.by_run),
                 *switching_remarks(job, self),
                 *done.files.remarks,
@@ -285,12 +291,10 @@ class TableDraft(AbstractTableDraft):
                 timed=readings.timed,
             ),
             error=staged(self.before, left.residual, from_file, wild, runs),
-            counts=Counts(
-                len(self.before),
-                int(wild.sum()),
-                int(outside(table, readings.positions).sum()),
-                places_of(readings, wild, self.fit.over),
-            ),
+            readings=len(self.before),
+            wild=int(wild.sum()),
+            outside=int(outside(table, readings.positions).sum()),
+            places=places_of(readings, wild, self.fit.over),
             by_run=left.by_run,
             remarks=tuple(readings.remarks),
         )

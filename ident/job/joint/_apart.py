@@ -1,6 +1,6 @@
 """What fits that are no group take from the same readings, and cannot share."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from ....data.errors import AxcompError
 from ...fit.joint import (
@@ -8,9 +8,8 @@ from ...fit.joint import (
     examine_design,
 )
 from ...readings import Tables
-from .._draft import AxisLists
 from .._load import Job
-from ._member import AbstractMember, at_once, few, members_of, needs_of
+from ._member import AbstractMember, at_once, few, members_of
 from ._recording import GroupRecording, read_group
 
 
@@ -18,7 +17,6 @@ def untold_apart(
     job: Job,
     tables: Tables,
     indices: Sequence[int],
-    lists: Mapping[str, AxisLists],
 ) -> dict[int, str]:
     """Return which fits that stand alone cannot be told, and why.
 
@@ -30,15 +28,12 @@ def untold_apart(
         job: The job.
         tables: Its measurements.
         indices: Fits of no group.
-        lists: What the axes have already.
     """
     found: dict[int, str] = {}
     for own in _together(job, tables, indices):
         try:
-            members = members_of(job, tables, own, lists)
-            recording = read_group(
-                tables, [one.fit for one in members], needs_of(members)
-            )
+            members = members_of(job, tables, own)
+            recording = read_group(tables, members)
             for one, sentence in _confused(job, members, recording):
                 found.setdefault(one.index, sentence)
         except AxcompError:

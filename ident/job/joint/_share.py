@@ -12,7 +12,7 @@ from .._result import Remark
 from ._recording import GroupRecording
 
 if TYPE_CHECKING:
-    from ._identify import IdentifiedGroup
+    from ._group import IdentifiedGroup
 
 TOGETHER = "Identified "
 """How the remark begins that says with what a fit was identified."""
