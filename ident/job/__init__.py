@@ -20,13 +20,11 @@ from ...data.files import write_atomically as write_atomically
 from .._lazy import importer
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
-from ._errors import JobError as JobError, OutputError as OutputError
+from ._faults import JobError as JobError
 from ._job_result import (
     JobResult as JobResult,
     LoadStep as LoadStep,
     WholeAxis as WholeAxis,
-)
-from ._json import (
     plain as plain,
     result_json as result_json,
     tree_json as tree_json,
@@ -36,6 +34,7 @@ from ._load import (
     load_conventions as load_conventions,
     load_job as load_job,
 )
+from ._output import OutputError as OutputError
 from ._result import (
     AbstractResult as AbstractResult,
     ConventionState as ConventionState,

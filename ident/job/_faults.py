@@ -8,10 +8,10 @@ from typing import Any
 
 import pydantic
 
+from ...data.errors import AxcompError
 from ..exchange import line_of
 from ..kinds import NAMES, kind
 from ..kinds._keys import JobPart, KeyPath
-from ._errors import JobError
 from ._schema import (
     Axis,
     ColumnChoice,
@@ -23,6 +23,18 @@ from ._schema import (
     Machine,
     MeasurementSpec,
 )
+
+
+class JobError(AxcompError, ValueError):
+    """A job that cannot be run: where in the job file, what was found and expected."""
+
+    def __init__(self, source: str, line: int | None, reason: str) -> None:
+        super().__init__(source, line, reason)
+        self.source, self.line, self.reason = source, line, reason
+
+    def __str__(self) -> str:
+        where = self.source if self.line is None else f"{self.source}:{self.line}"
+        return f"{where}: {self.reason}"
 
 
 def key_words(where: KeyPath) -> str:

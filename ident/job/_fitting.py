@@ -12,7 +12,7 @@ from ..kinds._keys import TableSpec
 from ..proof import held_out
 from ..readings import Tables
 from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
-from ._found_nodes import grid_words, suit
+from ._layout import grid_words, suit
 from ._load import Job
 from ._plan import Plan, plan_fit
 from ._readings import Readings, read_fit

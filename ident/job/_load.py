@@ -13,9 +13,8 @@ from ...models import Conventions
 from ..exchange import TomlError, line_of, read_conventions, read_toml
 from ..kinds._keys import KeyPath
 from ._checks import find_fault
-from ._errors import JobError
 from ._existing import AxisLists, existing_lists
-from ._faults import first_fault, key_words
+from ._faults import JobError, first_fault, key_words
 from ._schema import JobFile
 
 _PART = 1 << 16

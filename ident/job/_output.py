@@ -7,12 +7,23 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from ...data.errors import AxcompError
 from ...data.files import write_atomically
-from ._errors import OutputError
 
 REJECTED = "rejected"
 KEPT = "kept"
 """Where files go that lay in the folder and are not of an earlier run."""
+
+
+class OutputError(AxcompError, OSError):
+    """A folder or file that cannot be written."""
+
+    def __init__(self, path: str, reason: str) -> None:
+        super().__init__(path, reason)
+        self.path, self.reason = path, reason
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.reason}"
 
 
 def _files_of(result: Path) -> frozenset[str]:

@@ -10,14 +10,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configuration
 from ..readings import Tables
-from ._diagnosis import DIAGNOSIS, write_diagnosis
 from ._draft import AbstractDraft, Written
 from ._first_run import program_names, write_first_run
 from ._fits import fit_all
 from ._gating import limits_of
-from ._job_result import JobResult
-from ._json import result_json
+from ._job_result import JobResult, result_json
 from ._lists import AxisFiles, files_of, judge_files, startup_fragment
 from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
@@ -30,6 +29,8 @@ if TYPE_CHECKING:
     from .joint import GroupResult
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
+_DIAGNOSIS = (OBJECTS, SCOPE)
+"""Files that say what to look at on the controller."""
 
 
 def run_job(
@@ -192,7 +193,7 @@ def _hashes(job: Job) -> dict[str, str]:
 
 def _names(job: Job) -> list[str]:
     """Return every name that a job may write."""
-    names = ["result.json", "report.html", "hochlauf.add.lis", *DIAGNOSIS]
+    names = ["result.json", "report.html", "hochlauf.add.lis", *_DIAGNOSIS]
     names += program_names(job)
     for fit in job.spec.fits:
         number = job.spec.axes[fit.axis].number
@@ -233,7 +234,7 @@ def _write(
         folder.write("hochlauf.add.lis", fragment.dumps())
     else:
         retired.append(("hochlauf.add.lis", folder.retire("hochlauf.add.lis")))
-    write_diagnosis(job, folder, files)
+    _write_diagnosis(job, folder, files)
     moved = [
         Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
@@ -244,6 +245,21 @@ def _write(
     ]
     moved += [Remark.warning(words) for words in folder.remarks]
     return tuple(found), moved
+
+
+def _write_diagnosis(job: Job, folder: OutFolder, files: Sequence[AxisFiles]) -> None:
+    """Write the objects of the compensations that are let out, and how to record them."""
+    lists = [listing for one in files if not one.failed for _, listing in one.lists]
+    rows = observables(lists, job.conventions) if lists else ()
+    if not rows:
+        for name in _DIAGNOSIS:
+            folder.retire(name)
+        return
+    controller = job.spec.controller
+    stated = "cycle_time" in controller.model_fields_set
+    cycle_time = controller.cycle_time if stated else None
+    folder.accept(OBJECTS, objects_csv(rows).encode())
+    folder.accept(SCOPE, scope_configuration(rows, cycle_time=cycle_time))
 
 
 def _relative(job: Job, file: Path) -> Path:
