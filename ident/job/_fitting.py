@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,12 +11,12 @@ from ..exchange import AbstractTable
 from ..fit import Samples, TableLayout, fit_table
 from ..kinds._keys import TableSpec
 from ..proof import held_out
-from ..readings import Tables
+from ..readings import Readings, Tables, place_in_run, runs_overlap
 from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
 from ._layout import grid_words, suit
 from ._load import Job
 from ._plan import Plan, plan_fit
-from ._readings import Readings, read_fit
+from ._readings import read_fit
 from ._result import Remark
 from ._table_draft import AbstractTableDraft, TableDraft
 from ._trend import refuse_unowned_trend
@@ -44,8 +45,8 @@ def plan(
             _refuse_beside(job, index, fit, left)
             found = fit_log(planned, log)
         else:
-            readings = read_fit(tables, index, fit, planned.table, left, words)
-            found = fit_plan(planned, readings)
+            readings, more = read_fit(tables, index, fit, planned.table, left)
+            found = fit_plan(planned, readings, (*words, *more))
         refuse_unowned_trend(job, planned, found.estimate)
         return found
 
@@ -63,21 +64,30 @@ def _refuse_beside(job: Job, index: int, fit: TableSpec, left: Leftovers) -> Non
             )
 
 
-def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
+def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
     """Fit the table of a plan to its readings.
 
     Raises:
         FitError: If the readings cannot determine it.
         ExchangeError: If the result fits no list.
     """
-    table, spec = plan.table, plan.fit
+    table, spec, remarks = plan.table, plan.fit, [*remarks]
+    run, repeated = readings.run, _is_repeated(readings, table)
+    if run is not None and not repeated and len(np.unique(run)) > 1:
+        words = (
+            "The runs do not go over the same places, so that none can be judged by the"
+            " others: offsets of single runs are not estimated."
+        )
+        remarks.append(Remark.info(words))
     branch = plan.branch(readings.direction)
     samples = Samples(
         positions=readings.positions,
         error=readings.error,
         branch=branch,
-        run=readings.run if readings.repeated else None,
-        order=readings.place if readings.repeated else None,
+        run=run if repeated else None,
+        order=place_in_run(run, readings.order)
+        if run is not None and repeated
+        else None,
     )
     effects = _run_effects(samples)
     finer = _finer_than(table.layout, branch, len(readings.error))
@@ -94,7 +104,7 @@ def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
         places = [*readings.positions.T]
         if not suit([nodes.positions for nodes in table.nodes], places):
             words += f" Nodes that suit these readings: {grid_words(places)}."
-        readings = readings.with_remark(Remark.warning(words))
+        remarks.append(Remark.warning(words))
     zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
@@ -110,10 +120,20 @@ def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
         ),
         run_effects=effects,
         readings=readings,
+        remarks=tuple(remarks),
         samples=samples,
         before=before,
         held_out=held_out(table, samples, fit, plan.integers, before, acted),
     )
+
+
+def _is_repeated(readings: Readings, table: AbstractTable) -> bool:
+    """Return whether the runs go over the same places, so that others can judge each."""
+    if readings.run is None:
+        return False
+    nodes = tuple(each.positions for each in table.nodes)
+    way = readings.direction if table.branches == 2 else None
+    return runs_overlap(readings.positions, readings.run, nodes, way)
 
 
 def _late(

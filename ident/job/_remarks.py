@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from ..exchange import AbstractTable
 from ..proof import ErrorFigures
-from ._readings import Readings
+from ..readings import Readings
 from ._result import Remark
 
 if TYPE_CHECKING:

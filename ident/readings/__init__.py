@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from .._lazy import importer
 from ._clocks import ClockState as ClockState
 from ._part import (
-    Joined as Joined,
-    Part as Part,
+    Readings as Readings,
     Wanted as Wanted,
     joined as joined,
     joined_runs as joined_runs,

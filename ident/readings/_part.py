@@ -43,28 +43,44 @@ def wanted_by(fit: TableSpec, table: "AbstractTable") -> Wanted:
 
 
 @dataclasses.dataclass(frozen=True)
-class Part:
-    """The readings of one measurement.
+class Readings:
+    """What was measured for one fit, one measurement after the other; in mm or °.
 
     Attributes:
-        positions: Of the masters, in mm or °.
-        error: Actual − commanded in mm or °.
+        positions: Of the masters.
+        error: Actual − commanded.
         direction: ±1, or None where it is neither needed nor known.
-        rows: All columns of the same rows.
+        run: Cycle of each reading, or None where nothing was repeated.
+        order: Time in s, or row number.
+        timed: Whether it is a time.
+        slices: Rows of each measurement.
         remarks: What was taken for granted.
+        rows: All columns of each measurement.
+        late: What one standard deviation of the instruments' delays makes of the error, or
+            None at standstill.
     """
 
     positions: Float[np.ndarray, "t d"]
     error: Float[np.ndarray, " t"]
     direction: Int[np.ndarray, " t"] | None
-    rows: Rows
-    remarks: tuple[str, ...]
+    run: Int[np.ndarray, " t"] | None
+    order: Float[np.ndarray, " t"]
+    timed: bool
+    slices: Mapping[str, slice]
+    remarks: tuple[str, ...] = ()
+    rows: Mapping[str, Rows] = dataclasses.field(default_factory=dict)
+    late: Float[np.ndarray, " t"] | None = None
+
+    @property
+    def time(self) -> Float[np.ndarray, " t"] | None:
+        """In s, or None."""
+        return self.order if self.timed else None
 
 
 def read_rows(
     job: "Job", name: str, measured: Measurement, fit: FitSpec, wanted: Wanted
-) -> Part:
-    """Return readings for a fit, each as its own row tells: nothing is removed yet.
+) -> Readings:
+    """Return readings of one measurement, each as its own row tells: nothing is removed yet.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
@@ -75,72 +91,59 @@ def read_rows(
     error = rows.raw_error(fit.axis)
     if wanted.lengths:
         error = rows.at_reference(fit.axis, error, positions[:, 0])
-    direction = None
+    direction, time = None, rows.time
     if wanted.direction != "no":
         direction = rows.direction(fit.axis, needed=wanted.direction == "needed")
-    return Part(positions, error, direction, rows, tuple(rows.remarks))
+    return Readings(
+        positions=positions,
+        error=error,
+        direction=direction,
+        run=rows.run,
+        order=np.arange(len(error), dtype=float) if time is None else time,
+        timed=time is not None,
+        slices={name: slice(0, len(error))},
+        remarks=tuple(rows.remarks),
+        rows={name: rows},
+        late=rows.measured.late.get(fit.axis),
+    )
 
 
-@dataclasses.dataclass(frozen=True)
-class Joined:
-    """The readings of all measurements of a fit, one after the other.
-
-    Attributes:
-        positions: Of the masters, in mm or °.
-        error: Actual − commanded in mm or °, reduced as the job asks.
-        direction: ±1, or None where it is neither needed nor known.
-        run: Cycle of each reading, or None where nothing was repeated.
-        time: In s, or None.
-        late: What one standard deviation of the instruments' delays makes of the error, or
-            None at standstill.
-        slices: Rows of each measurement.
-        rows: All columns of each measurement.
-        remarks: What was taken for granted.
-    """
-
-    positions: Float[np.ndarray, "t d"]
-    error: Float[np.ndarray, " t"]
-    direction: Int[np.ndarray, " t"] | None
-    run: Int[np.ndarray, " t"] | None
-    time: Float[np.ndarray, " t"] | None
-    late: Float[np.ndarray, " t"] | None
-    slices: Mapping[str, slice]
-    rows: Mapping[str, Rows]
-    remarks: tuple[str, ...]
-
-
-def read_joined(tables: Tables, fit: FitSpec, wanted: Wanted) -> Joined:
-    """Return the readings of a fit, all its measurements joined.
+def read_joined(tables: Tables, fit: FitSpec, wanted: Wanted) -> Readings:
+    """Return the readings of a fit, all its measurements joined, reduced as the job asks.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
     """
-    parts, errors, remarks = list[Part](), list[np.ndarray](), list[str]()
+    parts, errors, remarks = list[Readings](), list[np.ndarray](), list[str]()
     for name in fit.sources:
         measured = tables.measured(name, fit.axis, wanted.masters)
         part = read_rows(tables.job, name, measured, fit, wanted)
-        rows, places = part.rows, [*part.positions.T]
+        spec, change = part.rows[name].spec, part.rows[name].change
         parts.append(part)
-        errors.append(without_zero(part.error, places, rows.spec.remove))
+        errors.append(without_zero(part.error, [*part.positions.T], spec.remove))
         remarks += part.remarks
         remarks += reference_words(
-            name, rows.spec, fit.axis, wanted.lengths, rows.change.get(fit.axis)
+            name, spec, fit.axis, wanted.lengths, change.get(fit.axis)
         )
     counts = [len(error) for error in errors]
-    direction = joined([part.direction for part in parts])
-    run = joined_runs([part.rows.run for part in parts], counts)
+    direction, time = (
+        joined([part.direction for part in parts]),
+        joined([part.time for part in parts]),
+    )
+    run = joined_runs([part.run for part in parts], counts)
     if run is not None and direction is not None:
         run = cycles_of(run, direction)
-    return Joined(
+    return Readings(
         positions=np.concatenate([part.positions for part in parts]),
         error=np.concatenate(errors),
         direction=direction,
         run=run,
-        time=joined([part.rows.time for part in parts]),
-        late=joined([part.rows.measured.late.get(fit.axis) for part in parts]),
+        order=np.arange(sum(counts), dtype=float) if time is None else time,
+        timed=time is not None,
         slices=rows_of(fit.sources, counts),
-        rows={part.rows.name: part.rows for part in parts},
         remarks=tuple(remarks),
+        rows={name: rows for part in parts for name, rows in part.rows.items()},
+        late=joined([part.late for part in parts]),
     )
 
 

@@ -13,7 +13,7 @@ from ...exchange import AbstractTable
 from ...fit import Ahead, Samples
 from ...kinds._keys import TableSpec
 from ...readings import (
-    Part,
+    Readings,
     Tables,
     Wanted,
     Zero,
@@ -26,7 +26,6 @@ from ...readings import (
     zero_of,
 )
 from .._load import Job
-from .._readings import datum_of
 from .._result import Remark
 
 _PARTS = 32
@@ -134,11 +133,6 @@ class LogReadings:
             for part in self._parts_of(source)
         ]
 
-    @cached_property
-    def datum(self) -> tuple[float, ...] | None:
-        """Where the error is zero, per master, or None."""
-        return datum_of(self.job, self.index, self.fit)
-
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """What was taken for granted, once the log has been read."""
@@ -168,18 +162,18 @@ class LogReadings:
         run = None
         if self.has_runs:
             run = np.full(len(error), number * _MANY, dtype=np.int64)
-            if part.rows.run is not None:
-                run += part.rows.run
+            if part.run is not None:
+                run += part.run
         return Samples(part.positions, error, branch, run=run)
 
-    def _rows(self, source: LogSource, table: Table) -> Part:
+    def _rows(self, source: LogSource, table: Table) -> Readings:
         measured = measured_from(
             self.job, source.name, table, source.columns,
             self.fit.axis, self.wanted.masters,
         )  # fmt: skip
         part = read_rows(self.job, source.name, measured, self.fit, self.wanted)
         self._said.update(dict.fromkeys(part.remarks))
-        for change in part.rows.change.values():
+        for change in part.rows[source.name].change.values():
             self._changes[source.name] = max(
                 change, self._changes.get(source.name, 0.0)
             )
@@ -207,7 +201,7 @@ class LogReadings:
             )
         return found
 
-    def _all_rows(self, source: LogSource) -> Iterator[Part]:
+    def _all_rows(self, source: LogSource) -> Iterator[Readings]:
         for part in self._parts_of(source):
             for table in part.tables():
                 yield self._rows(source, table)
