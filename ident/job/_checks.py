@@ -154,7 +154,7 @@ def _fits(job: JobFile) -> Iterator[Fault]:
                 reason = f"{fit.compensation} has no such entry, expected it for tables"
                 yield (*where, key), reason
         yield from fit.faults(job, where)
-    yield from group_faults(job)
+    yield from _groups(job)
 
 
 def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:
@@ -195,7 +195,7 @@ def _drifts(job: JobFile, fit: FitSpec) -> bool:
     return any(one is not None and one.drift > 0 for one in named)
 
 
-def group_faults(job: JobFile) -> Iterator[Fault]:
+def _groups(job: JobFile) -> Iterator[Fault]:
     """Yield what is wrong, each with its key."""
     for k, fit in enumerate(job.fits):
         if fit.group is not None and fit.kind.adds_current:

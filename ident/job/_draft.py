@@ -275,23 +275,19 @@ class AbstractDraft(AbstractOfFit):
             "axis_number": axis.number,
             "unit": "mm" if axis.kind == "linear" else "deg",
             "gate": done.gate,
-            "conventions": convention_states(done.job, self.kind.conventions),
+            "conventions": _convention_states(
+                done.job.conventions, done.job.verified, self.kind.conventions
+            ),
             "findings": tuple(dataclasses.asdict(item) for item in found),
         }
 
 
-def convention_states(
-    job: Job, prefixes: tuple[str, ...]
-) -> tuple[ConventionState, ...]:
-    """Return the conventions whose names begin with one of these words."""
-    return _states(job.conventions, job.verified, prefixes)
-
-
 @functools.lru_cache(maxsize=64)
-def _states(
+def _convention_states(
     conventions: Conventions, verified: frozenset[str], prefixes: tuple[str, ...]
 ) -> tuple[ConventionState, ...]:
-    # All machines of a batch have much the same ones.
+    """Return the conventions whose names begin with one of these words."""
+    # Kept: all machines of a batch have much the same ones.
     return tuple(
         ConventionState(
             name=rule.name,

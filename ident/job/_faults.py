@@ -8,8 +8,7 @@ from typing import Any
 
 import pydantic
 
-from ...data.errors import AxcompError
-from ..exchange import line_of
+from ..exchange import TomlError, line_of
 from ..kinds import NAMES, kind
 from ..kinds._keys import JobPart, KeyPath
 from ._schema import (
@@ -25,19 +24,24 @@ from ._schema import (
 )
 
 
-class JobError(AxcompError, ValueError):
+class JobError(TomlError):
     """A job that cannot be run: where in the job file, what was found and expected."""
 
-    def __init__(self, source: str, line: int | None, reason: str) -> None:
-        super().__init__(source, line, reason)
-        self.source, self.line, self.reason = source, line, reason
 
-    def __str__(self) -> str:
-        where = self.source if self.line is None else f"{self.source}:{self.line}"
-        return f"{where}: {self.reason}"
+def error_at(path: Path, text: str, where: KeyPath, reason: str) -> JobError:
+    """Return the error that a key is, ready to raise.
+
+    Args:
+        path: Of the job file.
+        text: What stands in it.
+        where: The key; empty: the job as a whole.
+        reason: What was found and what was expected.
+    """
+    words = f"{_key_words(where)}: {reason}" if where else reason
+    return JobError(str(path), line_of(text, where), words)
 
 
-def key_words(where: KeyPath) -> str:
+def _key_words(where: KeyPath) -> str:
     """Return a key as it would be written: ``fits[0].start``."""
     text = ""
     for part in where:
@@ -131,11 +135,7 @@ def first_fault(
             _wish(item["msg"]) for item in found if _clean(item["loc"], values) == where
         ]
         reason = f"found {given}, expected {' or '.join(dict.fromkeys(wishes))}"
-    return JobError(
-        str(path),
-        line_of(text, where),
-        f"{key_words(where)}: {reason}" if where else reason,
-    )
+    return error_at(path, text, where, reason)
 
 
 def _clean(loc: tuple[int | str, ...], values: dict[str, Any]) -> KeyPath:

@@ -10,11 +10,11 @@ from typing import Any
 import pydantic
 
 from ...models import Conventions
-from ..exchange import TomlError, line_of, read_conventions, read_toml
+from ..exchange import TomlError, read_conventions, read_toml
 from ..kinds._keys import KeyPath
 from ._checks import find_fault
 from ._existing import AxisLists, existing_lists
-from ._faults import JobError, first_fault, key_words
+from ._faults import JobError, error_at, first_fault
 from ._schema import JobFile
 
 _PART = 1 << 16
@@ -70,11 +70,7 @@ class Job:
 
     def error(self, where: KeyPath, reason: str) -> JobError:
         """Return the error that a key is, ready to raise."""
-        return JobError(
-            str(self.path),
-            line_of(self.text, where),
-            f"{key_words(where)}: {reason}" if where else reason,
-        )
+        return error_at(self.path, self.text, where, reason)
 
 
 def load_job(path: Path, *, needs_fits: bool = True) -> Job:

@@ -18,6 +18,7 @@ from ._figures import (
     ErrorFigures as ErrorFigures,
     RunTable as RunTable,
     error_figures as error_figures,
+    wild_readings as wild_readings,
 )
 from ._gate import (
     GateCheck as GateCheck,

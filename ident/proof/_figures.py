@@ -9,6 +9,9 @@ from jaxtyping import Bool, Float, Int
 
 from ...data.measurements import iso230_figures
 
+_WILD = 6.0
+"""Standard deviations from the median at which a reading is the instrument's fault."""
+
 
 @dataclasses.dataclass(frozen=True)
 class ErrorFigures:
@@ -87,6 +90,21 @@ def error_figures(
     if wild is None or not wild.any() or wild.all():
         return ErrorFigures(rms, largest, figures)
     return ErrorFigures(rms, largest, figures, *_size(error[~wild]))
+
+
+def wild_readings(
+    error: Float[np.ndarray, " t"], least: float = 0.0
+) -> Bool[np.ndarray, " t"]:
+    """Tell which readings are the instrument's fault: those far from the median.
+
+    Farther than six standard deviations, by the median of the distances.
+
+    Args:
+        error: One value per reading.
+        least: Distance beyond that which is still none, in the unit of the error.
+    """
+    away = np.abs(error - np.median(error))
+    return np.asarray(away > _WILD * 1.4826 * np.median(away) + least)
 
 
 def _size(error: Float[np.ndarray, " t"]) -> tuple[float, float]:

@@ -4,9 +4,10 @@ import dataclasses
 from collections.abc import Collection
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...exchange import LIST_UNITS, Motion
+from .._figures import wild_readings
 from .._gate import GateCheck, gate_check
 from ._loaded import Loaded
 
@@ -14,8 +15,6 @@ _SURE = 3.0
 """Standard deviations of an rms figure, 1/√(2n) each, up to which it is no other."""
 _SLACK = 1.1
 """What other tables add by their own noise: a tenth of the error that is left."""
-_WILD = 6.0
-"""Robust standard deviations from the middle beyond which a reading is left out."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,7 +95,7 @@ def judge_together(
     """
     alone = error + added.get(compensation, 0.0)
     together = error + np.sum(list(added.values()), axis=0)
-    sound = _sound(alone)
+    sound = ~wild_readings(alone, least=1.0 / LIST_UNITS)
     count, left = int(sound.sum()), _rms(alone[sound], about_zero)
     sure = _SLACK + _SURE / np.sqrt(2.0 * max(count, 1))
     return Together(
@@ -108,11 +107,6 @@ def judge_together(
         together=_rms(together[sound], about_zero),
         limit=float(max(left, predicted or 0.0) * sure) + 1.0 / LIST_UNITS,
     )
-
-
-def _sound(left: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
-    away = np.abs(left - np.median(left))
-    return np.asarray(away <= _WILD * 1.4826 * np.median(away) + 1.0 / LIST_UNITS)
 
 
 def _rms(values: Float[np.ndarray, " t"], about_zero: bool) -> float:
