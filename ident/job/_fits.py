@@ -14,6 +14,7 @@ from ._load import Job
 
 if TYPE_CHECKING:
     from .joint import IdentifiedGroup
+    from .joint._member import AbstractMember
 
 
 def fit_all(
@@ -43,20 +44,22 @@ def fit_all(
     _refuse_streams(job, together)
     drafts: dict[int, AbstractDraft] = {}
     found: list[IdentifiedGroup] = []
-    if groups:
-        from .joint import fit_group, members_of
+    members: dict[str, tuple[AbstractMember, ...]] = {}
+    for name, indices in groups.items():
+        from .joint import members_of  # takes long to load
 
-        members = {name: members_of(job, tables, own) for name, own in groups.items()}
+        members[name] = members_of(job, tables, indices)
     single = {
         k: fit.kind.single.plan(job, tables, k, fit, lists[fit.axis])
         for k, fit in enumerate(fits)
         if k not in together
     }
     left = leftovers(job)
-    for name in groups:
-        words = ", ".join(one.name for one in members[name])
-        say(f"fitting group {name!r} together: {words}")
-        group, own = fit_group(job, tables, name, members[name])
+    for name, every in members.items():
+        from .joint import fit_group
+
+        say(f"fitting group {name!r} together: {', '.join(one.name for one in every)}")
+        group, own = fit_group(job, tables, name, every)
         found.append(group)
         drafts |= own
         for one in own.values():

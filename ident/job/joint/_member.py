@@ -126,9 +126,7 @@ def few(data: JointData) -> JointData:
 
 
 def members_of(
-    job: Job,
-    tables: Tables,
-    indices: Sequence[int],
+    job: Job, tables: Tables, indices: Sequence[int]
 ) -> tuple[AbstractMember, ...]:
     """Return the fits of a group: existing lists read, keys understood.
 
@@ -136,8 +134,9 @@ def members_of(
         JobError: If keys, nodes, masters or existing lists do not suit.
         MeasurementError: If the only sensor is to be taken and there is none.
     """
-    pairs = [(index, job.spec.fits[index]) for index in indices]
-    return tuple(
-        fit.kind.group.member(job, tables, index, fit, job.lists[fit.axis])
-        for index, fit in pairs
-    )
+
+    def member(index: int) -> AbstractMember:
+        fit = job.spec.fits[index]
+        return fit.kind.group.member(job, tables, index, fit, job.lists[fit.axis])
+
+    return tuple(map(member, indices))
