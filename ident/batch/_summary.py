@@ -111,17 +111,8 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         history: Folders of earlier batches, for the trends.
     """
     columns = [
-        *(
-            "job",
-            "state",
-            "reason",
-            "passed",
-            "verified",
-            "verdict",
-            "machine_id",
-            "measured_at",
-        ),
-        *("compensation", "axis", "unit", "gate_failed"),
+        *("job", "state", "reason", "passed", "verified", "verdict", "machine_id"),
+        *("measured_at", "compensation", "axis", "unit", "gate_failed"),
         *(f"{stage}_rms" for stage in _STAGES),
     ]
     table = read_results(folder).select(columns)

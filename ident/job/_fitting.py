@@ -39,7 +39,7 @@ def plan(
     planned = plan_fit(job, tables, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
-        log, words = in_pieces(tables, index, fit, planned.table)
+        log, words = in_pieces(tables, fit, planned.table)
         found: AbstractTableDraft
         if log is not None:
             _refuse_beside(job, index, fit, left)

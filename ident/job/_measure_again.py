@@ -327,7 +327,7 @@ def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Re
         merged = stored.with_verified(
             settled,
             machine=job.spec.machine.id,
-            saved_at=datetime.date.today().isoformat(),
+            saved_at=_today(),
         )
         write_atomically(path, merged.dumps())
     words = ", ".join(f"{name} = {value}" for name, value in settled.items())

@@ -101,7 +101,6 @@ class LogReadings:
 
     Attributes:
         job: The job.
-        index: Of the fit in the job.
         fit: Its specification.
         table: What will be written.
         wanted: What it takes from its measurements.
@@ -109,7 +108,6 @@ class LogReadings:
     """
 
     job: Job
-    index: int
     fit: TableSpec
     table: AbstractTable
     wanted: Wanted
@@ -208,7 +206,7 @@ class LogReadings:
 
 
 def in_pieces(
-    tables: Tables, index: int, fit: TableSpec, table: AbstractTable
+    tables: Tables, fit: TableSpec, table: AbstractTable
 ) -> tuple[LogReadings | None, tuple[Remark, ...]]:
     """Return the readings of a fit in pieces, None where they belong into memory.
 
@@ -216,7 +214,6 @@ def in_pieces(
 
     Args:
         tables: Files of the job.
-        index: Of the fit in the job.
         fit: Its specification.
         table: What will be written.
 
@@ -252,7 +249,7 @@ def in_pieces(
             f"{', '.join(map(repr, fit.sources))} is so short that it was read at once."
         )
         return None, (Remark.info(words),)
-    readings = LogReadings(job, index, fit, table, wanted, sources)
+    readings = LogReadings(job, fit, table, wanted, sources)
     for reason, possible in _obstacles(job, fit, readings):
         if possible and (asked or cells > _HUGE):
             continue
@@ -273,8 +270,8 @@ def _obstacles(
     job: Job, fit: TableSpec, readings: LogReadings
 ) -> Iterator[tuple[str, bool]]:
     """Yield what stands in the way, the worst first, and whether it can be done all the same."""
-    for k, other in enumerate(job.spec.fits):
-        if k == readings.index or other.axis != fit.axis:
+    for other in job.spec.fits:
+        if other is fit or other.axis != fit.axis:
             continue
         if set(other.sources) & set(fit.sources):
             yield f"the {other.compensation} fit of {fit.axis} shares it", False
