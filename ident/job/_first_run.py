@@ -16,7 +16,6 @@ import jinja2
 
 from ._lists import AxisFiles
 from ._load import Job
-from ._output import OutFolder
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _STEP = 10
@@ -66,16 +65,6 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
 def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
     """Return those axes whose word no NC program understands."""
     return tuple(axis for axis in axes if not _WORD.fullmatch(job.spec.nc_word(axis)))
-
-
-def write_first_run(job: Job, folder: OutFolder, files: Sequence[AxisFiles]) -> None:
-    """Write the programs; those of an earlier run that have none now go."""
-    programs = first_run_programs(job, files)
-    for name in program_names(job):
-        if name in programs:
-            folder.accept(name, programs[name].encode("ascii"))
-        else:
-            folder.retire(name)
 
 
 def _program(channel: int, states: Sequence[Mapping[str, Any]], title: str) -> str:

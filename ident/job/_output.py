@@ -4,7 +4,7 @@ import contextlib
 import itertools
 import json
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ...data.errors import AxcompError
@@ -135,6 +135,14 @@ class OutFolder:
         with contextlib.suppress(OSError):
             (self.root / REJECTED / name).unlink()
         return written
+
+    def renew(self, names: Iterable[str], contents: Mapping[str, bytes]) -> None:
+        """Write those of some files that have contents; of the others an earlier run's go."""
+        for name in names:
+            if name in contents:
+                self.accept(name, contents[name])
+            else:
+                self.retire(name)
 
     def _keep(self, name: str) -> None:
         stem, _, tail = name.rpartition(".")

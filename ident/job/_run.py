@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configuration
 from ..readings import Tables
 from ._draft import AbstractDraft, Written
-from ._first_run import program_names, write_first_run
+from ._first_run import first_run_programs, program_names
 from ._fits import fit_all
 from ._gating import limits_of
 from ._job_result import JobResult, result_json
@@ -97,7 +97,6 @@ def begin_job(
     )
     second, lost = plan_second(job, after, out, files)
     files, moved = _write(job, folder, files)
-    write_first_run(job, folder, files)
     by_axis = {one.axis: one for one in files}
     sums: list[GroupResult] = []
     if groups:
@@ -234,7 +233,11 @@ def _write(
         folder.write("hochlauf.add.lis", fragment.dumps())
     else:
         retired.append(("hochlauf.add.lis", folder.retire("hochlauf.add.lis")))
-    _write_diagnosis(job, folder, files)
+    folder.renew(_DIAGNOSIS, _diagnosis(job, files))
+    programs = first_run_programs(job, files)
+    folder.renew(
+        program_names(job), {name: text.encode() for name, text in programs.items()}
+    )
     moved = [
         Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
@@ -247,19 +250,17 @@ def _write(
     return tuple(found), moved
 
 
-def _write_diagnosis(job: Job, folder: OutFolder, files: Sequence[AxisFiles]) -> None:
-    """Write the objects of the compensations that are let out, and how to record them."""
+def _diagnosis(job: Job, files: Sequence[AxisFiles]) -> dict[str, bytes]:
+    """Return the objects of the compensations that are let out, and how to record them."""
     lists = [listing for one in files if not one.failed for _, listing in one.lists]
     rows = observables(lists, job.conventions) if lists else ()
     if not rows:
-        for name in _DIAGNOSIS:
-            folder.retire(name)
-        return
+        return {}
     controller = job.spec.controller
     stated = "cycle_time" in controller.model_fields_set
     cycle_time = controller.cycle_time if stated else None
-    folder.accept(OBJECTS, objects_csv(rows).encode())
-    folder.accept(SCOPE, scope_configuration(rows, cycle_time=cycle_time))
+    scope = scope_configuration(rows, cycle_time=cycle_time)
+    return {OBJECTS: objects_csv(rows).encode(), SCOPE: scope}
 
 
 def _relative(job: Job, file: Path) -> Path:
