@@ -15,7 +15,6 @@ from ..kinds import kind, kinds
 from ..kinds._keys import FitSpec
 from ..proof.axis import Loaded
 from ..readings import Rows
-from ._checks import groups_of
 from ._draft import AbstractDraft, AxisLists, Leftovers
 from ._lists import AxisFiles
 from ._load import Job
@@ -101,7 +100,7 @@ def leftovers(job: Job) -> Leftovers:
     Raises:
         JobError: If the job does not say whether it acts, or acted.
     """
-    left, grouped = Leftovers(), _grouped(job)
+    left, grouped = Leftovers(), job.spec.grouped
     for index, fit in enumerate(job.spec.fits):
         if not fit.kind.table:
             continue
@@ -132,7 +131,7 @@ def hand_on(job: Job, draft: AbstractDraft, left: Leftovers) -> None:
     """
     if not _is_coupled(draft.fit) or not draft.written:
         return
-    grouped = _grouped(job)
+    grouped = job.spec.grouped
     for index, fit in enumerate(job.spec.fits):
         if index in grouped or fit.axis != draft.axis or not _is_coupled(fit):
             continue
@@ -145,10 +144,6 @@ def hand_on(job: Job, draft: AbstractDraft, left: Leftovers) -> None:
                 words = f"the {draft.compensation} that this job fits first"
                 beside = Acting(job, draft.axis, draft.compensation, alone, words)
                 left.add(index, source, beside)
-
-
-def _grouped(job: Job) -> set[int]:
-    return {index for own in groups_of(job.spec).values() for index in own}
 
 
 def _is_coupled(fit: FitSpec) -> bool:

@@ -8,7 +8,6 @@ from ..exchange import ExchangeError
 from ..kinds._keys import FitSpec
 from ..readings import Tables
 from ._acting import hand_on, leftovers
-from ._checks import groups_of
 from ._draft import AbstractDraft
 from ._load import Job
 
@@ -39,20 +38,19 @@ def fit_all(
             determine none of the fits.
         MeasurementError: If a measurement cannot be used.
     """
-    fits, lists, groups = job.spec.fits, job.lists, groups_of(job.spec)
-    together = {k for own in groups.values() for k in own}
-    _refuse_streams(job, together)
+    fits, lists, grouped = job.spec.fits, job.lists, job.spec.grouped
+    _refuse_streams(job, grouped)
     drafts: dict[int, AbstractDraft] = {}
     found: list[IdentifiedGroup] = []
     members: dict[str, tuple[AbstractMember, ...]] = {}
-    for name, indices in groups.items():
+    for name, indices in job.spec.groups.items():
         from .joint import members_of  # takes long to load
 
         members[name] = members_of(job, tables, indices)
     single = {
         k: fit.kind.single.plan(job, tables, k, fit, lists[fit.axis])
         for k, fit in enumerate(fits)
-        if k not in together
+        if k not in grouped
     }
     left = leftovers(job)
     for name, every in members.items():
@@ -98,7 +96,7 @@ def _start(fit: FitSpec) -> str:
     return f"{fit.name} from {', '.join(fit.sources)}"
 
 
-def _refuse_streams(job: Job, grouped: set[int]) -> None:
+def _refuse_streams(job: Job, grouped: frozenset[int]) -> None:
     """Raise where a log is to be read in pieces for a fit that needs the whole of it.
 
     Raises:

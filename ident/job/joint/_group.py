@@ -24,7 +24,6 @@ from ...fit.joint import (
     held_out_errors,
 )
 from ...readings import Tables
-from .._checks import groups_of
 from .._draft import AbstractDraft
 from .._load import Job
 from ._member import AbstractMember, at_once, few, members_of
@@ -52,7 +51,7 @@ class IdentifiedGroup:
 
     def indices(self, job: Job) -> tuple[int, ...]:
         """Return the fits of the group, those included that its readings do not show."""
-        return groups_of(job.spec)[self.name]
+        return job.spec.groups[self.name]
 
     @property
     def parts(self) -> tuple[Part, ...]:
