@@ -311,7 +311,8 @@ class JobFile(JobPart, frozen=True):
         return {
             name: own
             for name, own in found.items()
-            if len(own) > 1 or drifting.intersection(self.fits[own[0]].sources)
+            if len(own) > 1
+            or any(drifting.intersection(self.fits[k].sources) for k in own)
         }
 
     @property
