@@ -20,7 +20,6 @@ from ..machine.motion import (
     work_programme,
     write_motion_log,
 )
-from ..proof import wild_readings
 from ._demo_files import text_of
 
 _SECONDS = 120.0
@@ -30,6 +29,7 @@ _PACE = 0.15
 """It warms and cools that much faster than in half an hour of work."""
 _SECOND_LOAD = 0.8
 """Heat of the second run: a thermal law ends where the temperatures of the first one did."""
+_WILD = 6.0
 _AXES = ("X", "Y", "Z")
 
 
@@ -115,4 +115,6 @@ def _left(path: Path) -> dict[str, float]:
 
 
 def _rms(error: Float[np.ndarray, " t"]) -> float:
-    return float(np.std(error[~wild_readings(error)]))
+    away = np.abs(error - np.median(error))
+    sound = away <= _WILD * 1.4826 * np.median(away)
+    return float(np.std(error[sound]))
