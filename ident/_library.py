@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from ..data.measurements import Measurement
 from ._ipopt import least_squares_ipopt
@@ -24,7 +24,7 @@ from .fit.joint import (
     JointFit,
     Part,
     fit_joint,
-    refit_joint,
+    held_out_errors,
 )
 from .friction import Choice, DriveSamples, Known, choose_law
 
@@ -134,13 +134,8 @@ class Fit(Mapping[str, FittedEffect]):
         run = self.data.run
         if run is None or len(np.unique(run)) < 2:
             run = np.arange(len(self.data)) * _FOLDS // max(len(self.data), 1)
-        off = {axis: np.full(len(self.data), np.nan) for axis in self.joint.axes}
-        for block in np.unique(run):
-            own: Bool[np.ndarray, " t"] = run == block
-            predicted = refit_joint(self.joint, self.data, use=~own).predict(self.data)
-            for axis, error in off.items():
-                error[own] = (self.data.error[axis] - predicted[axis])[own]
-        return {axis: float(np.sqrt(np.nanmean(e**2))) for axis, e in off.items()}
+        left = held_out_errors(self.joint, self.data, run)
+        return {axis: float(np.sqrt(np.nanmean(e**2))) for axis, e in left.items()}
 
     def covariance(self, name: str) -> Float[np.ndarray, "p p"]:
         """Return the joint covariance of the values of an effect, in the order of the list.

@@ -1,10 +1,9 @@
 """Many jobs: one or a hundred thousand, resumable, on one machine or a cluster.
 
-Read in this order: `_run` (the whole), `_collect` with `_job_table` (which jobs there are),
-`_manifest` and `_journal` (what was done so far, on disk), `_lock`, `_pool` over `_cluster`
-(chunks of jobs on workers that may die), `_work` (what a worker does), `_rows` and `_schema` (a
-row per fit), `_table` (questions to them), `_summary` and `_page`. `_log` spreads one huge log
-over the same workers.
+Read in this order: `_run` (the whole), `_collect` (which jobs there are), `_folder` (what was
+done so far, on disk), `_workers` (chunks of jobs on workers that may die), `_work` (what a worker
+does), `_rows` (a row per fit), `_table` (questions to them) and `_summary` (what they say of all
+machines). `_log` spreads one huge log over the same workers.
 
 Fitting a log is imported when it is first asked for: it needs the estimators, while the process
 that looks after a batch leaves them to its workers.
@@ -14,10 +13,13 @@ from typing import TYPE_CHECKING
 
 from .._lazy import importer
 from ._collect import JobItem as JobItem, collect_jobs as collect_jobs
-from ._errors import BatchError as BatchError
-from ._progress import Progress as Progress
-from ._run import BatchResult as BatchResult, run_batch as run_batch
-from ._schema import COLUMNS as COLUMNS, VERSION as VERSION
+from ._folder import BatchError as BatchError
+from ._rows import COLUMNS as COLUMNS, VERSION as VERSION
+from ._run import (
+    BatchResult as BatchResult,
+    Progress as Progress,
+    run_batch as run_batch,
+)
 from ._summary import (
     Outlier as Outlier,
     Spread as Spread,

@@ -1,13 +1,23 @@
-"""Which jobs a batch has: job files, patterns, and tables with one job per row."""
+"""Which jobs a batch has: job files, patterns, and tables with one job per row.
+
+The name of a column of such a table is the path of a key, parts joined by dots:
+``machine.id``, ``axes.X.number``, ``measurements.laser.file``, ``fits.0.points``. An empty cell
+leaves the key out. Three columns are not keys: ``job`` names the job, ``template`` a job file
+whose keys hold where the row says nothing.
+"""
 
 import dataclasses
 import glob
+import hashlib
+import os
+import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from ._errors import BatchError
-from ._job_table import read_job_table
+from .._job_text import job_text
+from ._folder import BatchError
 
 _TABLES = (".csv", ".parquet", ".pq")
 
@@ -25,6 +35,16 @@ class JobItem:
     name: str
     path: Path
     text: str | None = None
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the job file."""
+        if self.text is not None:
+            return hashlib.sha256(self.text.encode()).hexdigest()
+        try:
+            return hashlib.sha256(self.path.read_bytes()).hexdigest()
+        except OSError:  # the job itself will say what is wrong with its file
+            return hashlib.sha256(b"").hexdigest()
 
 
 def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[JobItem, ...]:
@@ -88,3 +108,152 @@ def _names(paths: list[Path]) -> list[str]:
         if len(set(names)) == len(names):
             return [name.replace("/", "").replace("\\", "") for name in names]
     return [f"{path.stem}-{k}" for k, path in enumerate(paths)]
+
+
+_TEXTS = {
+    *("title", "id", "conventions", "build", "name", "type", "list", "machine_data"),
+    *("gantry", "file", "axis", "material_temperature", "compensation", "master"),
+    *("measurement", "sensor", "group", "method"),
+}
+"""Last parts of keys whose value is a text, though it may look like a number."""
+_PATHS = {"conventions", "list", "machine_data", "file", "files"}
+
+
+def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
+    """Yield name and text of the job of every row.
+
+    Args:
+        path: CSV or Parquet; paths in it are relative to it.
+        jobs: Folder that the job files are going to lie in.
+
+    Raises:
+        BatchError: If the table or a cell cannot be read.
+    """
+    templates: dict[Path, dict[str, Any]] = {}
+    named: dict[str, int] = {}
+    for number, row in enumerate(_table_rows(path), start=1):
+        name = str(row.pop("job", "") or f"{path.stem}-{number:05d}")
+        if not name.strip(". ") or any(mark in name for mark in '/\\:*?"<>|\0'):
+            reason = f"row {number}: found {name!r}, expected a name fit for a folder"
+            raise BatchError(where=str(path), reason=reason)
+        if name in named:
+            reason = f"rows {named[name]} and {number}: found two jobs named {name!r},"
+            reason += " expected names of their own"
+            raise BatchError(where=str(path), reason=reason)
+        named[name] = number
+        tree: dict[str, Any] = {}
+        template = row.pop("template", None)
+        if template:
+            base = path.parent / str(template)
+            if base not in templates:
+                templates[base] = _template(base, f"{path}: row {number}")
+            tree = _rebased(templates[base], base.parent, jobs)
+        for key, cell in row.items():
+            if cell is None or cell == "":
+                continue
+            value = _value(key, cell)
+            value = _rebased(value, path.parent, jobs, tuple(key.split(".")))
+            try:
+                _put(tree, key.split("."), value)
+            except (TypeError, ValueError, IndexError):
+                reason = f"row {number}: {key!r} leads through a key that has a value"
+                raise BatchError(where=str(path), reason=reason) from None
+        yield name, job_text(tree) + "\n"
+
+
+def _table_rows(path: Path) -> Iterator[dict[str, Any]]:
+    import pyarrow as pa
+    import pyarrow.csv as pv
+    import pyarrow.parquet as pq
+
+    try:
+        if path.suffix.lower() == ".csv":
+            with path.open(encoding="utf-8-sig") as file:
+                names = next(iter(file), "").strip().split(",")
+            types = {name.strip().strip('"'): pa.string() for name in names}
+            table = pv.read_csv(
+                path,
+                convert_options=pv.ConvertOptions(
+                    column_types=types, strings_can_be_null=True, null_values=[""]
+                ),
+            )
+        else:
+            table = pq.read_table(path)
+    except (pa.ArrowException, UnicodeDecodeError) as error:
+        reason = f"cannot read the table of jobs: {str(error).splitlines()[0]}"
+        raise BatchError(where=str(path), reason=reason) from None
+    if not any(
+        name.startswith("fits.") or name == "template" for name in table.column_names
+    ):
+        raise BatchError(
+            where=str(path),
+            reason=f"found the columns {', '.join(table.column_names[:6])}, expected keys of"
+            " a job (machine.id, measurements.laser.file, fits.0.axis) or a template",
+        )
+    if not table.num_rows:
+        reason = "found no rows, expected one per job"
+        raise BatchError(where=str(path), reason=reason)
+    yield from table.to_pylist()
+
+
+def _template(path: Path, where: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        reason = f"found template {path}: {error.strerror}, expected a job file"
+        raise BatchError(where=where, reason=reason) from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        reason = f"template {path} is no TOML: {error}"
+        raise BatchError(where=where, reason=reason) from None
+
+
+def _value(key: str, cell: Any) -> Any:
+    if not isinstance(cell, str) or key.rpartition(".")[2] in _TEXTS:
+        return cell
+    try:
+        return tomllib.loads(f"value = {cell}")["value"]
+    except tomllib.TOMLDecodeError:
+        return cell
+
+
+def _put(tree: Any, parts: list[str], value: Any) -> None:
+    """Set a value in a tree, making tables and lists on the way."""
+    for at, part in enumerate(parts):
+        last = at + 1 == len(parts)
+        empty: Any = [] if not last and parts[at + 1].isdigit() else {}
+        if isinstance(tree, list):
+            place = int(part)
+            if place > len(tree):
+                raise IndexError(part)
+            if place == len(tree):
+                tree.append(value if last else empty)
+            elif last:
+                tree[place] = value
+            tree = tree[place]
+        elif last:
+            # Names of roles hold a dot themselves: measurements.m.columns.X.position
+            tree[part] = value
+        elif part == "columns" and isinstance(tree, dict):
+            tree.setdefault(part, {})[".".join(parts[at + 1 :])] = value
+            return
+        elif isinstance(tree, dict):
+            tree = tree.setdefault(part, empty)
+        else:
+            raise TypeError(part)
+
+
+def _rebased(tree: Any, old: Path, new: Path, path: tuple[str, ...] = ()) -> Any:
+    """Return a copy of a tree whose files are named relative to another folder."""
+    if isinstance(tree, Mapping):
+        return {k: _rebased(v, old, new, (*path, k)) for k, v in tree.items()}
+    if isinstance(tree, list):
+        return [_rebased(value, old, new, (*path, "0")) for value in tree]
+    if isinstance(tree, str) and _is_file(path):
+        return os.path.relpath(old / tree, new)
+    return tree
+
+
+def _is_file(path: tuple[str, ...]) -> bool:
+    # An item of a list (files.0) is named by its list.
+    name = next((part for part in reversed(path) if not part.isdigit()), "")
+    return name in _PATHS and path[0] in ("machine", "axes", "measurements")

@@ -26,7 +26,7 @@ from ..fit import (
     cores,
     fit_streamed,
 )
-from ._cluster import workers_of
+from ._workers import workers_of
 
 _PARTS = 32
 """Parts of a log: enough to share out evenly, few enough to send their sums about."""

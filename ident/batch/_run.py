@@ -1,7 +1,6 @@
 """Run a batch: collect, check all jobs, run them on workers, write tables and summary."""
 
 import dataclasses
-import hashlib
 import secrets
 import shutil
 import time
@@ -10,23 +9,62 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ._cluster import workers_of
-from ._collect import JobItem, collect_jobs
-from ._errors import BatchError
-from ._journal import Journal
-from ._lock import locked
-from ._manifest import Manifest
-from ._pool import run_chunks
-from ._progress import Progress
+from ._collect import collect_jobs
+from ._folder import BatchError, Journal, Manifest, locked
 from ._rows import Row
 from ._summary import Summary, summarise
 from ._table import write_results
 from ._work import WORK, Order, Outcome, Task, examine
+from ._workers import run_chunks, workers_of
 
 _CHUNK = 64
 """Jobs that go together; more would only wait longer for each other."""
 _ROUNDS = 4
 """Chunks for each worker at least."""
+
+
+@dataclasses.dataclass
+class Progress:
+    """Where a batch stands.
+
+    Attributes:
+        total: Jobs of the batch.
+        done: Jobs that are done, those of earlier runs included.
+    """
+
+    total: int
+    done: int
+    _fresh: int = 0
+    _start: float = dataclasses.field(default_factory=time.monotonic)
+
+    def count(self, jobs: int) -> None:
+        """Note that jobs were finished."""
+        self.done += jobs
+        self._fresh += jobs
+
+    @property
+    def rate(self) -> float:
+        """Jobs per second since this run began."""
+        return self._fresh / max(time.monotonic() - self._start, 1e-9)
+
+    @property
+    def left(self) -> float | None:
+        """Seconds still to go at that rate, None before anything is done."""
+        return (self.total - self.done) / self.rate if self._fresh else None
+
+    def __str__(self) -> str:
+        words = f"{self.done} of {self.total} jobs"
+        if self.left is None:
+            return words
+        return f"{words}, {self.rate:.1f} per second, {_duration(self.left)} left"
+
+
+def _duration(seconds: float) -> str:
+    whole = round(seconds)
+    hours, minutes = whole // 3600, whole % 3600 // 60
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min {whole % 60} s" if minutes else f"{whole} s"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,18 +140,19 @@ def run_batch(
         raise BatchError(where=str(out), reason=reason) from None
     with locked(out):
         items = collect_jobs(jobs, out)
-        texts = [item.text.encode() if item.text else b"" for item in items]
-        tasks = [_task(item, text) for item, text in zip(items, texts, strict=True)]
+        tasks = [
+            Task(item.name, str(item.path.resolve()), item.sha256) for item in items
+        ]
         manifest = Manifest.of(jobs, tasks)
         journal = Journal(out)
         done = manifest.resumed(out, journal.read()) if resume else {}
         if not resume:
             manifest.refuse_used(out)
         manifest.write(out)
-        for item, text in zip(items, texts, strict=True):
+        for item in items:
             if item.text is not None:
                 item.path.parent.mkdir(exist_ok=True)
-                item.path.write_bytes(text)
+                item.path.write_bytes(item.text.encode())
         order = Order(str(out), secrets.token_hex(4), reports, time_limit)
         stand = Progress(len(tasks), len(done))
         try:
@@ -128,7 +167,7 @@ def run_batch(
         ordered = [row for task in tasks for row in done[task.name]]
         write_results(out, ordered)
         summary = summarise(out, history)
-        manifest.finish(out, seconds=time.monotonic() - start)
+        manifest.write(out, seconds=time.monotonic() - start)
     reasons = {row["job"]: row["reason"] for row in ordered if row["state"] == "failed"}
     ran = {
         row["job"] for row in ordered if row["state"] == "done" and not row["passed"]
@@ -156,16 +195,6 @@ def _take_away(work: Path) -> None:
     except OSError:
         gone = work
     shutil.rmtree(gone, ignore_errors=True)
-
-
-def _task(item: JobItem, text: bytes) -> Task:
-    try:
-        content = text or item.path.read_bytes()
-    except OSError:
-        content = b""  # the job itself will say what is wrong with its file
-    return Task(
-        item.name, str(item.path.resolve()), hashlib.sha256(content).hexdigest()
-    )
 
 
 def _run(

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...data.files import write_atomically
-from ._errors import BatchError
-from ._rows import Row, as_date
-from ._schema import COLUMNS, VERSION, arrow_schema
+from ._folder import BatchError
+from ._rows import COLUMNS, VERSION, Row, arrow_schema, as_date
 
 NAME = "results.parquet"
 

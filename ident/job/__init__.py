@@ -1,17 +1,32 @@
 """From a job file to proven lists: plan, readings, fits, drafts, gate, files, result.
 
-Read in this order: `_schema` (every key; those of a fit stand in the folders of `kinds`), `_load`
-with `_checks` (a job that can be run), `_run` (the whole way, in one function), `_plans` (every
-fit, planned), `_readings` and `_trend` (readings of a table, by `axcomp.ident.readings`),
-`_plan`, `_fitting` and `_table_draft` (a table; `_draft` is what every fit can be asked), `_lists`
-(an axis from its drafts to its files), `_gating`, `_whole` with `_acting` (the gate of a fit and
-of a whole axis), `_result` with `_verdict`, `_job_result`, `_loadsheet` (its sentences stand in
-``load_sheet.txt.jinja``), and `_measure_again` (the second measurement).
+The way of a job with one leadscrew table, function by function:
 
-What is special about one compensation stands in `axcomp.ident.kinds` (`_protocol` says what a
-job asks of it); `joint` identifies the fits of one group, `streamed` reads logs in pieces. The
-results of single compensations are imported when they are first asked for: a job of one table
-needs none of them, and starts sooner without.
+1. `_run.begin_job` goes the whole way, as follows.
+2. `_load.load_job` reads the job file (`_schema`: its keys; `_checks`, `_faults`: what is wrong
+   with them) and gives a `Job`, which reads the lists that its axes have already.
+3. `_fits.fit_all` plans all fits, then fits one after the other; `_acting.leftovers` are what
+   acts beside a fit and did not while it was measured.
+4. `_fitting.plan` plans a table and fits it: `_plan.plan_fit` knows its nodes (`_layout`),
+   masters and old values,
+5. `_readings.read_fit` its `Readings` (a log too large for memory: `streamed`),
+6. and `_fitting.fit_plan` gives a `TableDraft`, fitted and held out; `_trend.refuse_unowned_trend`
+   asks whose a constant and a slope of it are.
+7. `_lists.files_of` makes the `AxisFiles` of each axis from its drafts, each with its gate
+   (`_gating`),
+8. `_lists.judge_files` checks them beside all other lists,
+9. and `_whole.judge_whole` judges all that will act on an axis, read back as the controller does.
+10. `_run._write` writes them into the `OutFolder`: into ``rejected/`` where the gate failed.
+11. `TableDraft.prove` reads the `Written` files back and gives a `TableResult` (`_result`, with
+    the sentences of `_remarks`, its verdict by `_verdict`).
+12. `JobRun.finish` adds the load sheet (`_loadsheet`) and what a second measurement says
+    (`_measure_again`), and writes the `JobResult`.
+
+Other compensations go the same way with drafts of their own, from `axcomp.ident.kinds`
+(`_protocol` says what a job asks of them); fits that are identified together get theirs from
+`joint`: `members_of`, `fit_group`, `prove_group`. The results of single compensations are
+imported when they are first asked for: a job of one table needs none of them, and starts sooner
+without.
 """
 
 from typing import TYPE_CHECKING
@@ -20,13 +35,11 @@ from ...data.files import write_atomically as write_atomically
 from .._lazy import importer
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
-from ._errors import JobError as JobError, OutputError as OutputError
+from ._faults import JobError as JobError
 from ._job_result import (
     JobResult as JobResult,
     LoadStep as LoadStep,
     WholeAxis as WholeAxis,
-)
-from ._json import (
     plain as plain,
     result_json as result_json,
     tree_json as tree_json,
@@ -36,6 +49,7 @@ from ._load import (
     load_conventions as load_conventions,
     load_job as load_job,
 )
+from ._output import OutputError as OutputError
 from ._result import (
     AbstractResult as AbstractResult,
     ConventionState as ConventionState,

@@ -1,36 +1,39 @@
-"""What acts on an axis: while its readings were taken, and with the files of a job."""
+"""What acts on an axis: while its readings were taken, and with the files of a job.
+
+What will act beside a fit, and did not while it was measured, is handed on to it, or refused.
+"""
 
 import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
 
 from ...data.lists import ListFile, new_list
-from ..exchange import (
-    Reading,
-    entries_of_activation,
-)
-from ..kinds import kinds
+from ..exchange import ExchangeError, Motion, Reading, entries_of_activation
+from ..kinds import kind, kinds
+from ..kinds._keys import FitSpec
 from ..proof.axis import Loaded
-from ._draft import AbstractDraft, AxisLists
+from ..readings import Rows
+from ._draft import AbstractDraft, AxisLists, Leftovers
 from ._lists import AxisFiles
 from ._load import Job
 
 
-def acting_before(job: Job, axis: str, lists: AxisLists) -> Loaded:
+def acting_before(job: Job, axis: str) -> Loaded:
     """Return what the existing lists of an axis hold and switch on.
 
     Without an axis list everything in the compensation list counts.
     """
-    number = job.spec.axes[axis].number
-    return Loaded(
-        number,
-        _lists(number, lists.compensation, lists.machine),
-        reading_of(job),
-    )
+    number, lists = job.spec.axes[axis].number, job.lists[axis]
+    existing = _lists(number, lists.compensation, lists.machine)
+    return Loaded(number, existing, reading_of(job))
 
 
 def acting_after(job: Job, files: AxisFiles) -> Loaded:
     """Return what acts on an axis with the files of a job, as they will be read."""
     number, lists = files.number, files.existing
-    before = acting_before(job, files.axis, lists)
+    before = acting_before(job, files.axis)
     listing = _read_back(files.compensation) or lists.compensation
     machine = _read_back(files.machine) or lists.machine
     if lists.machine is None and machine is not None:
@@ -51,11 +54,7 @@ def acting_alone(job: Job, draft: AbstractDraft) -> Loaded:
     number = job.spec.axes[draft.axis].number
     entries = draft.entries(job)
     listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
-    return Loaded(
-        number,
-        _lists(number, _read_back(listing), None),
-        reading_of(job),
-    )
+    return Loaded(number, _lists(number, _read_back(listing), None), reading_of(job))
 
 
 def reading_of(job: Job) -> Reading:
@@ -89,3 +88,172 @@ def _with_all_on(fragment: ListFile, before: Loaded) -> ListFile:
     known = {one.name for one in kinds() if fragment.get(one.activation) is not None}
     tables = [name for name in before.used if name not in known]
     return fragment.merge(entries_of_activation(tables))
+
+
+def leftovers(job: Job) -> Leftovers:
+    """Return what the fits of a job find: compensations that acted in no reading, but will.
+
+    A table of the axis list's own lists over the same axes would correct again what a new
+    one corrects. Where the job says that it was off while measuring, and the axis list
+    that it acts, the new table is fitted to what it leaves.
+
+    Raises:
+        JobError: If the job does not say whether it acts, or acted.
+    """
+    left, grouped = Leftovers(), job.spec.grouped
+    for index, fit in enumerate(job.spec.fits):
+        if not fit.kind.table:
+            continue
+        lists, before = job.lists[fit.axis], acting_before(job, fit.axis)
+        for name in _overlapping(job, fit, before):
+            for source in fit.sources:
+                if name in job.spec.measurements[source].active:
+                    continue
+                shaped = "position" in kind(name).follows
+                if not shaped and not _is_stated(job, source, lists):
+                    continue
+                _refuse_unclear(job, source, fit, name, before, lists)
+                if index in grouped:
+                    raise _unclear(
+                        job, source, fit, name, before,
+                        f'active = ["{name}"] with a measurement while it was on: fits of'
+                        f" a group do not take it off; or {kind(name).activation} 0",
+                    )  # fmt: skip
+                words = f"the {name} of {before.used[name].listing.source}"
+                left.add(index, source, Acting(job, fit.axis, name, before, words))
+    return left
+
+
+def hand_on(job: Job, draft: AbstractDraft, left: Leftovers) -> None:
+    """Hand a fitted table on to the later ones of its axis that may correct the same.
+
+    Only to readings of other measurements: those of its own know of it already.
+    """
+    if not _is_coupled(draft.fit) or not draft.written:
+        return
+    grouped = job.spec.grouped
+    for index, fit in enumerate(job.spec.fits):
+        if index in grouped or fit.axis != draft.axis or not _is_coupled(fit):
+            continue
+        if fit.compensation == draft.compensation:
+            continue
+        for source in fit.sources:
+            active = job.spec.measurements[source].active
+            if source not in draft.fit.sources and draft.compensation not in active:
+                alone = acting_alone(job, draft)
+                words = f"the {draft.compensation} that this job fits first"
+                beside = Acting(job, draft.axis, draft.compensation, alone, words)
+                left.add(index, source, beside)
+
+
+def _is_coupled(fit: FitSpec) -> bool:
+    """Return whether it is a table over other axes: these may correct the same error."""
+    return fit.kind.table and not fit.lengths
+
+
+@dataclasses.dataclass(frozen=True)
+class Acting:
+    """A compensation that acted in no reading of a fit, and will act beside it.
+
+    Attributes:
+        job: The job.
+        axis: On which it acts.
+        name: Of the compensation.
+        loaded: The lists that hold it.
+        words: Which it is.
+    """
+
+    job: Job
+    axis: str
+    name: str
+    loaded: Loaded
+    words: str
+
+    def at(self, rows: Rows) -> Float[np.ndarray, " t"]:
+        """Return what it adds to the readings of a measurement, in mm or °.
+
+        Raises:
+            JobError: If they do not hold what it looks at.
+        """
+        axes = self.job.spec.axes
+        places = {axes[key].number: at for key, at in rows.positions().items()}
+        directions = {}
+        if "direction" in kind(self.name).follows:
+            way = rows.direction(self.axis)
+            directions = {} if way is None else {self.loaded.axis: way}
+        motion = Motion(positions=places, directions=directions, time=None)
+        added = self.loaded.parts(motion)
+        if self.name not in added:
+            missing = [
+                f"{name}.position"
+                for name, axis in axes.items()
+                if axis.number in self.loaded.inputs(self.name)
+                and axis.number not in places
+            ]
+            raise self.job.error(
+                (),
+                f"{self.words} will act on {self.axis} as well and was off while"
+                f" {rows.measured.source} was measured: found no {', '.join(missing)} there,"
+                " expected it, so that the new table corrects what is left, or the same"
+                ' group = "…" in the [[fits]] of both',
+            )
+        return added[self.name]
+
+
+def _overlapping(job: Job, fit: FitSpec, before: Loaded) -> Iterator[str]:
+    """Yield what the lists of an axis hold that acts over axes of a new table."""
+    axes = job.spec.axes
+    over = {axes[name].number for name in fit.over}
+    fitted = {other.compensation for other in job.spec.fits if other.axis == fit.axis}
+    try:
+        used = before.used
+    except ExchangeError:
+        return  # the checks of the lists say it
+    for name, one in used.items():
+        if name in fitted or name in fit.switches_off:
+            continue
+        if kind(name).entries.adds_nothing(one.listing):
+            continue
+        if "acceleration" in kind(name).follows:
+            continue
+        if over & set(before.inputs(name) or (before.axis,)):
+            yield name
+
+
+def _is_stated(job: Job, source: str, lists: AxisLists) -> bool:
+    """Return whether it is known what was on while measuring, and what will be."""
+    fields = job.spec.measurements[source].model_fields_set
+    return lists.machine is not None and "active" in fields
+
+
+def _refuse_unclear(
+    job: Job, source: str, fit: FitSpec, name: str, before: Loaded, lists: AxisLists
+) -> None:
+    if lists.machine is None:
+        raise job.error(
+            ("axes", fit.axis),
+            f"found no axis list (machine_data), while {before.used[name].listing.source}"
+            f" holds a {name} over the same axis as the {fit.compensation} fit, which was"
+            f" off while {source!r} was measured: where it acts, both correct the same"
+            f" error; expected machine_data = the axis list, whose {kind(name).activation}"
+            f' says whether it acts, or active = ["{name}"] in [measurements.{source}]'
+            " with a measurement while it was on",
+        )
+    if not _is_stated(job, source, lists):
+        raise _unclear(
+            job, source, fit, name, before,
+            f'active = ["{name}"] if it was on, [] if it was off: the'
+            f" {fit.compensation} is then fitted to what it leaves",
+        )  # fmt: skip
+
+
+def _unclear(
+    job: Job, source: str, fit: FitSpec, name: str, before: Loaded, expected: str
+) -> Exception:
+    machine = next(one.source for one in before.lists if one.kind == "axis")
+    return job.error(
+        ("measurements", source, "active"),
+        f"found no {name}, which {machine} switches on over the same axis as the"
+        f" {fit.compensation} fit of {fit.axis} ({kind(name).activation}): where it was off"
+        f" while measuring, both would correct the same error; expected {expected}",
+    )

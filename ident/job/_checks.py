@@ -154,7 +154,7 @@ def _fits(job: JobFile) -> Iterator[Fault]:
                 reason = f"{fit.compensation} has no such entry, expected it for tables"
                 yield (*where, key), reason
         yield from fit.faults(job, where)
-    yield from group_faults(job)
+    yield from _groups(job)
 
 
 def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:
@@ -173,29 +173,7 @@ def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:
         yield (*where, key), f"found {list(fit.sources)}, expected each once"
 
 
-def groups_of(job: JobFile) -> dict[str, tuple[int, ...]]:
-    """Return the fits of each group, by its name.
-
-    A group of one is that fit alone, unless its measurement drifts: that is allowed for
-    in groups.
-    """
-    found: dict[str, tuple[int, ...]] = {}
-    for k, fit in enumerate(job.fits):
-        if fit.group is not None:
-            found[fit.group] = (*found.get(fit.group, ()), k)
-    return {
-        name: own
-        for name, own in found.items()
-        if len(own) > 1 or any(_drifts(job, job.fits[k]) for k in own)
-    }
-
-
-def _drifts(job: JobFile, fit: FitSpec) -> bool:
-    named = [job.measurements.get(name) for name in fit.sources]
-    return any(one is not None and one.drift > 0 for one in named)
-
-
-def group_faults(job: JobFile) -> Iterator[Fault]:
+def _groups(job: JobFile) -> Iterator[Fault]:
     """Yield what is wrong, each with its key."""
     for k, fit in enumerate(job.fits):
         if fit.group is not None and fit.kind.adds_current:
@@ -204,7 +182,7 @@ def group_faults(job: JobFile) -> Iterator[Fault]:
                 f"found {fit.compensation} in group {fit.group!r}: it works on the current of the"
                 " drive and not on the position, expected no group",
             )
-    groups = groups_of(job)
+    groups = job.groups
     together = {
         name for own in groups.values() for k in own for name in job.fits[k].sources
     }

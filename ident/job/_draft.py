@@ -15,32 +15,16 @@ from ...models import Conventions, TemperatureLine
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
 from ..proof import GateCheck
+from ._existing import AxisLists as AxisLists
 from ._load import Job
 from ._result import AbstractResult, ConventionState, Remark
 from ._second import SecondMeasurement
 
 if TYPE_CHECKING:
-    from ..readings import Rows, Tables
+    from ..readings import Tables
+    from ._acting import Acting
     from ._lists import AxisFiles
     from ._output import OutFolder
-
-
-class Beside(abc.ABC):
-    """A compensation that acted in no reading of a fit, and will act beside it.
-
-    Attributes:
-        words: Which it is.
-    """
-
-    words: str
-
-    @abc.abstractmethod
-    def at(self, rows: "Rows") -> Float[np.ndarray, " t"]:
-        """Return what it adds to the readings of a measurement, in mm or °.
-
-        Raises:
-            JobError: If they do not hold what it looks at.
-        """
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,11 +38,11 @@ class Leftovers:
     """
 
     earlier: dict[tuple[str, str], np.ndarray] = dataclasses.field(default_factory=dict)
-    beside: dict[tuple[int, str], tuple[Beside, ...]] = dataclasses.field(
+    beside: dict[tuple[int, str], tuple["Acting", ...]] = dataclasses.field(
         default_factory=dict
     )
 
-    def add(self, index: int, source: str, one: Beside) -> None:
+    def add(self, index: int, source: str, one: "Acting") -> None:
         """Add what acts beside a fit."""
         key = index, source
         self.beside[key] = (*self.beside.get(key, ()), one)
@@ -73,19 +57,6 @@ class Leftovers:
 
 Planned = Callable[[Leftovers], "AbstractDraft"]
 """A fit that was planned: its existing lists read, its keys understood."""
-
-
-@dataclasses.dataclass(frozen=True)
-class AxisLists:
-    """The lists that an axis has already.
-
-    Attributes:
-        compensation: Its compensation list, or None.
-        machine: Its axis list, or None.
-    """
-
-    compensation: ListFile | None
-    machine: ListFile | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -313,23 +284,19 @@ class AbstractDraft(AbstractOfFit):
             "axis_number": axis.number,
             "unit": "mm" if axis.kind == "linear" else "deg",
             "gate": done.gate,
-            "conventions": convention_states(done.job, self.kind.conventions),
+            "conventions": _convention_states(
+                done.job.conventions, done.job.verified, self.kind.conventions
+            ),
             "findings": tuple(dataclasses.asdict(item) for item in found),
         }
 
 
-def convention_states(
-    job: Job, prefixes: tuple[str, ...]
-) -> tuple[ConventionState, ...]:
-    """Return the conventions whose names begin with one of these words."""
-    return _states(job.conventions, job.verified, prefixes)
-
-
 @functools.lru_cache(maxsize=64)
-def _states(
+def _convention_states(
     conventions: Conventions, verified: frozenset[str], prefixes: tuple[str, ...]
 ) -> tuple[ConventionState, ...]:
-    # All machines of a batch have much the same ones.
+    """Return the conventions whose names begin with one of these words."""
+    # Kept: all machines of a batch have much the same ones.
     return tuple(
         ConventionState(
             name=rule.name,

@@ -8,10 +8,9 @@ from typing import Any
 
 import pydantic
 
+from ..exchange import TomlError, line_of
 from ..kinds import NAMES, kind
 from ..kinds._keys import JobPart, KeyPath
-from ._errors import JobError
-from ._lines import line_of
 from ._schema import (
     Axis,
     ColumnChoice,
@@ -25,7 +24,24 @@ from ._schema import (
 )
 
 
-def key_words(where: KeyPath) -> str:
+class JobError(TomlError):
+    """A job that cannot be run: where in the job file, what was found and expected."""
+
+
+def error_at(path: Path, text: str, where: KeyPath, reason: str) -> JobError:
+    """Return the error that a key is, ready to raise.
+
+    Args:
+        path: Of the job file.
+        text: What stands in it.
+        where: The key; empty: the job as a whole.
+        reason: What was found and what was expected.
+    """
+    words = f"{_key_words(where)}: {reason}" if where else reason
+    return JobError(str(path), line_of(text, where), words)
+
+
+def _key_words(where: KeyPath) -> str:
     """Return a key as it would be written: ``fits[0].start``."""
     text = ""
     for part in where:
@@ -66,7 +82,7 @@ def first_fault(
     path: Path,
     error: pydantic.ValidationError,
     values: dict[str, Any],
-    lines: dict[KeyPath, int],
+    text: str,
 ) -> JobError:
     """Return the first thing that pydantic found, in our words."""
     found = error.errors(include_url=False)
@@ -119,11 +135,7 @@ def first_fault(
             _wish(item["msg"]) for item in found if _clean(item["loc"], values) == where
         ]
         reason = f"found {given}, expected {' or '.join(dict.fromkeys(wishes))}"
-    return JobError(
-        str(path),
-        line_of(lines, where),
-        f"{key_words(where)}: {reason}" if where else reason,
-    )
+    return error_at(path, text, where, reason)
 
 
 def _clean(loc: tuple[int | str, ...], values: dict[str, Any]) -> KeyPath:

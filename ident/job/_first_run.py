@@ -6,31 +6,19 @@ by itself. The text stands in ``first_run.nc.jinja``. `#VAR`, ``V.L.`` and ``#CH
 those of the programming manual of TF5200.
 """
 
-import dataclasses
 import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
+from typing import Any
 
 import jinja2
 
 from ._lists import AxisFiles
 from ._load import Job
-from ._output import OutFolder
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _STEP = 10
-
-
-@dataclasses.dataclass(frozen=True)
-class _State:
-    """One compensation in the program; `memory` is the variable of its former state."""
-
-    word: str
-    name: str
-    keyword: str
-    init: bool
-    memory: str
 
 
 def program_name(channel: int) -> str:
@@ -55,16 +43,17 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
         one for one in files if one.lists and not (one.failed or one.axis in wordless)
     ]
     drafts = [draft for one in let_out for draft in one.drafts if draft.written]
-    channels: dict[int, list[_State]] = {}
+    channels: dict[int, list[dict[str, Any]]] = {}
     for draft in sorted(drafts, key=lambda draft: draft.index):
         found, word = draft.kind, job.spec.nc_word(draft.axis)
-        state = _State(
-            word=word,
-            name=found.name,
-            keyword=found.keyword,
-            init=found.shows_init,
-            memory=f"WAS_{word}_{found.keyword}".upper(),
-        )
+        state = {
+            "word": word,
+            "name": found.name,
+            "keyword": found.keyword,
+            "init": found.shows_init,
+            # The variable of its former state.
+            "memory": f"WAS_{word}_{found.keyword}".upper(),
+        }
         channels.setdefault(job.spec.axes[draft.axis].channel, []).append(state)
     title = job.spec.title or job.path.stem
     return {
@@ -78,22 +67,12 @@ def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
     return tuple(axis for axis in axes if not _WORD.fullmatch(job.spec.nc_word(axis)))
 
 
-def write_first_run(job: Job, folder: OutFolder, files: Sequence[AxisFiles]) -> None:
-    """Write the programs; those of an earlier run that have none now go."""
-    programs = first_run_programs(job, files)
-    for name in program_names(job):
-        if name in programs:
-            folder.accept(name, programs[name].encode("ascii"))
-        else:
-            folder.retire(name)
-
-
-def _program(channel: int, states: Sequence[_State], title: str) -> str:
+def _program(channel: int, states: Sequence[Mapping[str, Any]], title: str) -> str:
     plain = title.encode("ascii", "replace").decode()
     text = template("first_run.nc.jinja").render(
         channel=channel,
         states=states,
-        words=list(dict.fromkeys(state.word for state in states)),
+        words=list(dict.fromkeys(state["word"] for state in states)),
         title="".join(sign if sign.isprintable() else " " for sign in plain),
     )
     lines, number = [], _STEP

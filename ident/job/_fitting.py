@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,12 +11,12 @@ from ..exchange import AbstractTable
 from ..fit import Samples, TableLayout, fit_table
 from ..kinds._keys import TableSpec
 from ..proof import held_out
-from ..readings import Tables
-from ._draft import AbstractDraft, AxisLists, Beside, Leftovers, Planned
-from ._found_nodes import grid_words, suit
+from ..readings import Readings, Tables, place_in_run, runs_overlap
+from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
+from ._layout import grid_words, suit
 from ._load import Job
 from ._plan import Plan, plan_fit
-from ._readings import Readings, read_fit
+from ._readings import read_fit
 from ._result import Remark
 from ._table_draft import AbstractTableDraft, TableDraft
 from ._trend import refuse_unowned_trend
@@ -39,57 +39,55 @@ def plan(
     planned = plan_fit(job, tables, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
-        log, words = in_pieces(tables, index, fit, planned.table)
-        beside = {
-            name: left.beside[index, name]
-            for name in fit.sources
-            if (index, name) in left.beside
-        }
+        log, words = in_pieces(tables, fit, planned.table)
         found: AbstractTableDraft
         if log is not None:
-            _refuse_beside(job, index, beside)
+            _refuse_beside(job, index, fit, left)
             found = fit_log(planned, log)
         else:
-            extra = {
-                name: left.earlier[fit.axis, name]
-                for name in fit.sources
-                if (fit.axis, name) in left.earlier
-            }
-            readings = read_fit(tables, index, fit, planned.table, extra, beside, words)
-            found = fit_plan(planned, readings)
+            readings, more = read_fit(tables, index, fit, planned.table, left)
+            found = fit_plan(planned, readings, (*words, *more))
         refuse_unowned_trend(job, planned, found.estimate)
         return found
 
     return draft
 
 
-def _refuse_beside(
-    job: Job, index: int, beside: Mapping[str, Sequence[Beside]]
-) -> None:
-    for name, others in beside.items():
-        raise job.error(
-            ("measurements", name, "stream"),
-            f"found a log that is read in pieces, beside {others[0].words}, which was off"
-            f" while measuring and will act as well: expected stream = false, so that"
-            f" fits[{index}] can correct what it leaves",
-        )
+def _refuse_beside(job: Job, index: int, fit: TableSpec, left: Leftovers) -> None:
+    for name in fit.sources:
+        for other in left.beside.get((index, name), ()):
+            raise job.error(
+                ("measurements", name, "stream"),
+                f"found a log that is read in pieces, beside {other.words}, which was off"
+                f" while measuring and will act as well: expected stream = false, so that"
+                f" fits[{index}] can correct what it leaves",
+            )
 
 
-def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
+def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
     """Fit the table of a plan to its readings.
 
     Raises:
         FitError: If the readings cannot determine it.
         ExchangeError: If the result fits no list.
     """
-    table, spec = plan.table, plan.fit
+    table, spec, remarks = plan.table, plan.fit, [*remarks]
+    run, repeated = readings.run, _is_repeated(readings, table)
+    if run is not None and not repeated and len(np.unique(run)) > 1:
+        words = (
+            "The runs do not go over the same places, so that none can be judged by the"
+            " others: offsets of single runs are not estimated."
+        )
+        remarks.append(Remark.info(words))
     branch = plan.branch(readings.direction)
     samples = Samples(
         positions=readings.positions,
         error=readings.error,
         branch=branch,
-        run=readings.run if readings.repeated else None,
-        order=readings.place if readings.repeated else None,
+        run=run if repeated else None,
+        order=place_in_run(run, readings.order)
+        if run is not None and repeated
+        else None,
     )
     effects = _run_effects(samples)
     finer = _finer_than(table.layout, branch, len(readings.error))
@@ -106,7 +104,7 @@ def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
         places = [*readings.positions.T]
         if not suit([nodes.positions for nodes in table.nodes], places):
             words += f" Nodes that suit these readings: {grid_words(places)}."
-        readings = readings.with_remark(Remark.warning(words))
+        remarks.append(Remark.warning(words))
     zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
@@ -122,10 +120,20 @@ def fit_plan(plan: Plan, readings: Readings) -> TableDraft:
         ),
         run_effects=effects,
         readings=readings,
+        remarks=tuple(remarks),
         samples=samples,
         before=before,
         held_out=held_out(table, samples, fit, plan.integers, before, acted),
     )
+
+
+def _is_repeated(readings: Readings, table: AbstractTable) -> bool:
+    """Return whether the runs go over the same places, so that others can judge each."""
+    if readings.run is None:
+        return False
+    nodes = tuple(each.positions for each in table.nodes)
+    way = readings.direction if table.branches == 2 else None
+    return runs_overlap(readings.positions, readings.run, nodes, way)
 
 
 def _late(

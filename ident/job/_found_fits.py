@@ -9,7 +9,7 @@ from .._job_text import edited_job
 from ..discover import Discovery, Found
 from ..kinds import kind
 from ..readings import Observation
-from ._found_nodes import grid_over, grids_for
+from ._layout import grid_over, grids_for
 from ._load import Job
 
 

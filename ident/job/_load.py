@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,10 @@ import pydantic
 
 from ...models import Conventions
 from ..exchange import TomlError, read_conventions, read_toml
+from ..kinds._keys import KeyPath
 from ._checks import find_fault
-from ._errors import JobError
-from ._faults import first_fault, key_words
-from ._lines import Path as KeyPath, key_lines, line_of
+from ._existing import AxisLists, existing_lists
+from ._faults import JobError, error_at, first_fault
 from ._schema import JobFile
 
 _PART = 1 << 16
@@ -44,9 +44,13 @@ class Job:
     inputs: tuple[Path, ...]
 
     @functools.cached_property
-    def lines(self) -> dict[KeyPath, int]:
-        """Line of every key, looked for once something is wrong with one."""
-        return key_lines(self.text)
+    def lists(self) -> Mapping[str, AxisLists]:
+        """The lists that the axes have already, by axis.
+
+        Raises:
+            JobError: If a file is another kind of list, or that of another axis.
+        """
+        return existing_lists(self)
 
     @property
     def increments(self) -> dict[int, float]:
@@ -66,11 +70,7 @@ class Job:
 
     def error(self, where: KeyPath, reason: str) -> JobError:
         """Return the error that a key is, ready to raise."""
-        return JobError(
-            str(self.path),
-            line_of(self.lines, where),
-            f"{key_words(where)}: {reason}" if where else reason,
-        )
+        return error_at(self.path, self.text, where, reason)
 
 
 def load_job(path: Path, *, needs_fits: bool = True) -> Job:
@@ -88,7 +88,7 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
     try:
         spec = JobFile.model_validate(values)
     except pydantic.ValidationError as error:
-        raise first_fault(path, error, values, key_lines(text)) from None
+        raise first_fault(path, error, values, text) from None
     job = Job(path, spec, _ASSUMED, frozenset(), text, ())
     if needs_fits and not spec.fits:
         found = "found 0 values, expected 1"

@@ -4,15 +4,26 @@ import contextlib
 import itertools
 import json
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from ...data.errors import AxcompError
 from ...data.files import write_atomically
-from ._errors import OutputError
 
 REJECTED = "rejected"
 KEPT = "kept"
 """Where files go that lay in the folder and are not of an earlier run."""
+
+
+class OutputError(AxcompError, OSError):
+    """A folder or file that cannot be written."""
+
+    def __init__(self, path: str, reason: str) -> None:
+        super().__init__(path, reason)
+        self.path, self.reason = path, reason
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.reason}"
 
 
 def _files_of(result: Path) -> frozenset[str]:
@@ -124,6 +135,14 @@ class OutFolder:
         with contextlib.suppress(OSError):
             (self.root / REJECTED / name).unlink()
         return written
+
+    def renew(self, names: Iterable[str], contents: Mapping[str, bytes]) -> None:
+        """Write those of some files that have contents; of the others an earlier run's go."""
+        for name in names:
+            if name in contents:
+                self.accept(name, contents[name])
+            else:
+                self.retire(name)
 
     def _keep(self, name: str) -> None:
         stem, _, tail = name.rpartition(".")

@@ -1,7 +1,6 @@
 """Which table each fit writes: nodes, masters and the list that is there already."""
 
 import dataclasses
-import functools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -39,6 +38,7 @@ class Plan:
         old: Table of this compensation in the existing list, or None.
         active: Whether it was active while measuring: the new table is then old +
             residual, else it replaces the old one.
+        datum: Where the error is zero, per master, or None.
         remarks: What the user must know.
     """
 
@@ -49,17 +49,13 @@ class Plan:
     table: AbstractTable
     old: Model | None
     active: bool
+    datum: tuple[float, ...] | None
     remarks: tuple[Remark, ...]
 
     @property
     def old_offset(self) -> Float[np.ndarray, "..."] | None:
         """Offset of the old table at the new nodes in mm or °, or None."""
         return None if self.old is None else self.table.at_nodes(self.old)
-
-    @functools.cached_property
-    def datum(self) -> tuple[float, ...] | None:
-        """Where the error is zero, per master, or None."""
-        return datum_of(self.job, self.index, self.fit)
 
     def zeroed(self, estimate: TableFit) -> tuple[float, TableFit]:
         """Return what a table says at the datum, the mean of both directions, and it less that.
@@ -162,6 +158,7 @@ def plan_fit(
         lists=lists,
         old=old,
         active=active,
+        datum=datum_of(job, index, fit),
         remarks=(*unread, *_remarks(job, fit, existing, axis_list, old, active)),
     )
 

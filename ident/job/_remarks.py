@@ -1,6 +1,5 @@
 """What a fit has to say for itself, in sentences."""
 
-import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -9,11 +8,11 @@ from jaxtyping import Bool, Float
 
 from ..exchange import AbstractTable
 from ..proof import ErrorFigures
-from ._readings import Readings
+from ..readings import Readings
 from ._result import Remark
 
 if TYPE_CHECKING:
-    from ._table_draft import AbstractTableDraft
+    from ._table_draft import AbstractTableDraft, Proof
 
 _MANY = 0.05
 """Share of wild readings from which on the instrument deserves a look."""
@@ -25,55 +24,38 @@ _MOST, _MOST_WILD = 6, 20
 """Nodes, and wild readings, that are named one by one."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Counts:
-    """How many readings a fit rests on.
-
-    Attributes:
-        readings: All of them.
-        wild: Those that the fit leaves out.
-        outside: Those that lie outside the table.
-        places: Where each wild reading lies, in words; empty where nobody kept that.
-    """
-
-    readings: int
-    wild: int
-    outside: int
-    places: tuple[str, ...] = ()
-
-
 def fit_remarks(
-    one: "AbstractTableDraft", counts: Counts, linear: bool
+    one: "AbstractTableDraft", proof: "Proof", linear: bool
 ) -> Iterator[Remark]:
     """Return gaps, suspicious nodes and runs, and what each run was allowed.
 
     Args:
         one: The fit.
-        counts: Of its readings.
+        proof: Its readings under the written file.
         linear: Whether lengths are in mm, else in °.
     """
     fit = one.estimate
     empty = int(np.sum(fit.support == 0))
     if empty:
         why = "were not measured"
-        if counts.wild:
+        if proof.wild:
             why = "rest on no reading (not measured, or only wild ones)"
         yield Remark.warning(
             f"{empty} of {fit.support.size} node values {why}; they are"
             " filled by the prior and marked with support 0."
         )
-    if counts.outside:
+    if proof.outside:
         yield Remark.info(
-            f"{counts.outside} readings lie outside the table, where its edge is held."
+            f"{proof.outside} readings lie outside the table, where its edge is held."
         )
-    if wild := counts.wild:
+    if wild := proof.wild:
         yield Remark(
-            "warning" if wild > _MANY * counts.readings else "info",
-            f"{wild} of {counts.readings} readings are wild: the fit leaves them out."
+            "warning" if wild > _MANY * proof.readings else "info",
+            f"{wild} of {proof.readings} readings are wild: the fit leaves them out."
             " rms and max are given with and without them.",
         )
-    if counts.places:
-        words = f"Wild readings lie at {_listed(counts.places, _MOST_WILD)}."
+    if proof.places:
+        words = f"Wild readings lie at {_listed(proof.places, _MOST_WILD)}."
         yield Remark.info(words)
     if fit.suspect_nodes:
         words = _listed([_node(one, k) for k in fit.suspect_nodes], _MOST)
@@ -93,7 +75,7 @@ def fit_remarks(
             " mean."
         )
     elif not one.run_effects or one.run_effects == "none":
-        if counts.readings <= _SPARSE * fit.support.size:
+        if proof.readings <= _SPARSE * fit.support.size:
             known = "is not in the standard deviations"
             if fit.line_offset:
                 unit = "µm" if linear else "0.001°"

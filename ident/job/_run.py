@@ -10,31 +10,27 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core import FitError
-from ..exchange import ExchangeError
-from ..kinds._keys import FitSpec
+from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configuration
 from ..readings import Tables
-from ._beside import hand_on, leftovers
-from ._diagnosis import DIAGNOSIS, write_diagnosis
 from ._draft import AbstractDraft, Written
-from ._first_run import program_names, write_first_run
+from ._first_run import first_run_programs, program_names
+from ._fits import fit_all
 from ._gating import limits_of
-from ._job_result import JobResult
-from ._json import result_json
-from ._judge import judge_files
-from ._lists import AxisFiles, files_of, startup_fragment
+from ._job_result import JobResult, result_json
+from ._lists import AxisFiles, files_of, judge_files, startup_fragment
 from ._load import Job, load_job, sha256
 from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
-from ._plans import Plans, left_out, plan_all, untold_alone
 from ._result import AbstractResult, Remark
 from ._whole import judge_whole
 
 if TYPE_CHECKING:
-    from .joint import GroupDraft
+    from .joint import GroupResult
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
+_DIAGNOSIS = (OBJECTS, SCOPE)
+"""Files that say what to look at on the controller."""
 
 
 def run_job(
@@ -85,14 +81,13 @@ def begin_job(
     try:
         folder.refuse_sources(_names(job))
         tables = Tables(job)
-        plans = plan_all(job, tables)
-        drafts, groups = _fit_all(job, tables, plans, say)
+        drafts, groups = fit_all(job, tables, say)
     except BaseException:
         folder.drop()
         raise
     say("writing lists")
-    files, remarks = judge_files(job, files_of(job, drafts), plans.lists)
-    whole = judge_whole(tables, files, plans.lists)
+    files, remarks = judge_files(job, files_of(job, drafts))
+    whole = judge_whole(tables, files)
     found = {one.axis: one for one in whole}
     files = tuple(
         one.judged(found[one.axis].gate, found[one.axis].remarks)
@@ -102,9 +97,12 @@ def begin_job(
     )
     second, lost = plan_second(job, after, out, files)
     files, moved = _write(job, folder, files)
-    write_first_run(job, folder, files)
     by_axis = {one.axis: one for one in files}
-    sums = [group.prove(job, by_axis) for group in groups]
+    sums: list[GroupResult] = []
+    if groups:
+        from .joint import prove_group
+
+        sums = [prove_group(job, group, drafts, by_axis) for group in groups]
     together = {index: one.name for one in sums for index in one.fits}
     results: list[AbstractResult] = []
     for draft in drafts:
@@ -194,7 +192,7 @@ def _hashes(job: Job) -> dict[str, str]:
 
 def _names(job: Job) -> list[str]:
     """Return every name that a job may write."""
-    names = ["result.json", "report.html", "hochlauf.add.lis", *DIAGNOSIS]
+    names = ["result.json", "report.html", "hochlauf.add.lis", *_DIAGNOSIS]
     names += program_names(job)
     for fit in job.spec.fits:
         number = job.spec.axes[fit.axis].number
@@ -205,61 +203,6 @@ def _names(job: Job) -> list[str]:
             *fit.plc_files,
         ]
     return names
-
-
-def _fit_all(
-    job: Job, tables: Tables, plans: Plans, say: Callable[[str], None]
-) -> tuple[list[AbstractDraft], list["GroupDraft"]]:
-    """Fit one after the other; a later table takes what earlier ones leave.
-
-    Groups come first: each explains the whole error of its measurements. Then backlash:
-    it leaves the readings of both directions on the reference flank, where a table of
-    one direction belongs.
-    """
-    left = leftovers(job, plans)
-    drafts: dict[int, AbstractDraft] = {}
-    fits = job.spec.fits
-    groups = []
-    for plan in plans.groups:
-        say(f"fitting {plan.words}")
-        group = plan.fit(job, tables)
-        groups.append(group)
-        drafts |= {one.index: one for one in (*group.drafts, *group.unfit)}
-        for one in group.drafts:
-            hand_on(job, plans, one, left)
-    untold: dict[int, FitError] = {}
-    alone = untold_alone(job, tables, plans)
-    order = sorted(plans.single, key=lambda k: not fits[k].kind.fitted_first)
-    for place, k in enumerate(order):
-        if k in alone and not fits[k].kind.partial:
-            drafts[k] = left_out(job, plans, k, alone[k])
-            continue
-        say(f"fitting {fits[k].compensation} of {fits[k].axis}")
-        try:
-            drafts[k] = one = plans.single[k](left)
-        except FitError as error:
-            if k not in alone:
-                untold[k] = error
-            drafts[k] = left_out(job, plans, k, alone.get(k, str(error)))
-            continue
-        except ExchangeError as error:
-            raise job.error(("fits", k), f"{_start(fits[k])}: {error}") from None
-        if k in alone and one.written and not one.partial:
-            drafts[k] = left_out(job, plans, k, alone[k])
-            continue
-        later = [fits[k].axis for k in order[place + 1 :]]
-        if not one.written or one.axis not in later:
-            continue
-        left.take(one.left_by())
-        hand_on(job, plans, one, left)
-    if len(untold) == len(fits):
-        k = next(iter(untold))
-        raise job.error(("fits", k), f"{_start(fits[k])}: {untold[k]}")
-    return [drafts[k] for k in range(len(fits))], groups
-
-
-def _start(fit: FitSpec) -> str:
-    return f"{fit.name} from {', '.join(fit.sources)}"
 
 
 def _write(
@@ -290,7 +233,11 @@ def _write(
         folder.write("hochlauf.add.lis", fragment.dumps())
     else:
         retired.append(("hochlauf.add.lis", folder.retire("hochlauf.add.lis")))
-    write_diagnosis(job, folder, files)
+    folder.renew(_DIAGNOSIS, _diagnosis(job, files))
+    programs = first_run_programs(job, files)
+    folder.renew(
+        program_names(job), {name: text.encode() for name, text in programs.items()}
+    )
     moved = [
         Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
@@ -301,6 +248,19 @@ def _write(
     ]
     moved += [Remark.warning(words) for words in folder.remarks]
     return tuple(found), moved
+
+
+def _diagnosis(job: Job, files: Sequence[AxisFiles]) -> dict[str, bytes]:
+    """Return the objects of the compensations that are let out, and how to record them."""
+    lists = [listing for one in files if not one.failed for _, listing in one.lists]
+    rows = observables(lists, job.conventions) if lists else ()
+    if not rows:
+        return {}
+    controller = job.spec.controller
+    stated = "cycle_time" in controller.model_fields_set
+    cycle_time = controller.cycle_time if stated else None
+    scope = scope_configuration(rows, cycle_time=cycle_time)
+    return {OBJECTS: objects_csv(rows).encode(), SCOPE: scope}
 
 
 def _relative(job: Job, file: Path) -> Path:

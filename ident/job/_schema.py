@@ -295,6 +295,31 @@ class JobFile(JobPart, frozen=True):
         """Return the word of an axis in NC programs: ``nc_name``, or its key."""
         return self.axes[axis].nc_name or axis
 
+    @property
+    def groups(self) -> dict[str, tuple[int, ...]]:
+        """The fits of each group, by its name.
+
+        A group of one is that fit alone, unless its measurement drifts: that is allowed
+        for in groups.
+        """
+        found: dict[str, tuple[int, ...]] = {}
+        for k, fit in enumerate(self.fits):
+            if fit.group is not None:
+                found[fit.group] = (*found.get(fit.group, ()), k)
+        known = self.measurements
+        drifting = {name for name, measured in known.items() if measured.drift > 0}
+        return {
+            name: own
+            for name, own in found.items()
+            if len(own) > 1
+            or any(drifting.intersection(self.fits[k].sources) for k in own)
+        }
+
+    @property
+    def grouped(self) -> frozenset[int]:
+        """The fits that are identified together with others."""
+        return frozenset(k for own in self.groups.values() for k in own)
+
     def resolved(self) -> dict[str, Any]:
         """Return the job with its defaults filled in, for the record."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)

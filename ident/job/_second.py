@@ -8,14 +8,12 @@ from jaxtyping import Bool, Float, Int
 
 from ...data.errors import AxcompError
 from ...data.measurements import Iso230, iso230
-from ..proof import Diagnosis, ErrorFigures, RunTable, error_figures
+from ..proof import Diagnosis, ErrorFigures, RunTable, error_figures, wild_readings
 
 LESS = 1.5
 """Ratio of the measured to the predicted error, from which on less came of a list."""
 SHOWN = 0.5
 """Share of what a list adds that may be left where the figures alone show its sign."""
-_WILD = 6.0
-"""Standard deviations from the median at which a reading is the instrument's fault."""
 
 
 class SecondMeasurementError(AxcompError):
@@ -72,8 +70,7 @@ class SecondMeasurement:
         added: float | None = None,
     ) -> "SecondMeasurement":
         """Return readings with the wild ones among them marked."""
-        away = np.abs(error - np.median(error))
-        wild = away > _WILD * 1.4826 * np.median(away)
+        wild = wild_readings(error)
         return cls(name, positions, error, direction, run, wild, added)
 
     @property

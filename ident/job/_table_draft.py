@@ -14,8 +14,8 @@ from ..exchange import LIST_UNITS, ExchangeError, Model, by_branch
 from ..fit import Samples, TableFit
 from ..kinds._keys import FitSpec, TableSpec
 from ..proof import ErrorFigures, GateCheck, HeldOut
-from ..readings import Tables, without_zero
-from ._draft import AbstractDraft, Written
+from ..readings import Readings, Tables, without_zero
+from ._draft import AbstractDraft, Leftovers, Written
 from ._gating import (
     chosen_cycles,
     pass_gate,
@@ -25,8 +25,8 @@ from ._gating import (
 )
 from ._load import Job
 from ._plan import Plan
-from ._readings import Readings, read_fit
-from ._remarks import Counts, fit_remarks, outside, places_of, use_remarks
+from ._readings import datum_of, read_fit, run_table, zero_at
+from ._remarks import fit_remarks, outside, places_of, use_remarks
 from ._result import Remark, SampleView, Streamed, TableResult, staged
 from ._second import SecondMeasurement
 
@@ -39,18 +39,24 @@ class Proof:
         fit: The estimate; its arrays over readings are those of ``samples``.
         samples: The readings that are shown.
         error: By stage, over all readings.
-        counts: Of the readings.
+        readings: How many there are.
+        wild: How many of them the fit leaves out.
+        outside: How many lie outside the table.
         by_run: Whether runs were held out, else spatial blocks.
         remarks: What is to be said of the readings.
+        places: Where each wild reading lies, in words; empty where nobody kept that.
         streamed: What was read in pieces; None: all readings were in memory.
     """
 
     fit: TableFit
     samples: SampleView
     error: Mapping[str, ErrorFigures]
-    counts: Counts
+    readings: int
+    wild: int
+    outside: int
     by_run: bool
     remarks: tuple[Remark, ...]
+    places: tuple[str, ...] = ()
     streamed: Streamed | None = None
 
 
@@ -177,7 +183,8 @@ class AbstractTableDraft(AbstractDraft):
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
-        found = read_fit(tables, self.index, fit, table, {}, {})
+        found, _ = read_fit(tables, self.index, fit, table, Leftovers())
+        datum = datum_of(tables.job, self.index, fit)
         own = table.masters == (table.axis,)
         branch = plan.branch(found.direction)
         added = table.offset(table.model(self.integers), found.positions, branch)
@@ -188,9 +195,9 @@ class AbstractTableDraft(AbstractDraft):
         return SecondMeasurement.of(
             ", ".join(fit.sources),
             found.positions,
-            found.error - found.zero_at_datum(table),
+            found.error - zero_at(found, datum, table),
             found.direction if own else None,
-            found.run if own and found.run_table(own) is not None else None,
+            found.run if run_table(found, table) is not None else None,
             float(np.std(added)),
         )
 
@@ -216,7 +223,7 @@ class AbstractTableDraft(AbstractDraft):
             remarks=(
                 *plan.remarks,
                 *proof.remarks,
-                *fit_remarks(self, proof.counts, linear),
+                *fit_remarks(self, proof, linear),
                 *use_remarks(proof.error, proof.by_run),
                 *switching_remarks(job, self),
                 *done.files.remarks,
@@ -243,12 +250,14 @@ class TableDraft(AbstractTableDraft):
 
     Attributes:
         readings: What was measured.
+        remarks: What is to be said of them.
         samples: The same as the estimator saw it.
         before: Error of each reading, zero at the datum, in mm or °.
         held_out: Each reading under the list that was fitted without it.
     """
 
     readings: Readings
+    remarks: tuple[Remark, ...]
     samples: Samples
     before: Float[np.ndarray, " t"]
     held_out: HeldOut
@@ -268,7 +277,7 @@ class TableDraft(AbstractTableDraft):
     def proof(self, back: Model) -> Proof:
         readings, table, estimate = self.readings, self.plan.table, self.estimate
         from_file = self.before + self._added(back) - self._acted
-        runs = readings.run_table(table.masters == (table.axis,))
+        runs = run_table(readings, table)
         wild, left = estimate.wild, self.held_out
         return Proof(
             fit=estimate,
@@ -285,14 +294,12 @@ class TableDraft(AbstractTableDraft):
                 timed=readings.timed,
             ),
             error=staged(self.before, left.residual, from_file, wild, runs),
-            counts=Counts(
-                len(self.before),
-                int(wild.sum()),
-                int(outside(table, readings.positions).sum()),
-                places_of(readings, wild, self.fit.over),
-            ),
+            readings=len(self.before),
+            wild=int(wild.sum()),
+            outside=int(outside(table, readings.positions).sum()),
+            places=places_of(readings, wild, self.fit.over),
             by_run=left.by_run,
-            remarks=tuple(readings.remarks),
+            remarks=self.remarks,
         )
 
     def _added(self, model: Model) -> Float[np.ndarray, " t"]:

@@ -23,7 +23,7 @@ from ..proof.axis import (
 )
 from ..readings import Tables, read_error
 from ._acting import acting_after, acting_before
-from ._draft import AbstractDraft, AxisLists
+from ._draft import AbstractDraft
 from ._gating import limits_of
 from ._job_result import WholeAxis
 from ._lists import AxisFiles
@@ -34,15 +34,12 @@ _Read = tuple[Measured, Mapping[str, np.ndarray]]
 """The error of an axis in one measurement, and the temperatures in it."""
 
 
-def judge_whole(
-    tables: Tables, files: Sequence[AxisFiles], lists: Mapping[str, AxisLists]
-) -> tuple[WholeAxis, ...]:
+def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, ...]:
     """Return what acts on each axis that is written, judged as one.
 
     Args:
         tables: Files of the job.
         files: The axes with their drafts, gates and lists.
-        lists: What every axis of the job has already.
     """
     job, found = tables.job, []
     for own in files:
@@ -63,7 +60,7 @@ def judge_whole(
             whole = axis.unread(error)
         steps = {d.compensation: _step(job, d, own.gates[d.index]) for d in acting}
         whole = dataclasses.replace(whole, switching=steps)
-        found.append(_with_partner(job, whole, files, lists))
+        found.append(_with_partner(job, whole, files))
     return tuple(found)
 
 
@@ -86,10 +83,6 @@ class _Axis:
         return self.files.axis
 
     @property
-    def lists(self) -> AxisLists:
-        return self.files.existing
-
-    @property
     def job(self) -> Job:
         return self.tables.job
 
@@ -104,7 +97,7 @@ class _Axis:
             ExchangeError: If an entry that decides it is unreadable.
         """
         fitted = {draft.compensation for draft in self.drafts}
-        return bool(acting_before(self.job, self.name, self.lists).used.keys() - fitted)
+        return bool(acting_before(self.job, self.name).used.keys() - fitted)
 
     def compensations(self, loaded: Loaded | None) -> tuple[str, ...]:
         """Return what acts on the axis; tables of zeros do not.
@@ -247,7 +240,7 @@ class _Axis:
         """Return how warm the sensors get that temperature laws follow."""
         found: dict[str, tuple[float, float]] = {}
         for draft in self.drafts:
-            line = draft.line(self.job, self.lists.machine)
+            line = draft.line(self.job, self.files.existing.machine)
             if line is None or not isinstance(line.offset_0, TemperatureCurve):
                 continue
             ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
@@ -258,7 +251,7 @@ class _Axis:
         self, loaded: Loaded, names: tuple[str, ...], remarks: list[Remark]
     ) -> list[Together]:
         """Return what is left of each measurement; remarks of what cannot be told."""
-        before, found = acting_before(self.job, self.name, self.lists), []
+        before, found = acting_before(self.job, self.name), []
         for draft, source, reading in self._measured:
             spec = self.job.spec.measurements[source]
             if isinstance(reading, str):
@@ -340,12 +333,7 @@ class _Axis:
         )
 
 
-def _with_partner(
-    job: Job,
-    whole: WholeAxis,
-    files: Sequence[AxisFiles],
-    lists: Mapping[str, AxisLists],
-) -> WholeAxis:
+def _with_partner(job: Job, whole: WholeAxis, files: Sequence[AxisFiles]) -> WholeAxis:
     """Return an axis with what its gantry partner lacks of its compensations."""
     axes = job.spec.axes
     partners = [
@@ -355,7 +343,7 @@ def _with_partner(
     ]
     for partner in partners:
         fitted = [acting_after(job, one) for one in files if one.axis == partner]
-        (loaded,) = fitted or [acting_before(job, partner, lists[partner])]
+        (loaded,) = fitted or [acting_before(job, partner)]
         lacking = [name for name in whole.compensations if name not in loaded.used]
         where = f"{partner} has all that acts on {whole.axis}"
         if lacking:

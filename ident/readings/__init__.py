@@ -2,8 +2,8 @@
 
 To be read in this order: `_tables` (each file once, its columns in mm, °, s and °C), `_joined`
 with `_clocks` (several files on one clock), `_rows` (one measurement, a column at a time: motion,
-modulo, absurd values, reference temperature, with `_zero` of the instrument), `_runs` (repeated
-runs), `_part` (one measurement as a fit takes it; several one after the other). On top of them
+modulo, absurd values, reference temperature, with `_zero` of the instrument), `_readings`
+(one measurement as a fit takes it; several one after the other; repeated runs). On top of them
 stand `_outside` (errors of all axes, for `doctor` and the whole axis) and `_observe` (all there
 is, for `discover`).
 """
@@ -12,15 +12,19 @@ from typing import TYPE_CHECKING
 
 from .._lazy import importer
 from ._clocks import ClockState as ClockState
-from ._part import (
-    Joined as Joined,
-    Part as Part,
+from ._readings import (
+    Readings as Readings,
     Wanted as Wanted,
+    cycles_of as cycles_of,
     joined as joined,
     joined_runs as joined_runs,
+    place_in_run as place_in_run,
+    places_of as places_of,
     read_joined as read_joined,
     read_rows as read_rows,
     rows_of as rows_of,
+    runs_overlap as runs_overlap,
+    visits_overlap as visits_overlap,
     wanted_by as wanted_by,
 )
 from ._rows import (
@@ -30,13 +34,6 @@ from ._rows import (
     first_motion as first_motion,
     reference_words as reference_words,
     sensor_name as sensor_name,
-)
-from ._runs import (
-    cycles_of as cycles_of,
-    place_in_run as place_in_run,
-    places_of as places_of,
-    runs_overlap as runs_overlap,
-    visits_overlap as visits_overlap,
 )
 from ._tables import Tables as Tables, measured_from as measured_from
 from ._zero import (

@@ -31,21 +31,6 @@ _OFFSET_WORDS = "or offsets = the known differences of their clocks in s"
 
 
 @dataclasses.dataclass(frozen=True)
-class JoinedFiles:
-    """Several files as one.
-
-    Attributes:
-        table: On the clock of the first file.
-        columns: Column per role.
-        clocks: How each further file was put onto that clock.
-    """
-
-    table: Table
-    columns: Mapping[str, ColumnSpec]
-    clocks: tuple[ClockState, ...]
-
-
-@dataclasses.dataclass(frozen=True)
 class _File:
     """One of the files.
 
@@ -71,8 +56,12 @@ class _File:
 
 def join_files(
     job: "Job", name: str, spec: "MeasurementSpec", tables: Sequence[Table]
-) -> JoinedFiles:
+) -> tuple[Table, Mapping[str, ColumnSpec], tuple[ClockState, ...]]:
     """Put the files of a measurement onto the clock of the first one.
+
+    Returns:
+        Them as one, the column of each role in it, and how each further file was put onto
+        that clock.
 
     Raises:
         JobError: If a column is in none of them, or the offset cannot be told.
@@ -103,9 +92,7 @@ def join_files(
         clocks.append(found)
     table, columns = _side_by_side(files, shifts)
     remarks = (*table.remarks, *map(_words, clocks))
-    return JoinedFiles(
-        dataclasses.replace(table, remarks=remarks), columns, tuple(clocks)
-    )
+    return dataclasses.replace(table, remarks=remarks), columns, tuple(clocks)
 
 
 def _side_by_side(

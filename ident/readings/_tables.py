@@ -82,9 +82,9 @@ class Tables:
                 self._read[name] = self._file(name, spec.file)
             else:
                 files = [self._file(name, file) for file in spec.files]
-                joined = join_files(self.job, name, spec, files)
-                self._read[name], self._columns[name] = joined.table, joined.columns
-                self.clocks += joined.clocks
+                table, columns, clocks = join_files(self.job, name, spec, files)
+                self._read[name], self._columns[name] = table, columns
+                self.clocks += clocks
         return self._read[name]
 
     def _file(self, name: str, file: str) -> Table:

@@ -333,7 +333,7 @@ def test_interrupt_is_said_in_one_line(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("axcomp.ident.job._run._fit_all", interrupted)
+    monkeypatch.setattr("axcomp.ident.job._run.fit_all", interrupted)
     assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 130
     assert capfd.readouterr().err == "axcomp: interrupted\n"
     assert not (tmp_path / "out").exists()

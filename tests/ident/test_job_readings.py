@@ -13,7 +13,7 @@ from axcomp.ident.readings import (
     runs_overlap,
     without_zero,
 )
-from axcomp.ident.readings._runs import ranked
+from axcomp.ident.readings._readings import ranked
 from axcomp.ident.report._readings import readings_of
 from axcomp.ident.report._residuals import views_of
 from axcomp.ident.report._scale import scale_of

@@ -11,7 +11,7 @@ import pytest
 
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.job import JobError, JobResult, run_job
-from axcomp.ident.job.streamed import _readings, _route
+from axcomp.ident.job.streamed import _readings
 from axcomp.ident.report import write_report
 
 COUNT = 12_000
@@ -200,9 +200,9 @@ def test_a_large_log_is_read_in_pieces_without_being_asked(
     path = job(tmp_path, PLANE, '"auto"', 'loss = "gauss"\nsmoothness = 1.0')
     assert run_job(path, tmp_path / "out").tables[0].streamed is None
     monkeypatch.setattr("axcomp.data.measurements._large._LEAST", 0)
-    monkeypatch.setattr(_route, "LARGE", 3 * COUNT)
+    monkeypatch.setattr(_readings, "LARGE", 3 * COUNT)
     assert run_job(path, tmp_path / "out").tables[0].streamed is None
-    monkeypatch.setattr(_route, "LARGE", 3 * COUNT - 1)
+    monkeypatch.setattr(_readings, "LARGE", 3 * COUNT - 1)
     assert run_job(path, tmp_path / "out").tables[0].streamed is not None
 
 
@@ -241,7 +241,7 @@ def test_a_large_log_that_only_memory_serves_is_read_into_it_and_said(
         text = text.replace("Z.error", "Z.actual")
     path.write_text(text)
     monkeypatch.setattr("axcomp.data.measurements._large._LEAST", 0)
-    monkeypatch.setattr(_route, "LARGE", 1)
+    monkeypatch.setattr(_readings, "LARGE", 1)
     asked = path.read_text().replace('"auto"', "true")
     path.with_name("asked.toml").write_text(asked)
     if more == "runs":

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
 from ...core import FitError, cores, one_blas_thread
@@ -78,6 +78,37 @@ def refit_joint(
         FitError: If these rows do not determine the effects.
     """
     return _fit(data, [part.effect for part in fit.parts], fit.options, use, fit.known)
+
+
+def held_out_errors(
+    fit: JointFit, data: JointData, groups: Int[np.ndarray, " t"], *, runs: bool = False
+) -> dict[str, Float[np.ndarray, " t"]]:
+    """Return each error less the sum that is fitted without its group, by axis in mm or °.
+
+    Fitted by `refit_joint`. Where the readings of the other groups do not determine the
+    effects, their median is all that they predict.
+
+    Args:
+        fit: Of all rows, by `fit_joint`.
+        data: Its readings.
+        groups: What is left out together: the run, or the block of each row.
+        runs: As for `JointFit.predict`.
+    """
+    result = {axis: np.full(len(data), np.nan) for axis in fit.axes}
+    for group in np.unique(groups):
+        out = groups == group
+        try:
+            predicted = refit_joint(fit, data, use=~out).predict(data, runs=runs)
+        except FitError:
+            known = {axis: data.error[axis][~out] for axis in fit.axes}
+            known = {axis: error[np.isfinite(error)] for axis, error in known.items()}
+            predicted = {
+                axis: np.full(len(data), np.median(error) if error.size else 0.0)
+                for axis, error in known.items()
+            }
+        for axis, left in result.items():
+            left[out] = (data.error[axis] - predicted[axis])[out]
+    return result
 
 
 def examine_design(

@@ -1,12 +1,19 @@
 """Fits that share a group: identified together, then written and proven like any other."""
 
-from ._apart import untold_apart as untold_apart
-from ._group import GroupPlan as GroupPlan, plan_groups as plan_groups
-from ._left_out import LeftOutDraft as LeftOutDraft, LeftOutResult as LeftOutResult
-from ._proof import GroupDraft as GroupDraft
-from ._result import (
+from ._group import (
+    IdentifiedGroup as IdentifiedGroup,
+    fit_group as fit_group,
+    untold_apart as untold_apart,
+)
+from ._member import members_of as members_of
+from ._proof import (
     AxisSum as AxisSum,
     EffectShare as EffectShare,
     GroupResult as GroupResult,
+    prove_group as prove_group,
 )
-from ._share import TOGETHER as TOGETHER
+from ._share import (
+    TOGETHER as TOGETHER,
+    LeftOutDraft as LeftOutDraft,
+    LeftOutResult as LeftOutResult,
+)

@@ -1,88 +1,137 @@
-"""A group of fits from its plan to its drafts."""
+"""A group of fits from its plan to its drafts: the joint fit, and its share of each.
+
+Fits of no group that share readings are looked at likewise: what these cannot tell apart.
+"""
 
 import dataclasses
-from collections.abc import Mapping
+import functools
+from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+from jaxtyping import Float
+
+from ....data.errors import AxcompError
 from ...exchange import ExchangeError
 from ...fit import FitError
+from ...fit.joint import (
+    AbstractEffect,
+    Delay,
+    JointFit,
+    Leadscrew,
+    Part,
+    examine_design,
+    fit_joint,
+    held_out_errors,
+)
 from ...readings import Tables
-from .._checks import groups_of
-from .._draft import AbstractDraft, AxisLists
+from .._draft import AbstractDraft
 from .._load import Job
-from ._identify import identify_group
-from ._left_out import LeftOutDraft
-from ._member import AbstractMember, members_of, needs_of
-from ._proof import GroupDraft
-from ._recording import read_group
-from ._share import Share
+from ._member import AbstractMember, at_once, few, members_of
+from ._recording import GroupRecording, read_group
+from ._share import LeftOutDraft, Share
 
 
 @dataclasses.dataclass(frozen=True)
-class GroupPlan:
-    """A group before its measurements are looked at.
+class IdentifiedGroup:
+    """A joint fit with its proof.
 
     Attributes:
-        name: In the job.
+        name: Of the group in the job.
         members: Its fits.
+        recording: What was measured.
+        fit: The estimate; the parts of the members first, in their order.
+        held_out: Error less the whole sum as fitted without the reading, by axis.
     """
 
     name: str
     members: tuple[AbstractMember, ...]
+    recording: GroupRecording
+    fit: JointFit
+    held_out: Mapping[str, Float[np.ndarray, " t"]]
+
+    def indices(self, job: Job) -> tuple[int, ...]:
+        """Return the fits of the group, those included that its readings do not show."""
+        return job.spec.groups[self.name]
 
     @property
-    def words(self) -> str:
-        """What is fitted, in words."""
-        own = ", ".join(one.name for one in self.members)
-        return f"group {self.name!r} together: {own}"
+    def parts(self) -> tuple[Part, ...]:
+        """One per member."""
+        return self.fit.parts[: len(self.members)]
 
-    def fit(self, job: Job, tables: Tables) -> GroupDraft:
-        """Read the measurements and fit all members together.
+    @property
+    def helpers(self) -> tuple[Part, ...]:
+        """What was fitted beside them and no list of the group holds."""
+        return self.fit.parts[len(self.members) :]
 
-        Raises:
-            MeasurementError: If a role is missing or a value cannot be used.
-            JobError: If the readings cannot carry the fit, or a result fits no list.
-        """
-        every = self.members
-        recording = read_group(tables, [one.fit for one in every], needs_of(every))
-        where = ("fits", every[0].index)
-        unfit = {}
-        for k, one in enumerate(every):
-            why = one.unfit(recording) or one.confused(job, every, recording)
-            if len(every) == 1:
-                why = why or one.undetermined(recording.data)
-            if why:
-                unfit[k] = why
-        members = tuple(one for k, one in enumerate(every) if k not in unfit)
-        sources = ", ".join(every[0].fit.sources)
-        start = f"group {self.name!r} from {sources}"
-        if not members:
-            reason = "; ".join(f"{every[k].name}: {why}" for k, why in unfit.items())
-            raise job.error(where, f"{start}: {reason}")
-        try:
-            found = identify_group(job, self.name, members, recording)
-        except FitError as error:
-            raise job.error(where, f"{start}: {error}") from None
-        drafts = [_draft(job, one, Share(found, k)) for k, one in enumerate(members)]
-        left_out = tuple(
-            LeftOutDraft(one.index, one.fit, one.lists, unfit[k])
-            for k, one in enumerate(every)
-            if k in unfit
-        )
-        return GroupDraft(found, tuple(drafts), left_out)
+    @functools.cached_property
+    def written(self) -> tuple[bool, ...]:
+        """Whether each member's part may be written."""
+        pairs = zip(self.members, self.parts, strict=True)
+        return tuple(one.may_be_written(part, self.fit) for one, part in pairs)
+
+    @functools.cached_property
+    def datum(self) -> tuple[tuple[float, ...], dict[str, float]]:
+        """By member what its table takes over of the axis's datum; by axis what is left."""
+        members = self.members
+        left = {axis: float(value) for axis, (value, _) in self.fit.datum.items()}
+        constant = [0.0] * len(members)
+        takers = [
+            k for k, m in enumerate(members) if m.takes_constant and self.written[k]
+        ]
+        for k in sorted(takers, key=lambda k: members[k].fit.kind.takes_constant or 0):
+            axis = members[k].axis
+            constant[k], left[axis] = left.get(axis, 0.0), 0.0
+        return tuple(constant), left
 
 
-def plan_groups(
-    job: Job, tables: Tables, lists: Mapping[str, AxisLists]
-) -> tuple[GroupPlan, ...]:
-    """Return the groups of a job, planned.
+def fit_group(
+    job: Job, tables: Tables, name: str, every: Sequence[AbstractMember]
+) -> tuple[IdentifiedGroup, dict[int, AbstractDraft]]:
+    """Read the measurements of a group and fit all its members together.
+
+    Args:
+        job: The job.
+        tables: Its measurements.
+        name: Of the group.
+        every: Its fits.
+
+    Returns:
+        The joint fit, and the draft of each fit by its index.
 
     Raises:
-        JobError: If keys, nodes, masters or existing lists do not suit.
+        MeasurementError: If a role is missing or a value cannot be used.
+        JobError: If the readings cannot carry the fit, or a result fits no list.
     """
-    return tuple(
-        GroupPlan(name, members_of(job, tables, own, lists))
-        for name, own in groups_of(job.spec).items()
-    )
+    recording = read_group(tables, every)
+    unfit = {}
+    for one in every:
+        why = one.unfit(recording) or one.confused(job, every, recording)
+        if len(every) == 1:
+            why = why or one.undetermined(recording.data)
+        if why:
+            unfit[one.index] = why
+    members = tuple(one for one in every if one.index not in unfit)
+    try:
+        if not members:
+            raise FitError(
+                "; ".join(f"{one.name}: {unfit[one.index]}" for one in every)
+            )
+        helpers = [*_helpers(members, recording)]
+        fit = _fit(members, recording, [*_effects(job, members, recording), *helpers])
+    except FitError as error:
+        start = f"group {name!r} from {', '.join(every[0].fit.sources)}"
+        raise job.error(("fits", every[0].index), f"{start}: {error}") from None
+    left = held_out_errors(fit, recording.data, recording.fold, runs=recording.drifting)
+    found = IdentifiedGroup(name, members, recording, fit, left)
+    drafts: dict[int, AbstractDraft] = {
+        one.index: _draft(job, one, Share(found, k)) for k, one in enumerate(members)
+    }
+    for one in every:
+        if one.index in unfit:
+            drafts[one.index] = LeftOutDraft(
+                one.index, one.fit, one.lists, unfit[one.index]
+            )
+    return found, drafts
 
 
 def _draft(job: Job, one: AbstractMember, share: Share) -> AbstractDraft:
@@ -94,3 +143,161 @@ def _draft(job: Job, one: AbstractMember, share: Share) -> AbstractDraft:
         return LeftOutDraft(one.index, one.fit, one.lists, str(error), share)
     except ExchangeError as error:
         raise job.error(("fits", one.index), f"{one.name}: {error}") from None
+
+
+def _effects(
+    job: Job, members: Sequence[AbstractMember], recording: GroupRecording
+) -> list[AbstractEffect]:
+    """Return the effect of each member; some show their form behind the others."""
+    found = [one.effect(job, recording, None) for one in members]
+    if all(effect is not None for effect in found):
+        return [effect for effect in found if effect is not None]
+    known = [effect for effect in found if effect is not None]
+    known += _helpers(members, recording)
+    errors = {one.axis: recording.data.error[one.axis] for one in members}
+    left = dict(errors)
+    if known:
+        first = _fit(members, recording, known)
+        fitted = first.predict(recording.data)
+        left |= {axis: errors[axis] - fitted[axis] for axis in first.axes}
+    result = []
+    for one, effect in zip(members, found, strict=True):
+        chosen = effect
+        if chosen is None:
+            try:
+                chosen = one.effect(job, recording, left[one.axis])
+            except FitError as error:
+                msg = f"{one.name}: {error}"
+                raise FitError(msg) from None
+        assert chosen is not None  # what the others leave is known now
+        result.append(chosen)
+    return result
+
+
+def _helpers(
+    members: Sequence[AbstractMember], recording: GroupRecording
+) -> Iterator[AbstractEffect]:
+    """Return what must stand beside the members, so that they show what is theirs.
+
+    A line over the position that no temperature moves belongs to the leadscrew of its
+    axis; where the group has none, it is fitted and left where it is.
+    """
+    screws = {one.axis for one in members if one.takes_line}
+    for one in members:
+        if one.needs_line and one.axis not in screws:
+            place = recording.data.position[one.axis]
+            ends = np.array([np.nanmin(place), np.nanmax(place)], dtype=float)
+            if ends[1] > ends[0]:
+                yield Leadscrew(one.axis, ends)
+    if recording.timed:
+        # What is left of the delay of the instrument, and of the rate of its clock.
+        own = dict.fromkeys(one.axis for one in members if one.axis in recording.moving)
+        yield from (Delay(axis) for axis in own)
+
+
+def _fit(
+    members: Sequence[AbstractMember],
+    recording: GroupRecording,
+    effects: Sequence[AbstractEffect],
+) -> JointFit:
+    tables = [one.fit for one in members if one.takes_constant]
+    return fit_joint(
+        recording.data,
+        effects,
+        loss=members[0].fit.loss,
+        smoothness=tables[0].smoothness if tables else "auto",
+        drift=recording.drift,
+    )
+
+
+def untold_apart(
+    job: Job,
+    tables: Tables,
+    indices: Sequence[int],
+) -> dict[int, str]:
+    """Return which fits that stand alone cannot be told, and why.
+
+    Each of them is fitted as if there was no other. Those of one axis and measurement
+    are looked at together: where the readings cannot tell two of them apart, either would
+    take the whole.
+
+    Args:
+        job: The job.
+        tables: Its measurements.
+        indices: Fits of no group.
+    """
+    found: dict[int, str] = {}
+    for own in _together(job, tables, indices):
+        try:
+            members = members_of(job, tables, own)
+            recording = read_group(tables, members)
+            for one, sentence in _confused(job, members, recording):
+                found.setdefault(one.index, sentence)
+        except AxcompError:
+            continue  # What is wrong each fit says in its own words.
+    return found
+
+
+def _together(job: Job, tables: Tables, indices: Sequence[int]) -> list[list[int]]:
+    """Return fits of one axis and the same measurements; friction has its own.
+
+    A table alone on a log that is read in pieces stays aside: whatever shares the log has it
+    read into memory.
+    """
+    known: dict[tuple[str, tuple[str, ...]], list[int]] = {}
+    for k in indices:
+        fit = job.spec.fits[k]
+        if not fit.kind.adds_current:
+            known.setdefault((fit.axis, tuple(sorted(fit.sources))), []).append(k)
+    return [
+        own
+        for own in known.values()
+        if len(own) > 1
+        or not job.spec.fits[own[0]].kind.table
+        or not _is_large(job, tables, own[0])
+    ]
+
+
+def _is_large(job: Job, tables: Tables, k: int) -> bool:
+    return any(
+        job.spec.measurements[name].stream is not False
+        and tables.large(name) is not None
+        for name in job.spec.fits[k].sources
+    )
+
+
+def _confused(
+    job: Job, members: Sequence[AbstractMember], recording: GroupRecording
+) -> list[tuple[AbstractMember, str]]:
+    found = []
+    data = few(recording.data)
+    for one in members:
+        why = one.undetermined(data) or one.confused(job, members, recording)
+        if why:
+            found.append((one, why))
+    if len(members) < 2 or found:
+        return found
+    pairs = [(one, _effect(job, one, recording)) for one in members]
+    effects = [at_once(effect) for _, effect in pairs if effect is not None]
+    if len(effects) < 2:
+        return found
+    for pair in examine_design(data, effects).confusions:
+        lost = set(pair.effects)
+        if len(lost) < 2:
+            continue
+        found += [
+            (one, pair.sentence)
+            for one, effect in pairs
+            if effect is not None and effect.name in lost
+        ]
+    return found
+
+
+def _effect(
+    job: Job, one: AbstractMember, recording: GroupRecording
+) -> AbstractEffect | None:
+    """Return the effect; one whose form is open has that of a fit to the whole error."""
+    found = one.effect(job, recording, None)
+    if found is None:
+        found = one.effect(job, recording, recording.data.error[one.axis])
+    return found

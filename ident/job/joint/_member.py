@@ -2,16 +2,16 @@
 
 import abc
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
 from ...readings import Tables
-from .._draft import AbstractDraft, AbstractOfFit, AxisLists
+from .._draft import AbstractDraft, AbstractOfFit
 from .._load import Job
-from ._recording import GroupNeeds, GroupRecording
+from ._recording import GroupRecording
 from ._share import Share, lost
 
 _MOST = 10_000
@@ -126,10 +126,7 @@ def few(data: JointData) -> JointData:
 
 
 def members_of(
-    job: Job,
-    tables: Tables,
-    indices: Sequence[int],
-    lists: Mapping[str, AxisLists],
+    job: Job, tables: Tables, indices: Sequence[int]
 ) -> tuple[AbstractMember, ...]:
     """Return the fits of a group: existing lists read, keys understood.
 
@@ -137,24 +134,9 @@ def members_of(
         JobError: If keys, nodes, masters or existing lists do not suit.
         MeasurementError: If the only sensor is to be taken and there is none.
     """
-    pairs = [(index, job.spec.fits[index]) for index in indices]
-    return tuple(
-        fit.kind.group.member(job, tables, index, fit, lists[fit.axis])
-        for index, fit in pairs
-    )
 
+    def member(index: int) -> AbstractMember:
+        fit = job.spec.fits[index]
+        return fit.kind.group.member(job, tables, index, fit, job.lists[fit.axis])
 
-def needs_of(members: Sequence[AbstractMember]) -> GroupNeeds:
-    """Return the axes and sensors whose columns the fits use."""
-
-    def unique(names: Sequence[str]) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(names))
-
-    return GroupNeeds(
-        error=unique([one.axis for one in members]),
-        position=unique([name for one in members for name in one.positions]),
-        direction=unique([name for one in members for name in one.turning]),
-        motion=unique([name for one in members for name in one.accelerating]),
-        temperature=unique([name for one in members for name in one.sensors]),
-        heated=unique([one.axis for one in members if one.sensors]),
-    )
+    return tuple(map(member, indices))

@@ -2,174 +2,319 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...exchange import Motion
-from ...fit.joint import Gauge
+from ...fit import RunEffect
+from ...fit.joint import Confusion, Gauge, Part
+from ...proof import ErrorFigures
 from ...proof.axis import added_beyond
 from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
 from .._lists import AxisFiles
 from .._load import Job
 from .._result import Remark, staged
-from ._identify import IdentifiedGroup
-from ._left_out import LeftOutDraft
+from ._group import IdentifiedGroup
 from ._recording import GroupRecording
-from ._result import AxisSum, EffectShare, GroupResult
-from ._share import Share, in_words, lost
+from ._share import LeftOutDraft, Share, in_words, lost
 
 
 @dataclasses.dataclass(frozen=True)
-class GroupDraft:
-    """A fitted group.
+class EffectShare:
+    """How much of the error one effect is.
 
     Attributes:
-        found: The joint fit and its proof.
-        drafts: One per member.
-        unfit: Fits of the group that its readings tell nothing of, and were not fitted.
+        index: Of its fit in the job, or None for what was fitted beside the fits.
+        name: In words.
+        axis: Compensated axis.
+        compensation: As in the job.
+        rms: Root mean square of what it adds to the readings, about its mean, in mm or °.
+        information: What is left of its information beside the other effects, 0 to 1.
+        determined: Whether the readings tell it.
+        written: Whether it stands in a list.
+        why: What is left out and why, empty where nothing is.
     """
 
-    found: IdentifiedGroup
-    drafts: tuple[AbstractDraft, ...]
-    unfit: tuple[LeftOutDraft, ...] = ()
+    index: int | None
+    name: str
+    axis: str
+    compensation: str
+    rms: float
+    information: float
+    determined: bool
+    written: bool
+    why: str = ""
 
-    def prove(self, job: Job, files: Mapping[str, AxisFiles]) -> GroupResult:
-        """Return the group with what all files of its axes leave together.
-
-        Args:
-            job: The job.
-            files: Lists by axis.
-        """
-        found, fit, recording = self.found, self.found.fit, self.found.recording
-        return GroupResult(
-            name=found.name,
-            fits=tuple(sorted(one.index for one in (*self.drafts, *self.unfit))),
-            effects=tuple(self._effects()),
-            freedoms=tuple(
-                dataclasses.replace(each, rule=self._rule(each)) for each in fit.gauges
-            ),
-            lost=fit.confusions,
-            axes=tuple(self._sum(job, files[axis]) for axis in fit.axes),
-            order=recording.order,
-            timed=recording.timed,
-            held_out=recording.held_out,
-            converged=fit.converged,
-            message=fit.message,
-            remarks=tuple(self._remarks()),
+    @classmethod
+    def of(
+        cls, index: int | None, part: Part, determined: bool, written: bool, why: str
+    ) -> "EffectShare":
+        """Return how much a part of the joint fit is."""
+        known = part.contribution[np.isfinite(part.contribution)]
+        return cls(
+            index=index,
+            name=part.name,
+            axis=part.effect.axis,
+            compensation=part.effect.compensation,
+            rms=float(np.std(known)) if known.size else 0.0,
+            information=part.share,
+            determined=determined,
+            written=written,
+            why=why,
         )
 
-    def _rule(self, gauge: Gauge) -> str:
-        """Return how a freedom was fixed, and where the lists have the datum."""
-        rule = gauge.rule
-        for part, value in zip(self.found.parts, self.found.datum[0], strict=True):
-            if value and f"datum of {part.effect.axis}" in gauge.effects:
-                rule += f" In the lists the {part.name} holds the datum."
-        return rule
 
-    def _effects(self) -> Iterator[EffectShare]:
-        found = self.found
-        for draft, part in zip(self.drafts, found.parts, strict=True):
-            missing = lost(part, found.fit)
-            yield EffectShare.of(
-                draft.index, part, not missing, draft.written, in_words(missing)
-            )
-        for one in self.unfit:
+@dataclasses.dataclass(frozen=True)
+class AxisSum:
+    """The whole sum on one axis.
+
+    Attributes:
+        axis: Compensated axis.
+        unit: ``mm`` or ``deg``.
+        noise: Standard deviation of one reading.
+        datum: Constant error that no list of the group holds.
+        error: Keys ``before``, ``predicted``, ``from_file``.
+        rows: Readings, as rows of all measurements one after the other.
+        before: Error as measured.
+        predicted: Left under lists that were fitted without the reading.
+        from_file: Left under all written files together, read back.
+        wild: Readings that the loss rejected.
+        runs: Offset and drift of each run; empty without.
+    """
+
+    axis: str
+    unit: str
+    noise: float
+    datum: float
+    error: Mapping[str, ErrorFigures]
+    rows: Int[np.ndarray, " t"]
+    before: Float[np.ndarray, " t"]
+    predicted: Float[np.ndarray, " t"]
+    from_file: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+    runs: tuple[RunEffect, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class GroupResult:
+    """A group of fits that were identified together.
+
+    Attributes:
+        name: In the job.
+        fits: Indices of its fits.
+        effects: How much of the error each is; helpers last.
+        freedoms: What may be moved between effects without changing the sum.
+        lost: What these readings cannot tell apart.
+        axes: The sum, axis by axis.
+        order: Time in s, or row number, of all rows.
+        timed: Whether it is a time.
+        held_out: What the prediction left out together: ``run`` or ``block``.
+        converged: Whether the fit settled.
+        message: How it went.
+        remarks: What concerns the group as a whole.
+    """
+
+    name: str
+    fits: tuple[int, ...]
+    effects: tuple[EffectShare, ...]
+    freedoms: tuple[Gauge, ...]
+    lost: tuple[Confusion, ...]
+    axes: tuple[AxisSum, ...]
+    order: Float[np.ndarray, " t"]
+    timed: bool
+    held_out: str
+    converged: bool
+    message: str
+    remarks: tuple[Remark, ...]
+
+    def as_tree(self) -> dict[str, Any]:
+        """Return what result.json says of the group."""
+        return {
+            "name": self.name,
+            "fits": self.fits,
+            "effects": self.effects,
+            "gauges": self.freedoms,
+            "confusions": self.lost,
+            "axes": {
+                one.axis: {
+                    "unit": one.unit,
+                    "noise": one.noise,
+                    "datum": one.datum,
+                    "readings": len(one.rows),
+                    "wild": int(np.sum(one.wild)),
+                    "error": {key: each.as_tree() for key, each in one.error.items()},
+                    "runs": one.runs,
+                }
+                for one in self.axes
+            },
+            "held_out": self.held_out,
+            "converged": self.converged,
+            "message": self.message,
+            "remarks": self.remarks,
+        }
+
+
+def prove_group(
+    job: Job,
+    found: IdentifiedGroup,
+    drafts: Sequence[AbstractDraft],
+    files: Mapping[str, AxisFiles],
+) -> GroupResult:
+    """Return a group with what all files of its axes leave together.
+
+    Args:
+        job: The job.
+        found: The joint fit and what it held out.
+        drafts: All fits of the job.
+        files: Lists by axis.
+    """
+    fit, recording = found.fit, found.recording
+    return GroupResult(
+        name=found.name,
+        fits=found.indices(job),
+        effects=tuple(_effects(job, found, drafts)),
+        freedoms=tuple(
+            dataclasses.replace(each, rule=_rule(found, each)) for each in fit.gauges
+        ),
+        lost=fit.confusions,
+        axes=tuple(_sum(job, found, drafts, files[axis]) for axis in fit.axes),
+        order=recording.order,
+        timed=recording.timed,
+        held_out=recording.held_out,
+        converged=fit.converged,
+        message=fit.message,
+        remarks=tuple(_remarks(found, drafts)),
+    )
+
+
+def _rule(found: IdentifiedGroup, gauge: Gauge) -> str:
+    """Return how a freedom was fixed, and where the lists have the datum."""
+    rule = gauge.rule
+    for part, value in zip(found.parts, found.datum[0], strict=True):
+        if value and f"datum of {part.effect.axis}" in gauge.effects:
+            rule += f" In the lists the {part.name} holds the datum."
+    return rule
+
+
+def _effects(
+    job: Job, found: IdentifiedGroup, drafts: Sequence[AbstractDraft]
+) -> Iterator[EffectShare]:
+    members = [one.index for one in found.members]
+    for index, part in zip(members, found.parts, strict=True):
+        missing = lost(part, found.fit)
+        yield EffectShare.of(
+            index, part, not missing, drafts[index].written, in_words(missing)
+        )
+    for index in found.indices(job):
+        one = drafts[index]
+        if index not in members:
+            assert isinstance(one, LeftOutDraft)  # it was not fitted
             nothing = (0.0, 0.0, False, False)
             yield EffectShare(
-                one.index, one.name, one.axis, one.compensation, *nothing, one.why
+                index, one.name, one.axis, one.compensation, *nothing, one.why
             )
-        for part in found.helpers:
-            if part.effect.compensation == "delay":
-                yield EffectShare.of(None, part, part.known, False, "the instrument's")
-                continue
-            why = "no fit of the group holds it"
-            name = f"line of {part.effect.axis} over its own position"
-            share = EffectShare.of(None, part, part.known, False, why)
-            yield dataclasses.replace(share, name=name)
+    for part in found.helpers:
+        if part.effect.compensation == "delay":
+            yield EffectShare.of(None, part, part.known, False, "the instrument's")
+            continue
+        why = "no fit of the group holds it"
+        name = f"line of {part.effect.axis} over its own position"
+        share = EffectShare.of(None, part, part.known, False, why)
+        yield dataclasses.replace(share, name=name)
 
-    def _sum(self, job: Job, files: AxisFiles) -> AxisSum:
-        axis, found, recording = files.axis, self.found, self.found.recording
-        fit, data = found.fit, recording.data
-        mine = [k for k, one in enumerate(found.members) if one.axis == axis]
-        rows = np.flatnonzero(Share(found, mine[0]).rows)
-        error = data.error[axis][rows]
-        if recording.drifting:
-            drift = fit.predict(data, runs=True)[axis] - fit.predict(data)[axis]
-            error = error - drift[rows]
-        predicted = found.held_out[axis][rows].copy()
-        unwritten = [found.parts[k] for k in mine if not self.drafts[k].written]
-        for part in found.helpers:
-            if part.effect.axis != axis:
-                continue
-            if part.effect.compensation == "delay":
-                error = error - part.contribution[rows]
-            else:
-                unwritten.append(part)
-        for part in unwritten:
-            predicted += part.contribution[rows]
-        own = [self.drafts[k] for k in mine]
-        from_file = error + added_by_files(job, files, own, recording, rows)
-        wild = np.asarray(fit.wild[axis][rows])
-        constant, left = found.datum
-        if not any(constant[k] for k in mine):
-            # No list takes a constant away: what is left is judged about its middle.
-            error, predicted, from_file = (
-                each - float(np.median(each)) for each in (error, predicted, from_file)
+
+def _sum(
+    job: Job,
+    found: IdentifiedGroup,
+    drafts: Sequence[AbstractDraft],
+    files: AxisFiles,
+) -> AxisSum:
+    axis, fit, recording = files.axis, found.fit, found.recording
+    data = recording.data
+    mine = [k for k, one in enumerate(found.members) if one.axis == axis]
+    own = {k: drafts[found.members[k].index] for k in mine}
+    rows = np.flatnonzero(Share(found, mine[0]).rows)
+    error = data.error[axis][rows]
+    if recording.drifting:
+        drift = fit.predict(data, runs=True)[axis] - fit.predict(data)[axis]
+        error = error - drift[rows]
+    predicted = found.held_out[axis][rows].copy()
+    unwritten = [found.parts[k] for k, draft in own.items() if not draft.written]
+    for part in found.helpers:
+        if part.effect.axis != axis:
+            continue
+        if part.effect.compensation == "delay":
+            error = error - part.contribution[rows]
+        else:
+            unwritten.append(part)
+    for part in unwritten:
+        predicted += part.contribution[rows]
+    from_file = error + _added_by_files(job, files, [*own.values()], recording, rows)
+    wild = np.asarray(fit.wild[axis][rows])
+    constant, left = found.datum
+    if not any(constant[k] for k in mine):
+        # No list takes a constant away: what is left is judged about its middle.
+        error, predicted, from_file = (
+            each - float(np.median(each)) for each in (error, predicted, from_file)
+        )
+    linear = job.spec.axes[axis].kind == "linear"
+    return AxisSum(
+        axis=axis,
+        unit="mm" if linear else "deg",
+        noise=float(fit.noise[axis]),
+        datum=left[axis],
+        error=staged(error, predicted, from_file, wild),
+        rows=rows,
+        before=error,
+        predicted=predicted,
+        from_file=from_file,
+        wild=wild,
+        runs=tuple(fit.runs.get(axis, ())),
+    )
+
+
+def _remarks(
+    found: IdentifiedGroup, drafts: Sequence[AbstractDraft]
+) -> Iterator[Remark]:
+    fit = found.fit
+    words = dict.fromkeys(each.message for each in found.recording.remarks)
+    yield from map(Remark.info, words)
+    if not fit.converged:
+        yield Remark.warning(fit.message)
+    names = {part.name for part in found.parts}
+    fine = {part.name for part in found.parts if not lost(part, fit)}
+    left_out = {
+        part.name
+        for part, one in zip(found.parts, found.members, strict=True)
+        if isinstance(drafts[one.index], LeftOutDraft)
+    }
+    for each in fit.confusions:
+        own = names & set(each.effects)
+        if own <= fine:
+            # Only values that hardly any reading reaches: the prior fills them.
+            yield Remark.info(each.sentence)
+        elif not left_out & own:
+            yield Remark.error(each.sentence)
+    for axis, value in found.datum[1].items():
+        if value:
+            yield Remark.info(
+                f"A constant error of {axis} stands in no list of this group:"
+                " figures of the sum are about their middle."
             )
-        linear = job.spec.axes[axis].kind == "linear"
-        return AxisSum(
-            axis=axis,
-            unit="mm" if linear else "deg",
-            noise=float(fit.noise[axis]),
-            datum=left[axis],
-            error=staged(error, predicted, from_file, wild),
-            rows=rows,
-            before=error,
-            predicted=predicted,
-            from_file=from_file,
-            wild=wild,
-            runs=tuple(fit.runs.get(axis, ())),
+    for part in found.helpers:
+        if part.effect.compensation == "delay":
+            continue
+        yield Remark.info(
+            f"A line over {part.effect.axis} that no temperature moves was"
+            " fitted beside the group: it belongs to a leadscrew, and no list of"
+            " this group holds it."
         )
 
-    def _remarks(self) -> Iterator[Remark]:
-        found, fit = self.found, self.found.fit
-        words = dict.fromkeys(each.message for each in found.recording.remarks)
-        yield from map(Remark.info, words)
-        if not fit.converged:
-            yield Remark.warning(fit.message)
-        names = {part.name for part in found.parts}
-        fine = {part.name for part in found.parts if not lost(part, fit)}
-        left_out = {
-            part.name
-            for part, draft in zip(found.parts, self.drafts, strict=True)
-            if isinstance(draft, LeftOutDraft)
-        }
-        for each in fit.confusions:
-            own = names & set(each.effects)
-            if own <= fine:
-                # Only values that hardly any reading reaches: the prior fills them.
-                yield Remark.info(each.sentence)
-            elif not left_out & own:
-                yield Remark.error(each.sentence)
-        for axis, value in found.datum[1].items():
-            if value:
-                yield Remark.info(
-                    f"A constant error of {axis} stands in no list of this group:"
-                    " figures of the sum are about their middle."
-                )
-        for part in found.helpers:
-            if part.effect.compensation == "delay":
-                continue
-            yield Remark.info(
-                f"A line over {part.effect.axis} that no temperature moves was"
-                " fitted beside the group: it belongs to a leadscrew, and no list of"
-                " this group holds it."
-            )
 
-
-def added_by_files(
+def _added_by_files(
     job: Job,
     files: AxisFiles,
     drafts: Sequence[AbstractDraft],
@@ -188,7 +333,7 @@ def added_by_files(
         recording: What was measured.
         rows: Readings of it that count.
     """
-    before = acting_before(job, files.axis, files.existing)
+    before = acting_before(job, files.axis)
     after = acting_after(job, files)
     active = job.spec.measurements[drafts[0].fit.sources[0]].active
     motion = _motion(job, drafts, recording, rows)

@@ -1,7 +1,9 @@
 """Readings of a group: every role that its effects need, all measurements joined."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,21 +24,12 @@ from ...readings import (
 )
 from .._result import Remark
 
+if TYPE_CHECKING:
+    from ._member import AbstractMember
+
 _FOLDS, _BLOCKS = 5, 20
 """In how many turns readings are held out, and stretches of the recording."""
 _MOST_RUNS = 10
-
-
-@dataclasses.dataclass(frozen=True)
-class GroupNeeds:
-    """Which columns the effects of a group use, by axis or sensor; ``heated``: by axis too."""
-
-    error: tuple[str, ...]
-    position: tuple[str, ...]
-    direction: tuple[str, ...]
-    motion: tuple[str, ...]
-    temperature: tuple[str, ...]
-    heated: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,29 +69,31 @@ class GroupRecording:
         return "run" if self.by_run else "block"
 
 
-def read_group(
-    tables: Tables, fits: Sequence[FitSpec], needs: GroupNeeds
-) -> GroupRecording:
-    """Return the readings of a group.
+def read_group(tables: Tables, members: Sequence["AbstractMember"]) -> GroupRecording:
+    """Return the readings of a group: every column that its members use.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If a measurement does not suit.
     """
     parts, moving, remarks = list[JointData](), set[str](), list[Remark]()
-    lead = max(fits, key=lambda fit: len(fit.over))
-    masters = lead.over if len(lead.over) > 1 else needs.position or (lead.axis,)
+    lead = max((one.fit for one in members), key=lambda fit: len(fit.over))
+    masters = lead.over
+    if len(masters) < 2:
+        masters = _unique(one.positions for one in members) or (lead.axis,)
+    axes = _unique((one.axis,) for one in members)
     for name in lead.sources:
         measured = tables.measured(name, lead.axis, masters)
-        rows = Rows(tables.job, name, measured, needs.error, gaps=True)
-        parts.append(_columns(rows, fits, needs))
+        rows = Rows(tables.job, name, measured, axes, gaps=True)
+        parts.append(_columns(rows, members, axes))
         moving |= rows.moving & set(parts[-1].velocity)
         remarks += [Remark.info(words) for words in dict.fromkeys(rows.remarks)]
     counts = [len(part) for part in parts]
     time = joined([part.time for part in parts])
     label = joined_runs([part.run for part in parts], counts)
     several = label is not None and len(np.unique(label)) > 1
-    heated = needs.heated  # runs without an offset: it is what tells the temperature
+    # Runs without an offset: it is what tells the temperature.
+    heated = _unique((one.axis,) for one in members if one.sensors)
     beside = _set_ups(counts, tables, lead.sources)
     data = JointData(
         **{table: stacked(parts, table, counts) for table in CHANNELS},
@@ -128,14 +123,22 @@ def read_group(
     )
 
 
-def _columns(rows: Rows, fits: Sequence[FitSpec], needs: GroupNeeds) -> JointData:
+def _unique(names: Iterable[Sequence[str]]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(itertools.chain.from_iterable(names)))
+
+
+def _columns(
+    rows: Rows, members: Sequence["AbstractMember"], axes: Sequence[str]
+) -> JointData:
     """Return every column of a measurement that the effects of a group need."""
+    fits = [one.fit for one in members]
     why = f"for group {fits[0].group!r}"
-    asked = [axis for axis in needs.error if _has_error(rows, axis)]
+    asked = [axis for axis in axes if _has_error(rows, axis)]
     if not asked:
-        derive_error(rows.measured, needs.error[0])  # says what is missing
+        derive_error(rows.measured, axes[0])  # says what is missing
     kinds = ("position", "encoder") if rows.moving else ("position",)
-    position = {axis: rows.position(axis, why, kinds) for axis in needs.position}
+    placed = _unique(one.positions for one in members)
+    position = {axis: rows.position(axis, why, kinds) for axis in placed}
     error = {}
     for axis in asked:
         lengths = any(fit.lengths for fit in fits if fit.axis == axis)
@@ -148,11 +151,13 @@ def _columns(rows: Rows, fits: Sequence[FitSpec], needs: GroupNeeds) -> JointDat
                 lengths=lengths,
                 change=rows.change.get(axis),
             )
-    velocity = {axis: rows.motion(axis, "velocity") for axis in needs.motion}
+    driven = _unique(one.accelerating for one in members)
+    velocity = {axis: rows.motion(axis, "velocity") for axis in driven}
     for axis in rows.moving:
         if f"{axis}.velocity" in rows.measured.values:
             velocity[axis] = rows.motion(axis, "velocity")
-    direction = {axis: _direction(rows, axis, fits[0]) for axis in needs.direction}
+    turning = _unique(one.turning for one in members)
+    direction = {axis: _direction(rows, axis, fits[0]) for axis in turning}
     run = rows.run
     if run is not None and len(direction) == 1:
         way = next(iter(direction.values()))
@@ -163,9 +168,10 @@ def _columns(rows: Rows, fits: Sequence[FitSpec], needs: GroupNeeds) -> JointDat
         error=error,
         direction=direction,
         velocity=velocity,
-        acceleration={axis: rows.motion(axis, "acceleration") for axis in needs.motion},
+        acceleration={axis: rows.motion(axis, "acceleration") for axis in driven},
         temperature={
-            sensor: rows.temperature(sensor, why) for sensor in needs.temperature
+            sensor: rows.temperature(sensor, why)
+            for sensor in _unique(one.sensors for one in members)
         },
         time=rows.time,
         run=run,

@@ -12,11 +12,10 @@ from ...fit import Samples, TableFit
 from ...fit.joint import AbstractEffect, JointData, Part
 from ...kinds._keys import TableSpec
 from ...proof import HeldOut
-from ...readings import Tables
+from ...readings import Readings, Tables
 from .._draft import AxisLists
 from .._load import Job
 from .._plan import Plan, plan_fit
-from .._readings import Readings
 from .._table_draft import TableDraft
 from .._trend import refuse_unowned_trend
 from ._member import AbstractMember
@@ -104,12 +103,8 @@ class TableMember(AbstractMember):
             direction=direction,
             run=run,
             order=recording.order[rows],
-            place=None,
-            datum=None,
-            slices=share.slices(),
-            repeated=run is not None,
-            remarks=tuple(share.remarks()),
             timed=recording.timed,
+            slices=share.slices(),
         )
         fit = self._table_fit(share, share.part)
         refuse_unowned_trend(job, plan, fit)
@@ -122,6 +117,7 @@ class TableMember(AbstractMember):
             estimate=fit,
             run_effects="offset" if share.fit.runs.get(self.axis) else "none",
             readings=readings,
+            remarks=tuple(share.remarks()),
             samples=Samples(
                 positions, share.error, branch=plan.branch(direction), run=run
             ),

@@ -1,30 +1,23 @@
 """A table fitted to a log in pieces, and its proof: one more pass, with the written file."""
 
 import dataclasses
+import itertools
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import partial, reduce
 from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...exchange import Model
-from ...fit import (
-    AbstractPass,
-    Grouping,
-    Place,
-    Samples,
-    Stream,
-    StreamedFit,
-    added,
-    fit_streamed,
-    predict,
-)
-from ...proof import ErrorFigures, held_out_deviation
+from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
+from ...proof import ErrorFigures, blocks_of, held_out_deviation, run_groups
+from ...readings import places_of, visits_overlap
 from .._plan import Plan
-from .._remarks import Counts, outside
+from .._remarks import outside
 from .._result import Remark, SampleView, Streamed
 from .._table_draft import AbstractTableDraft, Proof
-from ._groups import Runs, grouping_of
 from ._readings import LogReadings
 
 _SHOWN = 20_000
@@ -45,6 +38,7 @@ class StreamedDraft(AbstractTableDraft):
         readings: What was measured.
         found: What the passes over it gave, with a table for every group left out.
         grouping: Tells the group of each reading.
+        by_run: Whether these are runs, else spatial blocks.
         folds: Entries of the list fitted without each group.
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
     """
@@ -52,6 +46,7 @@ class StreamedDraft(AbstractTableDraft):
     readings: LogReadings
     found: StreamedFit
     grouping: Grouping
+    by_run: bool
     folds: Mapping[int, Int[np.ndarray, "..."]]
     zero: float
 
@@ -59,16 +54,16 @@ class StreamedDraft(AbstractTableDraft):
     def in_memory(self) -> bool:
         return False
 
-    @property
-    def by_run(self) -> bool:
-        """Whether runs were left out, else spatial blocks."""
-        return isinstance(self.grouping, Runs)
-
     def proof(self, back: Model) -> Proof:
         count, wild = self.found.count, self.found.wild
         every = max(1, count // _SHOWN)
-        tally: _Tally = Stream(self.readings.parts).ask(_Take(self, back, every))
-        view = tally.columns()
+        pieces = [*self._pieces(back, every)]
+        view = {
+            name: np.concatenate([piece.view[name] for piece in pieces])
+            for name in pieces[0].view
+        }
+        keep = ~view.pop("beside") | _largest(view["before"], view["wild"])
+        view = {name: column[keep] for name, column in view.items()}
         return Proof(
             fit=dataclasses.replace(
                 self.estimate,
@@ -87,12 +82,79 @@ class StreamedDraft(AbstractTableDraft):
                 predicted_sd=view["predicted_sd"],
                 share=view["share"],
             ),
-            error=tally.figures(),
-            counts=Counts(count, wild, tally.outside),
+            error=_figures(pieces),
+            readings=count,
+            wild=wild,
+            outside=sum(piece.outside for piece in pieces),
             by_run=self.by_run,
             remarks=(*self.readings.remarks, *self._of_the_stream(every)),
             streamed=Streamed(count, wild, every),
         )
+
+    def _pieces(self, back: Model, every: int) -> Iterator["_Piece"]:
+        """Yield what is known of each piece of the log, with the written table read back."""
+        table, first = self.plan.table, 0
+        for number, part in enumerate(self.readings.parts):
+            row = 0
+            for samples in part():
+                wild, share = self.found.judged(samples)
+                before = samples.error - self.zero
+                acted = self.plan.acted(samples.positions, samples.branch)
+                groups = self.grouping(samples)
+                written = table.offset(back, samples.positions, samples.branch)
+                errors = (
+                    before,
+                    before + self._held_out(samples, groups) - acted,
+                    before + written - acted,
+                )
+                keep = np.zeros(len(before), bool)
+                keep[-row % every :: every] = True
+                worst = _largest(before, wild) & ~keep
+                keep |= worst
+                view = dict(zip(_STAGES, (one[keep] for one in errors), strict=True))
+                view |= self._view(samples.take(keep), groups[keep])
+                view |= {
+                    "wild": wild[keep],
+                    "share": share[keep],
+                    "beside": worst[keep],
+                }
+                view["row"] = first + row + np.flatnonzero(keep)
+                sizes = [[_size(error), _size(error[~wild])] for error in errors]
+                out = int(outside(table, samples.positions).sum())
+                if len(before):
+                    yield _Piece(number, np.array(sizes), out, view)
+                row += len(before)
+            first += row
+
+    def _held_out(
+        self, samples: Samples, groups: Int[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return what the list fitted without it adds at each reading."""
+        table = self.plan.table
+        found = np.zeros(len(samples.error))
+        for group, integers in self.folds.items():
+            own = groups == group
+            if own.any():
+                part = samples.take(own)
+                model = table.model(integers)
+                found[own] = table.offset(model, part.positions, part.branch)
+        return found
+
+    def _view(self, samples: Samples, groups: Int[np.ndarray, " t"]) -> Columns:
+        """Return what is known of readings beside their errors."""
+        deviation = np.zeros(len(groups))
+        for group, fold in self.found.folds.items():
+            own = groups == group
+            deviation[own] = held_out_deviation(fold, samples.take(own))
+        said, _ = predict(self.found.fit, samples.positions, samples.branch)
+        found = {
+            "positions": samples.positions,
+            "predicted_sd": deviation,
+            "residual": samples.error - said,
+        }
+        if samples.branch is not None:
+            found["direction"] = 1 - 2 * samples.branch
+        return found
 
     def _of_the_stream(self, every: int) -> Iterator[Remark]:
         """Return what the route changes, and what it cannot do."""
@@ -129,7 +191,7 @@ def fit_log(plan: Plan, readings: LogReadings) -> StreamedDraft:
         MeasurementError: If a cell of the log cannot be used.
     """
     spec = plan.fit
-    grouping = grouping_of(readings, Stream(readings.parts))
+    grouping, by_run = _grouping(readings)
     found = fit_streamed(
         plan.table.layout,
         readings.parts,
@@ -148,63 +210,91 @@ def fit_log(plan: Plan, readings: LogReadings) -> StreamedDraft:
         readings=readings,
         found=found,
         grouping=grouping,
+        by_run=by_run,
         folds={k: plan.integers([fold])[0] for k, fold in found.folds.items()},
         zero=zero,
     )
 
 
+def _grouping(readings: LogReadings) -> tuple[Grouping, bool]:
+    """Return what is left out together: runs that repeat each other, else spatial blocks.
+
+    Beside it stands whether these are runs.
+    """
+    table = readings.table
+    if readings.has_runs:
+        visits, counts = _visits(readings)
+        runs, visitor = np.unique(visits[:, 0], return_inverse=True)
+        sizes = np.array([counts[run] for run in runs.tolist()])
+        if visits_overlap(visits[:, 1], visitor.reshape(-1), sizes):
+            groups = run_groups(np.arange(len(runs)))
+            return partial(_by_run, runs, groups), True
+    return partial(blocks_of, table.layout), False
+
+
+def _by_run(
+    runs: Int[np.ndarray, " r"], groups: Int[np.ndarray, " r"], samples: Samples
+) -> Int[np.ndarray, " t"]:
+    assert samples.run is not None  # of a log with runs
+    return np.asarray(groups[np.searchsorted(runs, samples.run)])
+
+
+def _visits(readings: LogReadings) -> tuple[Int[np.ndarray, "v 2"], Counter[int]]:
+    """Return the different pairs of a run and a place, and the readings of each run."""
+    nodes = tuple(each.positions for each in readings.table.nodes)
+    pairs, counts = np.zeros((0, 2), dtype=np.int64), Counter[int]()
+    for part in readings.parts:
+        for samples in part():
+            assert samples.run is not None  # of a log with runs
+            way = None if samples.branch is None else 1 - 2 * samples.branch
+            cells = places_of(samples.positions, nodes, way)
+            found = np.unique(np.stack([samples.run, cells], axis=1), axis=0)
+            pairs = np.unique(np.concatenate([pairs, found]), axis=0)
+            counts.update(samples.run.tolist())
+    return pairs, counts
+
+
 @dataclasses.dataclass(frozen=True)
-class _Tally:
-    """What the last pass gives.
+class _Piece:
+    """What the last pass gives of one piece.
 
     Attributes:
+        part: Of the log.
         sizes: Number, sum of squares and largest magnitude of each stage of the error, over
             all readings and over those that are not wild, shape ``(stage, 2, 3)``.
         outside: Readings outside the table.
-        rows: Readings by part.
-        view: Every n-th reading and the largest wild ones, column by column, in pieces.
+        view: Every n-th reading and the largest wild ones, column by column.
     """
 
+    part: int
     sizes: Float[np.ndarray, "3 2 3"]
     outside: int
-    rows: dict[int, int]
-    view: tuple[Columns, ...]
+    view: Columns
 
-    def __add__(self, other: "_Tally") -> "_Tally":
-        sizes = self.sizes + other.sizes
-        sizes[..., 2] = np.maximum(self.sizes[..., 2], other.sizes[..., 2])
-        rows = {
-            part: self.rows.get(part, 0) + other.rows.get(part, 0)
-            for part in self.rows | other.rows
-        }
-        view = (*self.view, *other.view)
-        return _Tally(sizes, self.outside + other.outside, rows, view)
 
-    def columns(self) -> Columns:
-        """Return the readings that are kept, ``row`` counted over all parts."""
-        found = {
-            name: np.concatenate([piece[name] for piece in self.view])
-            for name in self.view[0]
-        }
-        lengths = [self.rows.get(part, 0) for part in range(max(self.rows) + 1)]
-        starts = np.concatenate([[0], np.cumsum(lengths)])
-        found["row"] = starts[found["part"]] + found["row"]
-        keep = ~found["beside"] | _largest(found["before"], found["wild"])
-        return {name: column[keep] for name, column in found.items()}
+def _figures(pieces: list[_Piece]) -> dict[str, ErrorFigures]:
+    """Return the figures of every stage, as `error_figures` gives them."""
 
-    def figures(self) -> dict[str, ErrorFigures]:
-        """Return the figures of every stage, as `error_figures` gives them."""
-        found = {}
-        for name, ((count, square, most), (sound, least, largest)) in zip(
-            _STAGES, self.sizes.tolist(), strict=True
-        ):
-            rms = float(np.sqrt(square / max(count, 1)))
-            others = (None, float(np.sqrt(least / max(sound, 1))), largest)
-            if sound in (0, count):
-                found[name] = ErrorFigures(rms, most)
-            else:
-                found[name] = ErrorFigures(rms, most, *others)
-        return found
+    def together(
+        one: Float[np.ndarray, "3 2 3"], other: Float[np.ndarray, "3 2 3"]
+    ) -> Float[np.ndarray, "3 2 3"]:
+        both = np.array(one + other)
+        both[..., 2] = np.maximum(one[..., 2], other[..., 2])
+        return both
+
+    parts = itertools.groupby(pieces, key=lambda piece: piece.part)
+    sizes = [reduce(together, (p.sizes for p in own)) for _, own in parts]
+    found = {}
+    for name, ((count, square, most), (sound, least, largest)) in zip(
+        _STAGES, reduce(together, sizes).tolist(), strict=True
+    ):
+        rms = float(np.sqrt(square / max(count, 1)))
+        others = (None, float(np.sqrt(least / max(sound, 1))), largest)
+        if sound in (0, count):
+            found[name] = ErrorFigures(rms, most)
+        else:
+            found[name] = ErrorFigures(rms, most, *others)
+    return found
 
 
 def _size(error: Float[np.ndarray, " t"]) -> list[float]:
@@ -224,77 +314,3 @@ def _largest(
     found = np.zeros(len(error), bool)
     found[rows] = True
     return found
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class _Take(AbstractPass):
-    """Asks for the error before, predicted and from the file.
-
-    Attributes:
-        one: The fit.
-        back: The written table, read back.
-        every: n, of the readings that are kept.
-    """
-
-    one: StreamedDraft
-    back: Model
-    every: int
-
-    def onto(self, done: _Tally | None, samples: Samples, place: Place) -> _Tally:
-        """See `AbstractPass`."""
-        one, table = self.one, self.one.plan.table
-        wild, share = one.found.judged(samples)
-        before = samples.error - one.zero
-        acted = one.plan.acted(samples.positions, samples.branch)
-        groups = one.grouping(samples)
-        written = table.offset(self.back, samples.positions, samples.branch)
-        errors = (
-            before,
-            before + self._held_out(samples, groups) - acted,
-            before + written - acted,
-        )
-        sizes = [[_size(error), _size(error[~wild])] for error in errors]
-        out = int(outside(table, samples.positions).sum())
-        # By its place in the part: nobody has to wait for the parts before it.
-        keep = np.zeros(len(before), bool)
-        keep[-place.row % self.every :: self.every] = True
-        worst = _largest(before, wild) & ~keep
-        keep |= worst
-        view = dict(zip(_STAGES, (error[keep] for error in errors), strict=True))
-        view |= self._view(samples.take(keep), groups[keep])
-        view |= {"wild": wild[keep], "share": share[keep], "beside": worst[keep]}
-        view["row"] = place.row + np.flatnonzero(keep)
-        view["part"] = np.full(len(view["row"]), place.part)
-        rows = {place.part: len(before)}
-        return added(done, _Tally(np.array(sizes), out, rows, (view,)))
-
-    def _held_out(
-        self, samples: Samples, groups: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
-        """Return what the list fitted without it adds at each reading."""
-        table = self.one.plan.table
-        found = np.zeros(len(samples.error))
-        for group, integers in self.one.folds.items():
-            own = groups == group
-            if own.any():
-                part = samples.take(own)
-                model = table.model(integers)
-                found[own] = table.offset(model, part.positions, part.branch)
-        return found
-
-    def _view(self, samples: Samples, groups: Int[np.ndarray, " t"]) -> Columns:
-        """Return what is known of readings beside their errors."""
-        deviation = np.zeros(len(groups))
-        for group, fold in self.one.found.folds.items():
-            own = groups == group
-            deviation[own] = held_out_deviation(fold, samples.take(own))
-        said, _ = predict(self.one.found.fit, samples.positions, samples.branch)
-        found = {
-            "positions": samples.positions,
-            "predicted_sd": deviation,
-            "residual": samples.error - said,
-        }
-        if samples.branch is not None:
-            found["direction"] = 1 - 2 * samples.branch
-        return found

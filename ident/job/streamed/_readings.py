@@ -1,4 +1,4 @@
-"""A log in pieces, as readings of one fit."""
+"""A log in pieces, as readings of one fit, where it is too large for memory."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping
@@ -13,7 +13,7 @@ from ...exchange import AbstractTable
 from ...fit import Ahead, Samples
 from ...kinds._keys import TableSpec
 from ...readings import (
-    Part,
+    Readings,
     Tables,
     Wanted,
     Zero,
@@ -22,10 +22,10 @@ from ...readings import (
     reference_words,
     sensor_name,
     step_of,
+    wanted_by,
     zero_of,
 )
 from .._load import Job
-from .._readings import datum_of
 from .._result import Remark
 
 _PARTS = 32
@@ -34,6 +34,12 @@ _ROWS = 1 << 19
 """Rows of a piece."""
 _MANY = 1 << 32
 """Runs of one measurement are numbered below this."""
+LARGE = 20_000_000
+"""Cells (rows × columns used) above which a log is read in pieces."""
+_SHORT = 5_000
+"""Rows up to which a log is not worth being read in pieces."""
+_HUGE = 10 * LARGE
+"""Cells above which it is even where runs then keep no effects of their own."""
 
 
 @final
@@ -95,7 +101,6 @@ class LogReadings:
 
     Attributes:
         job: The job.
-        index: Of the fit in the job.
         fit: Its specification.
         table: What will be written.
         wanted: What it takes from its measurements.
@@ -103,7 +108,6 @@ class LogReadings:
     """
 
     job: Job
-    index: int
     fit: TableSpec
     table: AbstractTable
     wanted: Wanted
@@ -126,11 +130,6 @@ class LogReadings:
             for k, source in enumerate(self.sources)
             for part in self._parts_of(source)
         ]
-
-    @cached_property
-    def datum(self) -> tuple[float, ...] | None:
-        """Where the error is zero, per master, or None."""
-        return datum_of(self.job, self.index, self.fit)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
@@ -161,18 +160,18 @@ class LogReadings:
         run = None
         if self.has_runs:
             run = np.full(len(error), number * _MANY, dtype=np.int64)
-            if part.rows.run is not None:
-                run += part.rows.run
+            if part.run is not None:
+                run += part.run
         return Samples(part.positions, error, branch, run=run)
 
-    def _rows(self, source: LogSource, table: Table) -> Part:
+    def _rows(self, source: LogSource, table: Table) -> Readings:
         measured = measured_from(
             self.job, source.name, table, source.columns,
             self.fit.axis, self.wanted.masters,
         )  # fmt: skip
         part = read_rows(self.job, source.name, measured, self.fit, self.wanted)
         self._said.update(dict.fromkeys(part.remarks))
-        for change in part.rows.change.values():
+        for change in part.rows[source.name].change.values():
             self._changes[source.name] = max(
                 change, self._changes.get(source.name, 0.0)
             )
@@ -200,7 +199,98 @@ class LogReadings:
             )
         return found
 
-    def _all_rows(self, source: LogSource) -> Iterator[Part]:
+    def _all_rows(self, source: LogSource) -> Iterator[Readings]:
         for part in self._parts_of(source):
             for table in part.tables():
                 yield self._rows(source, table)
+
+
+def in_pieces(
+    tables: Tables, fit: TableSpec, table: AbstractTable
+) -> tuple[LogReadings | None, tuple[Remark, ...]]:
+    """Return the readings of a fit in pieces, None where they belong into memory.
+
+    Beside it stands what must be said of a large log that was read into memory.
+
+    Args:
+        tables: Files of the job.
+        fit: Its specification.
+        table: What will be written.
+
+    Raises:
+        JobError: If the job asks for it and it cannot be done.
+        MeasurementError: If a file is damaged or a column is missing.
+    """
+    job = tables.job
+    specs = {name: job.spec.measurements[name] for name in fit.sources}
+    asked = [name for name, spec in specs.items() if spec.stream is True]
+    if any(spec.stream is False for spec in specs.values()):
+        return None, ()
+    found = {name: tables.large(name) for name in fit.sources}
+    for name, file in found.items():
+        if file is None and asked:
+            raise job.error(
+                ("measurements", asked[0], "stream"),
+                f"found true, but {specs[name].file or specs[name].files} cannot be read"
+                " in pieces, expected a Parquet or CSV file",
+            )
+    large = {name: file for name, file in found.items() if file is not None}
+    if len(large) < len(found):
+        return None, ()
+    wanted = wanted_by(fit, table)
+    sources = tuple(
+        LogSource.of(tables, name, file, fit, wanted) for name, file in large.items()
+    )
+    cells = sum(one.file.rows * len(one.headers) for one in sources)
+    if not asked and cells <= LARGE:
+        return None, ()
+    if sum(one.file.rows for one in sources) <= _SHORT:
+        words = (
+            f"{', '.join(map(repr, fit.sources))} is so short that it was read at once."
+        )
+        return None, (Remark.info(words),)
+    readings = LogReadings(job, fit, table, wanted, sources)
+    for reason, possible in _obstacles(job, fit, readings):
+        if possible and (asked or cells > _HUGE):
+            continue
+        if asked:
+            raise job.error(
+                ("measurements", asked[0], "stream"),
+                f"found true, but {reason}",
+            )
+        words = (
+            f"{', '.join(map(repr, fit.sources))} ({cells:.3g} cells) was read into"
+            f" memory and not in pieces: {reason}."
+        )
+        return None, (Remark.info(words),)
+    return readings, ()
+
+
+def _obstacles(
+    job: Job, fit: TableSpec, readings: LogReadings
+) -> Iterator[tuple[str, bool]]:
+    """Yield what stands in the way, the worst first, and whether it can be done all the same."""
+    for other in job.spec.fits:
+        if other is fit or other.axis != fit.axis:
+            continue
+        if set(other.sources) & set(fit.sources):
+            yield f"the {other.compensation} fit of {fit.axis} shares it", False
+    for one in readings.sources:
+        if f"{fit.axis}.error" not in one.roles and "time" in one.roles:
+            words = (
+                f"the error of {fit.axis} in {one.name!r} is not a column but rests on"
+                " what its instrument lags behind, which the whole log tells"
+            )
+            yield words, False
+        needs_way = readings.wanted.direction == "needed"
+        if needs_way and f"{fit.axis}.direction" not in one.roles:
+            words = (
+                f"{one.name!r} has no column for '{fit.axis}.direction', so that the"
+                " whole log tells it"
+            )
+            yield words, False
+        run = one.columns.get("run")
+        if run is not None and one.file.head.column(run.column).text is not None:
+            yield f"the runs of {one.name!r} have names and not numbers", False
+    if readings.has_runs:
+        yield "each of its runs is then allowed an offset of its own", True

@@ -20,8 +20,7 @@ from axcomp.ident.batch import (
     read_results,
     summarise,
 )
-from axcomp.ident.batch._journal import Journal
-from axcomp.ident.batch._lock import locked
+from axcomp.ident.batch._folder import Journal, locked
 from axcomp.ident.batch._rows import failed_row
 from axcomp.ident.batch._table import write_results
 from axcomp.ident.batch._work import (

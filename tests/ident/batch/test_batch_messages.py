@@ -8,7 +8,7 @@ import pytest
 
 from axcomp.ident.batch import query_results
 from axcomp.ident.batch._collect import collect_jobs
-from axcomp.ident.batch._errors import BatchError
+from axcomp.ident.batch._folder import BatchError
 from axcomp.ident.batch._table import write_results
 from axcomp.ident.cli import main
 

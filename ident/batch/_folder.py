@@ -1,0 +1,223 @@
+"""The folder of a batch: its jobs, what is done so far, and who works in it."""
+
+import contextlib
+import dataclasses
+import datetime
+import importlib.metadata
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...data.errors import AxcompError
+from ...data.files import write_atomically
+from ._rows import VERSION, Row
+from ._work import Task
+
+
+class BatchError(AxcompError, RuntimeError):
+    """A batch that cannot start or go on: where, what was found and what was expected."""
+
+    def __init__(self, where: str, reason: str) -> None:
+        super().__init__(where, reason)
+        self.where, self.reason = where, reason
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.reason}"
+
+
+_MANIFEST = "batch.json"
+
+
+@dataclasses.dataclass(frozen=True)
+class Manifest:
+    """The file ``batch.json``.
+
+    Attributes:
+        arguments: What was asked for.
+        jobs: Hash of every job file, by name of the job.
+        started: When the batch first began.
+    """
+
+    arguments: tuple[str, ...]
+    jobs: Mapping[str, str]
+    started: str
+
+    @classmethod
+    def of(cls, arguments: Sequence[str | Path], tasks: Sequence[Task]) -> "Manifest":
+        """Return the manifest of a batch that begins now."""
+        return cls(
+            tuple(map(str, arguments)),
+            {task.name: task.sha256 for task in tasks},
+            _now(),
+        )
+
+    def refuse_used(self, folder: Path) -> None:
+        """Raise where the folder holds a batch already.
+
+        Raises:
+            BatchError: Naming what to do.
+        """
+        if (folder / _MANIFEST).exists():
+            raise BatchError(
+                where=str(folder),
+                reason="found a batch in it, expected --resume to go on with it, or"
+                " another folder (--out)",
+            )
+        for kind in ("lists", "unverified"):
+            if (folder / kind).exists():
+                raise BatchError(
+                    where=str(folder / kind),
+                    reason="found files of something else, expected an empty folder"
+                    " (--out)",
+                )
+
+    def resumed(
+        self, folder: Path, rows: Mapping[str, list[Row]]
+    ) -> dict[str, list[Row]]:
+        """Return the rows of jobs that are done; those whose file changed are not.
+
+        Raises:
+            BatchError: If the folder holds a batch of other jobs.
+        """
+        try:
+            before = json.loads((folder / _MANIFEST).read_bytes())["jobs"]
+        except FileNotFoundError:
+            return {}
+        except (ValueError, KeyError):
+            reason = "found no manifest of a batch, expected one"
+            raise BatchError(where=str(folder / _MANIFEST), reason=reason) from None
+        lost = [name for name in before if name not in self.jobs]
+        if lost:
+            raise BatchError(
+                where=str(folder),
+                reason=f"found a batch with the job {lost[0]!r}, which is not among the"
+                f" {len(self.jobs)} given now, expected the same jobs (or more)",
+            )
+        return {
+            name: own
+            for name, own in rows.items()
+            if before.get(name) == self.jobs.get(name)
+        }
+
+    def write(self, folder: Path, seconds: float | None = None) -> None:
+        """Write it, before any job runs; and once more, with how long the batch took."""
+        end: dict[str, Any] = {}
+        if seconds is not None:
+            end = {"finished": _now(), "seconds": round(seconds, 1)}
+        packages = ("axcomp", "numpy", "scipy", "jax", "distributed", "pyarrow")
+        tree = {
+            "schema": VERSION,
+            "arguments": list(self.arguments),
+            "started": self.started,
+            **end,
+            "versions": {"python": platform.python_version()}
+            | {name: importlib.metadata.version(name) for name in packages},
+            "jobs": dict(self.jobs),
+        }
+        write_atomically(
+            folder / _MANIFEST, (json.dumps(tree, indent=1) + "\n").encode()
+        )
+
+
+def _now() -> str:
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+
+
+_JOURNAL = "journal.jsonl"
+
+
+class Journal:
+    """Rows of finished jobs, in the order in which they finished.
+
+    Args:
+        folder: Of the batch.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / _JOURNAL
+
+    def read(self) -> dict[str, list[Row]]:
+        """Return the rows by job; a line that a crash cut off is taken away."""
+        found: dict[str, list[Row]] = {}
+        try:
+            raw = self._path.read_bytes()
+        except FileNotFoundError:
+            return found
+        good = 0
+        for line in raw.splitlines(keepends=True):
+            try:
+                name, rows = json.loads(line)
+            except ValueError:
+                break
+            if not line.endswith(b"\n"):
+                break
+            found[name] = rows
+            good += len(line)
+        if good < len(raw):
+            with self._path.open("r+b") as file:
+                file.truncate(good)
+        return found
+
+    def add(self, entries: Sequence[tuple[str, list[Row]]]) -> None:
+        """Write rows of jobs so that they survive whatever comes next.
+
+        Raises:
+            OSError: If there is no room for them; none of them counts then.
+        """
+        text = "".join(json.dumps(entry) + "\n" for entry in entries)
+        with self._path.open("ab") as file:
+            start = file.tell()
+            try:
+                file.write(text.encode())
+                file.flush()
+                os.fsync(file.fileno())
+            except OSError:
+                os.ftruncate(file.fileno(), start)
+                raise
+
+
+_LOCK = "batch.lock"
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder for this process; the system lets go when the process ends.
+
+    Raises:
+        BatchError: If another process holds it.
+        OSError: If the lock cannot be made.
+    """
+    path = folder / _LOCK
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        try:
+            _take(handle)
+        except OSError:
+            owner = os.read(handle, 64).decode(errors="replace").strip()
+            raise BatchError(
+                where=str(folder),
+                reason=f"found another batch running in it (process {owner or '?'}),"
+                " expected a folder of its own (--out), or its end",
+            ) from None
+        os.ftruncate(handle, 0)
+        os.write(handle, str(os.getpid()).encode())
+        yield
+    finally:
+        os.close(handle)
+
+
+def _take(handle: int) -> None:
+    if os.name == "nt":
+        import msvcrt
+
+        # Far behind the number, so that it can be read all the same.
+        os.lseek(handle, 1024, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        os.lseek(handle, 0, os.SEEK_SET)
+        return
+    import fcntl
+
+    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,135 @@
+"""Every fit of a job: all of them planned, then fitted in the order that they need."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from ..core import FitError
+from ..exchange import ExchangeError
+from ..kinds._keys import FitSpec
+from ..readings import Tables
+from ._acting import hand_on, leftovers
+from ._draft import AbstractDraft
+from ._load import Job
+
+if TYPE_CHECKING:
+    from .joint import IdentifiedGroup
+    from .joint._member import AbstractMember
+
+
+def fit_all(
+    job: Job, tables: Tables, say: Callable[[str], None]
+) -> tuple[list[AbstractDraft], list["IdentifiedGroup"]]:
+    """Plan all fits of a job, then fit one after the other; later ones take what is left.
+
+    Groups come first: each explains the whole error of its measurements. Then backlash:
+    it leaves the readings of both directions on the reference flank, where a table of
+    one direction belongs.
+
+    Args:
+        job: The job.
+        tables: Its measurements.
+        say: Called with a short line before each fit.
+
+    Returns:
+        The draft of each fit, in the order of the job, and the groups.
+
+    Raises:
+        JobError: If keys, nodes, masters or existing lists do not suit, or the readings
+            determine none of the fits.
+        MeasurementError: If a measurement cannot be used.
+    """
+    fits, lists, grouped = job.spec.fits, job.lists, job.spec.grouped
+    _refuse_streams(job, grouped)
+    drafts: dict[int, AbstractDraft] = {}
+    found: list[IdentifiedGroup] = []
+    members: dict[str, tuple[AbstractMember, ...]] = {}
+    for name, indices in job.spec.groups.items():
+        from .joint import members_of  # takes long to load
+
+        members[name] = members_of(job, tables, indices)
+    single = {
+        k: fit.kind.single.plan(job, tables, k, fit, lists[fit.axis])
+        for k, fit in enumerate(fits)
+        if k not in grouped
+    }
+    left = leftovers(job)
+    for name, every in members.items():
+        from .joint import fit_group
+
+        say(f"fitting group {name!r} together: {', '.join(one.name for one in every)}")
+        group, own = fit_group(job, tables, name, every)
+        found.append(group)
+        drafts |= own
+        for one in own.values():
+            hand_on(job, one, left)
+    untold: dict[int, FitError] = {}
+    alone = _untold_alone(job, tables, [*single])
+    order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
+    for place, k in enumerate(order):
+        if k in alone and not fits[k].kind.partial:
+            drafts[k] = _left_out(job, k, alone[k])
+            continue
+        say(f"fitting {fits[k].compensation} of {fits[k].axis}")
+        try:
+            drafts[k] = one = single[k](left)
+        except FitError as error:
+            if k not in alone:
+                untold[k] = error
+            drafts[k] = _left_out(job, k, alone.get(k, str(error)))
+            continue
+        except ExchangeError as error:
+            raise job.error(("fits", k), f"{_start(fits[k])}: {error}") from None
+        if k in alone and one.written and not one.partial:
+            drafts[k] = _left_out(job, k, alone[k])
+            continue
+        later = [fits[k].axis for k in order[place + 1 :]]
+        if one.written and one.axis in later:
+            left.take(one.left_by())
+            hand_on(job, one, left)
+    if len(untold) == len(fits):
+        k = next(iter(untold))
+        raise job.error(("fits", k), f"{_start(fits[k])}: {untold[k]}")
+    return [drafts[k] for k in range(len(fits))], found
+
+
+def _start(fit: FitSpec) -> str:
+    return f"{fit.name} from {', '.join(fit.sources)}"
+
+
+def _refuse_streams(job: Job, grouped: frozenset[int]) -> None:
+    """Raise where a log is to be read in pieces for a fit that needs the whole of it.
+
+    Raises:
+        JobError: Naming the measurement.
+    """
+    for index, fit in enumerate(job.spec.fits):
+        if index not in grouped and fit.kind.table:
+            continue
+        for name in fit.sources:
+            if job.spec.measurements[name].stream is True:
+                whose = f"the {fit.compensation} fit of {fit.axis}"
+                whose += " in a group" if index in grouped else ""
+                raise job.error(
+                    ("measurements", name, "stream"),
+                    f"found true, but {whose} needs its log in memory, expected it for"
+                    " plane, cross and leadscrew fits of their own",
+                )
+
+
+def _left_out(job: Job, k: int, why: str) -> AbstractDraft:
+    """Return what stands for a fit that its readings do not tell: the rest is written."""
+    from .joint import LeftOutDraft
+
+    spec = job.spec.fits[k]
+    return LeftOutDraft(k, spec, job.lists[spec.axis], why)
+
+
+def _untold_alone(job: Job, tables: Tables, single: list[int]) -> dict[int, str]:
+    """Return which fits of no group their readings do not tell apart, and why."""
+    fits = job.spec.fits
+    several = len({fits[k].axis for k in single}) < len(single)
+    if not several and not any(fits[k].kind.often_open for k in single):
+        return {}
+    from .joint import untold_apart
+
+    return untold_apart(job, tables, single)

@@ -1,0 +1,291 @@
+"""Readings of a fit: of one measurement, and of several one after the other.
+
+Runs are readings taken in one go; where they go over the same places they are repeated.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...data.measurements import Measurement
+from ..kinds._keys import FitSpec, TableSpec
+from ._rows import Rows, reference_words
+from ._tables import Tables
+from ._zero import without_zero
+
+if TYPE_CHECKING:
+    from ..exchange import AbstractTable
+    from ..job._load import Job
+
+
+_LEAST = 3
+"""Readings that a run must have, so that it can have an offset of its own."""
+
+_COMMON = 0.5
+"""Share of its places that a run must have in common with others to be a repetition."""
+
+
+def ranked(run: Int[np.ndarray, " t"]) -> tuple[int, Int[np.ndarray, " t"]]:
+    """Return how many runs there are, and of each reading which it is, from 0 up."""
+    low, high = (int(run.min()), int(run.max())) if run.size else (0, 0)
+    if not 0 <= high - low < 4 * run.size:
+        runs, index = np.unique(run, return_inverse=True)
+        return len(runs), index.reshape(-1)
+    # Numbers of runs stand close together: counting them is faster than sorting.
+    rank = np.cumsum(np.bincount(run - low) > 0) - 1
+    return int(rank[-1]) + 1, rank[run - low]
+
+
+def cycles_of(
+    run: Int[np.ndarray, " t"], direction: Int[np.ndarray, " t"]
+) -> Int[np.ndarray, " t"]:
+    """Return cycles that hold both directions, where each run holds only one.
+
+    Some tables number the way out and the way back as runs of their own. An offset per
+    such run would take the reversal for itself; the k-th run out and the k-th run back
+    are one cycle.
+    """
+    runs, index = ranked(run)
+    forward = np.bincount(index, direction > 0, runs)
+    mixed = (forward > 0) & (forward < np.bincount(index))
+    one_way = forward > 0
+    if mixed.any() or one_way.all() or not one_way.any():
+        return run
+    cycle = np.where(one_way, np.cumsum(one_way), np.cumsum(~one_way))
+    return np.asarray(cycle[index], dtype=np.int64)
+
+
+def place_in_run(
+    run: Int[np.ndarray, " t"], order: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, " t"]:
+    """Return where in its run each reading was taken, 0 at the start, 1 at the end."""
+    runs, index = ranked(run)
+    first, last = np.full(runs, np.inf), np.full(runs, -np.inf)
+    np.minimum.at(first, index, order)
+    np.maximum.at(last, index, order)
+    span = (last - first)[index]
+    place = np.zeros(len(run))
+    np.divide(order - first[index], span, out=place, where=span > 0)
+    return place
+
+
+def runs_overlap(
+    positions: Float[np.ndarray, "t d"],
+    run: Int[np.ndarray, " t"],
+    nodes: tuple[Float[np.ndarray, " _"], ...],
+    direction: Int[np.ndarray, " t"] | None,
+) -> bool:
+    """Return whether every run goes over places that others go over too.
+
+    Args:
+        positions: Of the masters.
+        run: Run per reading.
+        nodes: Of the table, per master: their cells are the places.
+        direction: ±1 where the two directions are different places, else None.
+    """
+    runs, index = ranked(run)
+    if runs < 2:
+        return False
+    cell = places_of(positions, nodes, direction)
+    visits = np.unique(cell * runs + index)
+    place, visitor = np.divmod(visits, runs)
+    return visits_overlap(place, visitor, np.bincount(index))
+
+
+def places_of(
+    positions: Float[np.ndarray, "t d"],
+    nodes: tuple[Float[np.ndarray, " _"], ...],
+    direction: Int[np.ndarray, " t"] | None,
+) -> Int[np.ndarray, " t"]:
+    """Return a number for the place of each reading: its nearest node, and its direction."""
+    cell = np.zeros(len(positions), dtype=np.int64)
+    for k, own in enumerate(nodes):
+        # Nearest node: readings at the nodes themselves must not fall to either side.
+        middle = 0.5 * (own[1:] + own[:-1])
+        cell = cell * len(own) + np.searchsorted(middle, positions[:, k])
+    return cell if direction is None else 2 * cell + (direction < 0)
+
+
+def visits_overlap(
+    place: Int[np.ndarray, " v"],
+    visitor: Int[np.ndarray, " v"],
+    readings: Int[np.ndarray, " r"],
+) -> bool:
+    """Return `runs_overlap` from the places that each run visits.
+
+    Args:
+        place: Of each visit.
+        visitor: Its run, counted from 0.
+        readings: Number of readings of each run.
+    """
+    if len(readings) < 2 or readings.min() < _LEAST:
+        return False
+    shared = np.bincount(place)[place] > 1
+    total = np.bincount(visitor, minlength=len(readings))
+    common = np.bincount(visitor, weights=shared, minlength=len(readings))
+    return bool(np.all(common >= _COMMON * total))
+
+
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """What a fit takes from its measurements.
+
+    Attributes:
+        masters: Axes whose positions it needs, master 1 first.
+        direction: ``needed``, ``welcome`` or ``no``.
+        lengths: The error is one of length along the axis itself, so that it grows with
+            the temperature of the scale.
+    """
+
+    masters: tuple[str, ...]
+    direction: Literal["needed", "welcome", "no"]
+    lengths: bool
+
+
+def wanted_by(fit: TableSpec, table: "AbstractTable") -> Wanted:
+    """Return what a table fit takes from its measurements."""
+    way: Literal["needed", "welcome", "no"] = "welcome" if fit.lengths else "no"
+    return Wanted(fit.over, "needed" if table.branches == 2 else way, fit.lengths)
+
+
+@dataclasses.dataclass(frozen=True)
+class Readings:
+    """What was measured for one fit, one measurement after the other; in mm or °.
+
+    Attributes:
+        positions: Of the masters.
+        error: Actual − commanded.
+        direction: ±1, or None where it is neither needed nor known.
+        run: Cycle of each reading, or None where nothing was repeated.
+        order: Time in s, or row number.
+        timed: Whether it is a time.
+        slices: Rows of each measurement.
+        remarks: What was taken for granted.
+        rows: All columns of each measurement.
+        late: What one standard deviation of the instruments' delays makes of the error, or
+            None at standstill.
+    """
+
+    positions: Float[np.ndarray, "t d"]
+    error: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"] | None
+    run: Int[np.ndarray, " t"] | None
+    order: Float[np.ndarray, " t"]
+    timed: bool
+    slices: Mapping[str, slice]
+    remarks: tuple[str, ...] = ()
+    rows: Mapping[str, Rows] = dataclasses.field(default_factory=dict)
+    late: Float[np.ndarray, " t"] | None = None
+
+    @property
+    def time(self) -> Float[np.ndarray, " t"] | None:
+        """In s, or None."""
+        return self.order if self.timed else None
+
+
+def read_rows(
+    job: "Job", name: str, measured: Measurement, fit: FitSpec, wanted: Wanted
+) -> Readings:
+    """Return readings of one measurement, each as its own row tells: nothing is removed yet.
+
+    Raises:
+        MeasurementError: If a role is missing or a value cannot be used.
+    """
+    rows = Rows(job, name, measured, [fit.axis])
+    why = f"for the {fit.compensation} fit of {fit.axis}"
+    positions = np.stack([rows.position(axis, why) for axis in wanted.masters], axis=1)
+    error = rows.raw_error(fit.axis)
+    if wanted.lengths:
+        error = rows.at_reference(fit.axis, error, positions[:, 0])
+    direction, time = None, rows.time
+    if wanted.direction != "no":
+        direction = rows.direction(fit.axis, needed=wanted.direction == "needed")
+    return Readings(
+        positions=positions,
+        error=error,
+        direction=direction,
+        run=rows.run,
+        order=np.arange(len(error), dtype=float) if time is None else time,
+        timed=time is not None,
+        slices={name: slice(0, len(error))},
+        remarks=tuple(rows.remarks),
+        rows={name: rows},
+        late=rows.measured.late.get(fit.axis),
+    )
+
+
+def read_joined(tables: Tables, fit: FitSpec, wanted: Wanted) -> Readings:
+    """Return the readings of a fit, all its measurements joined, reduced as the job asks.
+
+    Raises:
+        MeasurementError: If a role is missing or a value cannot be used.
+    """
+    parts, errors, remarks = list[Readings](), list[np.ndarray](), list[str]()
+    for name in fit.sources:
+        measured = tables.measured(name, fit.axis, wanted.masters)
+        part = read_rows(tables.job, name, measured, fit, wanted)
+        spec, change = part.rows[name].spec, part.rows[name].change
+        parts.append(part)
+        errors.append(without_zero(part.error, [*part.positions.T], spec.remove))
+        remarks += part.remarks
+        remarks += reference_words(
+            name, spec, fit.axis, wanted.lengths, change.get(fit.axis)
+        )
+    counts = [len(error) for error in errors]
+    direction, time = (
+        joined([part.direction for part in parts]),
+        joined([part.time for part in parts]),
+    )
+    run = joined_runs([part.run for part in parts], counts)
+    if run is not None and direction is not None:
+        run = cycles_of(run, direction)
+    return Readings(
+        positions=np.concatenate([part.positions for part in parts]),
+        error=np.concatenate(errors),
+        direction=direction,
+        run=run,
+        order=np.arange(sum(counts), dtype=float) if time is None else time,
+        timed=time is not None,
+        slices=rows_of(fit.sources, counts),
+        remarks=tuple(remarks),
+        rows={name: rows for part in parts for name, rows in part.rows.items()},
+        late=joined([part.late for part in parts]),
+    )
+
+
+def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:
+    """Return the rows of each measurement, one after the other, by its name."""
+    ends = itertools.pairwise([0, *itertools.accumulate(counts)])
+    return {name: slice(*own) for name, own in zip(sources, ends, strict=True)}
+
+
+def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
+    """Return the columns of all measurements one after the other, if all have it."""
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if len(known) == len(parts) else None
+
+
+def joined_runs(
+    runs: Sequence[Int[np.ndarray, " _t"] | None], counts: Sequence[int]
+) -> Int[np.ndarray, " t"] | None:
+    """Number the runs of all measurements one after the other.
+
+    A measurement without runs is a run of its own beside others.
+
+    Args:
+        runs: Of each measurement, or None.
+        counts: Readings of each measurement.
+    """
+    if len(runs) == 1 and runs[0] is None:
+        return None
+    numbered: list[np.ndarray] = []
+    first = 1
+    for run, count in zip(runs, counts, strict=True):
+        own = np.zeros(count, dtype=np.int64) if run is None else ranked(run)[1]
+        numbered.append(own.astype(np.int64) + first)
+        first += int(own.max(initial=0)) + 1
+    return np.concatenate(numbered)
