@@ -25,7 +25,7 @@ _SCALES = (1e-1, 1e1, 1e3, 1e5)
 """Weights of second differences, relative to the density, that are tried first."""
 _WORTH = 2.0
 """Gain in evidence below which the simpler of two priors is taken."""
-_FINE, _COARSE = 1e-9, 0.3
+_FINE, _COARSE = 1e-4, 0.3
 """Gain of a step at which the search ends: on small stacks, on large ones."""
 _LARGE = 2e7
 """Operations of one factor from which on a stack is large."""
