@@ -30,6 +30,7 @@ from axcomp.ident.fit.joint import (
     JointData,
     JointFit,
     Leadscrew,
+    Part,
     Plane,
     Temperature,
     fit_joint,
@@ -55,7 +56,7 @@ class Case:
     @property
     def unknowns(self) -> int:
         """Number of values."""
-        return sum(effect.size for effect in self.effects)
+        return sum(effect.placed(self.data).size for effect in self.effects)
 
 
 @functools.cache
@@ -172,26 +173,18 @@ def _system(own: Case, fit: JointFit) -> tuple[sp.csr_array, np.ndarray]:
     return sp.csr_array(sp.block_diag(blocks, format="csr")), np.concatenate(sides)
 
 
-def _prior_rows(part: Any) -> sp.csr_array:
-    block = part.effect.block(case(TINY, 2000).data)
-    if block.prior is None:
-        return sp.csr_array((0, part.effect.size))
-    slow, fast = block.prior.slow, block.prior.fast
-    other = block.prior.branches if fast is None else fast.size
-    rows = []
-    along = "axis 2" if fast is not None and block.order[1] == 1 else "axis 1"
-    across = "axis 1" if along == "axis 2" else "axis 2"
-    for order, name in ((2, "second"), (4, "fourth")):
-        weight = part.smoothness.get(f"order {order}, {along}", 0.0)
-        rows.append(np.sqrt(weight) * sp.kron(getattr(slow, name), sp.eye_array(other)))
-        if fast is not None:
-            weight = part.smoothness.get(f"order {order}, {across}", 0.0)
-            inner = sp.kron(sp.eye_array(slow.size), getattr(fast, name))
-            rows.append(np.sqrt(weight) * inner)
-    grid = sp.csc_array(sp.vstack(rows))
-    result = sp.lil_array(grid.shape)
-    result[:, block.order] = grid
-    return sp.csr_array(result)
+def _prior_rows(part: Part) -> sp.csr_array:
+    """Return the rows of the priors of an effect at the weights of the fit."""
+    size = part.effect.size
+    rows = [sp.csr_array((0, size))]
+    for one in part.effect.components(np.arange(size)):
+        if one.prior is None:
+            continue
+        for penalty, name in zip(one.prior.rows, one.prior.names, strict=True):
+            own = sp.lil_array((penalty.shape[0], size))
+            own[:, one.places] = np.sqrt(part.smoothness.get(name, 0.0)) * penalty
+            rows.append(sp.csr_array(own))
+    return sp.csr_array(sp.vstack(rows))
 
 
 def _by_lsq_linear(matrix: sp.csr_array, side: np.ndarray) -> np.ndarray:

@@ -1,20 +1,21 @@
 """Weights of the prior by restricted maximum likelihood (the evidence): one search.
 
 The logarithms of all weights are searched by L-BFGS-B with exact slopes. With and without
-fourth differences are two valleys: both are descended into from the best of a scan, and
-fourth differences must be worth their place. A large plane is searched on a third of its
+fourth differences are two valleys: the second is descended into from the floor of the first,
+and fourth differences must be worth their place. A large plane is searched on a third of its
 nodes first.
 
 Source: H. D. Patterson, R. Thompson, Biometrika 58(3), 1971.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
-from scipy.optimize import minimize
+from scipy.optimize import OptimizeResult, minimize
 
 from ._effect import TableEffect
 from ._posterior import Posterior, Problem
@@ -23,14 +24,18 @@ from ._stack import Stack
 
 _SCALES = (1e-1, 1e1, 1e3, 1e5)
 """Weights of second differences, relative to the density, that are tried first."""
+_LIFTS, _EASED = (1.0, 10.0, 100.0), 0.1
+"""Weights of fourth differences that are tried, relative to the square of those of second
+differences alone, and the factor of the latter beside them."""
 _WORTH = 2.0
 """Gain in evidence below which the simpler of two priors is taken."""
 _FINE, _COARSE = 1e-4, 0.3
 """Gain of a step at which the search ends: on small stacks, on large ones."""
 _LARGE = 2e7
 """Operations of one factor from which on a stack is large."""
-_THINNED = 3
-"""Of so many nodes along each axis of a plane one is kept for the first search."""
+_THINNED, _ENOUGH = 3, 8
+"""Of so many nodes along each axis of a plane one is kept for the first search, if more than
+so many are left: fewer do not show fourth differences."""
 
 Vector = Float[np.ndarray, " _n"]
 
@@ -52,15 +57,15 @@ def choose_weights(problem: Problem, start: Vector | None = None) -> Posterior |
         found = choose_weights(rough.problem)
         if found is not None:
             return _descend(problem, rough.finer(found.weights), gain)
-    plain, mixed = _scan(problem)
-    best = None if plain is None else _descend(problem, plain, gain)
-    if mixed is None:
+    start = _scanned(problem)
+    best = None if start is None else _descend(problem, start, gain)
+    if best is None or not problem.optional.any():
         return best
-    other = _descend(problem, mixed, gain)
-    if best is None or (other is not None and other.evidence < best.evidence - _WORTH):
-        best = other
-        return None if best is None else _simplified(problem, best, gain)
-    return best
+    bent = _bent(problem, best.weights)
+    other = None if bent is None else _descend(problem, bent, gain)
+    if other is None or other.evidence >= best.evidence - _WORTH:
+        return best
+    return _simplified(problem, other, gain)
 
 
 def _is_large(problem: Problem) -> bool:
@@ -77,33 +82,46 @@ def _can_be_thinned(problem: Problem) -> bool:
     table = problem.stack.table
     if table is None or len(table.nodes) != 2:
         return False
-    return min(len(nodes) for nodes in table.nodes) > 2 * _THINNED
+    return min(len(nodes) for nodes in table.nodes) > _ENOUGH * _THINNED
 
 
-def _scan(problem: Problem) -> tuple[Vector | None, Vector | None]:
-    """Return the best of a few weights without fourth differences, and with them."""
-    fourth, density = problem.optional, problem.density
-    low, high = np.exp(problem.bounds.T)
+def _scanned(problem: Problem) -> Vector | None:
+    """Return the best of a few weights without fourth differences."""
     scanned = np.concatenate(
         [[prior.scanned] * len(prior.rows) for prior, _, _ in problem.stack.priors]
     ).astype(bool)
-    plain: list[tuple[float, int, Vector]] = []
-    mixed: list[tuple[float, int, Vector]] = []
-    # Their weight may keep its ratio to that of the second ones, or grow as its square.
-    for lift, power in ((0.0, 0.0), (10.0, 1.0), (1.0, 2.0)):
-        for scale in _SCALES:
-            relative = np.where(fourth, lift * scale**power, scale)
-            relative[~scanned] = 1.0
-            weights = np.clip(relative * density, low, high)
-            if lift == 0.0:
-                weights[fourth] = 0.0
-            post = problem.at(weights)
-            if post is not None and np.isfinite(post.evidence):
-                found = plain if lift == 0.0 else mixed
-                found.append((post.evidence, len(found), weights))
-        if not fourth.any():
-            break
-    return (min(plain)[2] if plain else None), (min(mixed)[2] if mixed else None)
+    relative = [np.where(scanned, scale, 1.0) for scale in _SCALES]
+    plain = [np.where(problem.optional, 0.0, one) for one in relative]
+    return _best_of(problem, [one * problem.density for one in plain])
+
+
+def _bent(problem: Problem, plain: Vector) -> Vector | None:
+    """Return the best of a few weights with fourth differences.
+
+    They start where second differences by themselves ended: what those hold in place of
+    curvature, fourth ones hold with their square.
+    """
+    fourth = np.flatnonzero(problem.optional)
+    second = fourth - 1
+    weights = plain.copy()
+    weights[second] *= _EASED
+    relative = (plain / problem.density)[second]
+    tried = []
+    for lift in _LIFTS:
+        weights[fourth] = lift * relative**2 * problem.density[fourth]
+        tried.append(weights.copy())
+    return _best_of(problem, tried)
+
+
+def _best_of(problem: Problem, tried: Sequence[Vector]) -> Vector | None:
+    low, high = np.exp(problem.bounds.T)
+    best, evidence = None, np.inf
+    for each in tried:
+        weights = np.where(each > 0.0, np.clip(each, low, high), 0.0)
+        post = problem.at(weights)
+        if post is not None and post.evidence < evidence:
+            best, evidence = weights, post.evidence
+    return best
 
 
 def _descend(problem: Problem, start: Vector, gain: float) -> Posterior | None:
@@ -142,10 +160,19 @@ def _descend(problem: Problem, start: Vector, gain: float) -> Posterior | None:
             return 1e6, np.zeros(len(logs))
         return found.evidence - origin, found.slopes[alive] / scale
 
+    reached = 0.0
+
+    def ended(intermediate_result: OptimizeResult) -> None:
+        # The optimiser's own limit is relative to all that was gained so far.
+        nonlocal reached
+        if reached - intermediate_result.fun < gain:
+            raise StopIteration
+        reached = intermediate_result.fun
+
     minimize(
-        cost, log * scale, jac=True, method="L-BFGS-B",
+        cost, log * scale, jac=True, method="L-BFGS-B", callback=ended,
         bounds=np.column_stack([low * scale, high * scale]),
-        options={"ftol": gain, "gtol": np.sqrt(gain), "maxiter": 60},
+        options={"ftol": 0.0, "gtol": np.sqrt(gain), "maxiter": 60},
     )  # fmt: skip
     return best
 

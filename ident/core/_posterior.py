@@ -18,7 +18,7 @@ Vector = Float[np.ndarray, " _n"]
 
 FILL = 1e-9
 """Weight relative to the density that fills gaps where no smoothness was asked for."""
-_EXACT, _STEPS = 1e-10, 60
+_EXACT, _STEPS = 1e-12, 60
 """Residual, in shares of the right-hand side, at which conjugate gradients end, and steps after
 which they are given up."""
 
