@@ -9,20 +9,20 @@ from collections.abc import Callable
 from typing import final
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 
-from ._effect import Design
 from ._errors import FitError
 from ._evidence import choose_weights
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
-from ._stack import Stack
-from ._sums import MANY, Sums, sums_of
+from ._stack import Stack, compact
+from ._sums import Sums, loop_axes, sums_of
 
 _PASSES, _SEARCHES = 60, 6
 """Robust passes and searches for the evidence, at most."""
-_ENDED, _NEAR = 0.005, 0.1
+_ENDED, _NEAR = 0.005, 0.03
 """Last move of the predictions, in their typical deviation, at which passes end: at the last
 weights, at others."""
 _SAME = 0.05
@@ -92,17 +92,19 @@ class Estimate:
         return " ".join(filter(None, said))
 
 
-def memory(stack: Stack, readings: Readings, design: Design | None = None) -> Pass:
+def memory(
+    stack: Stack, readings: Readings, columns: sp.csr_array | None = None
+) -> Pass:
     """Return the pass over readings in memory; their design is made once.
 
     Args:
         stack: Effects.
         readings: Any number.
-        design: Their design, where it is known.
+        columns: Their design, where it is known.
     """
-    # The loop over a large plane locates its cells faster than it would read them.
-    if design is None and not (len(stack.effects) == 1 and len(readings) >= MANY):
-        design = stack.design(readings)
+    design = None if columns is None else compact(columns)
+    if design is None and loop_axes(stack, readings) is None:
+        design = stack.matrix(readings)
 
     def over(theta: Vector, loss: Loss, full: bool) -> Sums:
         return sums_of(stack, readings, theta, loss, full, design)[0]
