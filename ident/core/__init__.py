@@ -5,8 +5,8 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 1. `TableEffect.design` asks the controller's model for the stencil of every reading;
 2. `estimate` makes passes over the readings in turn with the search for the weights:
 3. `memory` is the pass (a stream has one over its pieces); it calls
-4. `sums_of`: residuals about the estimate, their influence, and what adds up (by the
-   matrix of the design, or for a plane of many readings by a compiled loop, `_kernel`);
+4. `sums_of`: residuals about the estimate, their influence, and what adds up (`_kernel` is
+   the same for many readings);
 5. `choose_loss` takes scale and tails of the noise from the residuals;
 6. `Problem.at` puts information and prior together and calls
 7. `ArrowFactor.of`, a band with a dense border, and

@@ -129,7 +129,7 @@ class Stack:
 
 def compact(design: sp.csr_array) -> Matrix:
     """Return a design with all its zeros where it is small."""
-    if np.prod(design.shape) > _WHOLE:
+    if np.prod(np.asarray(design.shape)) > _WHOLE:
         return design
     return np.asarray(design.toarray())
 

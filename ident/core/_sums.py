@@ -261,23 +261,42 @@ def _by_matrix(
     )
     if not full:
         return found, residual
-    kept = np.where(active, weight, 0.0)
+    support = design.astype(bool).T @ active.astype(np.int64)
+    parts = _products(stack, design, np.where(active, weight, 0.0))
+    return dataclasses.replace(found, support=support, **parts), residual
+
+
+def _products(
+    stack: Stack, design: Matrix, weight: Float[np.ndarray, " t"]
+) -> dict[str, np.ndarray]:
+    """Return $A^T W A$ as `Sums` keeps it."""
+    n, offsets = stack.band, list(stack.offsets)
+    diagonals = np.zeros((n, len(offsets)))
     if isinstance(design, np.ndarray):
-        gram: Any = design.T @ (kept[:, None] * design)
+        gram: Any = design.T @ (weight[:, None] * design)
+    elif len(weight) < MANY:
+        gram = sp.csr_array(design.T @ sp.csr_array(sp.diags_array(weight) @ design))
     else:
-        gram = sp.csr_array(design.T @ sp.csr_array(sp.diags_array(kept) @ design))
-    n, diagonals = stack.band, found.diagonals
-    for slot, k in enumerate(stack.offsets if n else ()):
+        from ._kernel import add_products
+
+        slots = np.zeros(max(offsets) + 1, np.int64)
+        slots[offsets] = np.arange(len(offsets))
+        rows = design.indptr, design.indices, design.data
+        lower = np.zeros((stack.size - n, stack.size))
+        add_products(*rows, weight, slots, diagonals, lower)
+        border = lower[:, n:] + np.tril(lower[:, n:], -1).T
+        cross = np.ascontiguousarray(lower[:, :n])
+        return {"diagonals": diagonals, "cross": cross, "border": border}
+    for slot, k in enumerate(offsets if n else ()):
         diagonals[: n - k, slot] = gram[:n, :n].diagonal(-k)
     cross, border = gram[n:, :n], gram[n:, n:]
     if not isinstance(gram, np.ndarray):
         cross, border = cross.toarray(), border.toarray()
-    return dataclasses.replace(
-        found,
-        cross=np.ascontiguousarray(cross),
-        border=np.ascontiguousarray(border),
-        support=design.astype(bool).T @ active.astype(np.int64),
-    ), residual
+    return {
+        "diagonals": diagonals,
+        "cross": np.ascontiguousarray(cross),
+        "border": np.ascontiguousarray(border),
+    }
 
 
 def _by_loop(

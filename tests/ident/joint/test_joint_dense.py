@@ -47,10 +47,16 @@ def _dense(data: JointData, effects: Any, smoothness: Any) -> np.ndarray:
     return np.asarray(columns @ found[0])
 
 
-@pytest.mark.parametrize("nodes", [9, 21])
+@pytest.mark.parametrize(("nodes", "many"), [(9, 10**5), (21, 10**5), (21, 1)])
 def test_the_sum_is_that_of_one_dense_least_squares_problem(
-    mixed: Any, effects: Any, nodes: int
+    mixed: Any,
+    effects: Any,
+    nodes: int,
+    many: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    # From so many rows on the products are taken by the compiled loop.
+    monkeypatch.setattr("axcomp.ident.core._sums.MANY", many)
     case = mixed(2, count=1000, outliers=0.0)
     # 9 × 9 nodes are solved densely, 21 × 21 as a band beside the rest.
     plane = Plane(
