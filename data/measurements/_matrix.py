@@ -23,11 +23,25 @@ _CORNER = re.compile(
 _IN = re.compile(r"\bin\s+(\S+)|[\[(]([^\])]+)[\])]")
 _EMPTY = re.compile("")
 _AXES = "XYZ"
+_FEWEST = 3
+"""Numbers along the top from which on a line without names is taken for one."""
 
 
 def is_matrix(head: str) -> bool:
-    """Whether a line begins with a cell that names two axes."""
-    return _CORNER.search(head) is not None
+    """Whether a line begins with a cell that names two axes, or the first with none."""
+    return _CORNER.search(head) is not None or _is_unnamed(head.partition("\n")[0])
+
+
+def _is_unnamed(line: str) -> bool:
+    """Whether a line holds an empty cell and ascending numbers: nobody says of which axis."""
+    mark = line.lstrip(' "')[:1]
+    if mark not in (";", ",", "\t"):
+        return False
+    cells = line.rstrip("\r\n").split(mark)[1:]
+    dialect = Dialect(mark, ".")
+    read = [dialect.number(cell.replace(",", ".")) for cell in cells]
+    along = [value for value in read if value is not None]
+    return len(along) == len(cells) >= _FEWEST and along == sorted(set(along))
 
 
 def read_matrix(path: Path, text: str, encoding: str) -> Table:
@@ -38,11 +52,14 @@ def read_matrix(path: Path, text: str, encoding: str) -> Table:
 
     Raises:
         CellError: If a cell is no number.
-        LineError: If a line has more or fewer cells than the first or the position of another,
-            or there is none below it.
+        LineError: If the corner names no axes, a line has more or fewer cells than the first
+            or the position of another, or there is none below it.
     """
     corner = _CORNER.search(text)
-    assert corner is not None  # of `is_matrix`
+    if corner is None:
+        found = "ascending numbers along the top beside an empty cell"
+        expected = "both axes in that cell, the one down the side first: Y\\X"
+        raise LineError(str(path), 1, found, expected)
     lines = text.split("\n")
     top = text.count("\n", 0, corner.start())
     body = [(n, line) for n, line in enumerate(lines[top:], top + 1) if line.strip()]

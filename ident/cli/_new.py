@@ -12,7 +12,7 @@ from ._options import AsJson
 from ._said import print_json, working
 
 if TYPE_CHECKING:
-    from ..new import Question
+    from ..new import NewJob
 
 _AXIS = "--axis"
 
@@ -63,9 +63,9 @@ def new(
     write_atomically(out, job.text.encode())
     if as_json:
         asked = [dataclasses.asdict(one) for one in job.questions]
-        print_json({"job": str(out), "questions": asked})
+        print_json({"job": str(out), "fits": job.fits, "questions": asked})
         return
-    _print(out, job.questions)
+    _print(out, job)
 
 
 def _numbered(text: str) -> tuple[str, int | None]:
@@ -77,11 +77,18 @@ def _numbered(text: str) -> tuple[str, int | None]:
     raise UsageError(message)
 
 
-def _print(out: Path, questions: "tuple[Question, ...]") -> None:
+def _print(out: Path, job: "NewJob") -> None:
     typer.echo(f"Job: {out}")
-    if questions:
+    if not job.fits:
+        typer.echo(
+            "It holds no fit: the columns, as they were understood, suit no compensation."
+            " Correct them there, then: axcomp discover"
+            f" {shlex.quote(str(out))} --write fits.toml"
+        )
+        return
+    if job.questions:
         typer.echo('It asks (take the "#? " off the answer that is right):')
-    for number, one in enumerate(questions, start=1):
+    for number, one in enumerate(job.questions, start=1):
         optional = "" if one.needed else " (may stay open)"
         typer.echo(f"  {out}:{one.line}: QUESTION {number}{optional}: {one.words}")
     typer.echo(f"Then: axcomp fit {shlex.quote(str(out))}")

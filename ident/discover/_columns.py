@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from ..kinds.temperature._structure import clocked
+from .._recording import clocked
 from ._data import Observed
 from ._terms import Kind, Term
 from ._view import AxisView, some_of

@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -18,6 +18,9 @@ from ._identity import Increments
 from ._machine_lists import Reading
 from ._nodes import ListNodes, nodes_of_model
 from ._units import LIST_UNITS, SGN32, from_list_units, round_to_list
+
+if TYPE_CHECKING:
+    from ..fit.joint import AbstractEffect
 
 Model = AbstractLookup
 """A plane, a cross or a leadscrew table as the controller applies it."""
@@ -70,6 +73,15 @@ class AbstractTable(abc.ABC):
     @abc.abstractmethod
     def model(self, integers: Int[np.ndarray, "..."]) -> Model:
         """Return the model that the controller makes of integer entries."""
+
+    @abc.abstractmethod
+    def effect(self, axis: str, masters: tuple[str, ...]) -> "AbstractEffect":
+        """Return it as an effect of a joint fit.
+
+        Args:
+            axis: Name of the compensated axis.
+            masters: Names of the axes whose positions enter, master 1 first.
+        """
 
     def entries(
         self,

@@ -106,7 +106,7 @@ _NAMES = {
     "_trend": "Trend asks_for_owner trend_through trend_words",
     "joint": "AxisSum EffectShare GroupResult LeftOutResult",
     ".kinds.backlash._result": "BacklashResult",
-    ".kinds.crosstalk._result": "CrosstalkResult CrosstalkView EventCourse",
+    ".kinds.crosstalk._result": "CrosstalkResult",
     ".kinds.friction._listing": "LawCurve",
     ".kinds.friction._result": "FrictionResult FrictionView choice_sentence",
     ".kinds.temperature._result": "TemperatureResult ThermalView",

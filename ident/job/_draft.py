@@ -189,7 +189,7 @@ class AbstractDraft(AbstractOfFit):
     @property
     def replaces(self) -> tuple[str, ...]:
         """Beginnings of the list entries that are removed where they are not new."""
-        return ()
+        return tuple(f"{self.kind.prefix}.{name}" for name in self.kind.entries.stale)
 
     def entries(self, job: Job) -> dict[str, Value]:
         """Return the entries of the compensation list; empty where it needs none.
@@ -261,7 +261,16 @@ class AbstractDraft(AbstractOfFit):
         Raises:
             JobError: Naming the list.
         """
-        return None
+        parsed = ListFile.parse(listing.dumps(), listing.source)
+        for name, value in self.entries(job).items():
+            text = isinstance(value, str)
+            found = parsed.text(name) if text else parsed.integer(name)
+            if found != value:
+                raise job.error(
+                    ("fits", self.index),
+                    f"found {found} for {name} in {listing.source} when it was read back,"
+                    f" expected {value}",
+                )
 
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
         """Return why a restart is needed, or None where a reload is enough."""

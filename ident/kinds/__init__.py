@@ -1,17 +1,8 @@
 """One folder per compensation: all that is special about it, behind one record.
 
 `Kind` (`_kind`) holds the facts; the other modules of a folder are its parts, each imported on
-first use (`Kind.part`):
-
-* ``effect``: what is fitted, through `axcomp.models` and the estimator;
-* ``entries``: between its list and its model (`_protocol.AbstractEntries`);
-* ``channel``: what a log shows of it (`proof.verify.AbstractChannel`);
-* ``probe``: its step of a probe (`_protocol.AbstractProbe`);
-* ``keys``: the keys of a fit in a job, and what is wrong with them (`_keys.FitSpec`);
-* ``job``: a fit from its plan to a draft, list and result (`_protocol.SinglePart`); tables share
-  theirs, and their page;
-* ``group``: the same in a group of fits (`_protocol.GroupPart`);
-* ``page``: its part of the report (`_protocol.PagePart`).
+first use (`Kind.part`). `_protocol` says which they are and what is asked of them, `_keys` what
+the keys of all fits in a job have in common.
 
 A compensation is added by a folder and by its name in `NAMES`. Entries that the registry of
 `data.lists` does not have stand in ``parameters.toml`` of the folder.

@@ -127,6 +127,10 @@ class Kind:
     @property
     def group(self) -> "GroupPart":
         """How a fit of a group is planned."""
+        if self.table:
+            from ..job.joint import _table
+
+            return _table
         return cast("GroupPart", self.part("group"))
 
     @property

@@ -13,7 +13,7 @@ A colleague who adds a compensation writes its model in `axcomp.models` (or, as 
 
 A draft (`AbstractDraft`) is what a job writes, judges and proves; it makes the result
 (`AbstractResult`) that stands in ``result.json`` and in the report. Tables (`Kind.table`) share
-theirs: they need no ``job.py`` and no ``page.py``.
+theirs: they need no ``job.py``, no ``group.py`` and no ``page.py``.
 """
 
 import abc

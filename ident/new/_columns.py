@@ -22,7 +22,7 @@ _WORDS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
         "lag": "following lag schlepp schleppfehler diff posdiff cont contour ffw",
-        "error": "error err deviation dev fehler abweichung straightness geradheit",
+        "error": "error err deviation dev fehler abweichung abw straightness geradheit",
         "current": "current strom iq torque moment drehmoment",
         "velocity": "velocity velo vel speed geschwindigkeit",
         "acceleration": "acceleration accel acc beschleunigung",
@@ -67,7 +67,8 @@ class Unclear:
 
     Attributes:
         column: Its name.
-        asks: What there is to say: ``unit``, ``instrument`` or ``column``.
+        asks: What there is to say: ``unit``, ``instrument``, ``column`` (which of those that
+            name the role), ``role`` (which of those that name none).
         choices: Role and column of each possible answer, the likeliest first.
         largest: Largest absolute value, in the unit of the file.
     """
@@ -132,7 +133,10 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
             axis, stated = owner if each.kind == "error" else home
             if not stated:
                 assumed.setdefault(axis, each.column.name)
-    if _says_it_all(table, named):
+    untold = _untold(table, named, home[0], owner[0])
+    if untold and not home[1]:
+        assumed.setdefault(home[0], untold[0].column)
+    if not untold and _says_it_all(table, named):
         bare = any(each.axis is None and each.kind in _OWNED for each in named)
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
     roles: dict[str, list[ColumnSpec]] = {}
@@ -144,17 +148,60 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
             unclear.append(_unclear(each.column, asks, options))
         else:
             roles.setdefault(options[0][0], []).append(options[0][1])
-    unclear = _joined(unclear)
+    unclear = [*_joined(unclear), *untold]
     columns = {}
     for text, several in roles.items():
         if len(several) == 1:
             columns[text] = several[0]
         else:
             unclear.append(_rivals(table, text, several))
+    offered = {spec.column for each in untold for _, spec in each.choices}
+    unused = tuple(name for name in unused if name not in offered)
     return Meaning(None, assumed, columns, tuple(unclear), unused)
 
 
 _OWNED = frozenset(KINDS)
+
+
+def _untold(
+    table: Table, named: Sequence[_Named], home: str, owner: str
+) -> list[Unclear]:
+    """Return the questions for a position and an error that no column names itself.
+
+    A position goes over the largest range, an error over the smallest.
+    """
+    kinds = {each.kind for each in named}
+    taken = {id(each.column) for each in named}
+    free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
+    free.sort(key=_span, reverse=True)
+    place = not kinds & {"position", "actual", "encoder", "temperature", "current"}
+    error = not kinds & {"error", "actual", "encoder", "current"}
+    if len(free) < place + error:
+        return []
+    found = []
+    if place:
+        choices = [(f"{home}.position", _spec(each, each.unit)) for each in free]
+        found.append(_unclear(free[0], {"role"}, choices))
+    if error:
+        pairs = [(c, unit) for c in reversed(free) for unit in _units(c, "error")]
+        choices = [(f"{owner}.error", _spec(each, unit)) for each, unit in pairs]
+        asks = {"role"} if free[-1].unit else {"role", "unit"}
+        found.append(_unclear(free[-1], asks, choices))
+    return found
+
+
+def _is_length(column: Column) -> bool:
+    """Whether a column that names no role may hold positions or errors."""
+    unit = find_unit(column.unit or "")
+    fits = column.unit is None or (unit and unit.dimension in ("length", "angle"))
+    if column.text is not None or column.role is not None or not fits:
+        return False
+    return not _words(column.name) & _WORDS["lag"] and _span(column) > 0.0
+
+
+def _span(column: Column) -> float:
+    known = column.values[np.isfinite(column.values)]
+    return float(np.ptp(known)) if known.size else 0.0
 
 
 def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named], bool]:
@@ -190,8 +237,8 @@ def _home(
     if table.axis is not None or known:
         return table.axis or str(known[0]), True
     pieces = _PIECE.findall(table.path.stem)
-    stem = [piece.upper() for piece in pieces if _AXIS.fullmatch(piece)]
-    return (stem[0], True) if stem else ("X", False)
+    axis = _axis_in(table.path.stem, pieces)
+    return ("X", False) if axis is None else (axis, True)
 
 
 def _owner(
@@ -312,15 +359,23 @@ def _options(
         name = each.axis or axis
         texts = [f"{name}.actual", f"{name}.encoder"]
         asks.add("instrument")
-    units: Sequence[str | None] = [column.unit]
-    if column.unit is None and each.kind in _UNSTATED:
-        units = _UNSTATED[each.kind]
+    units = _units(column, each.kind)
+    if len(units) > 1:
         asks.add("unit")
-        if each.kind == "error" and _largest(column) < _FINE:
-            units = units[::-1]
-    spec = column.header or column.name
     pairs = itertools.product(texts, units)
-    return [(text, ColumnSpec(spec, unit)) for text, unit in pairs], asks
+    return [(text, _spec(column, unit)) for text, unit in pairs], asks
+
+
+def _units(column: Column, kind: str) -> Sequence[str | None]:
+    """Return the units that a column of this kind may have, the likeliest first."""
+    if column.unit is not None or kind not in _UNSTATED:
+        return [column.unit]
+    fine = kind == "error" and _largest(column) < _FINE
+    return _UNSTATED[kind][::-1] if fine else _UNSTATED[kind]
+
+
+def _spec(column: Column, unit: str | None) -> ColumnSpec:
+    return ColumnSpec(column.header or column.name, unit)
 
 
 def _text(each: _Named, home: str) -> str:

@@ -21,6 +21,8 @@ _MOVED = 1e-3
 """mm or °: what stays within has not moved."""
 _WILD = 8.0
 """Deviations from the line through the errors from which a reading says nothing of it."""
+_FEW = 12
+"""Readings up to which all count: a robust line goes through some of few exactly."""
 _MANY = 20_000
 """Readings that judge a line."""
 
@@ -180,7 +182,8 @@ def trend_in(
         keys = np.column_stack([keys, way[rows][::step]])
     left = without_zero(error, [*at.T], "line")
     scale = 1.4826 * float(np.median(np.abs(left)))
-    kept = np.abs(left) <= _WILD * scale if scale > 0 else np.full(len(left), True)
+    judged = scale > 0 and len(left) > _FEW
+    kept = np.abs(left) <= _WILD * scale if judged else np.full(len(left), True)
     at, error, keys = at[kept], error[kept], keys[kept]
     _, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     group = group.reshape(-1)

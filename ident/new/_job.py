@@ -31,10 +31,12 @@ class NewJob:
     Attributes:
         text: The file.
         questions: What it asks, in the order of the file.
+        fits: Compensation and axis of each fit that stands in it.
     """
 
     text: str
     questions: tuple[Question, ...]
+    fits: tuple[str, ...]
 
 
 def new_job(
@@ -76,7 +78,8 @@ def new_job(
         Contents(job, observation, sources, _with_spans(known, observation), found)
     )
     names = ", ".join(each.name for each in files)
-    return NewJob(page.text(_head(names, page)), tuple(page.questions))
+    fits = tuple(f"{one.compensation} of {one.axis}" for one in found if one.plain)
+    return NewJob(page.text(_head(names, page)), tuple(page.questions), fits)
 
 
 def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
@@ -96,9 +99,8 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
         if not any(_of_axis(text) for text, _ in _roles(source)):
             names = ", ".join(column.name for column in table.columns[:_SHOWN])
             reason = (
-                f"found columns {names}, none of which names a role; expected a header"
-                " with names such as 'x [mm]' and 'dx [um]', or a job that states role ="
-                " column"
+                f"found columns {names}, of which none names a role and fewer than two hold"
+                " lengths; expected a header with names such as 'x [mm]' and 'dx [um]'"
             )
             raise MeasurementError(str(file), reason)
         found.append(source)

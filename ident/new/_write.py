@@ -187,6 +187,11 @@ def _column_line(role: str, column: str, unit: str | None) -> str:
 
 def _unclear_words(each: Unclear) -> str:
     words = []
+    if "role" in each.asks:
+        axis, _, kind = each.choices[0][0].partition(".")
+        words.append(
+            f"No column says that it is the {kind} of {axis}. Which one is it?"
+        )
     if "instrument" in each.asks:
         words.append(
             f'Is "{each.column}" what an instrument outside of the machine showed (actual),'

@@ -24,6 +24,7 @@ from ._gate import (
     GateLimits as GateLimits,
     gate_check as gate_check,
     judge as judge,
+    reversal_checks as reversal_checks,
 )
 from ._heldout import (
     HeldOut as HeldOut,

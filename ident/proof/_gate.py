@@ -142,9 +142,33 @@ def _reversal(table: GateTable, limits: GateLimits, unit: str) -> list[GateCheck
     k = int(jump.argmax())
     where = f"at {place_of(table, [k])}"
     spread = f"{where}, spread over {table.cycles} cycles"
-    fast, hard = reversal_dynamics(float(jump[k]), table.cycles, table.cycle_time)
+    return reversal_checks(
+        float(jump[k]), table.cycles, table.cycle_time, limits, unit, (where, spread)
+    )
+
+
+def reversal_checks(
+    jump: float,
+    cycles: int,
+    cycle_time: float,
+    limits: GateLimits,
+    unit: str,
+    where: tuple[str, str],
+) -> list[GateCheck]:
+    """Return the lines of the gate for what comes at a reversal.
+
+    Args:
+        jump: In mm or °.
+        cycles: Over which it is spread.
+        cycle_time: In s.
+        limits: Of the job.
+        unit: Of the jump.
+        where: Words for the jump, and for what it does when it is spread.
+    """
+    fast, hard = reversal_dynamics(jump, cycles, cycle_time)
+    at, spread = where
     return [
-        gate_check("max_reversal", float(jump[k]), limits.max_reversal, unit, where),
+        gate_check("max_reversal", jump, limits.max_reversal, unit, at),
         gate_check(
             "max_velocity at reversal", fast, limits.max_velocity, f"{unit}/s", spread
         ),

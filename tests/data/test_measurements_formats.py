@@ -298,6 +298,18 @@ def test_compressed_text_reads_as_it_is() -> None:
     assert (len(table.columns), table.rows) == (31, 5889)
 
 
+@pytest.mark.parametrize("mark", [";", ",", "\t"])
+def test_a_matrix_that_names_no_axes_is_refused_in_one_line(
+    tmp_path: Path, mark: str
+) -> None:
+    file = tmp_path / "plate.csv"
+    rows = [["", "0", "10", "20.5"], ["0", "0.1", "0.2", "0.3"], ["5", "0", "0", "0"]]
+    file.write_text("".join(f"{mark.join(row)}\n" for row in rows))
+    words = "ascending numbers along the top beside an empty cell"
+    with pytest.raises(AxcompError, match=words):
+        read_table(file)
+
+
 def test_a_matrix_of_a_surface_is_read_cell_by_cell_without_empty_ones(
     tmp_path: Path,
 ) -> None:

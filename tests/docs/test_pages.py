@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import shutil
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -99,6 +100,33 @@ def test_the_worked_examples_of_the_readme_run(
             for words in commands(text):
                 status = main(words)
                 assert status == 0, (words, capsys.readouterr())
+
+
+@pytest.mark.heavy
+def test_the_commands_of_the_page_on_fleets_run(files: Path) -> None:
+    from distributed import LocalCluster
+
+    shown = [text for language, text in blocks(DOCS / "batch.md") if not language]
+    (table,) = (text for text in shown if text.startswith("job,"))
+    (files / "fleet.csv").write_text(table)
+    laser = (files / "laser.csv").read_bytes()
+    for each in ("m7/x.csv", "m8/x.csv", "fleet/x.csv"):
+        (files / each).parent.mkdir()
+        (files / each).write_bytes(laser)
+    job = (
+        '[machine]\n[axes.X]\nnumber = 1\n[measurements.laser]\nfile = "x.csv"\naxis = "X"\n'
+        'datum = { at = 0.0 }\n[[fits]]\ncompensation = "leadscrew"\naxis = "X"\n'
+        'measurement = "laser"\nstart = 0\ninterval = 50\npoints = 17\nbilateral = true\n'
+    )
+    for each in ("x-axis.toml", "fleet/a.toml", "fleet/b.toml"):
+        (files / each).write_text(job)
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="") as dask:
+        for words in commands("\n".join(shown)):
+            if words[0] == "batch" and "--resume" not in words:
+                shutil.rmtree("night-7", ignore_errors=True)
+            address = dask.scheduler_address
+            words = [word.replace("tcp://host:8786", address) for word in words]
+            assert main(words) == 0, words
 
 
 def test_job_reference_and_its_schema_are_up_to_date() -> None:

@@ -10,7 +10,8 @@ from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
 from axcomp.ident.friction import place_knots
 from axcomp.ident.job import BacklashResult, JobResult, run_job
-from axcomp.ident.kinds.temperature.effect import ThermalReadings, fit_temperature
+
+from .thermal_line import fitted, readings
 
 WIDTH, NOISE = 0.012, 0.0005
 BOTH = """
@@ -148,8 +149,8 @@ def test_temperature_in_kelvin_without_its_unit_is_asked_about(tmp_path: Path) -
 def test_lines_that_are_flat_at_zero_meet_nowhere() -> None:
     warm = np.linspace(20.0, 35.0, 60)
     place = np.tile(np.linspace(0.0, 500.0, 6), 10)
-    readings = ThermalReadings(np.zeros(60), warm[:, None], place, 60.0 * np.arange(60))
-    found = fit_temperature(readings, law=("linear", "linear"), lag="none")
+    data = readings(np.zeros(60), warm, position=place, time=60.0 * np.arange(60))
+    found = fitted(data, law=("linear", "linear"), lag=0.0)
     assert not found.intersects
     assert found.meeting in ("parallel", "unsure slope")
 

@@ -6,10 +6,9 @@ import pytest
 from axcomp.data.lists import ListFile, check, new_list
 from axcomp.ident.exchange import ExchangeError
 from axcomp.ident.kinds.crosstalk.entries import (
+    ENTRIES,
     crosstalk_from_list,
-    crosstalk_masters,
     entries_of_crosstalk,
-    has_crosstalk,
 )
 from axcomp.models import (
     BilinearGrid,
@@ -102,7 +101,7 @@ def test_mode_1_example_by_hand() -> None:
     # Half the acceleration, half the value; held above; at rest as positive motion.
     expected = [25, 12.5, 25, 12.5, 25, 50, 0, 12.5]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
-    assert crosstalk_masters(parse(MODE_1)) == (1,)
+    assert ENTRIES.named_masters(parse(MODE_1)) == (1,)
 
 
 def test_mode_2_example_by_hand_with_the_tests_that_stand_there() -> None:
@@ -116,7 +115,7 @@ def test_mode_2_example_by_hand_with_the_tests_that_stand_there() -> None:
 
 def test_example_without_its_adaptation_axis_is_refused_where_it_is_needed() -> None:
     with pytest.raises(ExchangeError, match=r"master_pos1_ax_nr: found no entry"):
-        crosstalk_masters(parse(MODE_2))
+        ENTRIES.named_masters(parse(MODE_2))
 
 
 def test_mode_3_in_its_own_spelling_is_bilinear_on_a_grid() -> None:
@@ -126,7 +125,7 @@ def test_mode_3_in_its_own_spelling_is_bilinear_on_a_grid() -> None:
     )  # fmt: skip
     # The middle is the mean of 60, 70, 80, 90; 70 + 20; half of 70.
     np.testing.assert_allclose(found, [60, 75, 90, 35], rtol=0, atol=1e-11)
-    assert crosstalk_masters(parse(MODE_3)) == (2, 1, 3)
+    assert ENTRIES.named_masters(parse(MODE_3)) == (2, 1, 3)
 
 
 @pytest.mark.parametrize(
@@ -163,8 +162,8 @@ def test_older_form_is_a_table_over_the_acceleration() -> None:
     model = crosstalk_from_list(parse(OLD), RULES)
     assert isinstance(model, LegacyCrosstalk)
     assert model.cycles == 4
-    assert crosstalk_masters(parse(OLD)) == (1,)
-    assert has_crosstalk(parse(OLD))
+    assert ENTRIES.named_masters(parse(OLD)) == (1,)
+    assert ENTRIES.is_in(parse(OLD))
 
 
 @pytest.mark.parametrize(
@@ -208,7 +207,7 @@ def test_written_list_reads_back_the_same_and_has_no_findings(
     listing = new_list({"kopf.achs_nr": 3} | entries)
     assert list(check([listing])) == []
     again = ListFile.parse(listing.dumps(), "b")
-    assert crosstalk_masters(again) == masters
+    assert ENTRIES.named_masters(again) == masters
     rng = np.random.default_rng(2)
     rates, speeds = rng.uniform(-2e3, 2e3, 50), rng.normal(size=50)
     places = rng.uniform(-0.1, 0.4, (50, len(masters) - 1))

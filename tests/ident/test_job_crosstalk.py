@@ -363,6 +363,30 @@ def test_result_and_report_show_tests_and_events(tmp_path: Path) -> None:
     assert len(plots) == 3
 
 
+def test_group_gives_decelerations_entries_of_their_own_whatever_undirected_means(
+    tmp_path: Path,
+) -> None:
+    log(tmp_path)
+    rules = '[assumed]\ncrosstalk_undirected = "accelerate"\n'
+    (tmp_path / "mill.toml").write_text(rules)
+    keys = (
+        'velocity_dependent = false\ngroup = "Z"\n[[fits]]\ncompensation = "cross"\n'
+        'axis = "Z"\nmaster = "Y"\nmeasurement = "log"\nstart = 0.0\n'
+        'interval = 100.0\npoints = 5\ngroup = "Z"\n'
+    )
+    active = '[]\nremove = "offset"'
+    job = JOB.format(axis="", active=active, keys=keys, columns="")
+    path = tmp_path / "job.toml"
+    path.write_text('[machine]\nconventions = "mill.toml"\n' + job)
+    found = run_job(path, tmp_path / "out").fits[0]
+    assert isinstance(found, CrosstalkResult)
+    speeding, slowing = -BY_QUADRANT.reshape(2, 2).mean(axis=1)
+    # The directions differ by 2 µm and have not quite the same weight; one value for all four
+    # was 8 µm off.
+    expected = [[speeding], [speeding], [slowing], [slowing]]
+    np.testing.assert_allclose(found.entries, expected, atol=4e-4)
+
+
 @pytest.mark.parametrize(
     ("keys", "message"),
     [

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check
+from axcomp.ident._recording import lagged
 from axcomp.ident.cli import main
 from axcomp.ident.job import JobError, JobResult, TemperatureResult, run_job
-from axcomp.ident.kinds.temperature.effect import lagged
 from axcomp.ident.kinds.temperature.entries import temperature_from_list
 from axcomp.ident.report import write_report
 from axcomp.models import Conventions

@@ -122,7 +122,9 @@ class Crosstalk(AbstractEffect):
     @property
     def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
-        motion = (("acceleration", self.master), ("velocity", self.master))
+        by_slave = self.rules.crosstalk_velocity == "slave"
+        mover = self.axis if by_slave else self.master
+        motion = (("acceleration", self.master), ("velocity", mover))
         return (*motion, *(("position", axis) for axis in self.adaptation))
 
     @property

@@ -1,7 +1,7 @@
 """A table of a group, of whatever compensation."""
 
-import abc
 import dataclasses
+from typing import final
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ...core import CellCovariance
 from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit
-from ...fit.joint import AbstractEffect, Part
+from ...fit.joint import AbstractEffect, JointData, Part
 from ...kinds._keys import TableSpec
 from ...proof import HeldOut
 from ...readings import Tables
@@ -23,9 +23,24 @@ from ._member import AbstractMember
 from ._recording import GroupRecording
 from ._share import Share
 
+_TOGETHER = 0.99
+"""Correlation of two masters from which on a table over them is told on a line only."""
 
+
+def member(
+    job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
+) -> "TableMember":
+    """Plan a table of a group.
+
+    Raises:
+        JobError: If nodes, masters or existing lists do not suit.
+    """
+    return TableMember(index, fit, lists, plan_fit(job, tables, index, fit, lists))
+
+
+@final
 @dataclasses.dataclass(frozen=True)
-class AbstractTableMember(AbstractMember):
+class TableMember(AbstractMember):
     """A table.
 
     Attributes:
@@ -43,20 +58,28 @@ class AbstractTableMember(AbstractMember):
     def turning(self) -> tuple[str, ...]:
         return (self.axis,) if self.plan.table.branches == 2 else ()
 
-    @classmethod
-    def planned(
-        cls, job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
-    ) -> "AbstractTableMember":
-        """Plan it.
+    @property
+    def takes_line(self) -> bool:
+        return self.fit.lengths
 
-        Raises:
-            JobError: If nodes, masters or existing lists do not suit.
-        """
-        return cls(index, fit, lists, plan_fit(job, tables, index, fit, lists))
-
-    @abc.abstractmethod
-    def table_effect(self) -> AbstractEffect:
-        """Return the effect of the table that is written."""
+    def undetermined(self, data: JointData) -> str:
+        if len(self.fit.over) < 2:
+            return ""
+        first, second = (data.position[name] for name in self.fit.over)
+        known = np.isfinite(first) & np.isfinite(second)
+        known &= np.isfinite(data.error[self.axis])
+        x, y = first[known], second[known]
+        if len(x) < 3 or not np.ptp(x) > 0 or not np.ptp(y) > 0:
+            return ""
+        alike = float(np.corrcoef(x, y)[0, 1])
+        if abs(alike) < _TOGETHER:
+            return ""
+        names = " and ".join(self.fit.over)
+        return (
+            f"{names} moved together (correlation {alike:.4f}): beside the line on which"
+            " they went nothing was measured. Move each of them while the other stands"
+            " still."
+        )
 
     def effect(
         self,
@@ -64,7 +87,7 @@ class AbstractTableMember(AbstractMember):
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
     ) -> AbstractEffect:
-        return self.table_effect()
+        return self.plan.table.effect(self.axis, self.fit.over)
 
     def draft(self, job: Job, share: Share) -> TableDraft:
         plan, recording, rows = self.plan, share.recording, share.rows

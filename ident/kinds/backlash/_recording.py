@@ -4,13 +4,14 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
 from ...job._result import Remark
 from ...readings import Tables, Wanted, read_joined
-from .effect import BacklashFit, fit_backlash, fit_backlash_trace
+from ._trace import fit_backlash_trace
+from .effect import BacklashFit, fit_backlash
 from .keys import Spec
 
 _GROUPS = 5
@@ -20,6 +21,27 @@ _REACH = 0.1
 """Share of the travel, to each side of a reversal, that a trace is judged by."""
 _FARTHEST = 2.0
 """mm or °: more on each side tells no more of a backlash."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Sides:
+    """Readings about the mean of both directions: one each, or two per reversal of a trace.
+
+    Attributes:
+        position: Of each in mm or °.
+        direction: ±1.
+        before: Half the reversal error, with the scatter of the reading, in mm or °.
+        wild: Which the loss rejected.
+        group: What is held out together.
+        by_run: Whether the groups are runs.
+    """
+
+    position: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"]
+    before: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+    group: Int[np.ndarray, " t"]
+    by_run: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,13 +101,25 @@ class Recording:
         """Return words in thousandths of a degree where the axis turns."""
         return words.replace(" µm", " × 0.001°") if self.rotary else words
 
-    def groups(self) -> tuple[Int[np.ndarray, " t"], bool]:
-        """Return what is held out together, and whether these are runs."""
+    def sides(self, found: BacklashFit) -> Sides:
+        """Return the readings, or reversals, that a fit to them rests on."""
+        way = self.direction
+        if way is None:
+            turns = found.reversals
+            way = np.tile(np.array([1, -1]), len(turns))
+            # Each reversal gives one width: half of it to either side.
+            width = np.repeat([turn.width for turn in turns], 2)
+            place = np.repeat([turn.position for turn in turns], 2)
+            group = np.repeat(np.arange(len(turns)), 2)
+            wild = np.repeat(found.wild, 2)
+            return Sides(place, way, -0.5 * way * width, wild, group)
+        before = found.residual - 0.5 * way * found.width
         if self.run is not None and len(np.unique(self.run)) > 1:
-            return self.run, True
+            return Sides(self.position, way, before, found.wild, self.run, by_run=True)
         # Whole targets: those that stay must still be approached from both sides.
         _, place = np.unique(np.round(self.position, 6), return_inverse=True)
-        return np.asarray(place.reshape(-1) % _GROUPS), False
+        group = np.asarray(place.reshape(-1) % _GROUPS)
+        return Sides(self.position, way, before, found.wild, group)
 
 
 def read_recording(tables: Tables, fit: Spec) -> Recording:

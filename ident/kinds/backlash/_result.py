@@ -5,30 +5,11 @@ from collections.abc import Iterator
 from typing import Any, final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...job._result import AbstractResult, Expectation, Remark
-from ._recording import Recording
+from ._recording import Recording, Sides
 from .effect import BacklashFit
-
-
-@dataclasses.dataclass(frozen=True)
-class ReversalView:
-    """Readings as they lie about the mean of both directions, in mm or °.
-
-    Attributes:
-        position: Of each reading (of each reversal, for a trace).
-        direction: ±1.
-        before: Half the reversal error, with the scatter of the reading.
-        predicted: What is left under the backlash fitted to the other groups.
-        from_file: What is left under the entry that was written, read back.
-    """
-
-    position: Float[np.ndarray, " t"]
-    direction: Int[np.ndarray, " t"]
-    before: Float[np.ndarray, " t"]
-    predicted: Float[np.ndarray, " t"]
-    from_file: Float[np.ndarray, " t"]
 
 
 @final
@@ -41,7 +22,8 @@ class BacklashResult(AbstractResult):
         reference: Direction in which the axis is right without it (P-AXIS-00021).
         cycles: Over which a reversal is spread (P-AXIS-00243).
         fit: The estimate behind it.
-        view: The readings before and after.
+        view: The readings before.
+        from_file: What the entry that was written, read back, leaves of each, in mm or °.
         moving: Whether it was found from reversals in motion, not at standstill.
     """
 
@@ -49,7 +31,8 @@ class BacklashResult(AbstractResult):
     reference: int
     cycles: int
     fit: BacklashFit
-    view: ReversalView
+    view: Sides
+    from_file: Float[np.ndarray, " t"]
     moving: bool
 
     @property

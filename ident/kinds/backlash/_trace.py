@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...core import FitError, one_blas_thread, regress
-from ._fit import BacklashFit, Reversal, dependence_along
+from .effect import BacklashFit, Reversal, dependence_along
 
 _LEAST = 3
 """Reversals that show how they scatter, at least."""

@@ -99,8 +99,7 @@ class BacklashMember(AbstractMember):
             recording=data,
             found=found,
             known=self.known,
-            left=share.predicted[share.rows],
-            left_by_run=share.recording.by_run,
+            held_out=(share.predicted[share.rows], share.recording.by_run),
         )
 
 

@@ -1,6 +1,7 @@
 """The backlash of one axis: fitted, judged, written into the axis list, read back."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import final
 
@@ -17,16 +18,12 @@ from ...job._load import Job
 from ...job._plan import was_active
 from ...job._result import staged
 from ...job._second import SecondMeasurement
-from ...proof import (
-    GateCheck,
-    gate_check,
-    reversal_dynamics,
-)
+from ...proof import GateCheck, gate_check, reversal_checks
 from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
-from ._recording import Recording, read_recording
-from ._result import BacklashResult, ReversalView, remarks_of
+from ._recording import Recording, Sides, read_recording
+from ._result import BacklashResult, remarks_of
 from .effect import BacklashFit
 from .entries import backlash_from_list, entries_of_backlash
 from .keys import Spec
@@ -110,17 +107,21 @@ class BacklashDraft(AbstractDraft):
         recording: What was measured.
         found: The estimate.
         known: What the axis list holds.
-        left: Error per reading under lists that were fitted without it, where a joint
-            fit knows that; else the width is fitted anew without each run or block.
-        left_by_run: Whether these left out whole runs.
+        held_out: Error per reading under lists that were fitted without it, and whether
+            these left out whole runs, where a joint fit knows that; else the width is fitted
+            anew without each run or block.
     """
 
     fit: Spec
     recording: Recording
     found: BacklashFit
     known: KnownBacklash
-    left: Float[np.ndarray, " t"] | None = None
-    left_by_run: bool = False
+    held_out: tuple[Float[np.ndarray, " t"], bool] | None = None
+
+    @functools.cached_property
+    def sides(self) -> Sides:
+        """The readings about the mean of both directions."""
+        return self.recording.sides(self.found)
 
     @property
     def width(self) -> float:
@@ -159,18 +160,10 @@ class BacklashDraft(AbstractDraft):
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
         limits, unit = limits_of(job), job.spec.axes[self.axis].unit
         jump, spread = abs(self.width), cycles or 0
-        where = f"spread over {spread} cycles"
-        fast, hard = reversal_dynamics(jump, spread, job.spec.controller.cycle_time)
         lines = [
-            gate_check(
-                "max_reversal", jump, limits.max_reversal, unit, "at every reversal"
-            ),
-            gate_check(
-                "max_velocity at reversal", fast, limits.max_velocity, f"{unit}/s", where
-            ),
-            gate_check(
-                "max_acceleration at reversal",
-                hard, limits.max_acceleration, f"{unit}/s²", where,
+            *reversal_checks(
+                jump, spread, job.spec.controller.cycle_time, limits, unit,
+                ("at every reversal", f"spread over {spread} cycles"),
             ),
             check_switching(
                 jump, spread, limits, unit, _SPREAD, "start-up or COMP ON/OFF"
@@ -189,24 +182,22 @@ class BacklashDraft(AbstractDraft):
         assert isinstance(fit, Spec)
         recording = read_recording(tables, fit)
         found = recording.fit(fit.loss)
-        again = dataclasses.replace(self, recording=recording, found=found)
-        way, where, before, _, _ = again._readings()
+        sides = recording.sides(found)
         return SecondMeasurement(
             ", ".join(fit.sources),
-            where[:, None],
-            before,
-            way.astype(np.int64),
-            wild=again._wild,
-            added=0.5 * abs(self.width - self.known.acting),
+            sides.position[:, None],
+            sides.before,
+            sides.direction,
+            wild=sides.wild,
+            added=0.5 * abs(self.found.width),
         )
 
     def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
         way = self.recording.direction
         if way is None:
             return {}
-        own = self.known.acting
-        change = dataclasses.replace(self.found, width=self.width - own)
-        offset = change.compensation(self.reference).offset(way.astype(float))
+        change = self.found.compensation(self.reference)
+        offset = change.offset(way.astype(float))
         added = np.asarray(offset, dtype=float)
         return {
             (self.axis, name): added[rows]
@@ -214,19 +205,17 @@ class BacklashDraft(AbstractDraft):
         }
 
     def prove(self, done: Written) -> BacklashResult:
-        way, where, before, group, by_run = self._readings()
-        own = self.known.acting
-        predicted = self.left
-        if predicted is None:
-            predicted = before + 0.5 * way * self._held_out(group)
+        sides, half = self.sides, 0.5 * self.sides.direction
+        if self.held_out is not None:
+            predicted, by_run = self.held_out
         else:
-            by_run = self.left_by_run
+            predicted, by_run = sides.before + half * self._others(), sides.by_run
         back = self._read_back(done)
         # About the mean of both directions, which the tables of the axis look after.
-        from_file = before + 0.5 * way * (back - own)
+        from_file = sides.before + half * (back - self.known.acting)
         return BacklashResult(
             **self.frame(done),
-            error=staged(before, predicted, from_file, self._wild),
+            error=staged(sides.before, predicted, from_file, sides.wild),
             remarks=(
                 *remarks_of(
                     self.recording,
@@ -242,42 +231,14 @@ class BacklashDraft(AbstractDraft):
             reference=self.reference,
             cycles=done.cycles or 0,
             fit=self.found,
-            view=ReversalView(
-                position=where,
-                direction=way.astype(np.int64),
-                before=before,
-                predicted=predicted,
-                from_file=from_file,
-            ),
+            view=sides,
+            from_file=from_file,
             moving=self.recording.moving,
         )
 
-    @property
-    def _wild(self) -> np.ndarray:
-        wild = self.found.wild
-        return np.repeat(wild, 2) if self.recording.moving else wild
-
-    def _readings(
-        self,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]:
-        """Return direction, place and reversal error of each reading, and its group."""
-        one = self.recording
-        if one.direction is not None:
-            way = one.direction.astype(float)
-            residual = np.nan_to_num(self.found.residual)
-            before = residual - 0.5 * way * self.found.width
-            groups, by_run = one.groups()
-            return way, one.position, before, groups, by_run
-        # Each reversal gives one width: half of it to either side.
-        turns = self.found.reversals
-        width = np.repeat([turn.width for turn in turns], 2)
-        way = np.tile([1.0, -1.0], len(turns))
-        place = np.repeat([turn.position for turn in turns], 2)
-        group = np.repeat(np.arange(len(turns)), 2)
-        return way, place, -0.5 * way * width, group, False
-
-    def _held_out(self, group: np.ndarray) -> np.ndarray:
+    def _others(self) -> Float[np.ndarray, " t"]:
         """Return the width that the other groups give, per reading."""
+        group = self.sides.group
         found = np.full(len(group), self.found.width)
         if self.recording.moving:
             widths = np.array([turn.width for turn in self.found.reversals])
@@ -288,9 +249,8 @@ class BacklashDraft(AbstractDraft):
             return found
         for each in np.unique(group):
             try:
-                found[group == each] = self.recording.fit(
-                    self.fit.loss, group != each
-                ).width
+                other = self.recording.fit(self.fit.loss, group != each)
+                found[group == each] = other.width
             except FitError:
                 # What is left tells nothing: neither does the prediction.
                 found[group == each] = 0.0

@@ -28,7 +28,7 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     view = fit.view
     for way in (1, -1):
         rows = view.direction == way
-        for panel, values in zip(panels, (view.before, view.from_file), strict=True):
+        for panel, values in zip(panels, (view.before, fit.from_file), strict=True):
             shown = values[rows] * scale.factor
             directed_marks(panel, way, view.position[rows], shown)
         half = -0.5 * way * fit.fit.width * scale.factor

@@ -1,7 +1,7 @@
 """Cross compensation: ``kw.crosscomp`` in a list ↔ `Cross`."""
 
 import dataclasses
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Int
@@ -23,6 +23,9 @@ from ...exchange._table import AbstractTable
 from ...exchange._units import from_list_units, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
+
+if TYPE_CHECKING:
+    from ...fit import joint
 
 PREFIX = KIND.prefix
 DEFAULT_COUNT = 1000
@@ -55,6 +58,12 @@ class CrossTable(AbstractTable):
             sign=float(self.sign),
             held=self.conventions.cross_edge == "hold",
         )
+
+    def effect(self, axis: str, masters: tuple[str, ...]) -> "joint.Cross":
+        from ...fit import joint
+
+        places = self.nodes[0].positions
+        return joint.Cross(axis, places, master=masters[0], modulo=self.periodic)
 
 
 @final

@@ -2,13 +2,15 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ....models import Conventions, Crosstalk, surface_through
 from ...core import FitError, filled
+from .._protocol import DEFAULT_RULES
 
 BRANCHES = (
     "acceleration in positive direction",
@@ -19,7 +21,7 @@ BRANCHES = (
 """Rows of the values, in the order of `axcomp.models.Crosstalk`."""
 _LEAST = 0.3
 """Share of the specified acceleration that an event reaches."""
-_QUIET = 0.02
+QUIET = 0.02
 """Share of the specified acceleration up to which the master does not accelerate."""
 _TURN = 0.1
 """Share of the impulse of an acceleration that a direction has at least where the master
@@ -53,6 +55,10 @@ class CrosstalkReadings:
     error: Float[np.ndarray, " t"]
     positions: Float[np.ndarray, "t k"]
 
+    def take(self, rows: slice) -> "CrosstalkReadings":
+        """Return some of the rows."""
+        return CrosstalkReadings(*(column[rows] for column in vars(self).values()))
+
     def directed(self, acceleration: float, deceleration: float) -> "CrosstalkReadings":
         """Return the log with one direction per acceleration, or two where it turns.
 
@@ -66,7 +72,7 @@ class CrosstalkReadings:
         velocity = self.velocity.copy()
         full = np.where(self.acceleration < 0, -deceleration, acceleration)
         share = np.abs(self.acceleration) / full
-        sign = np.where(share < _QUIET, 0, np.sign(self.acceleration))
+        sign = np.where(share < QUIET, 0, np.sign(self.acceleration))
         for start, stop in _stretches(sign):
             rows = slice(start, stop)
             push, speed = share[rows], np.abs(velocity[rows])
@@ -85,28 +91,65 @@ class CrosstalkReadings:
 
 
 @dataclasses.dataclass(frozen=True)
-class Event:
-    """One acceleration of the master cut out of a log.
+class Events:
+    """Accelerations of the master cut out of a log, one row each.
 
     Attributes:
-        start: First row.
+        start: First row of the log.
         stop: Row after the last.
         branch: Sign of the acceleration and direction, a row of `BRANCHES`.
         positions: Of the adaptation axes in mm, weighted like the readings of the event.
         peak: Largest acceleration in mm/s², with its sign.
-        value: Error of the slave at the specified acceleration that this event shows, in mm.
+        value: Error of the slave at the specified acceleration that the event shows, in mm.
         standard_deviation: Of that, from the scatter within the event.
         wild: Set aside because it contradicts the others.
     """
 
-    start: int
-    stop: int
-    branch: int
-    positions: tuple[float, ...]
-    peak: float
-    value: float
-    standard_deviation: float
-    wild: bool = False
+    start: Int[np.ndarray, " n"]
+    stop: Int[np.ndarray, " n"]
+    branch: Int[np.ndarray, " n"]
+    positions: Float[np.ndarray, "n k"]
+    peak: Float[np.ndarray, " n"]
+    value: Float[np.ndarray, " n"]
+    standard_deviation: Float[np.ndarray, " n"]
+    wild: Bool[np.ndarray, " n"]
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def take(self, rows: Bool[np.ndarray, " n"] | Int[np.ndarray, " m"]) -> "Events":
+        """Return some of the events."""
+        return Events(*(column[rows] for column in vars(self).values()))
+
+
+def joined_logs(parts: Sequence[CrosstalkReadings]) -> CrosstalkReadings:
+    """Put logs one after the other, far enough apart that no event sees another log."""
+    result = parts[0]
+    for part in parts[1:]:
+        rows = np.arange(1, 2 + max(_longest(result), _longest(part)))
+        step = float(np.median(np.diff(part.time)))
+        between = result.time[-1] + step * rows
+        gap = CrosstalkReadings(
+            time=between,
+            acceleration=np.zeros(len(rows)),
+            velocity=np.zeros(len(rows)),
+            error=np.full(len(rows), np.nan),
+            positions=np.repeat(result.positions[-1:], len(rows), axis=0),
+        )
+        later = part.time - part.time[0] + between[-1] + step
+        part = dataclasses.replace(part, time=later)
+        columns = zip(
+            *(vars(each).values() for each in (result, gap, part)), strict=True
+        )
+        result = CrosstalkReadings(*map(np.concatenate, columns))
+    return result
+
+
+def _longest(part: CrosstalkReadings) -> int:
+    """Return the rows of the longest acceleration of one sign."""
+    size = np.abs(part.acceleration)
+    sign = np.sign(part.acceleration) * (size > QUIET * size.max(initial=0.0))
+    return max((b - a for a, b in _stretches(sign) if sign[a]), default=0)
 
 
 def specified(
@@ -138,8 +181,8 @@ def cut_events(
     acceleration: float,
     deceleration: float,
     *,
-    conventions: Conventions | None = None,
-) -> tuple[Event, ...]:
+    conventions: Conventions = DEFAULT_RULES,
+) -> Events:
     r"""Return the acceleration events of a log, one value each.
 
     An event is a stretch of one sign and direction that reaches a share of the specified
@@ -152,35 +195,64 @@ def cut_events(
         readings: Log of master and slave.
         acceleration: Specified, in mm/s², positive.
         deceleration: Specified, in mm/s², negative.
-        conventions: How signs and directions are defined; None = the defaults.
+        conventions: How signs and directions are defined.
 
     Raises:
         FitError: If rows are not finite or there is no event.
     """
-    rules = Conventions() if conventions is None else conventions
     for name in ("time", "acceleration", "velocity", "positions"):
         bad = ~np.isfinite(getattr(readings, name).reshape(len(readings.time), -1))
         if bad.any():
             row = int(np.flatnonzero(bad.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    share, branch = shares_of(readings, acceleration, deceleration, rules)
+    share, branch = shares_of(readings, acceleration, deceleration, conventions)
     # One number per stretch: −1 where quiet, else the branch.
-    label = np.where(share < _QUIET, -1, branch)
+    label = np.where(share < QUIET, -1, branch)
     found = [
-        _event(readings, label, share, start, stop)
+        (start, stop, solved)
         for start, stop in _stretches(label)
-        if label[start] >= 0 and share[start:stop].max() >= _LEAST
+        if label[start] >= 0
+        and share[start:stop].max() >= _LEAST
+        and (solved := _solved(readings, label, share, start, stop)) is not None
     ]
-    events = tuple(event for event in found if event is not None)
-    if not events:
+    if not found:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
             f"{acceleration:g} mm/s² or {deceleration:g} mm/s² for {_ROWS} rows: nothing "
             "to fit."
         )
         raise FitError(msg)
-    return events
+    spans = [slice(start, stop) for start, stop, _ in found]
+    weights = [share[rows] ** 2 for rows in spans]
+    places = [
+        weight @ readings.positions[rows] / weight.sum()
+        for rows, weight in zip(spans, weights, strict=True)
+    ]
+    pushes = [readings.acceleration[rows] for rows in spans]
+    first, last = np.array([ends for *ends, _ in found]).T
+    value, deviation = np.array([solved for *_, solved in found]).T
+    return Events(
+        start=first,
+        stop=last,
+        branch=branch[first],
+        positions=np.array(places).reshape(len(found), -1),
+        peak=np.array([push[np.argmax(np.abs(push))] for push in pushes]),
+        value=value,
+        standard_deviation=deviation,
+        wild=np.zeros(len(found), dtype=bool),
+    )
+
+
+def events_under(
+    readings: CrosstalkReadings,
+    added: Float[np.ndarray, " t"],
+    rates: tuple[float, float],
+    rules: Conventions,
+) -> Float[np.ndarray, " n"]:
+    """Return the value of every event in mm where a list adds this to the slave."""
+    left = dataclasses.replace(readings, error=readings.error + added)
+    return cut_events(left, *rates, conventions=rules).value
 
 
 def shares_of(
@@ -194,9 +266,7 @@ def shares_of(
     model = Crosstalk(
         surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
         jnp.asarray(acceleration), jnp.asarray(deceleration),
-        by_speed=rules.crosstalk_accelerate == "speed",
-        rest_direction=rules.crosstalk_rest,
-        held_above=rules.crosstalk_above == "hold",
+        **rules.of_crosstalk,
     )  # fmt: skip
     stencil = model.stencil(filled(directed.acceleration), filled(directed.velocity))
     count = len(readings.time)
@@ -212,14 +282,14 @@ def _stretches(
     return list(zip([0, *edges], [*edges, len(label)], strict=True))
 
 
-def _event(
+def _solved(
     readings: CrosstalkReadings,
     label: Int[np.ndarray, " t"],
     share: Float[np.ndarray, " t"],
     start: int,
     stop: int,
-) -> Event | None:
-    """Return the event of a stretch; None where what lies beside it does not tell it."""
+) -> tuple[float, float] | None:
+    """Return value and deviation of an event; None where what lies beside leaves it open."""
     length = stop - start
     window = np.arange(max(start - length, 0), min(stop + length, len(share)))
     window = window[np.isfinite(readings.error[window])]
@@ -233,17 +303,7 @@ def _event(
     clock = readings.time[window] - readings.time[window].mean()
     line = np.stack([np.ones(len(window)), clock / max(np.abs(clock).max(), 1e-300)], 1)
     design = np.hstack([events * share[window, None], line])
-    solved = _amplitude(design, np.hstack([events, line]), readings.error[window])
-    if solved is None:
-        return None
-    rows = slice(start, stop)
-    weight = share[rows] ** 2
-    place = weight @ readings.positions[rows] / weight.sum()
-    at = start + int(np.argmax(np.abs(readings.acceleration[rows])))
-    return Event(
-        start, stop, int(label[start]), tuple(float(each) for each in place),
-        float(readings.acceleration[at]), *solved,
-    )  # fmt: skip
+    return _amplitude(design, np.hstack([events, line]), readings.error[window])
 
 
 def _amplitude(

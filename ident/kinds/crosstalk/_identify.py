@@ -1,24 +1,41 @@
-"""The fit of a job: tests from events, and each event predicted by the others."""
+"""From the measurements of a job to tests, and each event predicted by the others."""
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.special import ndtri  # scipy.stats takes long to load
 
+from ....data.measurements import (
+    Measurement,
+    MeasurementError,
+    MissingRole,
+    derive_error,
+    derive_motion,
+)
 from ....models import Conventions, Crosstalk
 from ...fit import FitError
+from ...readings import POSITION_ORDER, Rows, Tables
 from . import SAFE_TESTS
-from ._events import shares_of
-from ._list import four_offsets, rates_of, wished_points
-from ._recording import CrosstalkRecording
-from .effect import CrosstalkFit, CrosstalkReadings, fit_crosstalk, fit_events
+from ._events import joined_logs, shares_of
+from .effect import (
+    BRANCHES,
+    CrosstalkFit,
+    CrosstalkReadings,
+    are_among,
+    fit_crosstalk,
+    fit_events,
+    full_offsets,
+)
 from .keys import Spec
 
+_STILL = 2.0
+"""mm/s: a slave that its encoder shows slower than this is not commanded to move."""
+_COMMANDED = 1e-3
+"""mm/s: the same where the command itself was recorded."""
 _FOLDS = 5
 _SURE = 0.0027
 """Probability of three standard deviations, shared by all values that are looked at."""
@@ -63,6 +80,80 @@ class Identified:
         return bool((np.abs(value[known]) > limit * spread[known]).any())
 
 
+def read_crosstalk(
+    tables: Tables, fit: Spec
+) -> tuple[CrosstalkReadings, tuple[str, ...]]:
+    """Return the logs of a fit, all its measurements joined, and what was taken for granted.
+
+    Raises:
+        MeasurementError: If a role is missing, the motion of the master cannot be
+            derived, or time does not ascend.
+    """
+    masters = fit.adapts_to or (fit.master,)
+    logs = [
+        Rows(tables.job, name, tables.measured(name, fit.axis, masters))
+        for name in fit.sources
+    ]
+    joined = joined_logs([_part(rows, fit) for rows in logs])
+    return joined, tuple(words for rows in logs for words in rows.remarks)
+
+
+def _part(rows: Rows, fit: Spec) -> CrosstalkReadings:
+    why, rules = f"for the crosstalk fit of {fit.axis}", rows.job.conventions
+    time = np.asarray(rows.measured.require("time", why), dtype=float)
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if back.size:
+        reason = (
+            f"line {rows.measured.lines[int(back[0]) + 1]}: found time that does not"
+            " ascend, expected a log in the order of time"
+        )
+        raise MeasurementError(str(rows.measured.source), reason)
+    order = POSITION_ORDER[rules.crosstalk_input]
+    places = [rows.position(axis, why, order) for axis in fit.adapts_to]
+    return CrosstalkReadings(
+        time=time,
+        acceleration=rows.motion(fit.master, "acceleration"),
+        velocity=rows.motion(fit.mover(rules), "velocity"),
+        error=_error(rows, fit.axis),
+        positions=np.column_stack([np.zeros((len(time), 0)), *places]),
+    )
+
+
+def _error(rows: Rows, axis: str) -> Float[np.ndarray, " t"]:
+    """Return the error of the slave, NaN where it was missed or moves by itself."""
+    known = rows.measured.with_gaps()
+    if f"{axis}.error" in known.values:
+        return derive_error(known, axis)
+    kinds = ("encoder", "position")
+    other = next((kind for kind in kinds if f"{axis}.{kind}" in known.values), None)
+    if f"{axis}.actual" not in known.values or other is None:
+        why = f"or '{axis}.actual' and '{axis}.encoder'"
+        raise MissingRole(str(known.source), f"{axis}.error", why, tuple(known.values))
+    own = known.require(f"{axis}.{other}")
+    error = np.asarray(known.require(f"{axis}.actual") - own, dtype=float)
+    still = _still(rows.measured, axis)
+    if still.all():
+        return error
+    rows.remarks.append(
+        f"{axis} itself moves in {1 - still.mean():.0%} of the {len(rows)} readings:"
+        " these are left out, since what its motion adds is no crosstalk."
+    )
+    return np.where(still, error, np.nan)
+
+
+def _still(measured: Measurement, axis: str) -> Bool[np.ndarray, " t"]:
+    """Return where an axis is not commanded to move."""
+    if f"{axis}.position" in measured.values:
+        place = np.asarray(measured.require(f"{axis}.position"), dtype=float)
+        time = np.asarray(measured.require("time"), dtype=float)
+        speed = np.diff(place) / np.diff(time)
+        still = np.abs(speed) <= _COMMANDED
+        # A row stands still where the steps to both neighbours do.
+        edge = np.ones(1, dtype=bool)
+        return np.asarray(np.concatenate([edge, still]) & np.concatenate([still, edge]))
+    return np.asarray(np.abs(derive_motion(measured, axis).velocity) <= _STILL)
+
+
 def options_of(
     fit: Spec, active: Crosstalk | None, rules: Conventions
 ) -> dict[str, Any]:
@@ -79,8 +170,8 @@ def options_of(
     points = None if fit.positions is None else np.array(fit.positions, dtype=float)
     rates = fit.acceleration, fit.deceleration
     if active is not None:
-        points = wished_points(active, points)
-        rates = rates_of(active)
+        points = _more_tests(active, points)
+        rates = float(active.acceleration), float(active.deceleration)
     mode: int | str = fit.mode if points is None else 1 + points.shape[1]
     if fit.mode not in ("auto", mode):
         msg = f"mode: found {fit.mode}, expected {mode} as the tests that are given."
@@ -98,16 +189,33 @@ def options_of(
     }
 
 
+def _more_tests(
+    active: Crosstalk, wished: Float[np.ndarray, "q k"] | None
+) -> Float[np.ndarray, "q k"]:
+    """Return the tests of the list that follows an active one: its own, or more.
+
+    Raises:
+        FitError: If the wished ones lack one of these.
+    """
+    own = np.asarray(active.surface.points, dtype=float)
+    if wished is None:
+        return own
+    if wished.shape[1] == own.shape[1] and are_among(own, wished).all():
+        return wished
+    msg = (
+        "positions: found others than the tests of the list that was active while"
+        " measuring, expected those and, if you like, more."
+    )
+    raise FitError(msg)
+
+
 def identify(
-    recording: CrosstalkRecording,
-    fit: Spec,
-    active: Crosstalk | None,
-    rules: Conventions,
+    whole: CrosstalkReadings, fit: Spec, active: Crosstalk | None, rules: Conventions
 ) -> Identified:
     """Fit the tests of a list and hold events out.
 
     Args:
-        recording: What was measured.
+        whole: What was measured.
         fit: Keys of the job.
         active: The list that was active while measuring, or None.
         rules: Of the controller.
@@ -116,8 +224,7 @@ def identify(
         FitError: If there are no events or the keys cannot be met.
     """
     options = options_of(fit, active, rules)
-    whole = recording.readings
-    _refuse_still(options, recording)
+    _refuse_still(options, whole, fit.adapts_to)
     found = fit_crosstalk(whole, **options)
     late = instrument_delay(whole, found)
     if late:
@@ -125,27 +232,30 @@ def identify(
         found = fit_crosstalk(whole, **options)
     # What a list adds beside an event is that of the direction of the event.
     whole = whole.directed(found.acceleration, found.deceleration)
-    readings = dataclasses.replace(whole, positions=whole.positions[:, found.axes])
-    events = [
-        dataclasses.replace(
-            each, positions=tuple(each.positions[k] for k in found.axes)
-        )
-        for each in found.events
-    ]
-    found = dataclasses.replace(found, events=tuple(events))
+    axes, events = list(found.axes), found.events
+    found = dataclasses.replace(
+        found, events=dataclasses.replace(events, positions=events.positions[:, axes])
+    )
     held_out, judged = _held_out(found, options)
-    masters = tuple(recording.adaptation[k] for k in found.axes)
-    delay = late * float(np.median(np.diff(whole.time)))
-    return Identified(found, readings, masters, held_out, judged, delay)
+    return Identified(
+        found,
+        dataclasses.replace(whole, positions=whole.positions[:, axes]),
+        tuple(fit.adapts_to[k] for k in axes),
+        held_out,
+        judged,
+        late * float(np.median(np.diff(whole.time))),
+    )
 
 
-def _refuse_still(options: Mapping[str, Any], recording: CrosstalkRecording) -> None:
+def _refuse_still(
+    options: Mapping[str, Any], readings: CrosstalkReadings, adaptation: tuple[str, ...]
+) -> None:
     """Raise where an axis that the tests are to adapt to never moved."""
     mode = options["mode"]
     if not isinstance(mode, int) or options["positions"] is not None:
         return
-    names = recording.adaptation[: mode - 1]
-    for name, column in zip(names, recording.readings.positions.T, strict=False):
+    names = adaptation[: mode - 1]
+    for name, column in zip(names, readings.positions.T, strict=False):
         known = column[np.isfinite(column)]
         if known.size and not np.ptp(known) > 0:
             msg = (
@@ -155,16 +265,6 @@ def _refuse_still(options: Mapping[str, Any], recording: CrosstalkRecording) -> 
             raise FitError(msg)
 
 
-def _folds(found: CrosstalkFit) -> Int[np.ndarray, " n"]:
-    """Deal the events of each sign and direction out, so that none is left without."""
-    branch = found.of_events("branch")
-    fold = np.zeros(len(branch), dtype=np.int64)
-    for each in np.unique(branch):
-        rows = np.flatnonzero(branch == each)
-        fold[rows] = np.arange(len(rows)) % _FOLDS
-    return fold
-
-
 def _held_out(
     found: CrosstalkFit, options: Mapping[str, Any]
 ) -> tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
@@ -172,26 +272,27 @@ def _held_out(
 
     Nothing is chosen anew but where the tests stand.
     """
-    left, places = found.of_events("value"), found.of_events("positions")
-    branch = found.of_events("branch")
-    judged, fold = np.zeros(len(left), dtype=bool), _folds(found)
-    rates = found.acceleration, found.deceleration
+    events, branch = found.events, found.events.branch
+    left, judged = events.value.copy(), np.zeros(len(events), dtype=bool)
+    fold = np.zeros(len(events), dtype=np.int64)
+    for row in range(len(BRANCHES)):
+        # Dealt out by sign and direction, so that none is left without.
+        own = np.flatnonzero(branch == row)
+        fold[own] = np.arange(len(own)) % _FOLDS
     for each in np.unique(fold):
         out = fold == each
-        kept = itertools.compress(found.events, ~out)
         try:
-            others = fit_events(
-                tuple(kept), rates, found.conventions,
-                mode=found.mode, positions=options["positions"], loss=options["loss"],
-                velocity_dependent=found.velocity_dependent,
+            model = fit_events(
+                events.take(~out), (found.acceleration, found.deceleration),
+                found.conventions, mode=found.mode, positions=options["positions"],
+                loss=options["loss"], velocity_dependent=found.velocity_dependent,
                 most_tests=options["most_tests"],
-            )  # fmt: skip
+            ).compensation()  # fmt: skip
         except FitError:
             continue
-        model = others.compensation()
         if model is None:
             continue
-        added = four_offsets(model, rates, model.by_speed, places[out])
+        added = full_offsets(model, model, events.positions[out])
         left[out] += added[branch[out], np.arange(int(out.sum()))]
         judged[out] = True
     return left, judged
@@ -211,9 +312,9 @@ def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
         readings: Log of master and slave.
         fit: What was found without a delay.
     """
-    events = [event for event in fit.events if not event.wild]
-    picks = np.linspace(0, len(events) - 1, min(len(events), _MOST_EVENTS))
-    chosen = [events[int(k)] for k in np.unique(picks.astype(int))]
+    sound = fit.events.take(~fit.events.wild)
+    picks = np.linspace(0, len(sound) - 1, min(len(sound), _MOST_EVENTS))
+    chosen = sound.take(np.unique(picks.astype(int)))
     rates = fit.acceleration, fit.deceleration
     share, branch = shares_of(readings, *rates, fit.conventions)
     step = float(np.median(np.diff(readings.time)))
@@ -221,9 +322,9 @@ def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
     lags = np.arange(-reach, reach + 1)
     cost = np.zeros(len(lags))
     rows_in_all = 0
-    for event in chosen:
-        length = event.stop - event.start
-        rows = np.arange(event.start - length, event.stop + length)
+    for start, stop in zip(chosen.start, chosen.stop, strict=True):
+        length = stop - start
+        rows = np.arange(start - length, stop + length)
         rows = rows[(rows >= reach) & (rows < len(readings.time) - reach)]
         shifted = readings.error[rows[:, None] + lags]
         rows, shifted = (

@@ -1,7 +1,8 @@
-"""What a job found of a crosstalk, and what a person must know of it."""
+"""What a job found of a crosstalk: its gate, its result, and what a person must know of it."""
 
 import dataclasses
-from collections.abc import Collection, Iterator
+import math
+from collections.abc import Iterator, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -9,17 +10,139 @@ from jaxtyping import Bool, Float, Int
 
 from ....models import Crosstalk
 from ...job._result import AbstractResult, Remark
+from ...proof import GateCheck, GateLimits, gate_check, reversal_dynamics
 from . import SAFE_TESTS
 from ._identify import Identified
-from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings
-from .keys import Spec
+from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, full_offsets
 
+SHORT = ("accelerating +", "accelerating −", "decelerating +", "decelerating −")
+"""Words for the rows of `BRANCHES`: what the master does, and its direction."""
+_STEPS = 60
+"""Places along each adaptation axis at which the surface is looked at."""
+_RESOLUTION = 41
+"""Places along each adaptation axis at which the workspace is looked at."""
 _THREE = 3
 """Tests of mode 2 that the manual speaks of (S-37)."""
-_QUADRANTS = ("crosstalk_accelerate", "crosstalk_sign")
+_QUADRANTS = {"crosstalk_accelerate", "crosstalk_sign"}
 _COVERED = 0.995
 _ABOVE = 1.1
 """Share of the specified acceleration up to which a peak is its own noise."""
+
+
+def coverage_of(model: Crosstalk, workspace: Float[np.ndarray, "k 2"]) -> float:
+    """Return the share of a workspace that lies among the tests, 0 to 1.
+
+    Args:
+        model: The list.
+        workspace: From where to where each adaptation axis goes, in mm.
+    """
+    if not len(workspace):
+        return 1.0
+    grid = _grid([np.linspace(low, high, _RESOLUTION) for low, high in workspace])
+    places = grid.reshape(-1, len(workspace))
+    return float(np.mean(np.asarray(model.covers(places))))
+
+
+def _grid(lines: Sequence[Float[np.ndarray, " _n"]]) -> Float[np.ndarray, "..."]:
+    """Return all places that lines of each axis make, the axes last."""
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
+
+
+def reversal_jumps(
+    four: Float[np.ndarray, "4 p"], by_speed: bool
+) -> Float[np.ndarray, "2 p"]:
+    """Return how far the value jumps where the master turns under full acceleration."""
+    # A turn keeps the sign of the acceleration and changes the direction.
+    pairs = ((0, 3), (2, 1)) if by_speed else ((0, 1), (2, 3))
+    return np.stack([np.abs(four[a] - four[b]) for a, b in pairs])
+
+
+def largest_jump(four: Float[np.ndarray, "4 p"], by_speed: bool) -> float:
+    """Return the largest jump in mm when the master's acceleration steps at will."""
+    braking = np.abs(four[[0, 1]] - four[[2, 3]])
+    sizes = [np.abs(four), braking, reversal_jumps(four, by_speed)]
+    return max(float(each.max(initial=0.0)) for each in sizes)
+
+
+def judge_crosstalk(
+    model: Crosstalk,
+    names: Sequence[str],
+    cycle_time: float,
+    limits: GateLimits,
+    change: np.ndarray | None,
+) -> tuple[GateCheck, ...]:
+    """Return every line of the gate.
+
+    Args:
+        model: As it is written.
+        names: Of its adaptation axes.
+        cycle_time: In s.
+        limits: Of the job.
+        change: Against the list that was there, by entry, in mm; None = not known.
+    """
+    points = np.asarray(model.surface.points)
+    full = full_offsets(model, model)
+    row, test = divmod(int(np.argmax(np.abs(full))), full.shape[1])
+    where = f"{SHORT[row]}{_at(names, points[test])}"
+    checks = [
+        gate_check(
+            "max_correction", abs(full[row, test]), limits.max_correction, "mm", where
+        )
+    ]
+    turns = reversal_jumps(full, model.by_speed)
+    test = int(np.argmax(turns.max(axis=0)))
+    where = f"where the master turns under full acceleration{_at(names, points[test])}"
+    checks.append(
+        gate_check("max_reversal", turns.max(), limits.max_reversal, "mm", where)
+    )
+    jump = largest_jump(full, model.by_speed)
+    fast, hard = reversal_dynamics(jump, model.cycles, cycle_time)
+    where = (
+        f"if the acceleration of the master steps, spread over {model.cycles} cycles"
+    )
+    checks += [
+        gate_check("max_velocity", fast, limits.max_velocity, "mm/s", where),
+        gate_check("max_acceleration", hard, limits.max_acceleration, "mm/s²", where),
+    ]
+    if names:
+        checks += _along(model, names, points, limits)
+    if change is not None and limits.max_change is not None:
+        value = float(np.max(np.abs(change)))
+        words = "against the list that was there"
+        checks.append(gate_check("max_change", value, limits.max_change, "mm", words))
+    return tuple(checks)
+
+
+def _along(
+    model: Crosstalk, names: Sequence[str], points: np.ndarray, limits: GateLimits
+) -> list[GateCheck]:
+    """Return what moving along the adaptation axes under full acceleration does."""
+    lines = [
+        np.linspace(low, high, _STEPS + 1)
+        for low, high in zip(points.min(axis=0), points.max(axis=0), strict=True)
+    ]
+    grid = _grid(lines)
+    places = grid.reshape(-1, len(names))
+    four = full_offsets(model, model, places).reshape(4, *grid.shape[:-1])
+    steepest, along = 0.0, names[0]
+    for axis, (name, line) in enumerate(zip(names, lines, strict=True), start=1):
+        step = float(line[1] - line[0])
+        if step > 0:
+            slope = float(np.max(np.abs(np.diff(four, axis=axis)))) / step
+            steepest, along = max((steepest, along), (slope, name))
+    where = f"along {along} under full acceleration"
+    added = steepest * limits.feed / 60.0
+    return [
+        gate_check("max_slope", 1e3 * steepest, limits.max_slope, "µm/mm", where),
+        gate_check(
+            "max_velocity by position", added, limits.max_velocity, "mm/s", where
+        ),
+    ]
+
+
+def _at(names: Sequence[str], place: np.ndarray) -> str:
+    words = [f"{name} = {value:g}" for name, value in zip(names, place, strict=True)]
+    return f" at {', '.join(words)}" if words else ""
 
 
 @final
@@ -68,16 +191,16 @@ class CrosstalkResult(AbstractResult):
     @property
     def before(self) -> Float[np.ndarray, " n"]:
         """Error that each event shows."""
-        return self.fit.of_events("value")
+        return self.fit.events.value
 
     @property
     def wild(self) -> Bool[np.ndarray, " n"]:
         """Events that contradict the others."""
-        return self.fit.of_events("wild").astype(bool)
+        return self.fit.events.wild
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        fit = self.fit
+        fit, events = self.fit, self.fit.events
         names = [name.replace(" ", "_") for name in BRANCHES]
         return {
             "master": self.master,
@@ -104,87 +227,72 @@ class CrosstalkResult(AbstractResult):
             "coverage": self.coverage,
             "events": [
                 {
-                    "time": self.readings.time[event.start],
-                    "kind": BRANCHES[event.branch],
-                    "positions": event.positions,
-                    "peak": event.peak,
-                    "error": event.value,
-                    "standard_deviation": event.standard_deviation,
-                    "predicted": predicted,
-                    "from_file": left,
-                    "wild": event.wild,
+                    "time": self.readings.time[events.start[k]],
+                    "kind": BRANCHES[events.branch[k]],
+                    "positions": events.positions[k],
+                    "peak": events.peak[k],
+                    "error": events.value[k],
+                    "standard_deviation": events.standard_deviation[k],
+                    "predicted": self.predicted[k],
+                    "from_file": self.from_file[k],
+                    "wild": events.wild[k],
                 }
-                for event, predicted, left in zip(
-                    fit.events, self.predicted, self.from_file, strict=True
-                )
+                for k in range(len(events))
             ],
             "choice": [dataclasses.asdict(score) for score in fit.scores],
         }
 
 
 def remarks_of(
-    fit: Spec,
-    found: Identified,
-    written: bool,
-    model: Crosstalk | None,
-    coverage: float,
-    cycle_time: float,
-    verified: Collection[str],
+    result: CrosstalkResult, found: Identified, cycle_time: float
 ) -> Iterator[Remark]:
     """Return everything that the report has to say of a fit.
 
     Args:
-        fit: Keys of the job.
+        result: Of the job, its remarks left out.
         found: The estimate.
-        written: Whether a list is written.
-        model: That list, or None.
-        coverage: Share of the workspace that its tests cover.
         cycle_time: In s.
-        verified: Names of conventions that the user has verified.
     """
-    yield from remarks_of_fit(found.fit)
-    yield from _of_the_log(fit, found)
-    if not written:
-        yield _nothing(fit, found)
+    yield from _of_the_fit(found.fit)
+    yield from _of_the_log(result, found)
+    if not len(result.points):
+        yield _nothing(result, found)
     if not found.judged.all():
         yield Remark.warning(
             f"{int((~found.judged).sum())} of {len(found.judged)} events could not"
             " be held out, since what remains determines no test: nothing is"
             " predicted for them."
         )
-    if model is not None:
-        yield from _of_the_list(fit, found, model, coverage, cycle_time)
-        if not set(_QUADRANTS) <= set(verified):
-            yield _assumed(fit)
+    if len(result.points):
+        yield from _of_the_list(result, cycle_time)
 
 
-def _of_the_log(fit: Spec, found: Identified) -> Iterator[Remark]:
+def _of_the_log(result: CrosstalkResult, found: Identified) -> Iterator[Remark]:
     """Return what the log says of itself: a delay, and accelerations beyond the list."""
     if found.delay:
         way = "late" if found.delay > 0 else "early"
         yield Remark.warning(
-            f"The error of {fit.axis} comes {1e3 * abs(found.delay):.3g} ms {way}"
-            f" against the acceleration of {fit.master}; that was taken off, as the"
+            f"The error of {result.axis} comes {1e3 * abs(found.delay):.3g} ms {way}"
+            f" against the acceleration of {result.master}; that was taken off, as the"
             " delay of an instrument is. If it is the machine that follows late, the"
             " correction will come too early by as much."
         )
     own = found.fit
-    full = np.where(own.of_events("branch") < 2, own.acceleration, -own.deceleration)
-    over = float(np.max(np.abs(own.of_events("peak")) / full))
+    over = float(np.max(np.abs(own.events.peak) / own.full))
     if over > _ABOVE:
         yield Remark.warning(
-            f"{fit.master} accelerates up to {over:.0%} of the specified"
+            f"{result.master} accelerates up to {over:.0%} of the specified"
             f" acceleration ({own.acceleration:g} and {own.deceleration:g} mm/s²)."
             " Above it the controller is taken to hold the correction (S-36): state"
             " the largest one as acceleration and deceleration in the job."
         )
 
 
-def _nothing(fit: Spec, found: Identified) -> Remark:
+def _nothing(result: CrosstalkResult, found: Identified) -> Remark:
     if not found.fit.complete.any():
         return Remark.error(
             "No test has all four of its entries measured, and a missing one would be 0"
-            f" in the controller: no list is written. Measure {fit.master} with"
+            f" in the controller: no list is written. Measure {result.master} with"
             " acceleration and deceleration in both directions."
         )
     if found.significant:
@@ -192,61 +300,56 @@ def _nothing(fit: Spec, found: Identified) -> Remark:
             "The tests whose four entries are all measured stand in a line, or are too"
             " few to span the adaptation axes: no list is written."
         )
-    largest = 1e3 * found.fit.largest_error()
+    known = np.abs(found.fit.values[np.isfinite(found.fit.values)])
+    largest = 1e3 * float(known.max()) if known.size else math.nan
     return Remark.warning(
-        f"No crosstalk from {fit.master} shows: no value exceeds what chance over all of"
+        f"No crosstalk from {result.master} shows: no value exceeds what chance over all of"
         f" them would give (the largest is {largest:.2f} µm). Nothing is written."
     )
 
 
-def _of_the_list(
-    fit: Spec,
-    found: Identified,
-    model: Crosstalk,
-    coverage: float,
-    cycle_time: float,
-) -> Iterator[Remark]:
-    tests = len(np.asarray(model.surface.points))
-    if found.fit.mode == 2 and tests != _THREE:
+def _of_the_list(result: CrosstalkResult, cycle_time: float) -> Iterator[Remark]:
+    tests = len(result.points)
+    if result.fit.mode == 2 and tests != _THREE:
         yield Remark.info(
             f"Mode 2 with {tests} tests: the manual speaks of three ([001] p.84,"
             " S-37), its parameters of any number."
         )
-    if coverage < _COVERED:
-        axes = " and ".join(found.masters)
+    if result.coverage < _COVERED:
+        axes = " and ".join(result.adaptation)
         yield Remark.warning(
-            f"The tests cover {coverage:.0%} of the workspace of {axes}. Beyond them"
-            " incorrect values can occur ([001] p.84); the controller is taken to"
+            f"The tests cover {result.coverage:.0%} of the workspace of {axes}. Beyond"
+            " them incorrect values can occur ([001] p.84); the controller is taken to"
             " hold the nearest (S-37, S-38)."
         )
-    if model.cycles > 1:
-        late = 0.5e3 * model.cycles * cycle_time
+    if result.cycles > 1:
+        late = 0.5e3 * result.cycles * cycle_time
         yield Remark.info(
-            f"The values pass a filter over {model.cycles} cycles (n_cycles,"
-            f" P-COMP-00064), so that a step of the acceleration of {fit.master} is"
-            f" no jump of {fit.axis}: the correction comes {late:.3g} ms late."
+            f"The values pass a filter over {result.cycles} cycles (n_cycles,"
+            f" P-COMP-00064), so that a step of the acceleration of {result.master} is"
+            f" no jump of {result.axis}: the correction comes {late:.3g} ms late."
             " The figures from the file are those without this delay."
         )
-    if not found.fit.velocity_dependent:
+    if not result.fit.velocity_dependent:
         yield Remark.info(
             "Both directions are written with equal entries and velocity_dependent"
             " 1, which settles what the manuals leave open without it (S-35)."
         )
+    verified = {each.name for each in result.conventions if each.state == "verified"}
+    if not verified >= _QUADRANTS:
+        yield Remark.warning(
+            "What counts as accelerating (S-34) and the sign of the entries (S-42) are"
+            " assumed: under another reading the correction has the wrong sign for one"
+            f" direction and doubles the error there. Log {result.master} with"
+            " acceleration and deceleration in both directions together with"
+            f" CROSSTALK::end_offset of {result.axis}, and give the log to axcomp verify,"
+            " before relying on this list."
+        )
 
 
-def _assumed(fit: Spec) -> Remark:
-    return Remark.warning(
-        "What counts as accelerating (S-34) and the sign of the entries (S-42) are"
-        " assumed: under another reading the correction has the wrong sign for one"
-        f" direction and doubles the error there. Log {fit.master} with acceleration and"
-        " deceleration in both directions together with CROSSTALK::end_offset of"
-        f" {fit.axis}, and give the log to axcomp verify, before relying on this list."
-    )
-
-
-def remarks_of_fit(fit: CrosstalkFit) -> Iterator[Remark]:
+def _of_the_fit(fit: CrosstalkFit) -> Iterator[Remark]:
     """Return what must be known of events and tests."""
-    counts = np.bincount(fit.of_events("branch"), minlength=len(BRANCHES))
+    counts = np.bincount(fit.events.branch, minlength=len(BRANCHES))
     if fit.directions == "unknown":
         missing = " or ".join(BRANCHES[k] for k in np.flatnonzero(counts == 0))
         words = (
@@ -264,7 +367,7 @@ def remarks_of_fit(fit: CrosstalkFit) -> Iterator[Remark]:
         f"{count} of {name}" for count, name in zip(counts, BRANCHES, strict=True)
     )
     yield Remark.info(f"{len(fit.events)} events: {parts}.")
-    wild = sum(event.wild for event in fit.events)
+    wild = int(fit.events.wild.sum())
     if wild:
         words = f"{wild} events contradict the others and were left out."
         yield Remark.warning(words)

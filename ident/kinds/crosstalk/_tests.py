@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...core import FitError, Regression, node_shares, regress, simplest
-from ._events import Event
+from ._events import Events
 
 _CELLS, _FOLDS = 8, 8
 _LIMIT = 5.0
@@ -45,7 +45,7 @@ class ModeScore:
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Events as arrays.
+    """Events as readings of the values of tests.
 
     Attributes:
         group: Branches that share their values, 0 … g − 1.
@@ -62,25 +62,19 @@ class Table:
     own_noise: float
 
     @classmethod
-    def of(cls, events: tuple[Event, ...], groups: tuple[int, ...]) -> "Table":
-        """Return events as arrays; ``groups`` maps branches to values that they share."""
-        deviation = np.array([event.standard_deviation for event in events])
+    def of(cls, events: Events, groups: tuple[int, ...]) -> "Table":
+        """Return events as readings; ``groups`` maps branches to values that they share."""
+        deviation = events.standard_deviation
         middle = float(np.median(deviation))
-        return cls(
-            np.array([groups[event.branch] for event in events]),
-            np.array([event.positions for event in events]).reshape(len(events), -1),
-            np.array([event.value for event in events]),
-            # No event is so sure of itself that it outvotes all others.
-            (middle / np.maximum(deviation, 0.3 * middle)) ** 2,
-            middle,
-        )
+        # No event is so sure of itself that it outvotes all others.
+        weight = (middle / np.maximum(deviation, 0.3 * middle)) ** 2
+        group = np.array(groups)[events.branch]
+        return cls(group, events.positions, events.value, weight, middle)
 
     def take(self, keep: Bool[np.ndarray, " n"]) -> "Table":
         """Return the events for which ``keep`` is true."""
-        group, positions, amount, weight = (
-            each[keep]
-            for each in (self.group, self.positions, self.amount, self.weight)
-        )
+        group, positions = self.group[keep], self.positions[keep]
+        amount, weight = self.amount[keep], self.weight[keep]
         return Table(group, positions, amount, weight, self.own_noise)
 
     def fit(self, columns: Float[np.ndarray, "n p"], loss: str) -> Regression:

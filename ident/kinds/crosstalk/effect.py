@@ -5,7 +5,6 @@ tests stand, by events held out).
 """
 
 import dataclasses
-import math
 from typing import Any, Literal
 
 import jax.numpy as jnp
@@ -13,17 +12,18 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import chdtrc  # scipy.stats takes long to load
 
-from ....models import Conventions, Crosstalk, surface_through
+from ....models import Conventions, Crosstalk, LegacyCrosstalk, surface_through
 from ...core import FitError, filled, one_blas_thread
+from .._protocol import DEFAULT_RULES
 from . import SAFE_TESTS
 from ._events import (
     BRANCHES as BRANCHES,
     CrosstalkReadings as CrosstalkReadings,
-    Event as Event,
+    Events as Events,
     cut_events as cut_events,
     specified,
 )
-from ._tests import ModeScore as ModeScore, Table, choose_tests, points_of
+from ._tests import ModeScore, Table, choose_tests, points_of
 
 MOST_TESTS = 15
 """Measurement tests that a list holds at most ([001] p.84)."""
@@ -36,6 +36,8 @@ _MEDIAN = 1.57
 _APART, _ALIKE = (0, 1, 2, 3), (0, 0, 1, 1)
 """Values per branch: each its own, or both directions alike."""
 _TOUCHED = 1e-9
+_SAME = 1e-6
+"""mm within which two tests stand at the same place."""
 
 Directions = Literal["given", "differ", "alike", "unknown"]
 """Whether the values differ by the direction of motion: unknown where a branch has no event."""
@@ -46,14 +48,12 @@ class CrosstalkFit:
     """The crosstalk from a master to a slave; signs are those of the *error*.
 
     Attributes:
-        mode: 1, 2 or 3.
         axes: Adaptation axes used, columns of the positions.
         points: Of the tests in mm, shape ``(p, k)``; the last axis runs fastest in a grid.
         values: Error at the specified accelerations in mm, rows as `BRANCHES`; NaN where the
             readings do not tell it.
         standard_deviation: Of the values; inf where the readings do not tell it.
         support: Events that touch each value.
-        complete: Tests of which all four values are measured: only these can be written.
         acceleration: Specified, in mm/s², positive.
         deceleration: Specified, in mm/s², negative.
         velocity_dependent: Whether the directions differ; else both rows are equal.
@@ -64,54 +64,103 @@ class CrosstalkFit:
         conventions: How accelerations and directions are defined.
     """
 
-    mode: int
     axes: tuple[int, ...]
     points: Float[np.ndarray, "p k"]
     values: Float[np.ndarray, "4 p"]
     standard_deviation: Float[np.ndarray, "4 p"]
     support: Int[np.ndarray, "4 p"]
-    complete: Bool[np.ndarray, " p"]
     acceleration: float
     deceleration: float
     velocity_dependent: bool
     directions: Directions
-    noise: tuple[float, ...]
-    events: tuple[Event, ...]
+    noise: Float[np.ndarray, "4"]
+    events: Events
     scores: tuple[ModeScore, ...]
     conventions: Conventions
 
-    def compensation(self, cycles: int = 0) -> Crosstalk | None:
-        """Return the model that takes this error away, from the complete tests.
+    @property
+    def mode(self) -> int:
+        """Of the list: 1, 2 or 3."""
+        return 1 + len(self.axes)
 
-        None where no test is complete, or where those that are span no surface.
+    @property
+    def complete(self) -> Bool[np.ndarray, " p"]:
+        """Tests of which all four values are measured: only these can be written."""
+        return np.asarray(np.isfinite(self.values).all(axis=0))
+
+    @property
+    def full(self) -> Float[np.ndarray, " n"]:
+        """Size of the specified acceleration that each event is a part of, in mm/s²."""
+        slows = self.events.branch >= 2
+        return np.where(slows, -self.deceleration, self.acceleration)
+
+    def kept(self, active: Crosstalk | None) -> Bool[np.ndarray, " p"]:
+        """Return which tests are written: all four values measured, or known from before.
 
         Args:
-            cycles: Of the sin² filter (P-COMP-00064).
+            active: The list that was active while measuring: its tests keep what they hold
+                where nothing was measured.
         """
+        if active is None:
+            return self.complete
+        known = are_among(self.points, np.asarray(active.surface.points))
+        return np.asarray(self.complete | known)
+
+    def compensation(self, active: Crosstalk | None = None) -> Crosstalk | None:
+        """Return the list that takes this error away, as the controller runs it.
+
+        Without a filter, and with values of its own for each direction. None where no test
+        is kept, or where those that are span no surface.
+
+        Args:
+            active: The list that was active while measuring, to which this one adds.
+        """
+        kept, rules = self.kept(active), self.conventions
+        points = self.points[kept]
         try:
-            surface = surface_through(self.points[self.complete])
+            surface = surface_through(points)
         except ValueError:
             return None
-        rules = self.conventions
+        offset = np.where(self.complete, -self.values, 0.0)[:, kept]
+        if active is not None:
+            offset = offset + full_offsets(active, active, points)
         return Crosstalk(
             surface,
-            jnp.asarray(-rules.crosstalk_sign * self.values[:, self.complete]),
+            jnp.asarray(rules.crosstalk_sign * offset),
             jnp.asarray(self.acceleration),
             jnp.asarray(self.deceleration),
-            velocity_dependent=self.velocity_dependent,
-            cycles=cycles,
             **rules.of_crosstalk,
         )
 
-    def of_events(self, name: str) -> np.ndarray:
-        """Return an attribute of all events, one row each."""
-        found = np.array([getattr(event, name) for event in self.events])
-        return found.reshape(len(found), -1) if name == "positions" else found
 
-    def largest_error(self) -> float:
-        """Return the largest known value in mm."""
-        known = np.abs(self.values[np.isfinite(self.values)])
-        return float(known.max()) if known.size else math.nan
+def are_among(
+    points: Float[np.ndarray, "q k"], others: Float[np.ndarray, "p k"]
+) -> Bool[np.ndarray, " q"]:
+    """Return which of these places are tests of another list."""
+    apart = np.abs(points[:, None, :] - others[None, :, :])
+    return np.asarray((apart <= _SAME).all(axis=-1).any(axis=-1))
+
+
+def full_offsets(
+    model: Crosstalk | LegacyCrosstalk,
+    by: Crosstalk,
+    points: Float[np.ndarray, "p k"] | None = None,
+) -> Float[np.ndarray, "4 p"]:
+    """Return what a list adds at full acceleration at each place, by row of `BRANCHES`.
+
+    Args:
+        model: The list.
+        by: A list that says what full acceleration is, and what is deceleration.
+        points: Places of the adaptation axes in mm; left out: the tests of that list.
+    """
+    places = np.asarray(by.surface.points if points is None else points, dtype=float)
+    count = len(places)
+    velocity = np.repeat([1.0, -1.0, 1.0, -1.0], count)
+    pull = np.repeat([float(by.acceleration), float(by.deceleration)], 2 * count)
+    if by.by_speed:
+        pull = pull * velocity
+    added = model.offset(pull, velocity, np.tile(places, (4, 1)))
+    return np.asarray(added).reshape(4, count)
 
 
 @one_blas_thread()
@@ -120,7 +169,7 @@ def fit_crosstalk(
     *,
     acceleration: float | None = None,
     deceleration: float | None = None,
-    conventions: Conventions | None = None,
+    conventions: Conventions = DEFAULT_RULES,
     **options: Any,
 ) -> CrosstalkFit:
     """Fit the tests of a crosstalk list to acceleration events of a log.
@@ -132,20 +181,19 @@ def fit_crosstalk(
         readings: Log of master and slave.
         acceleration: Specified, in mm/s², above 0; None = as measured.
         deceleration: Specified, in mm/s², below 0; None = as measured.
-        conventions: How accelerations and directions are defined; None = the defaults.
+        conventions: How accelerations and directions are defined.
         options: As for `fit_events`.
 
     Raises:
         FitError: If there are no events or the arguments cannot be met.
     """
-    rules = Conventions() if conventions is None else conventions
     rates = specified(readings, acceleration, deceleration)
-    events = cut_events(readings, *rates, conventions=rules)
-    return fit_events(events, rates, rules, **options)
+    events = cut_events(readings, *rates, conventions=conventions)
+    return fit_events(events, rates, conventions, **options)
 
 
 def fit_events(
-    events: tuple[Event, ...],
+    events: Events,
     rates: tuple[float, float],
     rules: Conventions,
     *,
@@ -158,7 +206,7 @@ def fit_events(
     """Fit the tests of a crosstalk list to events.
 
     Args:
-        events: One value each.
+        events: Of a log.
         rates: Specified acceleration and deceleration in mm/s².
         rules: How accelerations and directions are defined.
         mode: 1, 2 or 3 (number of adaptation axes + 1), or ``"auto"``: events held out choose.
@@ -207,28 +255,23 @@ def fit_events(
         deviation[rows] = np.where(known, found.standard_deviation, np.inf)
         support[rows], noise[rows] = np.where(known, touching, 0), found.noise.white
     return CrosstalkFit(
-        mode=1 + len(axes),
         axes=axes,
         points=points,
         values=values,
         standard_deviation=deviation,
         support=support,
-        complete=np.asarray((support > 0).all(axis=0)),
         acceleration=rates[0],
         deceleration=rates[1],
         velocity_dependent=bool(apart),
         directions=directions,
-        noise=tuple(noise.tolist()),
-        events=tuple(
-            dataclasses.replace(event, wild=odd)
-            for event, odd in zip(events, wild.tolist(), strict=True)
-        ),
+        noise=noise,
+        events=dataclasses.replace(events, wild=wild),
         scores=scores,
         conventions=rules,
     )
 
 
-def _directions(events: tuple[Event, ...]) -> Directions:
+def _directions(events: Events) -> Directions:
     """Return whether values differ by direction, from events paired at the same places."""
     table = Table.of(events, _APART)
     if (np.bincount(table.group, minlength=len(BRANCHES)) == 0).any():

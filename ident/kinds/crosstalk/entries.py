@@ -45,21 +45,7 @@ VALUES = (
 _OLD = ("master_ax_nr", "last_index", "table[].acceleration", "table[].correction")
 
 
-def has_crosstalk(listing: ListFile) -> bool:
-    """Whether the list holds a crosstalk table of either form."""
-    return _is_old(listing) or any(listing.table(PREFIX, name) for name in VALUES)
-
-
-def crosstalk_masters(listing: ListFile) -> tuple[int, ...]:
-    """Return the axis that accelerates, then the adaptation axes."""
-    if _is_old(listing):
-        return (required(listing, f"{PREFIX}.master_ax_nr"),)
-    names = ["master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr"]
-    return tuple(
-        required(listing, f"{PREFIX}.{name}") for name in names[: _mode(listing)]
-    )
-
-
+_MASTERS = ("master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr")
 _RATES = {"acceleration": 1, "deceleration": -1}
 
 
@@ -169,10 +155,14 @@ class CrosstalkEntries(AbstractEntries):
     stale = ("table[", "position[", "max_points", "master_", "last_index")
 
     def is_in(self, listing: ListFile) -> bool:
-        return has_crosstalk(listing)
+        return _is_old(listing) or any(listing.table(PREFIX, name) for name in VALUES)
 
     def named_masters(self, listing: ListFile) -> Axes:
-        return crosstalk_masters(listing)
+        # The axis that accelerates, then the adaptation axes.
+        if _is_old(listing):
+            return (required(listing, f"{PREFIX}.master_ax_nr"),)
+        names = _MASTERS[: _mode(listing)]
+        return tuple(required(listing, f"{PREFIX}.{name}") for name in names)
 
     def model(
         self, listing: ListFile, axis: int, reading: Reading
@@ -244,8 +234,7 @@ class CrosstalkEntries(AbstractEntries):
                 expected=f"at most {MOST_CYCLES}",
             )
         entries: dict[str, int | str] = {f"{PREFIX}.mode": axes + 1}
-        names = ("master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr")
-        entries |= {f"{PREFIX}.{n}": k for n, k in zip(names, masters, strict=False)}
+        entries |= {f"{PREFIX}.{n}": k for n, k in zip(_MASTERS, masters, strict=False)}
         if axes:
             entries[f"{PREFIX}.max_points"] = count
         entries |= {

@@ -14,18 +14,10 @@ from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
 from ...readings import Tables
+from ._events import cut_events, events_under, joined_logs
 from ._identify import Identified, options_of
-from ._list import Existing, events_under, existing_crosstalk
-from ._recording import joined_logs
-from .effect import (
-    BRANCHES,
-    CrosstalkFit,
-    CrosstalkReadings,
-    Event,
-    cut_events,
-    fit_crosstalk,
-)
-from .job import CrosstalkDraft
+from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, fit_crosstalk
+from .job import CrosstalkDraft, Existing, existing_crosstalk
 from .keys import Spec
 
 
@@ -38,7 +30,7 @@ def member(
         JobError: If existing lists do not suit.
     """
     old = existing_crosstalk(job, index, fit, lists)
-    return CrosstalkMember(index, fit, lists, old)
+    return CrosstalkMember(index, fit, lists, old, fit.mover(job.conventions))
 
 
 @final
@@ -48,10 +40,12 @@ class CrosstalkMember(AbstractMember):
 
     Attributes:
         old: Crosstalk of the list that is there.
+        mover: Axis whose direction of motion counts.
     """
 
     fit: Spec
     old: Existing
+    mover: str
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -59,7 +53,7 @@ class CrosstalkMember(AbstractMember):
 
     @property
     def accelerating(self) -> tuple[str, ...]:
-        return (self.fit.master,)
+        return (self.fit.master, self.mover)
 
     def unfit(self, recording: GroupRecording) -> str:
         rate = recording.data.acceleration[self.fit.master]
@@ -90,13 +84,9 @@ class CrosstalkMember(AbstractMember):
         left: Float[np.ndarray, " t"] | None,
     ) -> Crosstalk | None:
         options = options_of(self.fit, self.old.active, job.conventions)
-        mode, points, way, *rates = (
-            options[key]
-            for key in (
-                "mode", "positions", "velocity_dependent", "acceleration", "deceleration"
-            )
-        )  # fmt: skip
-        names = self.fit.adapts_to
+        names, points, mode = self.fit.adapts_to, options["positions"], options["mode"]
+        rates = options["acceleration"], options["deceleration"]
+        way = options["velocity_dependent"]
         plain = mode == 1 or points is not None
         if plain and None not in rates and way != "auto":
             names = names[: mode - 1]
@@ -104,103 +94,79 @@ class CrosstalkMember(AbstractMember):
             return None
         else:
             # The form is that of a fit to what the other effects leave.
-            found = fit_crosstalk(self._log(recording, left), **options)
+            found = fit_crosstalk(self._log(recording, left, names), **options)
             names = tuple(names[k] for k in found.axes)
             points = found.points if names else None
-            rates, way = (
-                [found.acceleration, found.deceleration],
-                found.velocity_dependent,
-            )
+            rates = found.acceleration, found.deceleration
+            way = found.velocity_dependent
+        # A list is written with all four entries of a test (S-35).
+        rules = dataclasses.replace(job.conventions, crosstalk_undirected="own")
         return Crosstalk(
             self.axis, self.fit.master, rates[0], rates[1],
             adaptation=names, positions=points,
-            velocity_dependent=bool(way), conventions=job.conventions,
+            velocity_dependent=bool(way), conventions=rules,
         )  # fmt: skip
 
     def _log(
         self,
         recording: GroupRecording,
         error: Float[np.ndarray, " t"],
-        names: tuple[str, ...] | None = None,
+        adaptation: tuple[str, ...],
     ) -> CrosstalkReadings:
         """Return the recording as logs of one axis, one measurement after the other."""
-        data = recording.data
+        data, master = recording.data, self.fit.master
         if data.time is None:
             msg = "expected the time of every reading, found none."
             raise FitError(msg)
-        names = self.fit.adapts_to if names is None else names
-        master = self.fit.master
-        parts = []
-        for rows in recording.slices.values():
-            columns = [data.position[name][rows] for name in names]
-            parts.append(
-                CrosstalkReadings(
-                    time=data.time[rows],
-                    acceleration=data.acceleration[master][rows],
-                    velocity=data.velocity[master][rows],
-                    error=np.asarray(error[rows], dtype=float),
-                    positions=np.stack(columns, axis=1)
-                    if columns
-                    else np.zeros((len(data.time[rows]), 0)),
-                )
-            )
-        return joined_logs(parts)
+        places = [data.position[name] for name in adaptation]
+        whole = CrosstalkReadings(
+            time=data.time,
+            acceleration=data.acceleration[master],
+            velocity=data.velocity[self.mover],
+            error=np.asarray(error, dtype=float),
+            positions=np.column_stack([np.zeros((len(data), 0)), *places]),
+        )
+        return joined_logs([whole.take(rows) for rows in recording.slices.values()])
 
     def draft(self, job: Job, share: Share) -> CrosstalkDraft:
-        effect = share.part.effect
+        part, effect = share.part, share.part.effect
         assert isinstance(effect, Crosstalk)  # of `effect`
+        names, rates = effect.adaptation, (effect.acceleration, effect.deceleration)
         used = np.full(len(share.rows), np.nan)
         used[share.rows] = share.error
-        rates = effect.acceleration, effect.deceleration
-        log = self._log(share.recording, used, effect.adaptation).directed(*rates)
+        log = self._log(share.recording, used, names).directed(*rates)
         events = cut_events(log, *rates, conventions=job.conventions)
-        left = self._log(share.recording, share.predicted, effect.adaptation)
-        kept = np.isfinite(log.error)
-        added = np.where(kept, np.nan_to_num(left.error - log.error), 0.0)
-        held_out = events_under(log, added, *rates, job.conventions)
-        fit = self._tests(job, share, effect, events)
+        left = self._log(share.recording, share.predicted, names).error
+        added = np.where(np.isfinite(log.error), np.nan_to_num(left - log.error), 0.0)
+        told = effect.table(part.determined.astype(float)) > 0.5
+        scatter = [
+            events.standard_deviation[events.branch == row]
+            for row in range(len(BRANCHES))
+        ]
+        fit = CrosstalkFit(
+            axes=tuple(range(len(names))),
+            points=effect.points,
+            values=np.where(told, part.table, np.nan),
+            standard_deviation=np.where(told, part.deviation_table, np.inf),
+            support=effect.table(part.support.astype(float)).astype(np.int64),
+            acceleration=float(effect.acceleration),
+            deceleration=float(effect.deceleration),
+            velocity_dependent=effect.velocity_dependent,
+            directions="given",
+            noise=np.array([np.median(own) if own.size else np.nan for own in scatter]),
+            events=events,
+            scores=(),
+            conventions=job.conventions,
+        )
         found = Identified(
             fit=fit,
             readings=log,
-            masters=effect.adaptation,
-            held_out=held_out,
+            masters=names,
+            held_out=events_under(log, added, rates, job.conventions),
             judged=np.ones(len(events), dtype=bool),
             delay=0.0,
         )
         remarks = tuple(share.remarks())
         return CrosstalkDraft(
             self.index, self.fit, self.lists, remarks, found, self.old
-        )
-
-    def _tests(
-        self,
-        job: Job,
-        share: Share,
-        effect: Crosstalk,
-        events: tuple[Event, ...],
-    ) -> CrosstalkFit:
-        part = share.part
-        told = effect.table(part.determined.astype(float)) > 0.5
-        support = effect.table(part.support.astype(float)).astype(np.int64)
-        names = effect.adaptation
-        spread = [
-            [event.standard_deviation for event in events if event.branch == row]
-            for row in range(len(BRANCHES))
-        ]
-        return CrosstalkFit(
-            mode=effect.mode,
-            axes=tuple(range(len(names))),
-            points=effect.points,
-            values=np.where(told, part.table, np.nan),
-            standard_deviation=np.where(told, part.deviation_table, np.inf),
-            support=support,
-            complete=np.asarray(told.all(axis=0)),
-            acceleration=float(effect.acceleration),
-            deceleration=float(effect.deceleration),
-            velocity_dependent=effect.velocity_dependent,
-            directions="given",
-            noise=tuple(float(np.median(own)) if own else np.nan for own in spread),
-            events=events,
-            scores=(),
-            conventions=job.conventions,
         )

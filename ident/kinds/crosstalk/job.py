@@ -1,42 +1,97 @@
 """The crosstalk of one axis: fitted, judged, written into its list, read back."""
 
 import dataclasses
+import functools
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from ....data.lists import ListFile, Value
-from ....models import Crosstalk, surface_through
+from ....data.lists import Value
+from ....models import Crosstalk, LegacyCrosstalk
 from ...exchange import ExchangeError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
 from ...job._load import Job
+from ...job._plan import was_active
 from ...job._result import Remark, staged
 from ...proof import GateCheck, error_figures
 from ...readings import Tables
-from ._identify import Identified, identify
-from ._list import (
-    Existing,
+from ._events import events_under
+from ._identify import Identified, identify, read_crosstalk
+from ._result import (
+    CrosstalkResult,
     coverage_of,
-    events_under,
-    existing_crosstalk,
-    four_offsets,
-    full_offsets,
     judge_crosstalk,
-    kept_tests,
     largest_jump,
-    list_model,
+    remarks_of,
 )
-from ._recording import read_crosstalk
-from ._result import CrosstalkResult, remarks_of
-from .entries import crosstalk_from_list, entries_of_crosstalk
+from .effect import full_offsets
+from .entries import ENTRIES, crosstalk_from_list, entries_of_crosstalk
 from .keys import Spec
 
-_OLD = ("table[", "last_index", "master_ax_nr")
-"""Entries of the older form, which must not stand beside the present one."""
-_SIZED = ("position[", "max_points", "master_pos")
-"""Entries of which a smaller list has fewer."""
+
+@dataclasses.dataclass(frozen=True)
+class Existing:
+    """Crosstalk of the list that is there.
+
+    Attributes:
+        model: As the controller runs it; None: there is none, or none that can be read.
+        masters: Logical numbers: the axis that accelerates, then adaptation axes.
+        unread: Why it cannot be read, or nothing.
+        active: The same where it was active while measuring.
+    """
+
+    model: Crosstalk | LegacyCrosstalk | None = None
+    masters: tuple[int, ...] = ()
+    unread: str = ""
+    active: Crosstalk | None = None
+
+
+def existing_crosstalk(job: Job, index: int, fit: Spec, lists: AxisLists) -> Existing:
+    """Return the crosstalk of the list that is there, and whether it was active.
+
+    Raises:
+        JobError: If it was, and cannot be added to.
+    """
+    found, listing, holder = Existing(), lists.compensation, None
+    if listing is not None and ENTRIES.is_in(listing):
+        try:
+            model = crosstalk_from_list(listing, job.conventions)
+            found = Existing(model, ENTRIES.named_masters(listing))
+        except ExchangeError as error:
+            found = Existing(unread=str(error))
+    if found.model is not None or found.unread:
+        holder = job.spec.axes[fit.axis].listing
+    if not was_active(job, index, fit, holder):
+        return found
+    where, axes = ("fits", index), job.spec.axes
+    if found.model is None:
+        raise job.error(
+            ("axes", fit.axis, "list"),
+            "crosstalk was active while measuring, but no list with its tests is given"
+            f"{f' ({found.unread})' if found.unread else ''}, expected list = the file"
+            " that was loaded",
+        )
+    if not isinstance(found.model, Crosstalk):
+        raise job.error(
+            where,
+            "crosstalk was active by a list of the older form, to which no tests can be"
+            " added, expected a measurement with COMP OFF CROSSTALK",
+        )
+    named = tuple(axes[name].number for name in (fit.master, *fit.adapts_to))
+    if named != found.masters:
+        raise job.error(
+            where,
+            f"found master and adaptation axes {list(named)}, expected"
+            f" {list(found.masters)} as in the list that was active",
+        )
+    for key in ("acceleration", "deceleration"):
+        given, own = getattr(fit, key), float(getattr(found.model, key))
+        if given is not None and given != own:
+            reason = f"found {given:g}, expected {own:g} as in the list that was active"
+            raise job.error((*where, key), reason)
+    return dataclasses.replace(found, active=found.model)
 
 
 def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
@@ -49,9 +104,10 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
     old = existing_crosstalk(job, index, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
-        recording = read_crosstalk(tables, fit)
-        found = identify(recording, fit, old.active, job.conventions)
-        return CrosstalkDraft(index, fit, lists, recording.remarks, found, old)
+        readings, words = read_crosstalk(tables, fit)
+        found = identify(readings, fit, old.active, job.conventions)
+        remarks = tuple(map(Remark.info, words))
+        return CrosstalkDraft(index, fit, lists, remarks, found, old)
 
     return draft
 
@@ -72,31 +128,25 @@ class CrosstalkDraft(AbstractDraft):
     found: Identified
     old: Existing
 
-    @property
-    def kept(self) -> Bool[np.ndarray, " p"]:
-        """Tests that are written: all four values measured, or known from before."""
-        return kept_tests(self.found.fit, self.old.active)
+    @functools.cached_property
+    def list_model(self) -> Crosstalk | None:
+        """The list as the controller runs it, without a filter; None: nothing is written."""
+        if not (self.found.significant and self.found.fit.complete.any()):
+            return None
+        return self.found.fit.compensation(self.old.active)
 
     @property
     def written(self) -> bool:
-        """Whether there is anything to write."""
-        fit = self.found.fit
-        if not (self.found.significant and fit.complete.any()):
-            return False
-        try:
-            surface_through(fit.points[self.kept])
-        except ValueError:
-            return False
-        return True
+        return self.list_model is not None
 
     def model(self, job: Job) -> Crosstalk:
-        """Return the list as the controller runs it."""
-        model = list_model(self.found.fit, self.old.active, job.conventions)
-        if self.fit.n_cycles is not None:
-            return dataclasses.replace(model, cycles=self.fit.n_cycles)
-        jump = largest_jump(full_offsets(model), model.by_speed)
-        listing, entry = self.lists.compensation, f"{self.kind.prefix}.n_cycles"
-        cycles = spread_over(job, jump, listing, entry)
+        """Return the list that is written as the controller runs it."""
+        model, cycles = self.list_model, self.fit.n_cycles
+        assert model is not None  # it is written
+        if cycles is None:
+            jump = largest_jump(full_offsets(model, model), model.by_speed)
+            entry = f"{self.kind.prefix}.n_cycles"
+            cycles = spread_over(job, jump, self.lists.compensation, entry)
         return dataclasses.replace(model, cycles=cycles)
 
     @property
@@ -105,25 +155,21 @@ class CrosstalkDraft(AbstractDraft):
             return "Works from start-up on"
         return f"Works once {' and '.join(self.found.masters)} are referenced"
 
-    @property
-    def replaces(self) -> tuple[str, ...]:
-        return tuple(f"{self.kind.prefix}.{name}" for name in (*_OLD, *_SIZED))
+    def _masters(self, job: Job) -> tuple[int, ...]:
+        """Return the numbers of the axes that it acts over, the accelerating one first."""
+        names = (self.fit.master, *self.found.masters)
+        return tuple(job.spec.axes[name].number for name in names)
 
     def entries(self, job: Job) -> dict[str, Value]:
-        axes = job.spec.axes
-        masters = (self.fit.master, *self.found.masters)
         try:
             entries: dict[str, Value] = dict(
-                entries_of_crosstalk(
-                    self.model(job), tuple(axes[name].number for name in masters)
-                )
+                entries_of_crosstalk(self.model(job), self._masters(job))
             )
         except ExchangeError as error:
             raise job.error(("fits", self.index), str(error)) from None
-        if self.fit.manual_activation is not None:
-            entries[f"{self.kind.prefix}.manual_activation"] = int(
-                self.fit.manual_activation
-            )
+        manual = self.fit.manual_activation
+        if manual is not None:
+            entries[f"{self.kind.prefix}.manual_activation"] = int(manual)
         return entries
 
     def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
@@ -137,74 +183,39 @@ class CrosstalkDraft(AbstractDraft):
 
     def _change(self, job: Job) -> Float[np.ndarray, "4 p"] | None:
         """Return what the new list adds beyond the old one, where both can be compared."""
-        axes, old, fit = job.spec.axes, self.old, self.found.fit
-        names = (self.fit.master, *self.found.masters)
-        same = old.masters == tuple(axes[name].number for name in names)
-        if old.model is None or not same:
+        old, model = self.old.model, self.model(job)
+        if old is None or self.old.masters != self._masters(job):
             return None
-        model = self.model(job)
-        points = np.asarray(model.surface.points)
-        rates = fit.acceleration, fit.deceleration
-        before = four_offsets(old.model, rates, model.by_speed, points)
-        return np.asarray(full_offsets(model) - before)
-
-    def refuse_misread(self, job: Job, listing: ListFile) -> None:
-        parsed = ListFile.parse(listing.dumps(), listing.source)
-        for name, value in self.entries(job).items():
-            if parsed.integer(name) != value:
-                raise job.error(
-                    ("fits", self.index),
-                    f"found {parsed.integer(name)} for {name} in {listing.source} when"
-                    f" it was read back, expected {value}",
-                )
+        return np.asarray(full_offsets(model, model) - full_offsets(old, model))
 
     def prove(self, done: Written) -> CrosstalkResult:
-        job = done.job
-        found, fit = self.found, self.found.fit
-        added = self.added_to_log(done)
-        left = events_under(
-            found.readings, added, fit.acceleration, fit.deceleration, fit.conventions
-        )
-        before, wild = fit.of_events("value"), fit.of_events("wild").astype(bool)
-        workspace = self._workspace(job)
-        shown = self.kept if self.written else np.zeros(len(fit.points), dtype=bool)
-        coverage = 0.0
-        entries = np.zeros((4, 0))
-        model = self.model(job) if self.written else None
-        if model is not None:
-            entries = np.asarray(model.values)
-            coverage = coverage_of(model, workspace)
-        error, judged = staged(before, before, left, wild), found.judged
+        job, found, fit = done.job, self.found, self.found.fit
+        added, rates = self.added_to_log(done), (fit.acceleration, fit.deceleration)
+        left = events_under(found.readings, added, rates, fit.conventions)
+        before, wild, judged = fit.events.value, fit.events.wild, found.judged
+        error = staged(before, before, left, wild)
         if judged.any():
             predicted = error_figures(found.held_out[judged], wild=wild[judged])
             error["predicted"] = predicted
-        return CrosstalkResult(
+        model = self.model(job) if self.written else None
+        shown = np.zeros(len(fit.points), dtype=bool)
+        if model is not None:
+            shown = fit.kept(self.old.active)
+        workspace = self._workspace(job)
+        result = CrosstalkResult(
             **self.frame(done),
             error=error,
-            remarks=(
-                *self.remarks,
-                *remarks_of(
-                    self.fit,
-                    found,
-                    self.written,
-                    model,
-                    coverage,
-                    job.spec.controller.cycle_time,
-                    job.verified,
-                ),
-                *self._about_the_old(),
-                *done.files.remarks,
-            ),
-            files=done.names if self.written else (),
+            remarks=(),
+            files=() if model is None else done.names,
             held_out="event",
             master=self.fit.master,
             adaptation=found.masters,
             points=fit.points[shown],
-            entries=entries,
+            entries=np.zeros((4, 0)) if model is None else np.asarray(model.values),
             standard_deviation=fit.standard_deviation[:, shown],
             support=fit.support[:, shown],
             cycles=0 if model is None else model.cycles,
-            coverage=coverage,
+            coverage=0.0 if model is None else coverage_of(model, workspace),
             workspace=workspace,
             fit=fit,
             predicted=found.held_out,
@@ -212,6 +223,9 @@ class CrosstalkDraft(AbstractDraft):
             readings=found.readings,
             added=added,
         )
+        said = remarks_of(result, found, job.spec.controller.cycle_time)
+        remarks = (*self.remarks, *said, *self._about_the_old(), *done.files.remarks)
+        return dataclasses.replace(result, remarks=remarks)
 
     def added_to_log(self, done: Written) -> Float[np.ndarray, " t"]:
         """Return what the written file adds in each row beyond what acted already."""

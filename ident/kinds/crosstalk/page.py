@@ -11,16 +11,14 @@ from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, number, percent, place
 from .._drawing import directed_marks, left_out_words, side_by_side
-from ._list import SHORT
-from ._result import CrosstalkResult
-from .effect import BRANCHES, Event
+from ._events import QUIET
+from ._result import SHORT, CrosstalkResult
+from .effect import BRANCHES
 
 _WAY = (1, -1, 1, -1)
 """Direction of the master in each row of `BRANCHES`."""
 _COURSES = 8
 """Events of each sign and direction that are shown in full."""
-_QUIET = 0.02
-"""Share of the largest acceleration up to which the master does not accelerate."""
 
 
 def body(fit: CrosstalkResult, scale: Scale) -> Body:
@@ -123,10 +121,8 @@ def _left_out(fit: CrosstalkResult, scale: Scale) -> list[tuple[str, str]]:
 
 
 def _choice(fit: CrosstalkResult, scale: Scale) -> str:
-    best = {score.mode: score for score in reversed(fit.fit.scores)}
-    for score in fit.fit.scores:
-        if score.held_out < best[score.mode].held_out:
-            best[score.mode] = score
+    worst_first = sorted(reversed(fit.fit.scores), key=lambda score: -score.held_out)
+    best = {score.mode: score for score in worst_first}
     parts = [
         f"mode {mode} {number(best[mode].held_out * scale.factor)} {scale.error} with"
         f" {count(int(np.prod(best[mode].counts, dtype=int)), 'test')}"
@@ -154,9 +150,8 @@ def events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     own, sound = fit.fit, ~fit.wild
     across, up = f"acceleration of {fit.master} in mm/s²", _error_of(fit, scale)
     figure, panels = side_by_side(3.2, ("before", "from the file"), across, up)
-    branch, peak = own.of_events("branch"), np.abs(own.of_events("peak"))
-    full = np.where(branch < 2, own.acceleration, -own.deceleration)
-    share = np.minimum(peak / full, 1.0) * scale.factor
+    branch, peak = own.events.branch, np.abs(own.events.peak)
+    share = np.minimum(peak / own.full, 1.0) * scale.factor
     # Of accelerations by speed the sign of the peak does not tell the entry.
     reach = np.where(branch < 2, 1.0, -1.0) * peak
     for panel, values in zip(panels, (fit.before, fit.from_file), strict=True):
@@ -215,8 +210,8 @@ def tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot | None:
 
 def _shown(fit: CrosstalkResult, row: int) -> tuple[Float[np.ndarray, "n k"], Any]:
     """Return places and errors of the events of a branch, wild ones left out."""
-    rows = (fit.fit.of_events("branch") == row) & ~fit.wild
-    return fit.fit.of_events("positions")[rows], fit.before[rows]
+    rows = (fit.fit.events.branch == row) & ~fit.wild
+    return fit.fit.events.positions[rows], fit.before[rows]
 
 
 def _along_one(fit: CrosstalkResult, scale: Scale) -> Plot:
@@ -294,11 +289,11 @@ def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw single events in time, before and with the written list."""
     figure, panels = style.new_figure(4.4, rows=2, columns=2, sharey=True)
     for row, panel in enumerate(panels):
-        own = [each for each in fit.fit.events if each.branch == row and not each.wild]
+        own = np.flatnonzero((fit.fit.events.branch == row) & ~fit.wild)
         # Spread evenly over the log.
         picks = np.linspace(0, len(own) - 1, min(len(own), _COURSES)).astype(int)
-        for k, event in enumerate(own[pick] for pick in picks):
-            clock, before, added = _course(fit, event)
+        for k, event in enumerate(own[picks]):
+            clock, before, added = _course(fit, int(event))
             stages = {"before": before, "with the list": before + added}
             colours = (style.ORANGE, style.BLUE)
             for (name, values), colour in zip(stages.items(), colours, strict=True):
@@ -306,7 +301,7 @@ def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
                     1e3 * clock, values * scale.factor, color=colour,
                     linewidth=0.7, alpha=0.6, label=None if k else name,
                 )  # fmt: skip
-        if not own:
+        if not own.size:
             panel.text(0.5, 0.5, "no event", ha="center", transform=panel.transAxes)
         panel.axvline(0, color=style.INK, linewidth=0.7)
         panel.set_title(BRANCHES[row], fontsize=8)
@@ -323,14 +318,15 @@ def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     return Plot("courses", "Single events in time", figure, caption)
 
 
-def _course(fit: CrosstalkResult, event: Event) -> tuple[Float[np.ndarray, " t"], ...]:
+def _course(fit: CrosstalkResult, event: int) -> tuple[Float[np.ndarray, " t"], ...]:
     """Return time in s, error about its level beside the event, and what is added, in mm."""
-    log, length = fit.readings, event.stop - event.start
-    rows = slice(max(event.start - length, 0), event.stop + length)
+    log, events = fit.readings, fit.fit.events
+    start, stop = events.start[event], events.stop[event]
+    rows = slice(max(2 * start - stop, 0), 2 * stop - start)
     full = max(fit.fit.acceleration, -fit.fit.deceleration)
     error = log.error[rows]
-    quiet = np.abs(log.acceleration[rows]) < _QUIET * full
+    quiet = np.abs(log.acceleration[rows]) < QUIET * full
     beside = error[quiet & np.isfinite(error)]
     level = np.median(beside) if beside.size else np.nanmedian(error)
-    clock = log.time[rows] - log.time[event.start]
+    clock = log.time[rows] - log.time[start]
     return clock, error - float(level), fit.added[rows]

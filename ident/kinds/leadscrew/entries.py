@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Collection
-from typing import Any, ClassVar, final
+from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import jax
 import numpy as np
@@ -36,6 +36,9 @@ from ...exchange._units import SGN16, from_list_units, round_to_list
 from .. import kind
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
+
+if TYPE_CHECKING:
+    from ...fit import joint
 
 PREFIX = KIND.prefix
 DEFAULT_COUNT = 1499
@@ -161,6 +164,16 @@ class LeadscrewTable(AbstractTable):
             np.atleast_2d(from_list_units(integers)),
             self.modulo,
             self.conventions,
+        )
+
+    def effect(self, axis: str, masters: tuple[str, ...]) -> "joint.Leadscrew":
+        from ...fit import joint
+
+        return joint.Leadscrew(
+            axis,
+            self.nodes[0].positions,
+            bilateral=self.bilateral,
+            modulo=self.periodic,
         )
 
     def read(self, listing: ListFile, increments: Increments = None) -> Leadscrew:

@@ -1,7 +1,7 @@
 """Plane compensation: ``kw.crosscomp2`` in a list ↔ `Plane`."""
 
 import dataclasses
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Int
@@ -26,6 +26,9 @@ from ...exchange._units import from_list_units, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
+if TYPE_CHECKING:
+    from ...fit import joint
+
 PREFIX = KIND.prefix
 DEFAULT_LAST_INDEX = 100
 """Largest index per direction where ``max_points`` is not set (101 · 101 entries)."""
@@ -42,6 +45,12 @@ class PlaneTable(AbstractTable):
         first, second = (nodes.model() for nodes in self.nodes)
         values = as_array(from_list_units(integers))
         return Plane(first, second, values, sign=float(self.sign))
+
+    def effect(self, axis: str, masters: tuple[str, ...]) -> "joint.Plane":
+        from ...fit import joint
+
+        first, second = (nodes.positions for nodes in self.nodes)
+        return joint.Plane(axis, (masters[0], masters[1]), (first, second))
 
 
 @final

@@ -1,51 +1,132 @@
-"""The thermal line that readings determine, and what readings left out say of it."""
+"""What was measured for a thermal line, and the line that it determines."""
 
 import dataclasses
-from typing import Literal
+import functools
+import itertools
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
+from ....data.measurements import Measurement, MeasurementError
+from ..._recording import JointData, stacked
 from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
-from ._choice import BLOCKS, FOLDS
-from ._recording import ThermalRecording
-from .effect import (
-    Confusion,
-    LawKey,
-    TemperatureFit,
-    ThermalReadings,
-    fit_temperature,
-)
+from ...fit.joint import Temperature
+from ...job._result import Remark
+from ...readings import Rows, Tables, sensor_name
+from .fit import TemperatureFit, fit_temperature
 from .keys import Spec
 
-LawPair = Literal["auto"] | tuple[LawKey, LawKey]
+
+@dataclasses.dataclass(frozen=True)
+class ThermalRecording:
+    """Readings of one axis while temperatures changed.
+
+    Attributes:
+        data: Error, sensors, positions (or none) and instants (or None).
+        rows: Which row of all measurements, one after the other, each reading was.
+        line: What is fitted to them.
+        effects: Sensor of each effect that is asked for.
+        datum: Where the instrument was set to zero at all temperatures, or None.
+        remarks: What was taken for granted.
+        carriers: Tables of the same group, which hold what no temperature moves; None
+            where the line is fitted alone.
+    """
+
+    data: JointData
+    rows: Int[np.ndarray, " t"]
+    line: Temperature
+    effects: dict[str, str]
+    datum: float | None
+    remarks: tuple[Remark, ...]
+    carriers: tuple[str, ...] | None = None
+
+    @property
+    def error(self) -> Float[np.ndarray, " t"]:
+        """In mm."""
+        return np.asarray(self.data.error[self.line.axis])
+
+    @property
+    def position(self) -> Float[np.ndarray, " t"] | None:
+        """In mm; None where the error was measured at one position."""
+        return self.data.position.get(self.line.axis)
+
+    @property
+    def temperature(self) -> Float[np.ndarray, "t s"]:
+        """Of the sensors in °C."""
+        return np.stack(list(self.data.temperature.values()), axis=1)
+
+    @property
+    def followed(self) -> tuple[str, str]:
+        """Sensors of offset and coefficient: of one of them for both."""
+        first = next(iter(self.effects.values()))
+        return self.effects.get("offset", first), self.effects.get("coefficient", first)
 
 
 @dataclasses.dataclass(frozen=True)
 class Identified:
-    """A thermal line with its proof.
+    """A thermal line with its readings.
 
     Attributes:
+        recording: What was measured.
         fit: The estimate, in the sign of the error.
-        open: Effects that the readings cannot tell apart.
         dropped: The coefficient was held constant, since only the offset is determined.
-        predicted: Error of each used reading in mm less what the other blocks say of it.
         held_out: What was left out together: ``block`` or ``run``.
-        instead: What a drift of the instrument would explain as well; None where none does.
     """
 
+    recording: ThermalRecording
     fit: TemperatureFit
-    predicted: Float[np.ndarray, " u"]
-    open: tuple[Confusion, ...] = ()
     dropped: bool = False
     held_out: str = "block"
-    instead: AgainstDrift | None = None
 
     @property
     def determined(self) -> bool:
         """Whether anything may be written."""
-        return self.dropped or not self.open
+        return self.dropped or not self.fit.confounded
+
+    @property
+    def written(self) -> bool:
+        """Whether there is a law to write."""
+        return bool(self.fit.moving) and self.determined
+
+    @functools.cached_property
+    def zero(self) -> float:
+        """Temperature in °C at which nothing is corrected: measured, near the reference.
+
+        Where two sensors move the line it is the reference itself: each law is held at its
+        own end, the measured temperature next to it.
+        """
+        wished = self.recording.line.reference_temperature
+        laws = self.fit.moving or tuple(self.fit.laws.values())
+        if len({law.sensor for law in laws}) > 1:
+            return wished
+        low = max(float(law.temperature[0]) for law in laws)
+        high = min(float(law.temperature[-1]) for law in laws)
+        return float(np.clip(wished, low, max(low, high)))
+
+    @functools.cached_property
+    def instead(self) -> AgainstDrift | None:
+        """What a drift of the instrument would explain as well; None where none does."""
+        if self.fit.confounded:
+            return None
+        recording, fit, used = self.recording, self.fit, self.fit.used
+        time, place, count = recording.data.time, recording.position, int(used.sum())
+        clock = np.arange(count, dtype=float) if time is None else time[used]
+        away = np.zeros(count) if place is None else place[used] - place[used].mean()
+        columns = {
+            effect: fit.temperature[used, fit.sensors.index(sensor)]
+            for effect, sensor in recording.effects.items()
+        }
+        if "coefficient" in columns:
+            warm = columns["coefficient"]
+            columns["coefficient"] = (warm - warm.mean()) * away
+        found = against_drift(
+            clock,
+            np.stack(list(columns.values()), axis=1),
+            recording.error[used],
+            np.stack([np.ones(count), away], axis=1),
+        )
+        return found if found is not None and found.doubtful else None
 
 
 def identify(recording: ThermalRecording, fit: Spec) -> Identified:
@@ -54,119 +135,237 @@ def identify(recording: ThermalRecording, fit: Spec) -> Identified:
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    law: LawPair = "auto"
-    if fit.law is not None:
-        law = (
-            fit.law.get("offset", "constant"),
-            fit.law.get("coefficient", "constant"),
-        )
-    found = _line(recording, fit, recording.readings, law)
-    open_pairs = found.confounded
-    named = {effect for pair in open_pairs for effect in (pair.first, pair.second)}
-    dropped = bool(
-        open_pairs and "offset" in recording.effects and "offset" not in named
-    )
+    meet = recording.datum is None and not isinstance(fit.reference, float)
+    found = fit_temperature(recording.data, recording.line, meet=meet, loss=fit.loss)
+    named = {name for pair in found.confounded for name in (pair.first, pair.second)}
+    dropped = "offset" in recording.effects and bool(named) and "offset" not in named
     if dropped:
         # The slope and its change are one column: the offset stands apart from both.
-        found = _line(
-            recording, fit, recording.readings, (len(found.offset.value), "constant")
-        )
-    predicted = _held_out(recording, fit, found)
-    instead = None if open_pairs else drift_instead(recording, found)
-    return Identified(
-        fit=found,
-        predicted=predicted,
-        open=open_pairs,
-        dropped=dropped,
-        instead=instead,
-    )
+        law = {"offset": len(found.offset.value), "coefficient": 1}
+        line = dataclasses.replace(recording.line, law=law)
+        found = fit_temperature(recording.data, line, meet=meet, loss=fit.loss)
+    return Identified(recording, found, dropped)
 
 
-def drift_instead(
-    recording: ThermalRecording, fit: TemperatureFit
-) -> AgainstDrift | None:
-    """Return what may be a drift of the instrument as well; None where that is settled."""
-    readings, used = recording.readings, fit.used
-    count = int(used.sum())
-    clock = np.arange(count, dtype=float)
-    if readings.time is not None:
-        clock = readings.time[used]
-    away = np.zeros(count)
-    if readings.position is not None:
-        away = readings.position[used] - readings.position[used].mean()
-    columns = {
-        "offset": fit.temperature[used, recording.effects.get("offset", 0)],
-        "coefficient": fit.temperature[used, recording.effects.get("coefficient", 0)],
-    }
-    columns["coefficient"] = (
-        columns["coefficient"] - columns["coefficient"].mean()
-    ) * away
-    found = against_drift(
-        clock,
-        np.stack([columns[effect] for effect in recording.effects], axis=1),
-        readings.error[used],
-        np.stack([np.ones(count), away], axis=1),
-    )
-    return found if found is not None and found.doubtful else None
+def effects_of(tables: Tables, fit: Spec) -> dict[str, str]:
+    """Return the sensor of each effect that is fitted.
 
-
-def _line(
-    recording: ThermalRecording,
-    fit: Spec,
-    readings: ThermalReadings,
-    law: LawPair,
-    lag: float | Literal["auto", "none"] | None = None,
-) -> TemperatureFit:
-    offset = recording.effects.get("offset")
-    reference = "intersection" if fit.reference is None else fit.reference
-    if recording.datum is not None and "coefficient" in recording.effects:
-        # The instrument was set to zero there: what the offset does, nobody saw.
-        offset, reference = None, recording.datum
-    if lag is None:
-        lag = fit.lag if readings.time is not None else "none"
-    return fit_temperature(
-        readings,
-        offset_sensor=offset,
-        coefficient_sensor=recording.effects.get("coefficient"),
-        law=law,
-        reference=reference,
-        lag=lag,
-        loss=fit.loss,
-        names=recording.sensors,
-    )
-
-
-def _held_out(
-    recording: ThermalRecording, fit: Spec, found: TemperatureFit
-) -> Float[np.ndarray, " u"]:
-    """Return errors less the line fitted to the other blocks.
-
-    The law, its number of nodes and its lags are those of the whole; everything else is
-    fitted anew.
+    Raises:
+        MeasurementError: If the only sensor is to be taken and there is none, or several.
     """
-    used = np.flatnonzero(found.used)
-    clock = recording.readings.time
-    order = used if clock is None else used[np.argsort(clock[used], kind="stable")]
-    rank = np.empty(len(found.used), dtype=np.int64)
-    rank[order] = np.arange(len(order))
-    groups = rank[used] * BLOCKS // len(used) % FOLDS
-    part = recording.readings.take(found.used)
-    structure = found.temperature[found.used]
-    part = dataclasses.replace(part, temperature=structure)
-    coefficient = found.coefficient
-    law = (
-        len(found.offset.value),
-        1 if coefficient is None else len(coefficient.value),
+    found = fit.effects
+    if found is None:
+        measured = tables.measured(fit.sources[0], fit.axis, (fit.axis,))
+        only = _only_sensor(measured, fit.axis)
+        found = {"offset": only, "coefficient": only}
+    return {str(effect): sensor_name(role) for effect, role in found.items()}
+
+
+def line_of(
+    fit: Spec, effects: dict[str, str], data: JointData, warmth: float
+) -> Temperature:
+    """Return the line that a fit asks for; its reference is in the middle where none is given.
+
+    Args:
+        fit: Keys of the job.
+        effects: Sensor of each effect.
+        data: Readings.
+        warmth: Reference temperature in °C.
+    """
+    place = data.position[fit.axis] if "coefficient" in effects else np.zeros(0)
+    place = place[np.isfinite(place)]
+    reference = 0.5 * float(place.min() + place.max()) if place.size else 0.0
+    if isinstance(fit.reference, float):
+        reference = fit.reference
+    lag: float | str = 0.0
+    if data.time is not None and fit.lag != "none":
+        lag = "fit" if fit.lag == "auto" else fit.lag
+    return Temperature(
+        fit.axis,
+        effects,
+        reference=reference,
+        law={str(effect): law for effect, law in (fit.law or {}).items()},
+        lag=lag,
+        reference_temperature=warmth,
     )
-    predicted = np.array(part.error, dtype=float)
-    for group in np.unique(groups):
-        out = groups == group
-        try:
-            other = _line(recording, fit, part.take(~out), law, lag="none")
-        except FitError:
-            # What is left tells nothing of this law: neither does the prediction.
-            predicted[out] -= np.median(part.error[~out])
-            continue
-        place = None if part.position is None else part.position[out]
-        predicted[out] -= other.predict(structure[out], place)
-    return predicted
+
+
+def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
+    """Return the readings of a temperature fit, all its measurements joined.
+
+    Raises:
+        MeasurementError: If a role is missing or a value cannot be used.
+        FitError: If there is no plateau where one is asked for.
+        JobError: If the measurements do not suit each other.
+    """
+    effects, remarks = effects_of(tables, fit), list[Remark]()
+    parts, plateau = list[JointData](), list[np.ndarray]()
+    for name in fit.sources:
+        measured = tables.measured(name, fit.axis, (fit.axis,))
+        rows = Rows(tables.job, name, measured, [fit.axis], gaps=True)
+        parts.append(_part(rows, fit, effects))
+        remarks += map(Remark.info, rows.remarks)
+        if fit.steady is not None:
+            plateau.append(rows.temperature(fit.steady.sensor, "for steady"))
+    counts = [len(part) for part in parts]
+    time, words = _one_clock([part.time for part in parts])
+    remarks += words
+    data = JointData(
+        position=stacked(parts, "position", counts),
+        error=stacked(parts, "error", counts),
+        temperature=stacked(parts, "temperature", counts),
+        time=time,
+    )
+    kept = np.arange(len(data))
+    if plateau:
+        keep, said = _plateau(fit, np.concatenate(plateau), time)
+        remarks.append(said)
+        data, kept = data.take(keep), kept[keep]
+    datum, warmth = _common(tables, fit)
+    line = line_of(fit, effects, data, warmth)
+    if datum is not None and "coefficient" in effects:
+        # The instrument was set to zero there: what the offset does, nobody saw.
+        own = {"coefficient": effects["coefficient"]}
+        line = dataclasses.replace(line, sensors=own, reference=datum)
+    return ThermalRecording(data, kept, line, effects, datum, tuple(remarks))
+
+
+def _part(rows: Rows, fit: Spec, effects: dict[str, str]) -> JointData:
+    """Return the readings of one measurement."""
+    why = f"for the temperature fit of {fit.axis}"
+    names = dict.fromkeys(effects.values())
+    temperature = {name: rows.temperature(name, why) for name in names}
+    places = {}
+    if "coefficient" in effects:
+        why += (
+            ", or sensors = { offset = … } where the error was measured at one position"
+        )
+        places[fit.axis] = rows.position(fit.axis, why)
+    error = rows.error(fit.axis, places, lengths=False)
+    return JointData(
+        position=places,
+        error={fit.axis: error},
+        temperature=temperature,
+        time=rows.time,
+    )
+
+
+def _only_sensor(measured: Measurement, axis: str) -> str:
+    """Return the role of the only sensor.
+
+    Raises:
+        MeasurementError: If there is none, or several.
+    """
+    found = [role for role in measured.values if sensor_name(role) != role]
+    if len(found) == 1:
+        return found[0]
+    listed = ", ".join(found) or "no temperature"
+    reason = (
+        f"found {listed}, expected sensor = the one that the error of {axis} follows"
+    )
+    raise MeasurementError(str(measured.source), reason)
+
+
+def _one_clock(
+    times: list[np.ndarray | None],
+) -> tuple[np.ndarray | None, list[Remark]]:
+    """Return the instants of all measurements, where they follow each other."""
+    known = [time for time in times if time is not None]
+    if len(known) < len(times):
+        return None, [
+            Remark.info(
+                "The rows have no time: they are taken in the order of the file, and a"
+                " lag behind the sensor cannot be seen."
+            )
+        ]
+    for before, after in itertools.pairwise(known):
+        if not np.nanmax(before) < np.nanmin(after):
+            return None, [
+                Remark.info(
+                    "The clocks of the measurements do not follow each other: rows are"
+                    " taken in the order of the job, and a lag behind the sensor cannot"
+                    " be seen."
+                )
+            ]
+    time = np.concatenate(known)
+    return time - np.nanmin(time), []
+
+
+def _plateau(
+    fit: Spec, values: Float[np.ndarray, " t"], time: Float[np.ndarray, " t"] | None
+) -> tuple[Bool[np.ndarray, " t"], Remark]:
+    """Return which readings were taken while a temperature stayed, and say so."""
+    asked = fit.steady
+    assert asked is not None  # the caller has seen to it
+    clock = np.arange(len(values), dtype=float) if time is None else time
+    try:
+        keep = np.asarray(steady(clock, values, asked.within, asked.level))
+    except FitError as error:
+        msg = f"steady: {asked.sensor}: {error}"
+        raise FitError(msg) from None
+    level = float(np.median(values[keep]))
+    words = (
+        f"Only the {int(keep.sum())} of {len(keep)} readings count that were taken while"
+        f" {sensor_name(asked.sensor)} stayed at {level:.4g} °C within"
+        f" ±{asked.within:g} K (steady)."
+    )
+    return keep, Remark.info(words)
+
+
+def steady(
+    time: Float[np.ndarray, " t"],
+    value: Float[np.ndarray, " t"],
+    within: float,
+    level: float | None = None,
+) -> Bool[np.ndarray, " t"]:
+    """Return the readings of the longest plateau of a signal: heating done, load constant.
+
+    Args:
+        time: In s, ascending.
+        value: Of the signal that is to be steady (a heater, a spindle), NaN = missed.
+        within: Largest distance from the level.
+        level: Of the plateau; None = the most frequent one.
+
+    Raises:
+        FitError: If there is none.
+    """
+    known = np.isfinite(value)
+    if level is None and known.any():
+        ordered = np.sort(value[known])
+        # The densest half: a plateau is where the signal spends its time.
+        half = max(len(ordered) // 2, 1)
+        width = ordered[half - 1 :] - ordered[: len(ordered) - half + 1]
+        first = int(np.argmin(width))
+        level = float(np.median(ordered[first : first + half]))
+    inside = known & (np.abs(value - (0.0 if level is None else level)) <= within)
+    # A lone reading outside does not end a plateau.
+    bridged = inside.copy()
+    bridged[1:-1] |= ~inside[1:-1] & inside[:-2] & inside[2:]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bridged, [False]])))
+    starts, ends = edges[::2], edges[1::2]
+    if not len(starts):
+        msg = f"no reading lies within ±{within:g} of a plateau, expected a steady stretch."
+        raise FitError(msg)
+    longest = int(np.argmax(time[ends - 1] - time[starts]))
+    result = np.zeros(len(value), bool)
+    result[starts[longest] : ends[longest]] = True
+    return np.asarray(result & inside)
+
+
+def _common(tables: Tables, fit: Spec) -> tuple[float | None, float]:
+    """Return datum and reference temperature, which all measurements share."""
+    specs = [tables.job.spec.measurements[name] for name in fit.sources]
+    datums = {None if spec.datum is None else _first(spec.datum.at) for spec in specs}
+    warmth = {spec.reference_temperature for spec in specs}
+    if len(datums) > 1 or len(warmth) > 1:
+        what = "datums" if len(datums) > 1 else "reference temperatures"
+        raise MeasurementError(
+            ", ".join(fit.sources),
+            f"found measurements with different {what}, expected the same one for all"
+            " that are joined",
+        )
+    return datums.pop(), warmth.pop()
+
+
+def _first(at: float | list[float]) -> float:
+    return float(at[0] if isinstance(at, list) else at)

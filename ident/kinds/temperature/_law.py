@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ...proof import GateCheck, GateLimits, gate_check
-from .effect import TemperatureFit
 from .entries import COLUMNS
+from .fit import TemperatureFit
 from .keys import block_names, plain_name
 
 _SAME = 1e-3
@@ -83,10 +83,7 @@ def thermal_law(relative: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
         zero: Temperature in °C; a row of its own where it lies inside.
         sign: Offset per Δs.
     """
-    laws = [relative.offset, relative.coefficient]
-    nodes = np.concatenate(
-        [law.temperature for law in laws if law is not None and len(law.value) > 1]
-    )
+    nodes = np.concatenate([law.temperature for law in relative.moving])
     if nodes.min() < zero < nodes.max():
         nodes = np.append(nodes, zero)
     rows = np.unique(np.round(nodes, 4))

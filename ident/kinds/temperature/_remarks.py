@@ -7,8 +7,7 @@ import numpy as np
 from ...discover import heat_or_drift
 from ...job._result import Remark
 from ._identify import Identified
-from ._recording import ThermalRecording
-from .effect import Effect, Lag, Meeting, TemperatureFit
+from .fit import Effect, Lag, Meeting, TemperatureFit
 
 _ONE_WAY = 0.95
 """Correlation of temperature and time from which nothing but the clock may be seen."""
@@ -44,59 +43,16 @@ _SIGN = Remark.warning(
 )
 
 
-def remarks_of(
-    axis: str,
-    recording: ThermalRecording,
-    found: Identified,
-    written: bool,
-    zero: float,
-    sign_known: bool,
-) -> Iterator[Remark]:
+def remarks_of(found: Identified, sign_known: bool) -> Iterator[Remark]:
     """Return everything that the report has to say of a fit."""
-    yield from list(recording.remarks)
-    yield from _undetermined(axis, found)
-    if not written and found.determined:
+    recording, fit = found.recording, found.fit
+    yield from recording.remarks
+    yield from _undetermined(found)
+    if not fit.moving and found.determined:
         yield Remark.warning(
             "No effect of the temperature shows beyond chance: laws that follow it"
             " predict readings left out no better. Nothing is written."
         )
-    yield from _of_fit(recording, found.fit)
-    yield from _not_told(axis, recording, found)
-    hottest = float(np.max(recording.readings.temperature[found.fit.used]))
-    if hottest > _HOT:
-        yield Remark.warning(
-            f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
-            ' unit = "K".',
-        )
-    if written:
-        yield from _state(axis, recording, found.fit, zero)
-        if not sign_known:
-            yield _SIGN
-
-
-def _undetermined(axis: str, found: Identified) -> list[Remark]:
-    remarks = []
-    for pair in found.open:
-        first, second = _EFFECTS[pair.first], _EFFECTS[pair.second]
-        words = (
-            f"These readings cannot tell the {first} from the {second}:"
-            f" their correlation is {pair.correlation:.4f}."
-        )
-        if found.dropped:
-            words += (
-                " The coefficient is left out; the offset over the temperature is"
-                " determined and written."
-            )
-        else:
-            words += " Neither is written."
-        remarks.append(
-            Remark.error(f"{words} Measure {axis} at all positions per temperature.")
-        )
-    return remarks
-
-
-def _of_fit(recording: ThermalRecording, fit: TemperatureFit) -> Iterator[Remark]:
-    """Return what the estimate itself has to say."""
     if fit.meeting != "given":
         level = "warning" if fit.meeting in _UNSURE else "info"
         yield Remark(level, meeting_words(fit))
@@ -105,18 +61,46 @@ def _of_fit(recording: ThermalRecording, fit: TemperatureFit) -> Iterator[Remark
         yield Remark.warning(words)
     for lag in fit.lags:
         level = "warning" if lag.sensor_late else "info"
-        yield Remark(level, lag_words(lag, recording.sensors[lag.sensor]))
+        yield Remark(level, lag_words(lag, fit.sensors[lag.sensor]))
     wild, missed = int(fit.wild.sum()), int((~fit.used).sum())
     if wild:
         yield Remark.warning(f"{wild} wild readings were left out.")
     if missed:
         yield Remark.info(f"{missed} readings were missed or incomplete.")
+    yield from _not_told(found)
+    hottest = float(np.max(recording.temperature[fit.used]))
+    if hottest > _HOT:
+        yield Remark.warning(
+            f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
+            ' unit = "K".',
+        )
+    if found.written:
+        yield from _state(found)
+        if not sign_known:
+            yield _SIGN
+
+
+def _undetermined(found: Identified) -> Iterator[Remark]:
+    """Return which effects the readings confuse, and what becomes of them."""
+    left = " Neither is written."
+    if found.dropped:
+        left = (
+            " The coefficient is left out; the offset over the temperature is determined"
+            " and written."
+        )
+    for pair in found.fit.confounded:
+        first, second = _EFFECTS[pair.first], _EFFECTS[pair.second]
+        yield Remark.error(
+            f"These readings cannot tell the {first} from the {second}:"
+            f" their correlation is {pair.correlation:.4f}.{left}"
+            f" Measure {found.recording.line.axis} at all positions per temperature."
+        )
 
 
 def meeting_words(fit: TemperatureFit) -> str:
     """Return whether the lines of all temperatures meet, and where the reference is."""
-    sure = fit.reference_deviation or fit.meeting_deviation or 0.0
-    words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure)
+    sure = fit.meeting_deviation
+    words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure or 0.0)
     if not fit.intersects:
         words += f": the reference is {fit.reference:.4g} mm"
     return f"{words}.".replace("-", "−")
@@ -139,11 +123,9 @@ def lag_words(lag: Lag, name: str) -> str:
     )
 
 
-def _not_told(
-    axis: str, recording: ThermalRecording, found: Identified
-) -> Iterator[Remark]:
+def _not_told(found: Identified) -> Iterator[Remark]:
     """Return what these readings cannot say, however well they fit."""
-    readings, fit = recording.readings, found.fit
+    recording, fit, axis = found.recording, found.fit, found.recording.line.axis
     if fit.coefficient is None:
         why = f"The error was measured at one position of {axis}"
         if recording.carriers is not None:
@@ -152,7 +134,7 @@ def _not_told(
             f"{why}: how the error grows along the axis is not known, and the same"
             " correction acts everywhere."
         )
-    yield from _alike(recording)
+    yield from _alike(found)
     if recording.datum is not None and "offset" in recording.effects:
         yield Remark.warning(
             f"The instrument was set to zero at {recording.datum:g} mm (datum): a"
@@ -161,23 +143,31 @@ def _not_told(
         )
     from scipy.stats import rankdata  # takes long to load
 
-    used = fit.used
-    clock = readings.time
-    row = np.arange(len(used), dtype=float) if clock is None else clock
+    used, clock = fit.used, recording.data.time
+    row = (np.arange(len(used), dtype=float) if clock is None else clock)[used]
     for sensor in dict.fromkeys(recording.effects.values()):
-        warmth = readings.temperature[used, sensor]
-        if warmth.std() > 0 and row[used].std() > 0:
+        warmth = recording.data.temperature[sensor][used]
+        if warmth.std() > 0 and row.std() > 0:
             # Ranks: a warm-up is a curve over the time, and still one way.
-            alike = float(np.corrcoef(rankdata(row[used]), rankdata(warmth))[0, 1])
+            alike = float(np.corrcoef(rankdata(row), rankdata(warmth))[0, 1])
             if abs(alike) > _ONE_WAY:
                 way = "rose" if alike > 0 else "fell"
                 yield Remark.warning(
-                    f"{recording.sensors[sensor]!r} only {way} while measuring"
+                    f"{sensor!r} only {way} while measuring"
                     f" (rank correlation with time {alike:.2f}): whatever else changed"
                     " with time is taken for the temperature. A measurement over"
                     " warming and cooling tells them apart."
                 )
-    yield from _drift_instead(axis, recording, found)
+    if found.instead is not None:
+        # The words of `discover`, which says so of the same readings.
+        effect, sensor = next(iter(recording.effects.items()))
+        heat = f"temperature {effect} of {axis} by {sensor}"
+        what, remedy = heat_or_drift(heat, axis)
+        size = f"{1e3 * found.instead.rms:.2g} µm rms"
+        yield Remark.warning(
+            f"The data cannot tell: {what} ({size}). {remedy} What is written takes all"
+            " of it for the temperature."
+        )
     if fit.independent < _FEW and fit.noise.drift > 0:
         yield Remark.warning(
             f"The residuals drift over {fit.noise.time_constant / 60:.3g} minutes:"
@@ -186,53 +176,32 @@ def _not_told(
         )
 
 
-def _drift_instead(
-    axis: str, recording: ThermalRecording, found: Identified
-) -> list[Remark]:
-    """Return that it may be a drift, where `discover` says so of the same readings."""
-    if found.instead is None:
-        return []
-    effect, sensor = next(iter(recording.effects.items()))
-    heat = f"temperature {effect} of {axis} by {recording.sensors[sensor]}"
-    what, remedy = heat_or_drift(heat, axis)
-    size = f"{1e3 * found.instead.rms:.2g} µm rms"
-    words = f"The data cannot tell: {what} ({size}). {remedy}"
-    words += " What is written takes all of it for the temperature."
-    return [Remark.warning(words)]
-
-
-def _alike(recording: ThermalRecording) -> list[Remark]:
+def _alike(found: Identified) -> Iterator[Remark]:
     """Return a warning where two sensors changed in the same way."""
-    first, second = (recording.effects.get(key) for key in ("offset", "coefficient"))
-    if first is None or second is None or first == second:
-        return []
-    one, two = (recording.readings.temperature[:, k] for k in (first, second))
-    known = np.isfinite(one) & np.isfinite(two)
-    if known.sum() < 3 or not np.ptp(one[known]) > 0 or not np.ptp(two[known]) > 0:
-        return []
-    alike = float(np.corrcoef(one[known], two[known])[0, 1])
-    if abs(alike) < _SAME_COURSE:
-        return []
-    names = recording.sensors[first], recording.sensors[second]
-    return [
-        Remark.warning(
+    effects, warm = found.recording.effects, found.recording.data.temperature
+    names = [effects[key] for key in ("offset", "coefficient") if key in effects]
+    if len(set(names)) < 2:
+        return
+    both = np.stack([warm[name] for name in names])
+    both = both[:, np.isfinite(both).all(axis=0)]
+    if both.shape[1] < 3 or not np.ptp(both, axis=1).all():
+        return
+    alike = float(np.corrcoef(both)[0, 1])
+    if abs(alike) >= _SAME_COURSE:
+        yield Remark.warning(
             f"{names[0]} and {names[1]} changed alike (correlation {alike:.4f}): that the"
             f" offset follows {names[0]} and the coefficient {names[1]} is the choice of"
             " the job, these readings cannot tell it. Measure once while they differ."
         )
-    ]
 
 
-def _state(
-    axis: str, recording: ThermalRecording, fit: TemperatureFit, zero: float
-) -> Iterator[Remark]:
-    """Return where the law is zero, what stays for the tables, and how far it reaches."""
-    wished = recording.reference_temperature
-    laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
+def _state(found: Identified) -> Iterator[Remark]:
+    """Return where the law is zero, and what stays for the tables."""
+    recording, fit, zero = found.recording, found.fit, found.zero
+    wished = recording.line.reference_temperature
     far = {
-        recording.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
-        for law in laws
-        if len(law.value) > 1
+        fit.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
+        for law in fit.moving
     }
     if len(far) > 1 and any(abs(warm - wished) > 0.05 for warm in far.values()):
         at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in far.items())
@@ -246,11 +215,14 @@ def _state(
             f" the reference of {wished:g} °C, which was not measured itself."
         )
     if recording.carriers:
-        words = f"What {axis} shows at {zero:.4g} °C is held by the"
+        words = f"What {recording.line.axis} shows at {zero:.4g} °C is held by the"
         words += f" {' and the '.join(recording.carriers)} of the same group."
         yield Remark.info(words)
         return
-    words = f"What {axis} shows at {zero:.4g} °C belongs to its tables, not to this law"
+    words = (
+        f"What {recording.line.axis} shows at {zero:.4g} °C belongs to its tables, not to"
+        " this law"
+    )
     if fit.coefficient is not None and recording.carriers is None:
         slope = 1e6 * float(fit.coefficient.at(np.array([zero]))[0])
         words += f" (a slope of {slope:+.4g} µm/m among it)".replace("-", "−")

@@ -11,8 +11,7 @@ from ....models import TemperatureLine
 from ...job._result import AbstractResult, Expectation
 from ._identify import Identified
 from ._law import RATE, ThermalLaw
-from ._recording import ThermalRecording
-from .effect import Law, TemperatureFit, ThermalReadings
+from .fit import Law, TemperatureFit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,27 +22,26 @@ class ThermalView:
     axis shows there belongs to its tables.
 
     Attributes:
-        readings: Errors as measured, positions, sensors, instants.
         row: Of all measurements, one after the other, from 0.
-        structure: Temperature in °C behind the lag of each sensor.
+        time: In s, or None.
+        position: In mm, or None.
+        temperature: Of each sensor in °C.
+        structure: The same behind its lag.
         before: Error in mm.
         predicted: Error left under the line fitted to the other blocks of time.
         from_file: Error left under the files as written, by the controller's rules.
         wild: Readings that the loss rejected.
     """
 
-    readings: ThermalReadings
     row: Int[np.ndarray, " t"]
+    time: Float[np.ndarray, " t"] | None
+    position: Float[np.ndarray, " t"] | None
+    temperature: Float[np.ndarray, "t s"]
     structure: Float[np.ndarray, "t s"]
     before: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
     from_file: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
-
-    @property
-    def position(self) -> Float[np.ndarray, " t"] | None:
-        """In mm, or None."""
-        return self.readings.position
 
 
 @final
@@ -52,7 +50,6 @@ class TemperatureResult(AbstractResult):
     """The thermal line of an axis.
 
     Attributes:
-        sensors: Names, as columns of the temperatures.
         reference: Position where the line turns, in mm (P-AXIS-00272).
         zero: Temperature in °C at which nothing is corrected.
         law: As written; None where nothing is.
@@ -61,13 +58,17 @@ class TemperatureResult(AbstractResult):
         view: The readings before and after.
     """
 
-    sensors: tuple[str, ...]
     reference: float
     zero: float
     law: ThermalLaw | None
     fit: TemperatureFit
     cycles: int
     view: ThermalView
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors, as columns of the temperatures."""
+        return self.fit.sensors
 
     @functools.cached_property
     def relative(self) -> TemperatureFit:
@@ -150,36 +151,31 @@ def _law(law: Law | None, sensors: tuple[str, ...], factor: float) -> Any:
     }
 
 
-def view_of(
-    recording: ThermalRecording,
-    found: Identified,
-    zero: float,
-    line: TemperatureLine | None,
-) -> ThermalView:
+def view_of(found: Identified, line: TemperatureLine | None) -> ThermalView:
     """Return the complete readings with what became of them.
 
     Args:
-        recording: What was measured.
-        found: The estimate and its proof.
-        zero: Temperature in °C at which nothing is corrected.
+        found: The estimate with its readings.
         line: What was written, read back; None: nothing, and errors stand about their
             median.
     """
-    fit, used = found.fit, found.fit.used
-    readings = recording.readings.take(used)
+    recording, fit, used = found.recording, found.fit, found.fit.used
+    error, time, place = recording.error[used], recording.data.time, recording.position
+    place = None if place is None else place[used]
     structure = fit.temperature[used]
-    before = from_file = readings.error - np.median(readings.error)
+    before = from_file = error - np.median(error)
     if line is not None:
-        place, still = readings.position, np.full(structure.shape, zero)
-        before = readings.error - fit.predict(still, place)
+        before = error - fit.predict(np.full(structure.shape, found.zero), place)
         away = np.zeros(len(before)) if place is None else place
         from_file = before + np.asarray(line.offset(away, structure))
     return ThermalView(
-        readings=readings,
         row=recording.rows[used],
+        time=None if time is None else time[used],
+        position=place,
+        temperature=recording.temperature[used],
         structure=structure,
         before=before,
-        predicted=before if line is None else found.predicted,
+        predicted=before if line is None else fit.predicted[used],
         from_file=from_file,
         wild=fit.wild[used],
     )

@@ -20,19 +20,15 @@ from ....models import (
 from ...exchange._errors import ExchangeError
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading
-from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN32, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
 COLUMNS = ("temperature", "offset_0", "coefficient")
 """Of the table of a PLC: in °C, mm and µm/m."""
+Table = Mapping[str, Float[np.ndarray, " n"]]
+"""Columns of the table of a PLC by name."""
 _PER_METRE = 1e-6
-
-
-def constant(value: float) -> ConstantParameter:
-    """Return a number as a parameter that no temperature changes."""
-    return ConstantParameter(as_array(value))
 
 
 def read_temperature_table(
@@ -92,7 +88,7 @@ def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
 
 
 def temperature_line(
-    table: Mapping[str, Float[np.ndarray, " n"]],
+    table: Table,
     sensors: tuple[int, int],
     conventions: Conventions,
     machine: ListFile | None = None,
@@ -111,12 +107,21 @@ def temperature_line(
     )
     warmth, offset, slope = (table[name] for name in COLUMNS)
     return TemperatureLine(
-        position_0=constant(place / LIST_UNITS),
+        position_0=place / LIST_UNITS,
         offset_0=TemperatureCurve.of(warmth, offset, sensors[0]),
         coefficient=TemperatureCurve.of(warmth, _PER_METRE * slope, sensors[1]),
         cycles=cycles,
         sign=float(conventions.temperature_sign),
     )
+
+
+def held_in(listing: ListFile) -> list[str]:
+    """Return the names of the entries by which an axis list itself holds a line."""
+    return [
+        name
+        for name in (f"{KIND.prefix}_offset_0", f"{KIND.prefix}_coefficient")
+        if (entry := listing.get(name)) is not None and entry.value.strip("+-0.")
+    ]
 
 
 @final
@@ -131,10 +136,7 @@ class TemperatureEntries(AbstractEntries):
 
     def adds_nothing(self, listing: ListFile) -> bool:
         # A line of zeros is what a PLC finds: what it makes of it stands in no list.
-        names = ("offset_0", "coefficient")
-        entries = [listing.get(f"{KIND.prefix}_{name}") for name in names]
-        values = [entry.value.strip("+-0.") for entry in entries if entry is not None]
-        return not any(values)
+        return not held_in(listing)
 
     def model(
         self, listing: ListFile, axis: int, reading: Reading
@@ -154,11 +156,9 @@ class TemperatureEntries(AbstractEntries):
             for name in ("position_0", "offset_0")
         )
         return TemperatureLine(
-            position_0=constant(place),
-            offset_0=constant(shift),
-            coefficient=constant(
-                _PER_METRE * real(listing, f"{KIND.prefix}_coefficient")
-            ),
+            position_0=place,
+            offset_0=shift,
+            coefficient=_PER_METRE * real(listing, f"{KIND.prefix}_coefficient"),
             cycles=not_negative(listing, f"{KIND.prefix}_n_cycles"),
             sign=float(reading.conventions.temperature_sign),
         )

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import block_diag
 
+from ..._recording import JointData
 from ...fit import DriftNoise
 from ...fit.joint import Leadscrew, Temperature, examine_design
 from ...job._draft import AxisLists
@@ -15,20 +16,11 @@ from ...job._load import Job
 from ...job.joint._member import AbstractMember, at_once, few
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
-from ...readings import Tables, sensor_name
-from ._identify import Identified, drift_instead
-from ._recording import ThermalRecording, only_sensor
-from .effect import (
-    LAWS,
-    LEAST_RANGE,
-    Lag,
-    Law,
-    TemperatureFit,
-    ThermalReadings,
-    laws_of,
-)
+from ...readings import Tables
+from ._identify import Identified, ThermalRecording, effects_of, line_of
+from .fit import LEAST_RANGE, Lag, Law, TemperatureFit
 from .job import TemperatureDraft, refuse_unstated_law
-from .keys import Effect, Spec
+from .keys import Spec
 
 _SURE = 3.0
 """Deviations up to which lines of all temperatures count as meeting in a point."""
@@ -48,15 +40,7 @@ def member(
         MeasurementError: If the only sensor is to be taken and there is none.
     """
     refuse_unstated_law(job, fit, lists)
-    effects: dict[Effect, str] | None = fit.effects
-    if effects is None:
-        measured = tables.measured(fit.sources[0], fit.axis, (fit.axis,))
-        only = only_sensor(measured, fit.axis)
-        effects = {"offset": only, "coefficient": only}
-    sensors: dict[Effect, str] = {
-        key: sensor_name(name) for key, name in effects.items()
-    }
-    return TemperatureMember(index, fit, lists, sensors)
+    return TemperatureMember(index, fit, lists, effects_of(tables, fit))
 
 
 @final
@@ -69,7 +53,7 @@ class TemperatureMember(AbstractMember):
     """
 
     fit: Spec
-    effects: dict[Effect, str]
+    effects: dict[str, str]
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -126,121 +110,74 @@ class TemperatureMember(AbstractMember):
         recording: GroupRecording,
         left: Float[np.ndarray, " t"] | None,
     ) -> Temperature:
-        reference = 0.0
-        if "coefficient" in self.effects:
-            if isinstance(self.fit.reference, float):
-                reference = self.fit.reference
-            else:
-                place = recording.data.position[self.axis]
-                reference = 0.5 * float(np.nanmin(place) + np.nanmax(place))
-        lag: float | str = 0.0
-        if recording.data.time is not None and self.fit.lag != "none":
-            lag = "fit" if self.fit.lag == "auto" else self.fit.lag
         warmth = {
             job.spec.measurements[name].reference_temperature
             for name in self.fit.sources
         }
-        return Temperature(
-            self.axis,
-            {str(key): sensor for key, sensor in self.effects.items()},
-            reference=reference,
-            law={str(key): law for key, law in (self.fit.law or {}).items()},
-            lag=lag,
-            reference_temperature=warmth.pop(),
-        )
+        return line_of(self.fit, self.effects, recording.data, warmth.pop())
 
     def draft(self, job: Job, share: Share) -> TemperatureDraft:
         effect = share.part.effect
         assert isinstance(effect, Temperature)  # of `effect`
-        rows = share.rows
-        position = None
-        if self.positions:
-            position = share.column("position", self.axis)
-        sensors = self.sensors
-        temperature = np.stack(
-            [share.column("temperature", name) for name in sensors], axis=1
-        )
-        structure = np.stack(
-            [effect.structure(share.recording.data, name)[rows] for name in sensors],
-            axis=1,
-        )
+        data = share.recording.data.take(share.rows)
         recording = ThermalRecording(
-            readings=ThermalReadings(share.error, temperature, position, share.time),
-            rows=np.flatnonzero(rows),
-            sensors=sensors,
-            effects={key: sensors.index(name) for key, name in self.effects.items()},
+            data=JointData(
+                position={axis: data.position[axis] for axis in self.positions},
+                error={self.axis: share.error},
+                temperature={name: data.temperature[name] for name in self.sensors},
+                time=data.time,
+            ),
+            rows=np.flatnonzero(share.rows),
+            line=effect,
+            effects=self.effects,
             datum=None,
-            reference_temperature=effect.reference_temperature,
             remarks=tuple(share.remarks()),
             carriers=share.tables,
         )
-        fit = self._line(share, effect, structure)
-        instead = drift_instead(recording, fit)
-        found = Identified(
-            fit=fit,
-            predicted=share.predicted[rows],
-            held_out=share.recording.held_out,
-            instead=instead,
-        )
-        return TemperatureDraft(self.index, self.fit, self.lists, recording, found)
+        line = self._line(share, effect)
+        found = Identified(recording, line, held_out=share.recording.held_out)
+        return TemperatureDraft(self.index, self.fit, self.lists, found)
 
-    def _line(
-        self,
-        share: Share,
-        effect: Temperature,
-        structure: Float[np.ndarray, "t s"],
-    ) -> TemperatureFit:
+    def _line(self, share: Share, effect: Temperature) -> TemperatureFit:
         """Return the part as the fit of a single line."""
-        part = share.part
-        laws = laws_of(effect, self.sensors, part.values, part.standard_deviation)
-        support: dict[str, np.ndarray] = dict(effect.split(part.support.astype(float)))
+        part, data, rows = share.part, share.recording.data, share.rows
         # A law is zero at one temperature: its values go up and down together.
-        zero = effect.reference_temperature
-        spread = {
-            name: np.where(law.temperature < zero, -1.0, 1.0)
-            * np.nan_to_num(law.standard_deviation, posinf=0.0)
-            for name, law in laws.items()
-        }
-        meeting = None
-        if len(laws) > 1 and not isinstance(self.fit.reference, float):
-            meeting = _meeting(laws["offset"], laws["coefficient"])
-        if "offset" not in laws or meeting is not None:
-            # A line needs an offset: nothing at all temperatures.
-            own = laws["coefficient" if meeting is None else "offset"]
-            middle = np.array([float(np.mean(own.temperature))])
-            laws["offset"] = Law(own.sensor, middle, np.zeros(1), np.zeros(1))
-            spread["offset"], support["offset"] = (
-                np.zeros(1),
-                np.array([len(structure)]),
-            )
-        order = [name for name in LAWS if name in laws]
-        shift, sure = (0.0, None) if meeting is None else meeting
-        return TemperatureFit(
-            offset=laws["offset"],
-            coefficient=laws.get("coefficient"),
-            reference=effect.reference + shift if "coefficient" in laws else 0.0,
-            reference_deviation=sure,
-            meeting="given" if meeting is None else "met",
+        deviation = np.nan_to_num(part.standard_deviation, posinf=0.0)
+        spread = [
+            np.where(effect.nodes[name] < effect.reference_temperature, -own, own)
+            for name, own in effect.split(deviation).items()
+        ]
+        fit = TemperatureFit(
+            line=effect,
+            sensors=self.sensors,
+            values=part.values,
+            covariance=np.asarray(block_diag(*(np.outer(own, own) for own in spread))),
+            names=effect.labels,
+            meeting="given",
             lags=self._lags(share),
-            names=tuple(
-                f"{name} at {node:.4g} °C"
-                for name in order
-                for node in laws[name].temperature
-            ),
-            covariance=np.asarray(
-                block_diag(*(np.outer(spread[n], spread[n]) for n in order))
-            ),
             noise=DriftNoise(share.noise),
             independent=float(np.sum(~share.wild)),
-            used=np.ones(len(structure), dtype=bool),
+            used=np.ones(int(rows.sum()), dtype=bool),
             wild=share.wild,
             residual=share.left,
-            temperature=structure,
-            scores=(),
-            confounded=(),
-            support=tuple(int(each) for name in order for each in support[name]),
+            predicted=share.predicted[rows],
+            temperature=np.stack(
+                [effect.structure(data, name)[rows] for name in self.sensors], axis=1
+            ),
+            support=tuple(part.support.tolist()),
             converged=share.fit.converged,
         )
+        meeting = None
+        if len(fit.laws) > 1 and not isinstance(self.fit.reference, float):
+            meeting = _meeting(fit.laws["offset"], fit.laws["coefficient"])
+        if meeting is not None:
+            place, sure = meeting
+            fit = dataclasses.replace(
+                _turned(fit, place), meeting_deviation=sure, meeting="met"
+            )
+        elif "offset" not in fit.laws:
+            fit = _turned(fit, 0.0)
+        return fit
 
     def _lags(self, share: Share) -> tuple[Lag, ...]:
         found = []
@@ -250,6 +187,33 @@ class TemperatureMember(AbstractMember):
             interval = max(constant - half, 0.0), constant + half
             found.append(Lag(number, constant, interval, applied=constant > 0.0))
         return tuple(found)
+
+
+def _turned(fit: TemperatureFit, away: float) -> TemperatureFit:
+    """Return a line that turns about another position: nothing moves its offset.
+
+    Args:
+        fit: With a coefficient.
+        away: Distance of the position from the reference in mm.
+    """
+    line, laws = fit.line, fit.laws
+    nodes = {"offset": laws["coefficient"].temperature} | line.nodes
+    first = len(line.nodes.get("offset", ()))
+    middle = np.array([float(np.mean(nodes["offset"]))])
+    line = dataclasses.replace(
+        line,
+        sensors={"offset": line.sensors["coefficient"]} | dict(line.sensors),
+        law={"offset": middle, "coefficient": nodes["coefficient"]},
+        reference=fit.reference + away,
+    )
+    return dataclasses.replace(
+        fit,
+        line=line,
+        values=np.append(0.0, fit.values[first:]),
+        covariance=np.asarray(block_diag(0.0, fit.covariance[first:, first:])),
+        names=line.labels,
+        support=(len(fit.used), *fit.support[first:]),
+    )
 
 
 def _meeting(offset: Law, coefficient: Law) -> tuple[float, float] | None:

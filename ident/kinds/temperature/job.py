@@ -1,16 +1,14 @@
 """The thermal line of one axis: fitted, judged, written for list and PLC, read back."""
 
 import dataclasses
-import functools
 from collections.abc import Mapping
 from typing import final
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
-from ....models import ConstantParameter, TemperatureLine
+from ....models import TemperatureLine
 from ...exchange import ExchangeError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
@@ -23,7 +21,7 @@ from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
 from . import KIND
-from ._identify import Identified, identify
+from ._identify import Identified, identify, read_thermal
 from ._law import (
     PlcProgram,
     ThermalLaw,
@@ -33,10 +31,15 @@ from ._law import (
     structured_text,
     thermal_law,
 )
-from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
 from ._result import TemperatureResult, view_of
-from .entries import entries_of_temperature, read_columns, temperature_line
+from .entries import (
+    Table,
+    entries_of_temperature,
+    held_in,
+    read_columns,
+    temperature_line,
+)
 from .keys import Spec, temperature_names
 
 _LINE = KIND.prefix
@@ -53,9 +56,8 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
     refuse_unstated_law(job, fit, lists)
 
     def draft(left: Leftovers) -> AbstractDraft:
-        recording = read_thermal(tables, fit)
-        found = identify(recording, fit)
-        return TemperatureDraft(index, fit, lists, recording, found)
+        found = identify(read_thermal(tables, fit), fit)
+        return TemperatureDraft(index, fit, lists, found)
 
     return draft
 
@@ -77,51 +79,26 @@ class TemperatureDraft(AbstractDraft):
     """A fitted thermal line.
 
     Attributes:
-        recording: What was measured.
-        found: The estimate and its proof.
+        found: The estimate with its readings.
     """
 
     fit: Spec
-    recording: ThermalRecording
     found: Identified
-
-    @functools.cached_property
-    def zero(self) -> float:
-        """Temperature in °C at which nothing is corrected: measured, near the reference.
-
-        Where two sensors move the line it is the reference itself: each law is held at its
-        own end, the measured temperature next to it.
-        """
-        fit, wished = self.found.fit, self.recording.reference_temperature
-        laws = [law for law in (fit.offset, fit.coefficient) if law is not None]
-        following = [law for law in laws if len(law.value) > 1] or laws
-        if len({law.sensor for law in following}) > 1:
-            return wished
-        low = max(float(law.temperature[0]) for law in following)
-        high = min(float(law.temperature[-1]) for law in following)
-        return float(np.clip(wished, low, max(low, high)))
 
     @property
     def written(self) -> bool:
-        laws = (self.found.fit.offset, self.found.fit.coefficient)
-        moves = any(law is not None and len(law.value) > 1 for law in laws)
-        return moves and self.found.determined
+        return self.found.written
 
     @property
     def partial(self) -> bool:
-        return bool(self.found.open)
+        return bool(self.found.fit.confounded)
 
     @property
     def needs(self) -> str:
         return "Works once the axis is homed and the PLC program runs"
 
     def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
-        still = TemperatureLine(
-            position_0=ConstantParameter(jnp.asarray(self._position)),
-            offset_0=ConstantParameter(jnp.zeros(())),
-            coefficient=ConstantParameter(jnp.zeros(())),
-            cycles=self._filter(job),
-        )
+        still = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter(job))
         try:
             entries: dict[str, Value] = dict(entries_of_temperature(still))
         except ExchangeError as error:
@@ -132,14 +109,7 @@ class TemperatureDraft(AbstractDraft):
 
     def machine_remarks(self) -> list[Remark]:
         listing = self.lists.machine
-        if listing is None:
-            return []
-        held = [
-            name
-            for name in (f"{_LINE}_offset_0", f"{_LINE}_coefficient")
-            if (entry := listing.get(name)) is not None and entry.value.strip("+-0.")
-        ]
-        if not held:
+        if listing is None or not (held := held_in(listing)):
             return []
         return [
             Remark.warning(
@@ -175,7 +145,7 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        return self.recording.sensors
+        return self.found.fit.sensors
 
     @property
     def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
@@ -183,14 +153,13 @@ class TemperatureDraft(AbstractDraft):
         return {name: heat[:, k] for k, name in enumerate(self.sensors)}
 
     def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
-        columns = self._law(job).columns
-        return temperature_line(columns, self._followed, job.conventions, machine)
+        return self._line_of(self._law(job).columns, job, machine)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        readings = read_thermal(tables, fit).readings
-        known = np.isfinite(readings.error)
-        error, place = readings.error[known], readings.position
+        recording = read_thermal(tables, fit)
+        known = np.isfinite(recording.error)
+        error, place = recording.error[known], recording.position
         positions = np.zeros((len(error), 1)) if place is None else place[known, None]
         return SecondMeasurement.of(
             ", ".join(fit.sources), positions, error - np.median(error)
@@ -198,21 +167,17 @@ class TemperatureDraft(AbstractDraft):
 
     def prove(self, done: Written) -> TemperatureResult:
         job = done.job
-        line = self._line_read_back(done)
-        view = view_of(self.recording, self.found, self.zero, line)
+        table = done.path(temperature_names(self.axis)[0])
+        line = None
+        if self.written and table is not None:
+            line = self._line_of(read_columns(table), job, done.machine)
+        view = view_of(self.found, line)
         names = {done.files.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
             **self.frame(done),
             error=staged(view.before, view.predicted, view.from_file, view.wild),
             remarks=(
-                *remarks_of(
-                    self.axis,
-                    self.recording,
-                    self.found,
-                    self.written,
-                    self.zero,
-                    "temperature_sign" in job.verified,
-                ),
+                *remarks_of(self.found, "temperature_sign" in job.verified),
                 *self._switching(job),
                 *done.files.remarks,
             ),
@@ -220,22 +185,20 @@ class TemperatureDraft(AbstractDraft):
                 file for file in done.names if self.written and file.name in names
             ),
             held_out=self.found.held_out,
-            sensors=self.recording.sensors,
             reference=self._position,
-            zero=self.zero,
+            zero=self.found.zero,
             law=self._law(job) if self.written else None,
             fit=self.found.fit,
             cycles=self._filter(job) if self.written else 0,
             view=view,
         )
 
-    def _line_read_back(self, done: Written) -> TemperatureLine | None:
-        """Return the line that the files hold as they lie in the folder."""
-        table = done.path(temperature_names(self.axis)[0])
-        if not self.written or table is None:
-            return None
-        rules, columns = done.job.conventions, read_columns(table)
-        return temperature_line(columns, self._followed, rules, done.machine)
+    def _line_of(
+        self, table: Table, job: Job, machine: ListFile | None
+    ) -> TemperatureLine:
+        """Return the line that the PLC makes of a table, beside an axis list."""
+        first, second = map(self.sensors.index, self.found.recording.followed)
+        return temperature_line(table, (first, second), job.conventions, machine)
 
     @property
     def _position(self) -> float:
@@ -243,12 +206,12 @@ class TemperatureDraft(AbstractDraft):
         return round(self.found.fit.reference * 1e4) / 1e4
 
     def _law(self, job: Job) -> ThermalLaw:
-        relative = self.found.fit.relative_to(self.zero)
-        return thermal_law(relative, self.zero, int(job.conventions.temperature_sign))
+        zero, sign = self.found.zero, int(job.conventions.temperature_sign)
+        return thermal_law(self.found.fit.relative_to(zero), zero, sign)
 
     def _places(self, job: Job) -> Float[np.ndarray, " p"]:
         """Return the ends of what the axis reaches in mm; its reference without those."""
-        place = self.recording.readings.position
+        place = self.found.recording.position
         if place is None:
             return np.array([self._position])
         place = place[self.found.fit.used]
@@ -278,28 +241,19 @@ class TemperatureDraft(AbstractDraft):
         return [Remark(level, words)]
 
     def _program(self, job: Job, law: ThermalLaw) -> PlcProgram:
-        lags = {
-            lag.sensor: lag.time_constant for lag in self.found.fit.lags if lag.applied
-        }
-        names = self.recording.sensors
-        offset, coefficient = (names[number] for number in self._followed)
+        recording, lags = self.found.recording, self.found.fit.lags
+        applied = {lag.sensor: lag.time_constant for lag in lags if lag.applied}
+        offset, coefficient = recording.followed
         return PlcProgram(
             axis=self.axis,
             number=job.spec.axes[self.axis].number,
             title=job.spec.title or job.path.name,
             law=law,
             position=self._position,
-            zero=self.zero,
-            sensors={name: lags.get(k, 0.0) for k, name in enumerate(names)},
+            zero=self.found.zero,
+            sensors={name: applied.get(k, 0.0) for k, name in enumerate(self.sensors)},
             offset=offset,
             coefficient=coefficient,
             rates=rates(self._places(job) - self._position),
             sign=int(job.conventions.temperature_sign),
         )
-
-    @property
-    def _followed(self) -> tuple[int, int]:
-        """Numbers of the sensors of offset and coefficient: of one of them for both."""
-        effects = self.recording.effects
-        first = next(iter(effects.values()))
-        return effects.get("offset", first), effects.get("coefficient", first)

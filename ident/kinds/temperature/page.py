@@ -14,10 +14,10 @@ from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, place
 from ...report._words import WildRow
 from .._drawing import left_out_words, marks, side_by_side
-from ._law import RATE
+from ._law import RATE, ThermalLaw
 from ._remarks import lag_words, meeting_words
 from ._result import TemperatureResult, ThermalView
-from .effect import LawScore, TemperatureFit
+from .fit import LawScore, TemperatureFit
 
 _MOST_WILD = 12
 _MOST_LAWS = 4
@@ -30,18 +30,16 @@ _MINUTES = 3 * 3600.0
 
 def body(fit: TemperatureResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted thermal line."""
+    along = lines_plot if fit.fit.coefficient is not None else over_temperature_plot
+    plots = [along(fit, scale), over_time_plot(fit, scale)]
+    if fit.law is not None:
+        plots.append(law_plot(fit, fit.law))
     return Body(
-        plots=_plots(fit, scale),
+        plots=plots,
         facts=[*_facts(fit, scale)],
         wild=_wild_rows(fit, scale),
         wild_count=int(np.sum(fit.view.wild)),
     )
-
-
-def _plots(fit: TemperatureResult, scale: Scale) -> list[Plot]:
-    along = lines_plot if fit.fit.coefficient is not None else over_temperature_plot
-    drawn = [along(fit, scale), over_time_plot(fit, scale), law_plot(fit, scale)]
-    return [plot for plot in drawn if plot is not None]
 
 
 def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
@@ -52,7 +50,7 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
     found = []
     for row in rows.tolist():
         warm = ", ".join(
-            f"{name} {view.readings.temperature[row, k]:.1f} °C"
+            f"{name} {view.temperature[row, k]:.1f} °C"
             for k, name in enumerate(fit.sensors)
         )
         if view.position is not None:
@@ -90,24 +88,19 @@ def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
 def _law_words(fit: TemperatureResult, scale: Scale) -> str:
     found = fit.fit
     slope, deviation = found.slope
-    words = [
-        f"Offset {found.offset.kind}"
-        + (
+    words = f"Offset {found.offset.kind}"
+    if len(found.offset.value) > 1:
+        words += (
             f", {number(scale.factor * slope, signed=True)} ±"
             f" {number(scale.factor * deviation)} µm/K from end to end (1 sd, error)"
-            if len(found.offset.value) > 1
-            else ""
         )
-    ]
-    if found.coefficient is None:
-        words.append("no coefficient, since the error was measured at one position")
-    else:
-        law = found.coefficient
-        part = f"coefficient {law.kind}"
-        if len(law.value) > 1:
-            part += f", {number(1e6 * law.slope, signed=True)} µm/m per K"
-        words.append(part)
-    return "; ".join(words) + "."
+    law = found.coefficient
+    if law is None:
+        return f"{words}; no coefficient, since the error was measured at one position."
+    words += f"; coefficient {law.kind}"
+    if len(law.value) > 1:
+        words += f", {number(1e6 * law.slope, signed=True)} µm/m per K"
+    return f"{words}."
 
 
 def _choice_words(found: TemperatureFit, scale: Scale) -> str:
@@ -138,7 +131,7 @@ def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
     if noise.drift > 0:
         unit = (
             f"{noise.time_constant / 60:.3g} minutes"
-            if fit.view.readings.time is not None
+            if fit.view.time is not None
             else "rows"
         )
         words += (
@@ -149,11 +142,9 @@ def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
     return words
 
 
-def law_plot(fit: TemperatureResult, scale: Scale) -> Plot | None:
+def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
     """Draw the written parameters over the temperature with their uncertainty."""
-    law, found = fit.law, fit.relative
-    if law is None:
-        return None
+    found = fit.relative
     parts = [
         ("offset_0 in µm", found.offset, 1e3 * law.offset, 1e3 * law.offset_deviation)
     ]
@@ -261,10 +252,13 @@ def _lines_caption(
         inside = ends[0] <= fit.reference <= ends[1]
         words += f", and the lines meet at {place(round(fit.reference, 1))} mm"
         words += "" if inside else ", outside what was measured"
-    left = fit.error["from_file"].sound.rms * scale.factor
-    return (
-        f"{words}. With the files as written {number(left)} {scale.error} rms are left."
-    )
+    left = _rms(fit, "from_file", scale)
+    return f"{words}. With the files as written {left} rms are left."
+
+
+def _rms(fit: TemperatureResult, stage: str, scale: Scale) -> str:
+    """Return what is left of the readings that are not wild, with its unit."""
+    return f"{number(fit.error[stage].sound.rms * scale.factor)} {scale.error}"
 
 
 def over_temperature_plot(fit: TemperatureResult, scale: Scale) -> Plot:
@@ -280,13 +274,10 @@ def over_temperature_plot(fit: TemperatureResult, scale: Scale) -> Plot:
         law = found.offset.at(fine) * scale.factor
         panels[0].plot(fine, law, color=style.ORANGE, label="law")
         panels[0].legend(loc="best")
-    before, left = (
-        number(fit.error[name].sound.rms * scale.factor)
-        for name in ("before", "from_file")
-    )
+    before, left = (_rms(fit, stage, scale) for stage in ("before", "from_file"))
     caption = (
-        f"Every reading at its temperature: {before} {scale.error} rms before, {left}"
-        f" {scale.error} with the law as it was written."
+        f"Every reading at its temperature: {before} rms before, {left} with the law as it"
+        " was written."
     )
     caption += left_out_words(int(view.wild.sum()))
     return Plot("temperature", "Error over the temperature", figure, caption)
@@ -297,10 +288,7 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     view, sound = fit.view, ~fit.view.wild
     clock, label = _clock(view)
     figure, panels = style.new_figure(4.2, rows=2, sharex=True, height_ratios=[1.4, 1])
-    before, predicted = (
-        number(fit.error[name].sound.rms * scale.factor)
-        for name in ("before", "predicted")
-    )
+    before, predicted = (_rms(fit, stage, scale) for stage in ("before", "predicted"))
     marks(
         panels[0], clock[sound], view.before[sound] * scale.factor,
         color=style.GREY, size=2.6, alpha=0.5, label="before",
@@ -313,8 +301,8 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
         )  # fmt: skip
         after = (
             " and with the law that the other stretches of time give"
-            f" ({predicted} {scale.error}): a stretch that alone reaches a temperature is"
-            " predicted by the value held there."
+            f" ({predicted}): a stretch that alone reaches a temperature is predicted by"
+            " the value held there."
         )
     panels[0].axhline(0, color=style.INK, linewidth=0.7)
     panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")
@@ -322,8 +310,8 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     _draw_temperatures(panels[1], fit, clock)
     panels[1].set_xlabel(label)
     caption = (
-        f"Above, each reading as measured ({before} {scale.error} rms){after} Below, what"
-        " the sensors showed."
+        f"Above, each reading as measured ({before} rms){after} Below, what the sensors"
+        " showed."
     )
     caption += left_out_words(int(view.wild.sum()))
     return Plot("time", "Error over the time, before and after", figure, caption)
@@ -337,7 +325,7 @@ def _draw_temperatures(
     lagged = {lag.sensor for lag in fit.fit.lags if lag.applied}
     for k, name in enumerate(fit.sensors):
         colour = colours[k % len(colours)]
-        shown = [("-", name, view.readings.temperature)]
+        shown = [("-", name, view.temperature)]
         if k in lagged:
             shown.append(("--", f"structure behind {name}", view.structure))
         for line, label, values in shown:
@@ -350,7 +338,7 @@ def _draw_temperatures(
 
 
 def _clock(view: ThermalView) -> tuple[Float[np.ndarray, " t"], str]:
-    time = view.readings.time
+    time = view.time
     if time is None:
         return view.row.astype(float), "row of the measurement"
     if float(np.ptp(time)) <= _MINUTES:

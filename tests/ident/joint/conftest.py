@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from axcomp.ident._recording import lagged
 from axcomp.ident.fit.joint import (
     AbstractEffect,
     Backlash,
@@ -16,7 +17,6 @@ from axcomp.ident.fit.joint import (
     Plane,
     Temperature,
 )
-from axcomp.ident.kinds.temperature.effect import lagged
 
 NOISE = 5e-4
 """Standard deviation of one reading in mm."""

@@ -160,6 +160,21 @@ def test_a_crosstalk_without_entries_of_its_own_for_slowing_down(
     assert np.abs(curve - np.asarray(expected)).max() < EXACT
 
 
+def test_direction_of_a_crosstalk_is_that_of_the_axis_that_the_rules_name(
+    data: JointData,
+) -> None:
+    velocity = {**data.velocity, "X": -data.velocity["Y"]}
+    data = dataclasses.replace(data, velocity=velocity)
+    effect = Crosstalk(
+        "X", "Y", 1500.0, -2000.0, velocity_dependent=True,
+        conventions=Conventions(crosstalk_velocity="slave"),
+    )  # fmt: skip
+    curve, table = _curve(effect, data)
+    model = effect.to_model(table, 1.0)
+    expected = model.entry(data.acceleration["Y"], data.velocity["X"])
+    assert np.abs(curve - np.asarray(expected)).max() < EXACT
+
+
 def test_rows_that_lack_an_input_are_unknown_and_add_nothing(data: JointData) -> None:
     y = data.position["Y"].copy()
     y[::7] = np.nan

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from axcomp.ident._recording import lagged
 from axcomp.ident.fit import FitError
 from axcomp.ident.fit.joint import (
     Backlash,
@@ -18,7 +19,6 @@ from axcomp.ident.fit.joint import (
     fit_joint,
     refit_joint,
 )
-from axcomp.ident.kinds.temperature.effect import lagged
 
 NOISE = 5e-4  # of the mix, in mm
 LAG = 120.0  # of the mix, in s

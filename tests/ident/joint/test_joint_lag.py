@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from axcomp.ident._recording import clocked, lagged
 from axcomp.ident.fit.joint import (
     JointData,
     Leadscrew,
@@ -13,7 +14,6 @@ from axcomp.ident.fit.joint import (
     Temperature,
     fit_joint,
 )
-from axcomp.ident.kinds.temperature.effect import clocked, lagged
 
 LAG = 90.0
 

@@ -7,10 +7,8 @@ import pytest
 
 from axcomp.data.measurements import read_table
 from axcomp.ident.fit import FitError
-from axcomp.ident.kinds.backlash.effect import (
-    fit_backlash,
-    fit_backlash_trace,
-)
+from axcomp.ident.kinds.backlash._trace import fit_backlash_trace
+from axcomp.ident.kinds.backlash.effect import fit_backlash
 
 NAME = "ess_b02_X_9pos5cyc_ISO230.dat"
 ISO = Path(__file__).parents[4] / "shared/data/iso230" / NAME

@@ -173,15 +173,14 @@ def test_directions_get_values_of_their_own_only_where_they_differ(
 def test_every_event_is_shown_with_its_place_sign_and_direction() -> None:
     readings = log(3, mode_2, moves=5)
     events = cut_events(readings, FULL, -FULL)
-    assert [event.branch for event in events] == [0, 2, 3, 1] * 5
-    for event in events:
-        inside = slice(event.start, event.stop)
-        assert (np.abs(readings.acceleration[inside]) > 0).all()
-        np.testing.assert_allclose(event.positions, readings.positions[event.start])
-        truth = mode_2(np.array([event.branch]), readings.positions[event.start][None])
-        # 20 to 35 rows of 0.5 µm against as many beside them, at 60 % of the acceleration.
-        assert abs(event.value - truth[0]) < 1e-3
-        assert event.peak * (1 if event.branch < 2 else -1) > 0
+    assert events.branch.tolist() == [0, 2, 3, 1] * 5
+    for start, stop in zip(events.start, events.stop, strict=True):
+        assert (np.abs(readings.acceleration[start:stop]) > 0).all()
+    places = readings.positions[events.start]
+    np.testing.assert_allclose(events.positions, places)
+    # 20 to 35 rows of 0.5 µm against as many beside them, at 60 % of the acceleration.
+    assert (np.abs(events.value - mode_2(events.branch, places)) < 1e-3).all()
+    assert (events.peak * np.where(events.branch < 2, 1, -1) > 0).all()
 
 
 @pytest.mark.parametrize(("rows", "noise"), [(9, 0.0), (9, 0.2), (15, 0.2)])
@@ -203,9 +202,8 @@ def test_a_filtered_acceleration_shows_as_many_events_as_took_place(
         FULL,
         -FULL,
     )
-    assert [event.branch for event in events] == [0, 2, 3, 1] * 18
-    value = np.array([event.value for event in events])
-    truth = np.array([BY_QUADRANT[event.branch] for event in events])
+    assert events.branch.tolist() == [0, 2, 3, 1] * 18
+    value, truth = events.value, BY_QUADRANT[events.branch]
     # 0.15 µm of noise per event; an edge counted as an event was off by 13 µm.
     assert np.abs(value - truth).max() < 0.9e-3
     # All together are right: least squares through smeared edges made them 2.4 % and 4.7 %
@@ -225,10 +223,10 @@ def test_a_turn_under_one_acceleration_is_an_event_in_each_direction() -> None:
         FULL,
         -FULL,
     )
-    assert [event.branch for event in events] == [1, 0]
+    assert events.branch.tolist() == [1, 0]
     # 70 rows of 0.01 µm each against a level: a few nm.
-    assert events[0].value == pytest.approx(BY_QUADRANT[1], abs=2e-5)
-    assert events[1].value == pytest.approx(BY_QUADRANT[0], abs=2e-5)
+    assert events.value[0] == pytest.approx(BY_QUADRANT[1], abs=2e-5)
+    assert events.value[1] == pytest.approx(BY_QUADRANT[0], abs=2e-5)
 
 
 def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
@@ -243,10 +241,7 @@ def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
         readings.time, readings.acceleration, readings.velocity,
         readings.error + np.asarray(offset), readings.positions,
     )  # fmt: skip
-    before, after = (
-        np.array([event.value for event in cut_events(each, FULL, -FULL)])
-        for each in (readings, left)
-    )
+    before, after = (cut_events(each, FULL, -FULL).value for each in (readings, left))
     # What is left is the noise of the events, 0.15 µm, and a little of the surface.
     assert np.sqrt(np.mean(after**2)) < 0.05 * np.sqrt(np.mean(before**2))
 
@@ -271,7 +266,7 @@ def test_accelerating_by_speed_sorts_events_by_whether_the_master_gets_faster() 
     rules = Conventions(crosstalk_accelerate="speed")
     events = cut_events(log(3, mode_2, moves=2), FULL, -FULL, conventions=rules)
     # To: faster, slower; fro: faster, slower, both in negative direction.
-    assert [event.branch for event in events] == [0, 2, 1, 3] * 2
+    assert events.branch.tolist() == [0, 2, 1, 3] * 2
 
 
 def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
@@ -333,9 +328,8 @@ def test_single_acceleration_tests_become_entries_as_they_are() -> None:
 def test_a_wild_event_is_named_and_moves_nothing() -> None:
     readings = without_places(log(8, mode_1))
     events = cut_events(readings, FULL, -FULL)
-    hit = events[20]
     error = readings.error.copy()
-    error[hit.start : hit.stop] += 0.2
+    error[events.start[20] : events.stop[20]] += 0.2
     fit = fit_crosstalk(
         CrosstalkReadings(
             readings.time, readings.acceleration, readings.velocity, error,
@@ -344,7 +338,7 @@ def test_a_wild_event_is_named_and_moves_nothing() -> None:
         acceleration=FULL,
         deceleration=-FULL,
     )  # fmt: skip
-    assert [event.wild for event in fit.events].index(True) == 20
+    assert np.flatnonzero(fit.events.wild)[0] == 20
     np.testing.assert_allclose(fit.values[:, 0], BY_QUADRANT, atol=3e-4)
 
 

@@ -1,15 +1,16 @@
 """Planted thermal lines come back, within the deviations that the fit states."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from axcomp.ident._recording import lagged
 from axcomp.ident.core import FitError
-from axcomp.ident.kinds.temperature.effect import (
-    TemperatureFit,
-    ThermalReadings,
-    fit_temperature,
-    lagged,
-)
+from axcomp.ident.fit.joint import JointData
+from axcomp.ident.kinds.temperature.fit import TemperatureFit
+
+from ..thermal_line import fitted, readings
 
 TARGETS = np.linspace(0.0, 1000.0, 6)  # mm
 MINUTE = 60.0
@@ -24,7 +25,7 @@ def warm_up(
     drift: float = 0.0,
     crossing: float | None = -200.0,
     growth: float = 1.1e-5,
-) -> ThermalReadings:
+) -> JointData:
     """A machine that warms up and cools down, measured at six targets over and over.
 
     Args:
@@ -55,21 +56,20 @@ def warm_up(
     if crossing is None:
         error += 1e-4 * (theta - 20.0) ** 2
     error += drift * slow + NOISE * rng.normal(size=len(time))
-    return ThermalReadings(
-        error, sensor[:, None] + 0.05 * rng.normal(size=(len(time), 1)), position, time
-    )
+    shown = sensor + 0.05 * rng.normal(size=len(time))
+    return readings(error, shown, position=position, time=time)
 
 
 @pytest.fixture(scope="module")
 def plain() -> TemperatureFit:
     """A warm-up with all left open: law, lag and intersection."""
-    return fit_temperature(warm_up(1))
+    return fitted(warm_up(1))
 
 
 @pytest.fixture(scope="module")
 def behind() -> TemperatureFit:
     """A structure that follows its sensor with 900 s, all left open."""
-    return fit_temperature(warm_up(6, lag=900.0))
+    return fitted(warm_up(6, lag=900.0))
 
 
 def test_lines_that_meet_are_found_with_their_intersection(
@@ -89,7 +89,7 @@ def test_lines_that_meet_are_found_with_their_intersection(
 
 
 def test_lines_that_meet_nowhere_are_told_from_the_middle_of_the_positions() -> None:
-    fit = fit_temperature(warm_up(2, crossing=None), law=(3, "linear"), lag="none")
+    fit = fitted(warm_up(2, crossing=None), law=(3, "linear"), lag=0.0)
     assert fit.meeting == "not one point"
     assert fit.reference == 500.0
     assert fit.reference_deviation is None
@@ -97,7 +97,7 @@ def test_lines_that_meet_nowhere_are_told_from_the_middle_of_the_positions() -> 
 
 
 def test_a_reference_in_mm_is_taken_as_it_is() -> None:
-    fit = fit_temperature(warm_up(3), reference=250.0, lag="none")
+    fit = fitted(warm_up(3), reference=250.0, lag=0.0)
     assert fit.reference == 250.0
     # At 250 mm the planted line moves by 450 mm · 11 µm/m/K; 1 % as above.
     np.testing.assert_allclose(fit.offset.slope, 450.0 * 1.1e-5, rtol=0.02)
@@ -110,9 +110,8 @@ def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate(
 ) -> None:
     distances = []
     for seed in range(40):
-        readings = warm_up(seed, drift=drift)
-        fit = fit_temperature(
-            readings, law=("linear", "linear"), reference=0.0, lag="none"
+        fit = fitted(
+            warm_up(seed, drift=drift), law=("linear", "linear"), reference=0.0, lag=0.0
         )
         slope, deviation = fit.slope
         assert fit.coefficient is not None
@@ -133,8 +132,8 @@ def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate(
 
 def test_drift_makes_deviations_larger_than_independent_readings_would() -> None:
     calm, drifting = (
-        fit_temperature(
-            warm_up(5, drift=drift), law=("linear", "linear"), reference=0.0, lag="none"
+        fitted(
+            warm_up(5, drift=drift), law=("linear", "linear"), reference=0.0, lag=0.0
         )
         for drift in (0.0, 0.003)
     )
@@ -156,23 +155,21 @@ def test_a_lag_is_estimated_with_its_uncertainty(behind: TemperatureFit) -> None
 
 
 def test_no_lag_is_reported_where_there_is_none() -> None:
-    (lag,) = fit_temperature(warm_up(7)).lags
+    (lag,) = fitted(warm_up(7)).lags
     # The grid starts at a reading's distance: less cannot be seen and does no harm.
     assert not lag.applied or lag.time_constant < 2 * MINUTE
     assert not lag.sensor_late
 
 
 def test_a_sensor_that_follows_late_is_named() -> None:
-    readings = warm_up(8)
-    assert readings.time is not None
-    late = lagged(readings.time, readings.temperature[:, 0], 900.0)
-    fit = fit_temperature(
-        ThermalReadings(readings.error, late[:, None], readings.position, readings.time)
-    )
+    data = warm_up(8)
+    assert data.time is not None
+    late = lagged(data.time, data.temperature["1"], 900.0)
+    fit = fitted(dataclasses.replace(data, temperature={"1": late}))
     assert fit.lags[0].sensor_late
 
 
-def two_sensors(seed: int) -> ThermalReadings:
+def two_sensors(seed: int) -> JointData:
     """Spindle for the offset (sensor 1), scale for the coefficient (sensor 2)."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, 4 * 3600.0, MINUTE)
@@ -181,13 +178,11 @@ def two_sensors(seed: int) -> ThermalReadings:
     position = TARGETS[rng.integers(0, len(TARGETS), len(time))]
     error = 2e-3 * (spindle - 20.0) + 1.0e-5 * (scale - 20.0) * (position - 500.0)
     error += NOISE * rng.normal(size=len(time))
-    return ThermalReadings(error, np.column_stack([spindle, scale]), position, time)
+    return readings(error, spindle, scale, position=position, time=time)
 
 
 def test_one_sensor_moves_the_offset_and_another_the_coefficient() -> None:
-    fit = fit_temperature(
-        two_sensors(1), offset_sensor=0, coefficient_sensor=1, lag="none"
-    )
+    fit = fitted(two_sensors(1), offset="1", coefficient="2", lag=0.0)
     assert fit.coefficient is not None
     assert (fit.offset.sensor, fit.coefficient.sensor) == (0, 1)
     # 240 readings of 0.5 µm over 15 K and ±500 mm: 0.05 % and 0.5 %; three times that.
@@ -198,24 +193,22 @@ def test_one_sensor_moves_the_offset_and_another_the_coefficient() -> None:
 
 def test_the_wrong_way_round_two_sensors_leave_a_larger_residual() -> None:
     right, wrong = (
-        fit_temperature(
+        fitted(
             two_sensors(1),
-            offset_sensor=first,
-            coefficient_sensor=1 - first,
+            offset=first,
+            coefficient=second,
             law=("linear", "linear"),
-            lag="none",
+            lag=0.0,
         )
-        for first in (0, 1)
+        for first, second in (("1", "2"), ("2", "1"))
     )
     assert np.std(wrong.residual) > 5 * np.std(right.residual)
 
 
 def test_at_one_position_only_the_offset_is_fitted() -> None:
-    readings = two_sensors(2)
-    single = ThermalReadings(
-        readings.error, readings.temperature, None, readings.time
-    ).take(readings.position == 400.0)
-    fit = fit_temperature(single, coefficient_sensor=None)
+    data = two_sensors(2)
+    single = data.take(data.position["X"] == 400.0)
+    fit = fitted(dataclasses.replace(single, position={}), coefficient=None)
     assert fit.coefficient is None
     assert fit.offset.kind == "linear"
     # The scale's share at 400 mm moves against the spindle by 6 µm over the log.
@@ -230,9 +223,7 @@ def test_readings_left_out_choose_the_law(bend: float, kind: str) -> None:
     temperature = 20.0 + 20.0 * np.abs(np.sin(np.arange(400) / 60.0))
     error = 1e-3 * temperature + bend * np.maximum(temperature - 30.0, 0.0) * 5
     error += NOISE * rng.normal(size=400)
-    fit = fit_temperature(
-        ThermalReadings(error, temperature[:, None]), coefficient_sensor=None
-    )
+    fit = fitted(readings(error, temperature), coefficient=None)
     assert fit.offset.kind == kind
     assert sum(score.chosen for score in fit.scores) == 1
 
@@ -241,9 +232,7 @@ def test_a_temperature_without_effect_gives_a_constant() -> None:
     rng = np.random.default_rng(4)
     temperature = 20.0 + 10.0 * rng.random(300)
     error = 0.01 + NOISE * rng.normal(size=300)
-    fit = fit_temperature(
-        ThermalReadings(error, temperature[:, None]), coefficient_sensor=None
-    )
+    fit = fitted(readings(error, temperature), coefficient=None)
     assert fit.offset.kind == "constant"
     assert fit.slope == (0.0, 0.0)
 
@@ -251,17 +240,17 @@ def test_a_temperature_without_effect_gives_a_constant() -> None:
 def test_missed_readings_glitches_and_missed_steps_change_nothing() -> None:
     clean = warm_up(9)
     rng = np.random.default_rng(0)
-    error, temperature = clean.error.copy(), clean.temperature.copy()
+    error, temperature = clean.error["X"].copy(), clean.temperature["1"].copy()
     error[rng.choice(len(error), 8, replace=False)] = np.nan
     steps = rng.choice(len(error), 8, replace=False)
     error[steps] += 4.3
-    temperature[rng.choice(len(error), 8, replace=False), 0] = -180.0
-    fit = fit_temperature(
-        ThermalReadings(error, temperature, clean.position, clean.time),
+    temperature[rng.choice(len(error), 8, replace=False)] = -180.0
+    fit = fitted(
+        dataclasses.replace(clean, error={"X": error}, temperature={"1": temperature}),
         law=("linear", "linear"),
-        lag="none",
+        lag=0.0,
     )
-    whole = fit_temperature(clean, law=("linear", "linear"), lag="none")
+    whole = fitted(clean, law=("linear", "linear"), lag=0.0)
     assert fit.coefficient is not None
     assert whole.coefficient is not None
     # 24 of 300 readings fewer: the value moves by a fraction of its deviation.
@@ -271,17 +260,17 @@ def test_missed_readings_glitches_and_missed_steps_change_nothing() -> None:
     assert fit.wild.sum() <= 8
 
 
-def rising_with_position() -> ThermalReadings:
+def rising_with_position() -> JointData:
     rng = np.random.default_rng(5)
     position = np.tile(TARGETS, 20)
     temperature = 20.0 + 0.01 * position + 0.02 * rng.normal(size=len(position))
     error = 1e-3 * (temperature - 20.0) + NOISE * rng.normal(size=len(position))
-    return ThermalReadings(error, temperature[:, None], position)
+    return readings(error, temperature, position=position)
 
 
 def test_a_temperature_that_rises_with_the_position_is_named_as_confounded() -> None:
-    fit = fit_temperature(
-        rising_with_position(), reference=500.0, law=("linear", "linear"), lag="none"
+    fit = fitted(
+        rising_with_position(), reference=500.0, law=("linear", "linear"), lag=0.0
     )
     (pair, *_) = fit.confounded
     assert "slope" in (pair.first, pair.second)
@@ -294,21 +283,22 @@ def test_a_temperature_that_has_one_value_per_place_is_named_as_confounded() -> 
     far = np.arange(240) % 6 > 2
     spindle = 20.0 + 10.0 * np.abs(np.sin(np.arange(240) / 30.0))
     scale = 20.0 + 5.0 * far + 0.02 * rng.normal(size=240)
-    fit = fit_temperature(
-        ThermalReadings(
+    fit = fitted(
+        readings(
             1e-3 * spindle + NOISE * rng.normal(size=240),
-            np.column_stack([spindle, scale]),
-            np.where(far, 900.0, 100.0),
+            spindle,
+            scale,
+            position=np.where(far, 900.0, 100.0),
         ),
-        coefficient_sensor=1,
+        coefficient="2",
         law=("linear", "linear"),
-        lag="none",
+        lag=0.0,
     )
     assert "slope change" in {pair.second for pair in fit.confounded}
 
 
 def test_relative_to_a_temperature_nothing_is_corrected_there() -> None:
-    fit = fit_temperature(warm_up(1), law=("linear", "linear"), reference=0.0)
+    fit = fitted(warm_up(1), law=("linear", "linear"), reference=0.0)
     zero = fit.relative_to(25.0)
     place = np.array([0.0, 1000.0])
     there = zero.predict(np.array([[25.0], [25.0]]), place)
@@ -323,24 +313,18 @@ def test_relative_to_a_temperature_nothing_is_corrected_there() -> None:
 
 
 def test_shuffled_rows_give_the_same_fit() -> None:
-    readings = warm_up(4)
-    order = np.random.default_rng(0).permutation(len(readings.error))
-    assert readings.position is not None
-    assert readings.time is not None
-    shuffled = ThermalReadings(
-        readings.error[order], readings.temperature[order],
-        readings.position[order], readings.time[order],
-    )  # fmt: skip
+    data = warm_up(4)
+    order = np.random.default_rng(0).permutation(len(data))
     one, other = (
-        fit_temperature(each, law=("linear", "linear"), lag="none")
-        for each in (readings, shuffled)
+        fitted(each, law=("linear", "linear"), lag=0.0)
+        for each in (data, data.take(order))
     )
     assert one.reference == pytest.approx(other.reference, rel=1e-9)
     np.testing.assert_allclose(one.residual[order], other.residual, atol=1e-12)
 
 
 def test_a_single_given_lag_is_applied_and_not_fitted() -> None:
-    fit = fit_temperature(
+    fit = fitted(
         warm_up(6, lag=900.0), lag=900.0, law=("linear", "linear"), reference=0.0
     )
     (lag,) = fit.lags
@@ -359,9 +343,9 @@ def test_a_node_that_only_wild_readings_show_is_refused() -> None:
     with pytest.raises(
         FitError, match=r"agree with each other do not determine offset at 30"
     ):
-        fit_temperature(
-            ThermalReadings(error, temperature[:, None]),
-            coefficient_sensor=None,
+        fitted(
+            readings(error, temperature),
+            coefficient=None,
             law=(3, "constant"),
-            lag="none",
+            lag=0.0,
         )

@@ -1,63 +1,58 @@
 """Temperature: what is refused, clocks of several instruments, plateaus, lag, real logs."""
 
 import csv
+import dataclasses
 import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from axcomp.ident._recording import lagged
 from axcomp.ident.fit import FitError
-from axcomp.ident.kinds.temperature.effect import (
-    ThermalReadings,
-    fit_temperature,
-    lagged,
-    steady,
-)
+from axcomp.ident.fit.joint import JointData
+from axcomp.ident.kinds.temperature._identify import steady
 from axcomp.ident.readings._clocks import find_offset
+
+from ..thermal_line import fitted, readings
 
 REAL = Path(__file__).parents[4] / "shared/data/thermal"
 STEP = 0.0025  # mm per motor step
 
 
-def ramp(count: int = 60) -> ThermalReadings:
+def ramp(count: int = 60) -> JointData:
     rng = np.random.default_rng(0)
     temperature = np.linspace(20.0, 30.0, count)
     position = np.tile([0.0, 500.0], count)[:count]
     error = 1e-3 * temperature + 1e-3 * rng.normal(size=count)
-    return ThermalReadings(error, temperature[:, None], position)
+    return readings(error, temperature, position=position)
 
 
 def test_a_coefficient_at_one_position_is_refused() -> None:
-    readings = ramp()
-    single = ThermalReadings(readings.error, readings.temperature, np.full(60, 250.0))
+    single = dataclasses.replace(ramp(), position={"X": np.full(60, 250.0)})
     with pytest.raises(
         FitError, match="found all readings at 250 mm, expected two positions"
     ):
-        fit_temperature(single)
+        fitted(single)
 
 
 def test_a_sensor_that_stands_still_is_refused() -> None:
-    readings = ramp()
+    still = dataclasses.replace(ramp(), temperature={"1": np.full(60, 24.0)})
     with pytest.raises(FitError, match=r"sensor 1 of the offset stays at 24 °C"):
-        fit_temperature(
-            ThermalReadings(readings.error, np.full((60, 1), 24.0), readings.position)
-        )
+        fitted(still)
 
 
 def test_too_few_readings_are_refused() -> None:
-    readings = ramp()
-    error = np.where(np.arange(60) < 3, readings.error, np.nan)
+    data = ramp()
+    error = np.where(np.arange(60) < 3, data.error["X"], np.nan)
     with pytest.raises(FitError, match="3 of 60 readings are complete, expected"):
-        fit_temperature(ThermalReadings(error, readings.temperature, readings.position))
+        fitted(dataclasses.replace(data, error={"X": error}))
 
 
 def test_a_failed_sensor_leaves_no_reading() -> None:
-    readings = ramp()
+    failed = dataclasses.replace(ramp(), temperature={"1": np.full(60, -300.0)})
     with pytest.raises(FitError, match="0 of 60 readings are complete"):
-        fit_temperature(
-            ThermalReadings(readings.error, np.full((60, 1), -300.0), readings.position)
-        )
+        fitted(failed)
 
 
 def test_a_lag_of_a_step_is_an_exponential() -> None:
@@ -85,8 +80,8 @@ def test_a_noisy_first_reading_does_not_shift_the_law() -> None:
 
     def slope(first: float) -> float:
         shown[0] = first
-        fit = fit_temperature(
-            ThermalReadings(error, shown[:, None], position, time),
+        fit = fitted(
+            readings(error, shown, position=position, time=time),
             law=("constant", "linear"),
             reference=0.0,
             lag=200.0,
@@ -185,13 +180,11 @@ def test_the_plateau_of_a_real_printer_gives_its_slope_and_its_missed_steps() ->
     log = real_log("voronV2_2021-06-05_1324.csv")
     plateau = steady(log["time"], log["bed_t"], 1.5)
     error = STEP * log["mcu_pos_z"]
-    fit = fit_temperature(
-        ThermalReadings(error, log["frame_t"][:, None], None, log["time"]).take(
-            plateau
-        ),
-        coefficient_sensor=None,
+    fit = fitted(
+        readings(error, log["frame_t"], time=log["time"]).take(plateau),
+        coefficient=None,
         law=("linear", "constant"),
-        lag="none",
+        lag=0.0,
     )
     slope, deviation = fit.slope
     # Issue 5 asks for a slope near −0.0148 mm/K.
@@ -208,9 +201,9 @@ def test_the_plateau_of_a_real_printer_gives_its_slope_and_its_missed_steps() ->
 def test_a_real_log_with_warm_up_shows_a_lag_of_minutes_and_all_missed_steps() -> None:
     log = real_log("voronV2_2021-06-05_1324.csv")
     error = STEP * log["mcu_pos_z"]
-    fit = fit_temperature(
-        ThermalReadings(error, log["frame_t"][:, None], None, log["time"]),
-        coefficient_sensor=None,
+    fit = fitted(
+        readings(error, log["frame_t"], time=log["time"]),
+        coefficient=None,
     )
     (lag,) = fit.lags
     assert lag.applied
@@ -224,7 +217,7 @@ def test_a_real_sensor_that_is_not_there_is_refused() -> None:
     log = real_log("voronV2_mvieleers_2021-06-12.csv")
     error = STEP * log["mcu_pos_z"]
     with pytest.raises(FitError, match="sensor 1 of the offset stays at -180 °C"):
-        fit_temperature(
-            ThermalReadings(error, log["chamber_t"][:, None], None, log["time"]),
-            coefficient_sensor=None,
+        fitted(
+            readings(error, log["chamber_t"], time=log["time"]),
+            coefficient=None,
         )

@@ -214,15 +214,52 @@ def test_a_mesh_names_its_columns_itself(tmp_path: Path) -> None:
     assert (spec.fits[0].compensation, spec.fits[0].axis) == ("plane", "Z")
 
 
-def test_columns_that_name_no_role_are_refused_in_one_line(
+def test_columns_that_name_no_role_are_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{10 * k},{1e-3 * (k % 7) * (-1) ** k}\n" for k in range(20))
+    job = new(tmp_path, f"channel1,channel2\n{rows}")
+    place, error = asked(tmp_path, capsys)[-2:]
+    places, errors = place["answers"], error["answers"]
+    assert isinstance(places, list)
+    assert isinstance(errors, list)
+    # The likeliest first: the position goes furthest, an error below 0.5 rather is in mm.
+    assert places == [f'"X.position" = "channel{k}"' for k in (1, 2)]
+    assert errors[0] == '"X.error" = { column = "channel2", unit = "mm" }'
+    assert "No column says that it is the error of X" in str(error["words"])
+    job.write_text(job.read_text().replace("#? number =", "number = 1"))
+    for line in (places[0], errors[0]):
+        job.write_text(job.read_text().replace(f"#? {line}", line))
+    assert [fit.compensation for fit in load_job(job).spec.fits] == ["leadscrew"]
+
+
+def test_one_column_that_names_nothing_is_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "trace.csv"
-    file.write_text("time [s],alpha,beta\n0,1,2\n1,2,3\n")
+    file.write_text("time [s],alpha,flag [V]\n0,1,2\n1,2,3\n")
     assert main(["new", str(file), "--out", str(tmp_path / "job.toml")]) == 1
     shown = capsys.readouterr().err
-    assert "found columns time, alpha, beta, none of which names a role" in shown
+    assert "found columns time, alpha, flag, of which none names a role" in shown
     assert shown.count("\n") == 1
+
+
+def test_a_job_without_a_fit_says_so_instead_of_naming_the_next_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new(tmp_path, "X;Y\n" + "".join(f"{k};{k / 2}\n" for k in range(9)))
+    shown = capsys.readouterr().out
+    assert "It holds no fit" in shown
+    assert "axcomp fit" not in shown
+
+
+def test_a_line_through_few_readings_is_judged_by_all_of_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new(tmp_path, "x [mm],dx [um]\n0,0\n50,1.2\n100,3.1\n150,3.6\n")
+    words = str(asked(tmp_path, capsys)[1]["words"])
+    # Two of four lie on the robust line exactly: by these alone it would be certain.
+    assert "a slope of 25.4 ± 3.7 µm/m" in words
 
 
 def test_columns_of_the_same_role_make_one_question(

@@ -1,15 +1,15 @@
-"""What goes into a temperature fit and what comes out: arrays and their meaning."""
+"""The thermal line of an axis as readings determine it, and what they say beside it."""
 
 import dataclasses
+import functools
 import math
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...core import DriftNoise, node_shares
-from ...fit.joint import Temperature
+from ....core import DriftNoise, node_shares
+from ....fit.joint import Temperature
 
 Effect = Literal["level", "offset", "slope", "slope change"]
 """Level of the error, temperature at the offset, slope over the position, and how that
@@ -19,33 +19,6 @@ Meeting = Literal[
     "not one point", "uncertain",
 ]  # fmt: skip
 """Whether the lines of all temperatures meet at the reference, or why it was not taken."""
-
-
-@dataclasses.dataclass(frozen=True)
-class ThermalReadings:
-    """Errors of one axis at different temperatures; NaN = missed reading.
-
-    Attributes:
-        error: Actual − commanded in mm.
-        temperature: Of each sensor in °C at the instant of each reading.
-        position: Commanded position of the axis in mm; None = always the same.
-        time: In s; None = the rows are in order of time, at equal distances.
-    """
-
-    error: Float[np.ndarray, " t"]
-    temperature: Float[np.ndarray, "t s"]
-    position: Float[np.ndarray, " t"] | None = None
-    time: Float[np.ndarray, " t"] | None = None
-
-    def take(self, keep: Bool[np.ndarray, " t"]) -> "ThermalReadings":
-        """Return the readings for which ``keep`` is true."""
-        position, time = self.position, self.time
-        return ThermalReadings(
-            self.error[keep],
-            self.temperature[keep],
-            None if position is None else position[keep],
-            None if time is None else time[keep],
-        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,27 +53,6 @@ class Law:
     def at(self, temperature: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the value at temperatures in °C."""
         return np.asarray(node_shares(temperature, self.temperature) @ self.value)
-
-
-def laws_of(
-    line: Temperature,
-    sensors: Sequence[str],
-    values: Float[np.ndarray, " p"],
-    deviations: Float[np.ndarray, " p"],
-) -> dict[str, Law]:
-    """Return the laws of a fitted line by name.
-
-    Args:
-        line: With its nodes.
-        sensors: All of them, in the order in which laws number them.
-        values: At the nodes, those of the offset first.
-        deviations: Standard deviations of the values.
-    """
-    own, spread = line.split(values), line.split(deviations)
-    return {
-        name: Law(sensors.index(line.sensors[name]), nodes, own[name], spread[name])
-        for name, nodes in line.nodes.items()
-    }
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,24 +113,24 @@ class TemperatureFit:
     $e = o(T) + c(T) (s - s_0)$.
 
     Attributes:
-        offset: $o(T)$ in mm.
-        coefficient: $c(T)$ in mm/mm; None where the error was measured at one position.
-        reference: $s_0$ in mm; 0 without a coefficient.
-        reference_deviation: Standard deviation of the intersection in mm; None where the
-            reference was given.
+        line: Temperatures of its values, its reference $s_0$ in mm, its lags.
+        sensors: Names, as columns of the temperatures.
+        values: Of the offset $o(T)$ in mm, then of the coefficient $c(T)$ in mm/mm.
+        covariance: Of the values, then of the intersection (mm) and of the logarithms of the
+            time constants.
+        names: Of the parameters, in the order of the covariance.
         meeting: Whether the lines of all temperatures meet at the reference, where the offset
             is a constant, or why that was not taken.
-        meeting_deviation: Standard deviation in mm of an intersection that was too uncertain.
+        meeting_deviation: Standard deviation in mm of the intersection, where there is one.
         lags: One per sensor that is used.
-        names: Of the parameters, in the order of the covariance.
-        covariance: Of the node values of offset and coefficient, then of the intersection
-            (mm) and of the logarithms of the time constants.
         noise: How residuals scatter, in mm and s.
         independent: Independent readings that would leave the same uncertainty of the least
             sure value.
         used: Rows that were complete.
         wild: Rows that the loss rejected outright (missed steps, glitches).
         residual: Error − line in mm per row; NaN where a reading was missed.
+        predicted: Error − line fitted without the block of time of each reading, in mm per
+            row.
         temperature: Of the structure as the laws see it, per row and sensor in °C.
         scores: Laws compared by hold-out; empty where the law was given.
         confounded: What these readings cannot tell apart.
@@ -186,40 +138,70 @@ class TemperatureFit:
         converged: Whether the iterations converged.
     """
 
-    offset: Law
-    coefficient: Law | None
-    reference: float
-    reference_deviation: float | None
+    line: Temperature
+    sensors: tuple[str, ...]
+    values: Float[np.ndarray, " p"]
+    covariance: Float[np.ndarray, "k k"]
+    names: tuple[str, ...]
     meeting: Meeting
     lags: tuple[Lag, ...]
-    names: tuple[str, ...]
-    covariance: Float[np.ndarray, "k k"]
     noise: DriftNoise
     independent: float
     used: Bool[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
     residual: Float[np.ndarray, " t"]
+    predicted: Float[np.ndarray, " t"]
     temperature: Float[np.ndarray, "t s"]
-    scores: tuple[LawScore, ...]
-    confounded: tuple[Confusion, ...]
     support: tuple[int, ...]
     converged: bool
     meeting_deviation: float | None = None
+    scores: tuple[LawScore, ...] = ()
+    confounded: tuple[Confusion, ...] = ()
+
+    @functools.cached_property
+    def laws(self) -> dict[str, Law]:
+        """Offset and coefficient by name."""
+        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        own, spread = self.line.split(self.values), self.line.split(deviation)
+        return {
+            name: Law(
+                self.sensors.index(self.line.sensors[name]),
+                nodes,
+                own[name],
+                spread[name],
+            )
+            for name, nodes in self.line.nodes.items()
+        }
+
+    @property
+    def offset(self) -> Law:
+        """$o(T)$ in mm."""
+        return self.laws["offset"]
+
+    @property
+    def coefficient(self) -> Law | None:
+        """$c(T)$ in mm/mm; None where the error was measured at one position."""
+        return self.laws.get("coefficient")
+
+    @property
+    def moving(self) -> tuple[Law, ...]:
+        """Offset and coefficient, as far as they follow their sensor."""
+        return tuple(law for law in self.laws.values() if len(law.value) > 1)
+
+    @property
+    def reference(self) -> float:
+        """$s_0$ in mm."""
+        return float(self.line.reference)
+
+    @property
+    def reference_deviation(self) -> float | None:
+        """Standard deviation of the reference in mm; None where lines do not meet there."""
+        return self.meeting_deviation if self.intersects else None
 
     @property
     def intersects(self) -> bool:
         """Whether the lines of all temperatures meet at the reference."""
         return self.meeting == "met"
-
-    @property
-    def _laws(self) -> list[tuple[Law, slice]]:
-        """The laws, and where their nodes stand in the covariance."""
-        count = len(self.offset.value)
-        laws = [(self.offset, slice(0, count))]
-        if self.coefficient is not None:
-            end = count + len(self.coefficient.value)
-            laws.append((self.coefficient, slice(count, end)))
-        return laws
 
     @property
     def slope(self) -> tuple[float, float]:
@@ -251,30 +233,25 @@ class TemperatureFit:
         position, which belong to the tables of the axis. Outside the measured temperatures
         the nearest is taken. The deviations become those of the difference.
         """
-        here = np.array([temperature])
+        size, here = self.line.size, np.array([temperature])
         move = np.eye(len(self.covariance))
-        for law, part in self._laws:
-            move[part, part] -= node_shares(here, law.temperature)
-        covariance = move @ self.covariance @ move.T
-        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        laws = [
-            dataclasses.replace(
-                law, value=law.value - law.at(here), standard_deviation=deviation[part]
-            )
-            for law, part in self._laws
-        ]
-        coefficient = laws[1] if len(laws) > 1 else None
+        for name, own in self.line.split(np.arange(size)).items():
+            move[np.ix_(own, own)] -= node_shares(here, self.line.nodes[name])
         return dataclasses.replace(
-            self, offset=laws[0], coefficient=coefficient, covariance=covariance
+            self,
+            values=move[:size, :size] @ self.values,
+            covariance=move @ self.covariance @ move.T,
         )
 
     def deviation_at(
         self, temperature: Float[np.ndarray, " t"]
     ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
         """Return the deviations of offset (mm) and coefficient (mm/mm) at temperatures."""
-        result = np.zeros((2, len(temperature)))
-        for row, (law, part) in zip(result, self._laws, strict=False):
-            share = node_shares(temperature, law.temperature)
-            variance = ((share @ self.covariance[part, part]) * share).sum(axis=1)
-            row[:] = np.sqrt(np.maximum(variance, 0.0))
-        return result[0], result[1]
+        result = {
+            name: np.zeros(len(temperature)) for name in ("offset", "coefficient")
+        }
+        for name, own in self.line.split(np.arange(self.line.size)).items():
+            share = node_shares(temperature, self.line.nodes[name])
+            variance = ((share @ self.covariance[np.ix_(own, own)]) * share).sum(axis=1)
+            result[name] = np.sqrt(np.maximum(variance, 0.0))
+        return result["offset"], result["coefficient"]
