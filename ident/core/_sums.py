@@ -268,7 +268,7 @@ def _by_matrix(
 
 def _products(
     stack: Stack, design: Matrix, weight: Float[np.ndarray, " t"]
-) -> dict[str, np.ndarray]:
+) -> dict[str, Any]:
     """Return $A^T W A$ as `Sums` keeps it."""
     n, offsets = stack.band, list(stack.offsets)
     diagonals = np.zeros((n, len(offsets)))
