@@ -5,7 +5,8 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 1. `TableEffect.design` asks the controller's model for the stencil of every reading;
 2. `estimate` makes passes over the readings in turn with the search for the weights:
 3. `memory` is the pass (a stream has one over its pieces); it calls
-4. `sums_of`: residuals about the estimate, their influence, and what adds up;
+4. `sums_of`: residuals about the estimate, their influence, and what adds up (`_kernel` is
+   the same for many readings);
 5. `choose_loss` takes scale and tails of the noise from the residuals;
 6. `Problem.at` puts information and prior together and calls
 7. `ArrowFactor.of`, a band with a dense border, and
@@ -15,10 +16,9 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 11. `band_inverse` the elements of the inverse, from which the deviations come as well;
 12. `leave_one_out` gives the posterior without a group of readings.
 
-Read `_readings`, `_effect`, `_chain`, `_prior`, `_stack`, `_sums` (`_kernel` is the same
-for many readings), `_factor`, `_posterior`, `_evidence`, `_loss`, `_robust`, `_hold_out` in
-this order. Beside them stand fits of few columns with noise that drifts (`_regression`,
-`_curve`, `_drift`).
+Read `_readings`, `_effect`, `_chain`, `_prior`, `_stack`, `_sums`, `_factor`, `_posterior`,
+`_evidence`, `_loss`, `_robust`, `_hold_out` in this order. Beside them stand fits of few
+columns with noise that drifts (`_regression`, `_curve`, `_drift`).
 """
 
 from ._chain import chain as chain

@@ -147,18 +147,6 @@ class TableEffect(AbstractEffect):
             return tuple(sorted({0, 1, fast - 1, fast, fast + 1}))
         return (0, 1, 2) if self.ring else (0, 1)
 
-    @cached_property
-    def away(self) -> tuple[int, ...] | None:
-        """Unknown of each corner of a cell, counted from its first; None on a ring."""
-        if self.ring:
-            return None
-        if len(self.nodes) == 1:
-            return (0, min(1, len(self.nodes[0]) - 1))
-        first, second = (len(nodes) for nodes in self.nodes)
-        along, across = int(first > 1), first * int(second > 1)
-        corners = (0, along, across, across + along)
-        return tuple(int(self.place[corner]) for corner in corners)
-
     @property
     def size(self) -> int:
         """See `AbstractEffect`."""

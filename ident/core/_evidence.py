@@ -9,12 +9,11 @@ Source: H. D. Patterson, R. Thompson, Biometrika 58(3), 1971.
 """
 
 import dataclasses
-from collections.abc import Sequence
-from typing import final
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.optimize import OptimizeResult, minimize
 
 from ._effect import TableEffect
@@ -29,7 +28,7 @@ _LIFTS, _EASED = (1.0, 10.0, 100.0), 0.1
 differences alone, and the factor of the latter beside them."""
 _WORTH = 2.0
 """Gain in evidence below which the simpler of two priors is taken."""
-_FINE, _COARSE = 1e-9, 0.3
+_FINE, _COARSE = 1e-4, 0.3
 """Gain of a step at which the search ends: on small stacks, on large ones."""
 _LARGE = 2e7
 """Operations of one factor from which on a stack is large."""
@@ -53,10 +52,10 @@ def choose_weights(problem: Problem, start: Vector | None = None) -> Posterior |
     if start is not None:
         return _descend(problem, start, gain)
     if _is_large(problem) and _can_be_thinned(problem):
-        rough = _Coarse.of(problem)
-        found = choose_weights(rough.problem)
+        rough, finer = _thinned(problem)
+        found = choose_weights(rough)
         if found is not None:
-            return _descend(problem, rough.finer(found.weights), gain)
+            return _descend(problem, finer(found.weights), gain)
     start = _scanned(problem)
     best = None if start is None else _descend(problem, start, gain)
     if best is None or not problem.optional.any():
@@ -192,59 +191,44 @@ def _simplified(problem: Problem, best: Posterior, gain: float) -> Posterior:
     return best
 
 
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Coarse:
-    """A plane on some of its nodes, and what its weights are worth on all of them.
+def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
+    """Return a plane on some of its nodes, and what its weights are worth on all of them.
 
-    Attributes:
-        problem: Of the coarse plane and everything beside it.
-        order: Place of each weight of the fine plane among those of the coarse one.
-        factor: Of each weight of the fine plane.
+    Every third node along each axis is kept: a fine cell lies in one coarse cell. Everything
+    beside the plane stays.
     """
-
-    problem: Problem
-    order: Int[np.ndarray, " k"]
-    factor: Vector
-
-    def finer(self, weights: Vector) -> Vector:
-        """Return the weights with which the fine plane is as smooth."""
-        return np.asarray(weights[self.order] * self.factor)
-
-    @classmethod
-    def of(cls, problem: Problem) -> "_Coarse":
-        """Keep every third node along each axis; a fine cell lies in one coarse cell."""
-        stack, sums = problem.stack, problem.sums
-        table = stack.table
-        assert isinstance(table, TableEffect)
-        kept = tuple(np.append(nodes[:-1:_THINNED], nodes[-1]) for nodes in table.nodes)
-        coarse = dataclasses.replace(table, nodes=kept)
-        # The fine nodes as readings of the coarse table.
-        places = [mesh.reshape(-1) for mesh in np.meshgrid(*table.nodes)]
-        inputs = dict(zip(table.inputs, places, strict=True))
-        nodes, shares = coarse.design(Readings(np.zeros(table.size), inputs))
-        rows = np.repeat(table.place, shares.shape[1]), nodes.reshape(-1)
-        shape = table.size, coarse.size
-        spread = sp.csr_array((shares.reshape(-1), rows), shape=shape)
-        slim = Stack((coarse, *stack.effects[1:]))
-        n, m = stack.band, slim.band
-        # The fine estimate is no coarse table: the sums are taken about zero in its place.
-        step = np.concatenate([-problem.theta[:n], np.zeros(stack.size - n)])
-        beside = np.eye(stack.size - n)
-        found = sums.moved(step, problem.gain).reduced(slim, beside, spread)
-        theta = np.concatenate([np.zeros(m), problem.theta[n:]])
-        names = list(coarse.prior.names)
-        order, factor = np.arange(len(problem.density)), np.ones(len(problem.density))
-        ratio = [
-            float(np.diff(one).mean() / np.diff(other).mean())
-            for one, other in zip(kept, table.nodes, strict=True)
-        ]
-        for k, name in enumerate(table.prior.names):
-            order[k] = names.index(name)
-            axis, power = int(name[-1]) - 1, 3 if name.startswith("order 2") else 7
-            # Sums over nodes of squared differences: ∫f''² dx times distance³ along the
-            # axis, ∫f''''² dx times distance⁷, per distance across.
-            factor[k] = ratio[axis] ** power / ratio[1 - axis]
-        pins = np.concatenate([np.zeros(m), problem.held[n:]])
-        own = Problem.of(found, theta, problem.gain, pins)
-        return cls(dataclasses.replace(own, pinned=problem.pinned), order, factor)
+    stack, sums = problem.stack, problem.sums
+    table = stack.table
+    assert isinstance(table, TableEffect)
+    kept = tuple(np.append(nodes[:-1:_THINNED], nodes[-1]) for nodes in table.nodes)
+    coarse = dataclasses.replace(table, nodes=kept)
+    # The fine nodes as readings of the coarse table.
+    places = [mesh.reshape(-1) for mesh in np.meshgrid(*table.nodes)]
+    inputs = dict(zip(table.inputs, places, strict=True))
+    nodes, shares = coarse.design(Readings(np.zeros(table.size), inputs))
+    rows = np.repeat(table.place, shares.shape[1]), nodes.reshape(-1)
+    shape = table.size, coarse.size
+    spread = sp.csr_array((shares.reshape(-1), rows), shape=shape)
+    slim = Stack((coarse, *stack.effects[1:]))
+    n, m = stack.band, slim.band
+    # The fine estimate is no coarse table: the sums are taken about zero in its place.
+    step = np.concatenate([-problem.theta[:n], np.zeros(stack.size - n)])
+    beside = np.eye(stack.size - n)
+    found = sums.moved(step, problem.gain).reduced(slim, beside, spread)
+    theta = np.concatenate([np.zeros(m), problem.theta[n:]])
+    names = list(coarse.prior.names)
+    order, factor = np.arange(len(problem.density)), np.ones(len(problem.density))
+    ratio = [
+        float(np.diff(one).mean() / np.diff(other).mean())
+        for one, other in zip(kept, table.nodes, strict=True)
+    ]
+    for k, name in enumerate(table.prior.names):
+        order[k] = names.index(name)
+        axis, power = int(name[-1]) - 1, 3 if name.startswith("order 2") else 7
+        # Sums over nodes of squared differences: ∫f''² dx times distance³ along the
+        # axis, ∫f''''² dx times distance⁷, per distance across.
+        factor[k] = ratio[axis] ** power / ratio[1 - axis]
+    pins = np.concatenate([np.zeros(m), problem.held[n:]])
+    own = Problem.of(found, theta, problem.gain, pins)
+    own = dataclasses.replace(own, pinned=problem.pinned)
+    return own, lambda weights: weights[order] * factor

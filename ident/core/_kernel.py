@@ -5,12 +5,10 @@ Cells of equidistant nodes are located with the bits of `axcomp.models.Equidista
 
 # mypy: disable-error-code="no-untyped-def,untyped-decorator"
 
-from typing import no_type_check
+from typing import Any, no_type_check
 
 import numba
 import numpy as np
-
-from ._machine_code import machine_code
 
 
 @numba.njit(inline="always")
@@ -46,6 +44,15 @@ def _weighed(rest, weight, loss, tally):
         tally[3] += weight * rest * rest
         tally[4] += 1.0
     return residual, push, True
+
+
+def machine_code(function: Any) -> Any:
+    """Return a function compiled at its first call; kept for the next process, if possible."""
+    options: Any = {"nogil": True, "error_model": "numpy"}
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except (RuntimeError, OSError):  # nowhere to write, or no space left
+        return numba.njit(**options)(function)
 
 
 @machine_code
@@ -90,31 +97,18 @@ def add_plane(
 
 @machine_code
 @no_type_check
-def add_rows(
-    nodes, shares, own, value, weight, theta, loss, full, record, cross, border, right, tally,
-    support, residual,
-):  # fmt: skip
-    """Add readings of any stack; the first ``own`` entries of a row belong to the band."""
-    n, width = record.shape[0], nodes.shape[1]
-    for t in range(len(value)):
-        rest = value[t]
-        for a in range(width):
-            rest -= shares[t, a] * theta[nodes[t, a]]
-        w = weight[t] if len(weight) else 1.0
-        residual[t], push, counts = _weighed(rest, w, loss, tally)
-        for a in range(width):
-            right[nodes[t, a]] += shares[t, a] * push
-        place = 0
-        for a in range(width if full and counts else 0):
-            i, wa = nodes[t, a], w * shares[t, a]
-            support[i] += shares[t, a] != 0.0
-            for b in range(a + 1):
-                j, product = nodes[t, b], wa * shares[t, b]
-                if a < own:
-                    record[nodes[t, 0], place] += product
-                    place += 1
-                elif b < own:
-                    cross[i - n, j] += product
+def add_products(pointers, columns, data, weight, slots, diagonals, beside):
+    """Add the products of the elements of sparse rows: to a band, and to rows beside it."""
+    n = len(diagonals)
+    for t in range(len(weight)):
+        for a in range(pointers[t], pointers[t + 1]):
+            share = weight[t] * data[a]
+            for b in range(pointers[t], a + 1):
+                i, j = max(columns[a], columns[b]), min(columns[a], columns[b])
+                product = share * data[b]
+                if i == j and a != b:
+                    product *= 2.0
+                if i >= n:
+                    beside[i - n, j] += product
                 else:
-                    twice = 2.0 if i == j and a != b else 1.0
-                    border[max(i, j) - n, min(i, j) - n] += twice * product
+                    diagonals[j, slots[i - j]] += product

@@ -1,7 +1,7 @@
 """What was measured, one row per reading."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
@@ -40,14 +40,6 @@ class Readings:
         inputs = {name: array[rows] for name, array in self.inputs.items()}
         weight = None if self.weight is None else self.weight[rows]
         return Readings(self.value[rows], inputs, weight)
-
-    def chunks(self, length: int) -> Iterator["Readings"]:
-        """Yield consecutive parts of at most this length."""
-        if len(self) <= length:
-            yield self
-            return
-        for start in range(0, len(self), length):
-            yield self.take(slice(start, start + length))
 
 
 def padded(arrays: Mapping[str, np.ndarray], least: int = 64) -> dict[str, np.ndarray]:

@@ -9,20 +9,20 @@ from collections.abc import Callable
 from typing import final
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 
-from ._effect import Design
 from ._errors import FitError
 from ._evidence import choose_weights
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
-from ._stack import Stack
-from ._sums import MANY, Sums, sums_of
+from ._stack import Stack, compact
+from ._sums import Sums, loop_axes, sums_of
 
 _PASSES, _SEARCHES = 60, 6
 """Robust passes and searches for the evidence, at most."""
-_ENDED, _NEAR = 0.002, 0.03
+_ENDED, _NEAR = 0.005, 0.03
 """Last move of the predictions, in their typical deviation, at which passes end: at the last
 weights, at others."""
 _SAME = 0.05
@@ -31,6 +31,8 @@ _FROZEN = 4
 """Passes after which the tails of the loss stay: chosen for ever, they go in circles."""
 _CHANGED = 1e-4
 """Share of readings that change sides and ask for a new matrix."""
+_FURTHEST = 9.0
+"""Moves by which a pass may begin ahead of where the last one ended."""
 _PLENTY = 10.0
 """Readings per unknown from which on they judge each other, without their neighbours."""
 
@@ -90,17 +92,19 @@ class Estimate:
         return " ".join(filter(None, said))
 
 
-def memory(stack: Stack, readings: Readings, design: Design | None = None) -> Pass:
+def memory(
+    stack: Stack, readings: Readings, columns: sp.csr_array | None = None
+) -> Pass:
     """Return the pass over readings in memory; their design is made once.
 
     Args:
         stack: Effects.
         readings: Any number.
-        design: Their design, where it is known.
+        columns: Their design, where it is known.
     """
-    # The loop over a large plane locates its cells faster than it would read them.
-    if design is None and not (len(stack.effects) == 1 and len(readings) >= MANY):
-        design = stack.design(readings)
+    design = None if columns is None else compact(columns)
+    if design is None and loop_axes(stack, readings) is None:
+        design = stack.matrix(readings)
 
     def over(theta: Vector, loss: Loss, full: bool) -> Sums:
         return sums_of(stack, readings, theta, loss, full, design)[0]
@@ -187,8 +191,9 @@ class _Passes:
         matrix, loss, about = post.problem.sums, Loss(), post.values
         sums = self.over(about, Loss(), False)
         converged = False
+        trail: list[tuple[Vector, Vector]] = []
         for number in range(_PASSES):
-            about = post.values
+            about = _ahead(trail, post)
             size, count = sums.sizes
             loss = choose_loss(self.loss, size, inflation, self.floor, count, freedoms)
             if number >= _FROZEN:
@@ -206,6 +211,7 @@ class _Passes:
             problem = self._problem(sums, about, gain)
             weights = post.weights if self.fixed is None else self.fixed(problem)
             post = self._solved(problem, weights, factor)
+            trail = [*trail[-1:], (about, post.values - about)]
             step = self._step(post)
             moved = self._moved(sums, post.values - about)
             final = self.fixed is not None or searches > 0
@@ -214,6 +220,7 @@ class _Passes:
                 before = post.values
                 post = self._chosen(problem, post.weights if searches else None)
                 searches += 1
+                trail = []
                 converged = self._moved(sums, post.values - before) <= _SAME * step
             if converged:
                 break
@@ -259,3 +266,23 @@ class _Passes:
             msg = "no smoothness gives a table: the readings are degenerate."
             raise FitError(msg)
         return found
+
+
+def _ahead(trail: list[tuple[Vector, Vector]], post: Posterior) -> Vector:
+    """Return where the next pass begins: where passes of a steady rate would come to rest.
+
+    By the secant of the last two (A. C. Aitken, Proc. R. Soc. Edinburgh 46, 1926), measured
+    by what the readings see of it. Passes that swing about their end come to rest, too.
+
+    Args:
+        trail: Where each pass at the present weights began, and how far it went; the last two.
+        post: Where the last one ended.
+    """
+    if len(trail) < 2:
+        return post.values
+    (sooner, first), (later, last) = trail
+    change = last - first
+    seen = post.problem.sums.apply(change)
+    share = float(last @ seen) / max(float(change @ seen), 1e-300)
+    ahead = np.clip(share, -_FURTHEST, 1.0) * (later - sooner + change)
+    return np.asarray(post.values - ahead)

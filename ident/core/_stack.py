@@ -2,17 +2,23 @@
 
 import dataclasses
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 
 from ._effect import AbstractEffect, Design, TableEffect, design_of
 from ._prior import AbstractPrior, Penalty
 from ._readings import Readings
 
+Matrix = Any
+"""A design, one row per reading and one column per unknown: whole or sparse (`sp.csr_array`)."""
+
 SMALL = 128
-"""Unknowns up to which a stack without a band is summed up and penalised by whole matrices."""
+"""Unknowns up to which a stack without a band is penalised by whole matrices."""
+_WHOLE = 1 << 17
+"""Elements up to which a design is kept with all its zeros: faster than without them."""
 
 
 @final
@@ -112,6 +118,20 @@ class Stack:
             each + start for (each, _), start in zip(parts, self.starts, strict=False)
         ]
         return np.hstack(nodes), np.hstack([shares for _, shares in parts])
+
+    def matrix(self, readings: Readings) -> Matrix:
+        """Return the rows of all effects side by side as a matrix."""
+        nodes, shares = self.design(readings)
+        count, width = shares.shape
+        parts = (shares.reshape(-1), nodes.reshape(-1), np.arange(count + 1) * width)
+        return compact(sp.csr_array(parts, shape=(count, self.size)))
+
+
+def compact(design: sp.csr_array) -> Matrix:
+    """Return a design with all its zeros where it is small."""
+    if np.prod(np.asarray(design.shape)) > _WHOLE:
+        return design
+    return np.asarray(design.toarray())
 
 
 @final

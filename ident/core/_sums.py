@@ -17,17 +17,14 @@ from jaxtyping import Float, Int
 
 from ...models import EquidistantNodes, Plane
 from ._chain import lower_band
-from ._effect import Design
 from ._errors import FitError
 from ._loss import Loss
 from ._readings import Readings
-from ._stack import SMALL, Stack
+from ._stack import Matrix, Stack
 from ._threads import cores
 
 MANY = 100_000
 """From this many readings on, compiled loops pay for loading the compiler."""
-_CHUNK = 1 << 17
-"""Readings whose design is in memory at a time."""
 _SHIFT = 45
 _FIRST, _BINS = (1023 - 60) << 7, 80 << 7
 """Residuals are counted by the leading bits of a float: 128 bins per octave, 80 octaves."""
@@ -35,6 +32,8 @@ _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Slack of a node, as in `axcomp.models.EquidistantNodes`."""
 
 Vector = Float[np.ndarray, " _n"]
+Axes = tuple[tuple[float, ...], ...]
+"""Start, 1/interval, slack and last node of the slow and of the fast axis of a plane."""
 
 
 @final
@@ -191,7 +190,7 @@ def sums_of(
     theta: Vector,
     loss: Loss,
     full: bool = True,
-    design: Design | None = None,
+    design: Matrix | None = None,
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
     """Return the sums of readings about θ, and residuals × √weight.
 
@@ -202,26 +201,25 @@ def sums_of(
         loss: How much each reading counts.
         full: Also the matrix and the support, which do not depend on θ but on which
             readings count.
-        design: Rows of the design, where they are known.
+        design: Of the readings, where it is known.
 
     Raises:
         FitError: If readings are not finite.
     """
-    ring = stack.table is not None and stack.table.away is None
-    if len(readings) < MANY or ring:
-        known = stack.design(readings) if design is None else design
-        return _by_scipy(stack, readings, theta, loss, full, known)
+    axes = loop_axes(stack, readings)
+    if axes is None or design is not None:
+        known = stack.matrix(readings) if design is None else design
+        return _by_matrix(stack, readings, theta, loss, full, known)
     residual = np.empty(len(readings))
     step = -(-len(readings) // min(cores(), len(readings) // MANY))
     shares = [slice(k, k + step) for k in range(0, len(readings), step)]
 
     def share(own: slice) -> Sums:
-        rows = None if design is None else (design[0][own], design[1][own])
         return _by_loop(
-            stack, readings.take(own), theta, loss, full, rows, residual[own]
+            stack, readings.take(own), theta, loss, full, axes, residual[own]
         )
 
-    # The loops let go of the interpreter.
+    # The loop lets go of the interpreter.
     with ThreadPoolExecutor(len(shares)) as pool:
         sums = functools.reduce(operator.add, pool.map(share, shares))
     if not np.isfinite(residual).all():
@@ -230,28 +228,22 @@ def sums_of(
     return sums, residual
 
 
-def _by_scipy(
+def _by_matrix(
     stack: Stack,
     readings: Readings,
     theta: Vector,
     loss: Loss,
     full: bool,
-    design: Design,
+    design: Matrix,
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
-    nodes, shares = design
-    count = len(shares)
-    rest = readings.value - np.einsum("tk,tk->t", shares, theta[nodes])
-    weight = np.ones(count) if readings.weight is None else readings.weight
+    rest = readings.value - design @ theta
+    weight = np.ones(len(rest)) if readings.weight is None else readings.weight
     residual = rest * np.sqrt(weight)
     ratio = residual / loss.scale
     active = ~loss.wild(ratio)
     good = np.abs(ratio) <= loss.wild_from
     psi = loss.share(ratio) * rest
     weighted = weight * psi
-    right = np.bincount(
-        nodes.reshape(-1), (weighted[:, None] * shares).reshape(-1), stack.size
-    )
-    kept = np.where(active, weight, 0.0)
     tally = np.array(
         [
             active.sum(),
@@ -261,50 +253,50 @@ def _by_scipy(
             good.sum(),
         ]
     )
-    empty = Sums.empty(stack)
     found = dataclasses.replace(
-        empty, right=right, tally=tally, histogram=_binned(residual)
+        Sums.empty(stack),
+        right=design.T @ weighted,
+        tally=tally,
+        histogram=_binned(residual),
     )
     if not full:
         return found, residual
-    gram = _gram(stack.size, nodes, shares, kept)
-    n = stack.band
-    diagonals = empty.diagonals
-    for slot, k in enumerate(stack.offsets if n else ()):
+    support = design.astype(bool).T @ active.astype(np.int64)
+    parts = _products(stack, design, np.where(active, weight, 0.0))
+    return dataclasses.replace(found, support=support, **parts), residual
+
+
+def _products(
+    stack: Stack, design: Matrix, weight: Float[np.ndarray, " t"]
+) -> dict[str, Any]:
+    """Return $A^T W A$ as `Sums` keeps it."""
+    n, offsets = stack.band, list(stack.offsets)
+    diagonals = np.zeros((n, len(offsets)))
+    if isinstance(design, np.ndarray):
+        gram: Any = design.T @ (weight[:, None] * design)
+    elif len(weight) < MANY:
+        gram = sp.csr_array(design.T @ sp.csr_array(sp.diags_array(weight) @ design))
+    else:
+        from ._kernel import add_products
+
+        slots = np.zeros(max(offsets) + 1, np.int64)
+        slots[offsets] = np.arange(len(offsets))
+        rows = design.indptr, design.indices, design.data
+        lower = np.zeros((stack.size - n, stack.size))
+        add_products(*rows, weight, slots, diagonals, lower)
+        border = lower[:, n:] + np.tril(lower[:, n:], -1).T
+        cross = np.ascontiguousarray(lower[:, :n])
+        return {"diagonals": diagonals, "cross": cross, "border": border}
+    for slot, k in enumerate(offsets if n else ()):
         diagonals[: n - k, slot] = gram[:n, :n].diagonal(-k)
     cross, border = gram[n:, :n], gram[n:, n:]
     if not isinstance(gram, np.ndarray):
         cross, border = cross.toarray(), border.toarray()
-    touching = (shares != 0.0) & active[:, None]
-    return dataclasses.replace(
-        found,
-        diagonals=diagonals,
-        cross=np.ascontiguousarray(cross),
-        border=np.ascontiguousarray(border),
-        support=np.bincount(nodes[touching], minlength=stack.size),
-    ), residual
-
-
-def _gram(
-    size: int,
-    nodes: Int[np.ndarray, "t k"],
-    shares: Float[np.ndarray, "t k"],
-    weight: Float[np.ndarray, " t"],
-) -> Any:
-    """Return $A^T W A$, dense where it is small."""
-    count, width = shares.shape
-    weighted = weight[:, None] * shares
-    if size <= SMALL:
-        keys = nodes[:, :, None] * size + nodes[:, None, :]
-        products = weighted[:, :, None] * shares[:, None, :]
-        found = np.bincount(keys.reshape(-1), products.reshape(-1), size * size)
-        return found.reshape(size, size)
-    flat, pointers = nodes.reshape(-1), np.arange(count + 1) * width
-    rows, scaled = (
-        sp.csr_array((each.reshape(-1), flat, pointers), shape=(count, size))
-        for each in (shares, weighted)
-    )
-    return sp.csr_array(scaled.T @ rows)
+    return {
+        "diagonals": diagonals,
+        "cross": np.ascontiguousarray(cross),
+        "border": np.ascontiguousarray(border),
+    }
 
 
 def _by_loop(
@@ -313,58 +305,43 @@ def _by_loop(
     theta: Vector,
     loss: Loss,
     full: bool,
-    design: Design | None,
+    axes: Axes,
     residual: Float[np.ndarray, " t"],
 ) -> Sums:
-    """Return the sums by the compiled loops, which fill in the residuals."""
-    from ._kernel import add_plane, add_rows, count_sizes
+    """Return the sums over a plane by the compiled loop, which fills in the residuals."""
+    from ._kernel import add_plane, count_sizes
 
-    table, sums, axes = stack.table, Sums.empty(stack), _plane_axes(stack)
-    n, offsets = stack.band, stack.offsets
-    away = [] if table is None else sorted(table.away or ())
-    pairs = [(a, b) for a in range(len(away)) for b in range(a + 1)]
-    record = np.zeros((n, len(pairs)))
-    if table is not None and axes is not None:
-        transposed = len(table.nodes[0]) > len(table.nodes[1])
-        names = table.inputs if transposed else table.inputs[::-1]
-        along, across = (np.asarray(readings.inputs[name], float) for name in names)
-        add_plane(
-            along, across, readings.value, _weights(readings), axes, theta, loss.numbers,
-            full, record, sums.right, sums.tally, sums.support, residual,
-        )  # fmt: skip
-    first = 0
-    for part in readings.chunks(_CHUNK) if axes is None else ():
-        here = slice(first, first + len(part))
-        first = here.stop
-        rows = stack.design(part) if design is None else (each[here] for each in design)
-        nodes, shares = (np.array(each, order="C") for each in rows)
-        # A record takes the corners of a cell in the order of their unknowns.
-        order = np.argsort(nodes[0, : len(away)], kind="stable")
-        for each in (nodes, shares):
-            each[:, : len(away)] = each[:, order]
-        add_rows(
-            nodes.astype(np.int64), shares, len(away), part.value, _weights(part), theta,
-            loss.numbers, full, record, sums.cross, sums.border, sums.right, sums.tally,
-            sums.support, residual[here],
-        )  # fmt: skip
+    table, sums = stack.table, Sums.empty(stack)
+    assert table is not None
+    transposed = len(table.nodes[0]) > len(table.nodes[1])
+    names = table.inputs if transposed else table.inputs[::-1]
+    along, across = (np.asarray(readings.inputs[name], float) for name in names)
+    fast = min(len(nodes) for nodes in table.nodes)
+    corners = (0, 1, fast, fast + 1)
+    pairs = [(a, b) for a in range(4) for b in range(a + 1)]
+    record = np.zeros((stack.band, len(pairs)))
+    weight = np.zeros(0) if readings.weight is None else readings.weight
+    add_plane(
+        along, across, readings.value, weight, axes, theta, loss.numbers,
+        full, record, sums.right, sums.tally, sums.support, residual,
+    )  # fmt: skip
     for place, (a, b) in enumerate(pairs):
-        low, high = sorted((away[a], away[b]))
-        slot = offsets.index(high - low)
-        twice = 2.0 if a != b and low == high else 1.0
-        sums.diagonals[low:, slot] += twice * record[: n - low, place]
+        low, high = corners[b], corners[a]
+        slot = stack.offsets.index(high - low)
+        sums.diagonals[low:, slot] += record[: stack.band - low, place]
     count_sizes(residual.view(np.int64), _SHIFT, _FIRST, sums.histogram)
-    whole = sums.border + np.tril(sums.border, -1).T
-    return dataclasses.replace(sums, border=whole)
+    return sums
 
 
-def _weights(readings: Readings) -> Float[np.ndarray, " t"]:
-    return np.zeros(0) if readings.weight is None else readings.weight
+def loop_axes(stack: Stack, readings: Readings) -> Axes | None:
+    """Return the axes of one equidistant plane of many readings, as the loop takes them.
 
-
-def _plane_axes(stack: Stack) -> tuple[tuple[float, ...], ...] | None:
-    """Return the axes of a stack that is one equidistant plane, as the loop takes them."""
+    It locates their cells faster than it would read them. None: a matrix is faster.
+    """
     table = stack.table
-    if table is None or len(stack.effects) > 1 or not isinstance(table.model, Plane):
+    if table is None or len(stack.effects) > 1 or len(readings) < MANY:
+        return None
+    if not isinstance(table.model, Plane):
         return None
     found = []
     for axis in (table.model.nodes1, table.model.nodes2):

@@ -138,12 +138,11 @@ def leave_out(
     readings = samples.readings
     sums, present = {}, {}
     with one_blas_thread():
-        nodes, shares = stack.design(readings)
+        design = stack.matrix(readings)
         for label in np.unique(groups).tolist():
             own = groups == label
-            rows = nodes[own], shares[own]
             sums[label], _ = sums_of(
-                stack, readings.take(own), found.about, found.loss, design=rows
+                stack, readings.take(own), found.about, found.loss, design=design[own]
             )
             if by_run:
                 rest = readings.inputs["run"][~own]
@@ -154,7 +153,7 @@ def leave_out(
 
 
 def spatial_blocks(
-    layout: TableLayout, samples: Samples, count: int = 8, seed: int = 0
+    layout: TableLayout, samples: Samples, count: int
 ) -> Int[np.ndarray, " t"]:
     """Return a group for each reading: interleaved blocks of neighbouring cells.
 
@@ -170,5 +169,5 @@ def spatial_blocks(
         blocks = blocks * parts + cell.astype(np.int64) * parts // cells
         size *= parts
     # Every group gets the same number of blocks, in random places.
-    group = np.random.default_rng(seed).permutation(np.arange(size) % min(count, size))
+    group = np.random.default_rng(0).permutation(np.arange(size) % min(count, size))
     return np.asarray(group[np.minimum(blocks, size - 1)], np.int64)

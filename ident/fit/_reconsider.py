@@ -13,6 +13,7 @@ import scipy.ndimage
 from jaxtyping import Bool, Float, Int, Shaped
 
 from ..core import Estimate, Readings, Stack
+from ._result import nearest_nodes
 
 _LIGHT = 1e-6
 """Weight relative to the density that leaves a start at local medians where it is."""
@@ -53,15 +54,13 @@ def reconsidered(
         fixed: Whether the user set the smoothness.
         again: Fit from near another estimate.
     """
-    nodes, shares = stack.design(readings)
-    size = stack.effects[0].size
-    own = np.where(nodes < size, shares, -1.0)
-    node = nodes[np.arange(len(nodes)), own.argmax(axis=1)]
+    size, design = stack.effects[0].size, stack.matrix(readings)
+    node = nearest_nodes(stack, readings)
     count = np.bincount(node, minlength=size)
     root = 1.0 if readings.weight is None else np.sqrt(readings.weight)
 
     def residual(values: Float[np.ndarray, " u"]) -> Float[np.ndarray, " t"]:
-        return np.asarray(readings.value - (shares * values[nodes]).sum(axis=1))
+        return np.asarray(readings.value - design @ values)
 
     start = found.values.copy()
     for _ in range(_ROUNDS):

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.special import stdtr
 
 from ..core import (
@@ -61,13 +61,17 @@ class Judged:
     ) -> "Judged":
         """Judge readings by their residuals about an estimate."""
         ratio = residual_of(stack, readings, about) / loss.scale
-        table = stack.effects[0]
-        nodes, shares = design_of(table, readings)
-        nearest = nodes[np.arange(len(nodes)), shares.argmax(axis=1)]
+        table, nearest = stack.effects[0], nearest_nodes(stack, readings)
         wild, share = loss.wild(ratio), loss.share(ratio)
         weights = (None, share, wild.astype(float))
         sums = np.stack([np.bincount(nearest, own, table.size) for own in weights])
         return cls(wild, share, sums)
+
+
+def nearest_nodes(stack: Stack, readings: Readings) -> Int[np.ndarray, " t"]:
+    """Return the unknown of the table that each reading has the largest share in."""
+    nodes, shares = design_of(stack.effects[0], readings)
+    return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])
 
 
 def residual_of(

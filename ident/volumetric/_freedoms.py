@@ -228,10 +228,8 @@ class _Seen:
 
 def dense(stack: Stack, readings: Readings) -> Float[np.ndarray, "t n"]:
     """Return the rows of a stack with all their zeros."""
-    nodes, shares = stack.design(readings)
-    rows = np.zeros((len(readings), stack.size))
-    np.add.at(rows, (np.arange(len(rows))[:, None], nodes), shares)
-    return rows
+    design = stack.matrix(readings)
+    return design if isinstance(design, np.ndarray) else np.asarray(design.toarray())
 
 
 def degrees_of(place: Float[np.ndarray, "t 3"]) -> list[int]:

@@ -290,7 +290,7 @@ def fit_axis(
         # Nothing to find, or no end to it.
         found = dataclasses.replace(found, converged=found.converged and not sensors)
     if like is not None and _same_unknowns(like.design, design):
-        known = dataclasses.replace(like, design=design, unheld=unheld)
+        known = dataclasses.replace(like, design=design)
     else:
         known = identified(design, unheld, data, options.drift)
     return AxisFit(data, known, found, lags)
@@ -319,7 +319,7 @@ def _estimated(
     start[design.datum] = float(np.median(error))
     return unheld, estimate(
         design.stack,
-        memory(design.stack, Readings(error, {}), design.dense),
+        memory(design.stack, Readings(error, {}), design.columns),
         loss=options.loss,
         weights=_weights(design, options.smoothness),
         floor=floor_of(error),

@@ -92,7 +92,6 @@ class Design:
         rows: Rows of the data that are used.
         columns: Shape ``(r, n)``.
         components: Effects, then the datum, then the runs and what they wander, if any.
-        banded: Number of leading columns that form a band.
         course: What the reference does within its runs.
     """
 
@@ -101,7 +100,6 @@ class Design:
     rows: Int[np.ndarray, " r"]
     columns: sp.csr_array
     components: tuple[Component, ...]
-    banded: int
     course: Course
 
     @property
@@ -141,22 +139,7 @@ class Design:
             part.table or ColumnsEffect(part.prior or NoPrior(size), size)
             for part, size in zip(self.components, sizes, strict=True)
         ]
-        return Stack(tuple(effects), bool(self.banded))
-
-    @cached_property
-    def dense(self) -> tuple[Int[np.ndarray, "r k"], Float[np.ndarray, "r k"]]:
-        """The columns as unknowns and shares per row, those of the band first.
-
-        Rows are filled up by the last unknown, which is never one of the band, with share 0.
-        """
-        counts = np.diff(self.columns.indptr)
-        width = int(counts.max(initial=1))
-        nodes = np.full((len(counts), width), self.size - 1)
-        shares = np.zeros((len(counts), width))
-        row = np.repeat(np.arange(len(counts)), counts)
-        place = np.arange(len(row)) - np.repeat(self.columns.indptr[:-1], counts)
-        nodes[row, place], shares[row, place] = self.columns.indices, self.columns.data
-        return nodes, shares
+        return Stack(tuple(effects), self.components[0].table is not None)
 
     @cached_property
     def information(self) -> sp.csr_array:
@@ -252,7 +235,6 @@ def design_of(
         rows=rows,
         columns=sp.csr_array(sp.hstack(columns, format="csr")),
         components=tuple(components),
-        banded=0 if first is None else first.size,
         course=course,
     )
 

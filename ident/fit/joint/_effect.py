@@ -233,8 +233,7 @@ class AbstractEffect(abc.ABC):
         pointers = np.arange(len(known) + 1) * shares.shape[1]
         matrix = sp.csr_array((*parts, pointers), shape=(len(known), self.size))
         matrix.sum_duplicates()
-        if self.table_effect is None:  # a band wants all corners of each cell
-            matrix.eliminate_zeros()
+        matrix.eliminate_zeros()
         return Block(matrix, known)
 
     def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:

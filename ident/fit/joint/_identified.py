@@ -44,7 +44,6 @@ class Identified:
 
     Attributes:
         design: Columns.
-        unheld: What nothing holds.
         ideal: Shapes of the components where everything varies by itself.
         structure: Freedoms of the sum with their rules.
         rules: Those, and what the rows leave open besides.
@@ -55,7 +54,6 @@ class Identified:
     """
 
     design: Design
-    unheld: Unheld
     ideal: Shapes
     structure: Rules
     rules: Rules
@@ -177,7 +175,6 @@ def identified(
     several = found.several(min(limit, _HOPELESS), tuple(pairs))
     return Identified(
         design=design,
-        unheld=unheld,
         ideal=ideal,
         structure=structure,
         rules=structure.beside(design, unheld.null),

@@ -7,6 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from axcomp.ident.core import (
     ArrowFactor,
@@ -147,19 +148,20 @@ def test_sums_of_pieces_add_up_and_may_be_taken_about_elsewhere() -> None:
         np.testing.assert_allclose(found.tally[:3], expected.tally[:3], rtol=1e-11)
 
 
-@tables
+@pytest.mark.parametrize("points", [(12, 4), (3, 7), (2, 2)])
 @pytest.mark.parametrize("loss", [Loss(), STUDENT], ids=["gauss", "t"])
-@pytest.mark.parametrize("beside", [False, True])
-def test_compiled_loops_give_the_sums_of_scipy(
-    name: str, loss: Loss, beside: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("weighted", [False, True])
+def test_the_loop_over_a_plane_gives_the_sums_of_its_design(
+    points: tuple[int, int],
+    loss: Loss,
+    weighted: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    stack, given = stack_of(name), readings(weighted=not beside)
-    if not beside:
-        stack = Stack(stack.effects[:1])
+    nodes = tuple(np.linspace(0.0, 60.0, count) for count in points)
+    stack, given = Stack((TableEffect(nodes, ("x", "y")),)), readings(weighted=weighted)
     theta = np.random.default_rng(5).normal(size=stack.size)
     expected, left = sums_of(stack, given, theta, loss)
     monkeypatch.setattr("axcomp.ident.core._sums.MANY", 1)
-    monkeypatch.setattr("axcomp.ident.core._sums._CHUNK", 150)
     found, residual = sums_of(stack, given, theta, loss)
     np.testing.assert_allclose(residual, left, atol=1e-14)
     for part in ("diagonals", "cross", "border", "right", "tally"):
@@ -168,6 +170,26 @@ def test_compiled_loops_give_the_sums_of_scipy(
         np.testing.assert_allclose(one, other, atol=1e-11)
     np.testing.assert_array_equal(found.support, expected.support)
     np.testing.assert_array_equal(found.histogram, expected.histogram)
+
+
+@tables
+def test_the_loop_over_sparse_rows_gives_the_products_of_scipy(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stack, given = stack_of(name), readings()
+    theta = np.random.default_rng(5).normal(size=stack.size)
+    expected, _ = sums_of(stack, given, theta, STUDENT)
+    nodes, shares = stack.design(given)
+    pointers = np.arange(len(shares) + 1) * shares.shape[1]
+    parts = (shares.reshape(-1), nodes.reshape(-1), pointers)
+    design = sp.csr_array(parts, shape=(len(shares), stack.size))
+    monkeypatch.setattr("axcomp.ident.core._sums.MANY", 1)
+    found, _ = sums_of(stack, given, theta, STUDENT, design=design)
+    for part in ("diagonals", "cross", "border", "right"):
+        # The same products, added up in another order.
+        one, other = getattr(found, part), getattr(expected, part)
+        np.testing.assert_allclose(one, other, atol=1e-11)
+    np.testing.assert_array_equal(found.support, expected.support)
 
 
 def test_the_loop_over_a_plane_locates_cells_as_the_model_does_bit_for_bit(

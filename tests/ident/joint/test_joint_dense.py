@@ -55,7 +55,7 @@ def test_the_sum_is_that_of_one_dense_least_squares_problem(
     many: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # From so many rows on the sums are taken by the compiled loop.
+    # From so many rows on the products are taken by the compiled loop.
     monkeypatch.setattr("axcomp.ident.core._sums.MANY", many)
     case = mixed(2, count=1000, outliers=0.0)
     # 9 × 9 nodes are solved densely, 21 × 21 as a band beside the rest.
