@@ -189,8 +189,8 @@ def fit_competing(
         solution = fit_equation(usual, weights, near)
         near = np.append(solution.shape, np.log(GAUSS))
         held = fit_equation(equation, weights, near, held=True)
-        steps = ridged(held.rows.sums[:, :-1], held.rows.sums[:, -1])[-2:]
-        asked = abs(steps[1]) > _OTHER * np.sqrt(held.covariance[-1, -1])
+        step = ridged(held.rows.sums[:, :-1], held.rows.sums[:, -1])[-1]
+        asked = abs(step) > _OTHER * np.sqrt(held.covariance[-1, -1])
         if not asked and _drop_reason(usual, solution) is None:
             return usual, solution, {}
     return fit_carried(equation, weights, near)

@@ -192,8 +192,8 @@ def fit_equation(
         rows = view.rows(columns, equation.target)
     covariance = np.zeros((columns.shape[1],) * 2)
     if not quick:
-        left, held = view.root[:, 0] * residual, np.pad(prior, (0, shapes))
-        covariance = _covariance(rows.left, left, held, equation.piece, scale)
+        left, before = view.root[:, 0] * residual, np.pad(prior, (0, shapes))
+        covariance = _covariance(rows.left, left, before, equation.piece, scale)
     low, high = structure.bounds(equation.speed_range)
     edge = _AT_BOUND * (high - low)
     return Solution(
