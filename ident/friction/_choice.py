@@ -42,7 +42,6 @@ class Candidate:
 
     Attributes:
         structure: Kind of law.
-        parameters: How many numbers it has, inertia and offset left out.
         window_error: RMS of the force error per window held out, relative to the load's RMS
             over the whole recording.
         error: Root of their mean square.
@@ -51,11 +50,15 @@ class Candidate:
     """
 
     structure: AbstractStructure
-    parameters: int
     window_error: Float[np.ndarray, " w"]
     error: float
     standard_error: float
     fitted_error: float
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers it has, inertia and offset left out."""
+        return len(self.structure.names) + len(self.structure.shapes)
 
     @property
     def spread(self) -> tuple[float, float]:
@@ -169,9 +172,7 @@ def choose_law(
             if law not in found:
                 found[law] = _hold_out(asked, solution, weights.limit, window)
             own = kind if missing else law
-            parameters = len(own.names) + len(own.shapes)
-            one = found[law].candidate
-            one = dataclasses.replace(one, structure=own, parameters=parameters)
+            one = dataclasses.replace(found[law].candidate, structure=own)
             candidates.append(one)
         chosen, best = _order(candidates)
         if chosen not in fits:
@@ -295,7 +296,6 @@ def _hold_out(
     fitted = float(np.minimum(solution.residual[used] ** 2, limit**2).mean() / load)
     candidate = Candidate(
         structure=equation.structure,
-        parameters=0,
         window_error=np.sqrt(square),
         error=float(np.sqrt(mean)),
         standard_error=spread / float(np.sqrt(4.0 * max(mean, 1e-300) * len(square))),
