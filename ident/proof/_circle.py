@@ -120,12 +120,13 @@ def circular_test(
         jnp.asarray([*gains, cycle]),
         jnp.asarray(arcs),
     )
-    places = np.empty((len(phase), 2))
-    places[arcs[before:]] = np.asarray(found)[before:]
+    places = np.empty((turn, 2))
+    places[arcs[before:] - before] = np.asarray(found)[before:]
+    phase, position = phase[before:], position[before:]
     # The other axis does not err: this one's share of the radius is cos of the angle.
-    radial = ((places.T - position) * np.cos(phase))[:, before:]
+    radial = (places.T - position) * np.cos(phase)
     return CircularTest(
-        angle=np.rad2deg(phase[before:] - phase[before]),
+        angle=np.rad2deg(phase - phase[0]),
         without=radial[0],
         with_list=radial[1],
         radius=radius,
