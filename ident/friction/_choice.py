@@ -10,11 +10,17 @@ from jaxtyping import Float, Int
 
 from ..core import FitError, one_blas_thread
 from ._equation import Equation, Known, equation_of, ridged, weigh
-from ._inverse import METHOD, FrictionFit, assemble, fit_carried, reading_of
+from ._inverse import (
+    METHOD,
+    FrictionFit,
+    assemble,
+    fit_carried,
+    fit_competing,
+    reading_of,
+)
 from ._samples import DriveSamples
 from ._separable import Solution, View
 from ._structures import (
-    GAUSS,
     KNOTS,
     AbstractStructure,
     CoulombViscous,
@@ -36,7 +42,6 @@ class Candidate:
 
     Attributes:
         structure: Kind of law.
-        parameters: How many numbers it has, inertia and offset left out.
         window_error: RMS of the force error per window held out, relative to the load's RMS
             over the whole recording.
         error: Root of their mean square.
@@ -45,11 +50,15 @@ class Candidate:
     """
 
     structure: AbstractStructure
-    parameters: int
     window_error: Float[np.ndarray, " w"]
     error: float
     standard_error: float
     fitted_error: float
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers it has, inertia and offset left out."""
+        return len(self.structure.names) + len(self.structure.shapes)
 
     @property
     def spread(self) -> tuple[float, float]:
@@ -148,40 +157,33 @@ def choose_law(
     with one_blas_thread():
         weights = weigh(equation, loss)
         found: dict[AbstractStructure, _HeldOut] = {}
-        near: dict[int, Float[np.ndarray, " h"]] = {}
-        fits: dict[AbstractStructure, FrictionFit] = {}
-        spoken, candidates = [], []
-        for kind in kinds:
+        near, fits, spoken, candidates = None, dict[int, FrictionFit](), [], []
+        for place, kind in enumerate(kinds):
+            asked, solution, missing = fit_competing(
+                equation.with_structure(kind), weights, near
+            )
             # Both directions apart have nearly the shape that they have together.
-            asked, solution, missing = fit_carried(
-                equation.with_structure(kind),
-                weights,
-                near=near.get(len(kind.shapes)),
-                quick=True,
-            )
-            near.setdefault(len(solution.shape), solution.shape)
+            near = solution.shape if len(solution.shape) else None
             if kind.parametric:
-                fits[kind] = assemble(asked, solution, missing, METHOD)
+                fits[place] = assemble(asked, solution, missing, METHOD)
             # Where the data do not carry a law, the simpler one speaks for it.
-            spoken.append(asked.structure)
-            if spoken[-1] not in found:
-                found[spoken[-1]] = _hold_out(asked, solution, weights.limit, window)
-            one, parameters = (
-                found[spoken[-1]].candidate,
-                len(kind.names) + len(kind.shapes),
-            )
-            one = dataclasses.replace(one, structure=kind, parameters=parameters)
+            law = asked.structure
+            spoken.append(law)
+            if law not in found:
+                found[law] = _hold_out(asked, solution, weights.limit, window)
+            own = kind if missing else law
+            one = dataclasses.replace(found[law].candidate, structure=own)
             candidates.append(one)
         chosen, best = _order(candidates)
-        if kinds[chosen] not in fits:
+        if chosen not in fits:
             carried = fit_carried(equation.with_structure(kinds[chosen]), weights)
-            fits[kinds[chosen]] = assemble(*carried, METHOD)
+            fits[chosen] = assemble(*carried, METHOD)
     # Each sample belongs to the window of the nearest row.
     centres = equation.lowpass.centres
     between = 0.5 * (centres[1:] + centres[:-1])
     return Choice(
-        fit=fits[kinds[chosen]],
-        laws=tuple(fits[kind] for kind in kinds if kind.parametric),
+        fit=fits[chosen],
+        laws=tuple(fits[place] for place, each in enumerate(kinds) if each.parametric),
         chosen=chosen,
         best=best,
         candidates=tuple(candidates),
@@ -195,7 +197,7 @@ def default_structures(equation: Equation) -> tuple[AbstractStructure, ...]:
     """Return the kinds of law to compare: simple, Stribeck, table, alike and per direction."""
     knots, ways = default_knots(equation.speed, KNOTS), (False, True)
     laws: list[AbstractStructure] = [CoulombViscous(way) for way in ways]
-    laws += [Stribeck(way, exponent) for exponent in (GAUSS, None) for way in ways]
+    laws += [Stribeck(way) for way in ways]
     if len(knots) > 2:
         laws += [KnotTable(way, knots) for way in ways]
     return tuple(laws)
@@ -294,7 +296,6 @@ def _hold_out(
     fitted = float(np.minimum(solution.residual[used] ** 2, limit**2).mean() / load)
     candidate = Candidate(
         structure=equation.structure,
-        parameters=0,
         window_error=np.sqrt(square),
         error=float(np.sqrt(mean)),
         standard_error=spread / float(np.sqrt(4.0 * max(mean, 1e-300) * len(square))),

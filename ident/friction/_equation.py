@@ -14,6 +14,7 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import firwin
 
 from ..core import FitError
@@ -100,23 +101,11 @@ class Lowpass:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
         if self.factor == 1:
             return columns
-        found = [np.zeros((0, columns.shape[1]))]
-        return np.concatenate(found + [self._run(columns[run]) for run in self._runs])
-
-    def _run(self, columns: Float[np.ndarray, "m c"]) -> Float[np.ndarray, "r c"]:
-        """Return the rows of one piece: products of its parts and the kernel's, summed."""
-        factor, parts = self.factor, 2 * _REACH + 1
-        count = (len(columns) - len(self._kernel)) // factor + 1
-        kernel = np.append(self._kernel, np.zeros(factor - 1)).reshape(parts, factor)
-        whole = np.zeros((columns.shape[1], (count + parts - 1) * factor))
-        used = min(len(columns), whole.shape[1])
-        whole[:, :used] = columns[:used].T
-        pieces = whole.reshape(columns.shape[1], -1, factor)
-        products = np.moveaxis(kernel @ np.swapaxes(pieces, 1, 2), 1, 0)
-        rows = np.zeros((columns.shape[1], count))
-        for part, each in enumerate(products):
-            rows += each[:, part : part + count]
-        return rows.T
+        found, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
+        for run in self._runs:
+            seen = sliding_window_view(columns[run], len(kernel), axis=0)
+            found.append(seen[:: self.factor] @ kernel)
+        return np.concatenate(found)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -217,55 +206,50 @@ class Equation:
         return self.lowpass(np.stack([push, even, *samples.loads.values()], axis=1))
 
     @cached_property
-    def _steady(self) -> dict[AbstractStructure, Float[np.ndarray, "2 s k"]]:
+    def _steady(self) -> dict[AbstractStructure, Float[np.ndarray, "s 2 k"]]:
         """Columns per direction that follow no shape, of all laws of the recording."""
         return {}
 
     def _of_each_way(
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
-    ) -> Float[np.ndarray, "w s k"]:
+    ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
         signs = structure.signs(self.samples.velocity)
-        return np.stack([self.lowpass(sign[:, None] * profile) for sign in signs])
+        found = self.lowpass(np.hstack([sign[:, None] * profile for sign in signs]))
+        return found.reshape(len(found), len(signs), profile.shape[1])
 
     @cached_property
-    def steady(self) -> Float[np.ndarray, "w s k"]:
+    def steady(self) -> Float[np.ndarray, "s w k"]:
         """Columns of friction that follow no shape; those of both directions are kept."""
         both = dataclasses.replace(self.structure, directional=True)
         if both not in self._steady:
             profile = both.steady(np.abs(self.samples.velocity))
             self._steady[both] = self._of_each_way(both, profile)
         found = self._steady[both]
-        return found if self.structure.directional else found.sum(axis=0)[None]
+        return found if self.structure.directional else found.sum(axis=1, keepdims=True)
 
-    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "w s c"]:
+    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s w c"]:
         """Return the column of each direction that follows the shape, and its derivatives."""
         profile = self.structure.falling(np.abs(self.samples.velocity), shape)
         return self._of_each_way(self.structure, profile)
 
     def columns(
         self, shape: Float[np.ndarray, " h"]
-    ) -> tuple[Float[np.ndarray, "s k"], Float[np.ndarray, "w s h"]]:
+    ) -> tuple[Float[np.ndarray, "s k"], Float[np.ndarray, "s w h"]]:
         """Return all linear columns, those beside friction first, and slopes by the shape.
 
         The slopes are those of the last column of each direction.
         """
-        friction, slopes = (
-            self.steady,
-            np.zeros((self.structure.ways, len(self.load), 0)),
-        )
-        if self.structure.shapes:
-            own = self.falling(shape)
-            slopes = own[:, :, 1:]
-            friction = np.concatenate([friction, own[:, :, :1]], axis=2)
-        return np.hstack([self.beside, *friction]), slopes
+        own = self.falling(shape)
+        friction = np.concatenate([self.steady, own[:, :, :1]], axis=2)
+        return np.hstack([self.beside, in_line(friction)]), own[:, :, 1:]
 
     def tangents(
-        self, slopes: Float[np.ndarray, "w s h"], factors: Float[np.ndarray, " k"]
+        self, slopes: Float[np.ndarray, "s w h"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, "s h"]:
         """Return the derivatives of the load by the logarithms of the shape."""
         own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
-        return np.asarray(np.tensordot(own[:, -1], slopes, 1))
+        return np.asarray(np.tensordot(slopes, own[:, -1], (1, 0)))
 
     @cached_property
     def penalty(self) -> Float[np.ndarray, "k k"]:
@@ -276,6 +260,11 @@ class Equation:
         if bends is not None:
             found[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
         return found
+
+
+def in_line(columns: Float[np.ndarray, "s w k"]) -> Float[np.ndarray, "s c"]:
+    """Return columns of each direction beside each other."""
+    return columns.reshape(len(columns), columns.shape[1] * columns.shape[2])
 
 
 def equation_of(

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ...models import AbstractFriction
 from ..core import one_blas_thread
-from ._equation import Equation, Known, Weights, equation_of, weigh
+from ._equation import Equation, Known, Weights, equation_of, ridged, weigh
 from ._samples import DriveSamples
 from ._separable import Solution, fit_equation
 from ._structures import GAUSS, WAYS, AbstractStructure, CoulombViscous, Stribeck
@@ -23,6 +23,8 @@ _VAGUE = 0.3
 """Standard deviation of a column's contribution, as a share of the load, that says nothing."""
 _DROP = 3.0
 """Standard deviations that a drop must show to be one."""
+_OTHER = 3.0
+"""Standard deviations by which an exponent must differ from `GAUSS` to be another one."""
 _TOO_FAST = 0.5
 """Stribeck velocity, as a share of the highest speed, that only a bend at speed can give."""
 _VAGUE_LOG = 0.7
@@ -116,7 +118,6 @@ def fit_inverse(
     known: Known | None = None,
     loss: str = "trim",
     decimate: int | None = None,
-    smoothness: float | None = None,
 ) -> FrictionFit:
     """Fit inertia, friction law and offset to a recording of any motion.
 
@@ -133,8 +134,6 @@ def fit_inverse(
         loss: ``"trim"`` (least squares, wild samples out), ``"student"``, ``"huber"`` or
             ``"gauss"``.
         decimate: Samples per row; about 100 rows per second where not stated.
-        smoothness: Weight of the prior of a table, relative to 1/noise²; by evidence where
-            not stated.
 
     Raises:
         FitError: If the samples cannot be used at all; what merely cannot be told apart is
@@ -143,35 +142,26 @@ def fit_inverse(
     equation = equation_of(samples, structure or Stribeck(), known, decimate)
     with one_blas_thread():
         weights = weigh(equation, loss)
-        return assemble(*fit_carried(equation, weights, smoothness), METHOD)
+        return assemble(*fit_carried(equation, weights), METHOD)
 
 
 def fit_carried(
-    equation: Equation,
-    weights: Weights,
-    smoothness: float | None = None,
-    near: Float[np.ndarray, " h"] | None = None,
-    quick: bool = False,
+    equation: Equation, weights: Weights, near: Float[np.ndarray, " h"] | None = None
 ) -> tuple[Equation, Solution, dict[str, str]]:
     """Return equation and solution of what the data carry of a law, and what they do not.
 
     Args:
         equation: Of the law that is asked for.
         weights: Of its rows.
-        smoothness: As for `fit_inverse`.
         near: Logarithms of a shape to begin with.
-        quick: The covariance of a table is left out.
     """
-    structure = equation.structure
-    quick = quick and not structure.parametric
-    solution = fit_equation(equation, weights, smoothness, near, quick)
-    missing: dict[str, str] = {}
+    structure, missing = equation.structure, dict[str, str]()
+    solution = fit_equation(equation, weights, near)
     reason = _shape_reason(equation, solution)
     if reason is not None and _drop_reason(equation, solution) is None:
         missing["stribeck_shape"] = reason
-        simpler = Stribeck(structure.directional, exponent=GAUSS)
-        equation = equation.with_structure(simpler)
-        solution = fit_equation(equation, weights, near=solution.shape[:1])
+        equation = equation.with_structure(Stribeck(structure.directional, GAUSS))
+        solution = fit_equation(equation, weights, solution.shape[:1])
     reason = _drop_reason(equation, solution)
     if reason is not None:
         names = [name for name in structure.names if name.startswith("drop")]
@@ -180,6 +170,30 @@ def fit_carried(
         equation = equation.with_structure(CoulombViscous(structure.directional))
         solution = fit_equation(equation, weights)
     return equation, solution, missing
+
+
+def fit_competing(
+    equation: Equation, weights: Weights, near: Float[np.ndarray, " h"] | None
+) -> tuple[Equation, Solution, dict[str, str]]:
+    """Return what `fit_carried` does, of a law that competes with others.
+
+    The covariance of a table is left out, and an exponent is `GAUSS` unless the data ask for
+    another one: where they do not, a free one follows the noise.
+    """
+    structure = equation.structure
+    if not structure.parametric:
+        return equation, fit_equation(equation, weights, quick=True), {}
+    # Where one direction asks for an exponent, both do.
+    if len(structure.shapes) > (1 if near is None else len(near)):
+        usual = equation.with_structure(Stribeck(structure.directional, GAUSS))
+        solution = fit_equation(usual, weights, near)
+        near = np.append(solution.shape, np.log(GAUSS))
+        held = fit_equation(equation, weights, near, held=True)
+        step = ridged(held.rows.sums[:, :-1], held.rows.sums[:, -1])[-1]
+        asked = abs(step) > _OTHER * np.sqrt(held.covariance[-1, -1])
+        if not asked and _drop_reason(usual, solution) is None:
+            return usual, solution, {}
+    return fit_carried(equation, weights, near)
 
 
 def _drop_reason(equation: Equation, solution: Solution) -> str | None:

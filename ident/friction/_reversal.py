@@ -17,12 +17,13 @@ from scipy.optimize import least_squares
 
 from ...data.signals import median
 from ..core import FitError, one_blas_thread
-from ._equation import Known, ridged
-from ._samples import DriveSamples, check_samples
+from ._equation import Equation, Known, equation_of, ridged
+from ._samples import DriveSamples
 from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
     KNOTS,
     AbstractStructure,
+    CoulombViscous,
     KnotTable,
     Stribeck,
     default_knots,
@@ -136,7 +137,7 @@ def fit_reversal(
     Raises:
         FitError: If there is no reversal, or arrays differ in length or have gaps.
     """
-    check_samples(samples)
+    equation = equation_of(samples, CoulombViscous(), known, 1)
     moving, msg = np.flatnonzero(velocity != 0), ""
     starts = moving[1:][np.diff(np.sign(velocity[moving])) != 0]
     if not len(position) == len(velocity) == len(samples.time):
@@ -151,17 +152,17 @@ def fit_reversal(
     if msg:
         raise FitError(msg)
     rows, share = _rows(samples, position, starts), share_of(position, velocity)
-    given = known or Known(), position, velocity, *rows, share
-    speed = np.abs(samples.velocity[samples.in_motion])
-    kinds = Stribeck(True), KnotTable(True, default_knots(speed, KNOTS))
+    given = position, velocity, *rows, share
+    kinds = Stribeck(True), KnotTable(True, default_knots(equation.speed, KNOTS))
     with one_blas_thread():
         # A rough table shows where the delay is, whatever the law.
-        rough = _Search(samples, KnotTable(True, default_knots(speed, _ROUGH)), *given)
+        few = KnotTable(True, default_knots(equation.speed, _ROUGH))
+        rough = _Search(equation, few, *given)
         every = np.ones(len(position), bool)
         table = rough.grid(np.zeros(0), every, range(_MOST_DELAY + 1))
         delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
         found = [
-            _found(_Search(samples, kind, *given), len(starts), delays)
+            _found(_Search(equation, kind, *given), len(starts), delays)
             for kind in kinds
         ]
     return min(found, key=lambda each: each[1])[0]
@@ -182,27 +183,19 @@ class _Search:
     """The load for every setting, and what it leaves.
 
     Attributes:
+        equation: The load sample by sample, under a law that both directions share.
         near: Samples that look-ahead, distance or delay can touch.
         far: Others in motion, where only the delay acts.
         share: How much of the friction acts by distance, look-ahead by look-ahead.
     """
 
-    samples: DriveSamples
+    equation: Equation
     structure: AbstractStructure
-    known: Known
     position: Float[np.ndarray, " t"]
     velocity: Float[np.ndarray, " t"]
     near: Int[np.ndarray, " n"]
     far: Int[np.ndarray, " f"]
     share: Callable[[float], Float[np.ndarray, "l t"]]
-
-    @cached_property
-    def load(self) -> Float[np.ndarray, " t"]:
-        """The load, known parts taken off."""
-        load = self.known.gain * self.samples.current
-        if self.known.inertia is not None and self.samples.acceleration is not None:
-            load = load - self.known.inertia * self.samples.acceleration
-        return np.asarray(load - (self.known.offset or 0.0))
 
     @cached_property
     def beside(self) -> Float[np.ndarray, "t c"]:
@@ -212,15 +205,11 @@ class _Search:
         is: around reversals those of the command, cycle by cycle, stand beside it. Elsewhere
         they would stand in for viscous friction, as jerk and velocity of a sine are alike.
         """
-        samples = self.samples
-        push = np.diff(self.velocity, prepend=self.velocity[:1]) / samples.cycle
+        step = self.equation.samples.cycle
+        push = np.diff(self.velocity, prepend=self.velocity[:1]) / step
         push[self.far] = 0.0
-        columns = [np.roll(push, away) for away in (-1, 0, 1, 2)]
-        if self.known.inertia is None and samples.acceleration is not None:
-            columns.append(samples.acceleration)
-        if self.known.offset is None:
-            columns.append(np.ones(len(push)))
-        return np.stack([*columns, *samples.loads.values()], axis=1)
+        pushes = [np.roll(push, away) for away in (-1, 0, 1, 2)]
+        return np.column_stack([*pushes, self.equation.beside])
 
     @cached_property
     def columns(self) -> Callable[[tuple[float, ...]], Float[np.ndarray, "t k"]]:
@@ -236,7 +225,10 @@ class _Search:
         before = use - setting.delay
         own = self.columns(tuple(setting.shape))[before]
         own = self.share(setting.distance)[setting.lookahead, before, None] * own
-        design, load = np.concatenate([own, self.beside[use]], axis=1), self.load[use]
+        design, load = (
+            np.concatenate([own, self.beside[use]], axis=1),
+            self.equation.target[use],
+        )
         gram = design.T @ design
         factors = ridged(gram, design.T @ load)
         left = load - design @ factors
@@ -252,7 +244,11 @@ class _Search:
     ) -> Float[np.ndarray, "l d s"]:
         """Return the sums of squares by look-ahead, delay and distance; else infinite."""
         near, far = self.near[keep[self.near]], self.far[keep[self.far]]
-        columns, beside, load = self.columns(tuple(shape)), self.beside, self.load
+        columns, beside, load = (
+            self.columns(tuple(shape)),
+            self.beside,
+            self.equation.target,
+        )
         split = columns.shape[1]
         total = float(load[near] @ load[near] + load[far] @ load[far])
         found = np.full((LOOKAHEADS, _MOST_DELAY + 1, len(_DISTANCES)), np.inf)
@@ -333,7 +329,9 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     table = search.grid(shape, keep, delays)
     first, _ = _pass(search, shape, keep, table, 1)
     left = search.solve(first, use)[1]
-    level, typical = (median(np.abs(each)) for each in (search.load[use], left))
+    level, typical = (
+        median(np.abs(each)) for each in (search.equation.target[use], left)
+    )
     good = np.abs(left) <= max(_WILD * 1.4826 * typical, _SMALL * level)
     if good.mean() >= 0.5:
         keep[use[~good]] = False
@@ -350,7 +348,7 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     common = min(max(common, 0.0), 0.98)
     share = (1 - common) / (1 + common)
     # A perfect recording leaves rounding: below it no two settings differ.
-    floor = 1e-9 * float(np.abs(search.load).max())
+    floor = 1e-9 * float(np.abs(search.equation.target).max())
     noise = max(float(np.sqrt(np.mean(left**2))), floor)
     step = max(1e-3 * best.distance, 1e-6)
     ends = max(best.distance - step, 0.0), best.distance + step

@@ -22,7 +22,7 @@ from scipy.optimize import leastsq
 
 from ...data.signals import median
 from ..core import FitError
-from ._equation import Equation, Weights, ridged
+from ._equation import Equation, Weights, in_line, ridged
 
 _NULL = 1e-9
 """Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
@@ -75,7 +75,7 @@ class View:
         fine = equation.noise_free
         if fine is not None:
             design, slopes = fine.columns(shape)
-            self._basis = _basis(self.root * np.hstack([design, *slopes]))
+            self._basis = _basis(self.root * np.hstack([design, in_line(slopes)]))
 
     def seen(self, rows: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
         """Return weighted rows as they are seen."""
@@ -142,8 +142,9 @@ class Solution:
 def fit_equation(
     equation: Equation,
     weights: Weights,
-    smoothness: float | None = None,
     near: Float[np.ndarray, " h"] | None = None,
+    *,
+    held: bool = False,
     quick: bool = False,
 ) -> Solution:
     """Fit factors and shape of an equation to all of its usable rows.
@@ -151,8 +152,8 @@ def fit_equation(
     Args:
         equation: The equation.
         weights: Of its rows.
-        smoothness: Weight of the prior of a table; by evidence where left out.
         near: Logarithms of a shape to begin with.
+        held: The shape stays there, and the factors alone are fitted.
         quick: The covariance is left out.
 
     Raises:
@@ -170,16 +171,15 @@ def fit_equation(
         raise FitError(msg)
     shape, converged = np.zeros(0), True
     if shapes:
-        begin = weights.start(equation) if near is None else near
-        shape, converged = _search(equation, View(equation, share, begin), begin)
+        shape = weights.start(equation) if near is None else near[:shapes]
+        if not held:
+            shape, converged = _search(equation, View(equation, share, shape), shape)
     view, (design, slopes) = View(equation, share, shape), equation.columns(shape)
     rows = view.rows(design, equation.target)
     normal = rows.sums
-    if structure.bends is None:
-        smoothness = 0.0
-    elif smoothness is None:
-        smoothness = _smoothness(equation, design, share, normal)
-    prior = smoothness * equation.penalty
+    prior = np.zeros_like(normal[:, :-1])
+    if not structure.parametric:
+        prior = _smoothness(equation, design, share, normal) * equation.penalty
     root, null = _rooted(normal[:, :-1] + prior)
     factors = root @ (root.T @ normal[:, -1])
     residual = equation.target - design @ factors
@@ -192,8 +192,8 @@ def fit_equation(
         rows = view.rows(columns, equation.target)
     covariance = np.zeros((columns.shape[1],) * 2)
     if not quick:
-        left, held = view.root[:, 0] * residual, np.pad(prior, (0, shapes))
-        covariance = _covariance(rows.left, left, held, equation.piece, scale)
+        left, before = view.root[:, 0] * residual, np.pad(prior, (0, shapes))
+        covariance = _covariance(rows.left, left, before, equation.piece, scale)
     low, high = structure.bounds(equation.speed_range)
     edge = _AT_BOUND * (high - low)
     return Solution(
@@ -216,7 +216,8 @@ def _search(
     equation: Equation, view: View, begin: Float[np.ndarray, " h"]
 ) -> tuple[Float[np.ndarray, " h"], bool]:
     """Return the logarithms of the shape that leave the least, and whether the search ended."""
-    basis = _basis(view.root * np.hstack([equation.beside, *equation.steady]))
+    steady = np.hstack([equation.beside, in_line(equation.steady)])
+    basis = _basis(view.root * steady)
     bounds = equation.structure.bounds(equation.speed_range)
     middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
     kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
@@ -234,13 +235,14 @@ def _search(
             kept.clear()
             inside = np.tanh(free - _AWAY)
             own = equation.falling(middle + half * inside)
-            columns = apart(own[:, :, 0].T)
+            own = apart(in_line(own)).reshape(own.shape)
+            columns = own[:, :, 0]
             gram = columns.T @ columns
             factors = ridged(gram, columns.T @ target)
-            slopes = apart(np.tensordot(factors, own[:, :, 1:], 1))
+            slopes = np.tensordot(own[:, :, 1:], factors, (1, 0))
             slopes = slopes * (half * (1.0 - inside**2))
-            follow = [ridged(gram, each) for each in slopes.T @ columns]
-            slopes = columns @ np.stack(follow, axis=1) - slopes
+            every = np.stack([gram] * slopes.shape[1])
+            slopes = columns @ ridged(every, slopes.T @ columns).T - slopes
             kept[free.tobytes()] = target - columns @ factors, slopes
         return kept[free.tobytes()]
 

@@ -91,8 +91,9 @@ class LawCurve:
         self, friction: Callable[[Float[np.ndarray, " v"]], Float[np.ndarray, " v"]]
     ) -> Float[np.ndarray, " v"]:
         """Return what a list can say of another law, given over velocities."""
-        ahead, back = friction(self.held[0]), -friction(-self.held[1])
-        return dataclasses.replace(self, positive=ahead, negative=back).mean
+        both = friction(np.concatenate([self.held[0], -self.held[1]]))
+        ahead, back = np.split(both, 2)
+        return dataclasses.replace(self, positive=ahead, negative=-back).mean
 
     @property
     def difference(self) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.signals import median
+from ....models import linear_weights
 from ...friction import Choice, DriveSamples, FrictionFit, Knots, Stribeck
 from ...job._result import AbstractResult, Expectation
 from ...proof import CircularTest, ErrorFigures, GateCheck, error_figures, gate_check
@@ -112,9 +113,12 @@ def view_of(
     before = left - parameters.get("offset", 0.0)
     if knots is None or curve is None:
         level = 1.0
+    # What is linear in the curve needs the places of the samples once.
+    first, weights = linear_weights(np.ones(1) if curve is None else curve.speed, speed)
+    ahead = sign * weights
     if curve is not None:
         if knots is None:
-            full = sign * np.interp(speed, curve.speed, curve.mean)
+            full = ahead[0] * curve.mean[first] + ahead[1] * curve.mean[first + 1]
         else:
             full = sign * knots.current(speed) / level
         far = np.abs(left - full - median((left - full)[sound]))
@@ -128,7 +132,8 @@ def view_of(
         if curve is None:
             given, constant = each.friction(samples.velocity), each.offset
         else:
-            given = sign * np.interp(speed, curve.speed, curve.mean_of(each.friction))
+            mean = curve.mean_of(each.friction)
+            given = ahead[0] * mean[first] + ahead[1] * mean[first + 1]
             constant = float((rest - given)[sound & ~own].mean())
         predicted[own] = (rest - constant - level * given)[own]
     return FrictionView(

@@ -139,12 +139,6 @@ class FrictionDraft(AbstractDraft):
                 " expected the one that was fitted",
             )
 
-    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
-        name = "frict_comp.max_points"
-        if existing.integer(name) == listing.integer(name):
-            return None
-        return f"{name} changes (a reload would end in error 110641)"
-
     def prove(self, done: Written) -> FrictionResult:
         view, listing, back = self.view, done.compensation, None
         if listing is not None and self.knots is not None:
