@@ -43,7 +43,8 @@ def filled(places: Any) -> jax.Array:
 
 def _values(surface: AbstractSurface, values: Any, at: jax.Array) -> jax.Array:
     rows = jnp.broadcast_to(jnp.asarray(values), (VALUES.shape[0], len(values)))
-    return surface.evaluate(rows, np.zeros(len(at), dtype=np.int32), at)
+    branch = jnp.asarray(np.zeros(len(at), dtype=np.int32))
+    return surface.evaluate(rows, branch, at)
 
 
 @jax.jit
