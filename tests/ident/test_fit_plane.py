@@ -154,7 +154,9 @@ def test_wild_points_move_no_node(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["rough", "waves", "sag"])
+@pytest.mark.parametrize(
+    "name", ["rough", pytest.param("waves", marks=pytest.mark.heavy), "sag"]
+)
 def test_unmeasured_quarter_is_marked_and_covered(name: str) -> None:
     covered, ratios = [], []
     for seed in (0, 1, 2):

@@ -169,7 +169,15 @@ def test_the_stencil_gives_what_the_model_gives(model: Any, places: Any) -> None
     )
 
 
-@pytest.mark.parametrize("number", [1, 2, pytest.param(5, marks=pytest.mark.slow), 7])
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(1, marks=pytest.mark.heavy),  # a grid of one axis; 2: of two
+        2,
+        pytest.param(5, marks=pytest.mark.slow),
+        7,
+    ],
+)
 def test_derivatives_agree_with_finite_differences(number: int) -> None:
     model, places = CASES[number]
     weights = jnp.asarray(RNG.normal(size=A.size))

@@ -42,11 +42,19 @@ def stack(scale: float, seed: int = 1) -> OffsetStack:
 PLACES = np.random.default_rng(3).uniform(-5, 45, (300, 3))
 
 
+@jax.jit
+def _inverse(law: Any, given: Any) -> tuple[Any, Any]:
+    found = ExternalCompensation(law).start(given)
+    return found.result, jnp.max(
+        jnp.abs(found.positions + law(found.positions) - given)
+    )
+
+
 def inverse_error(law: Any, given: np.ndarray) -> float:
     """How far the start is from leading to the given positions, in mm."""
-    found = ExternalCompensation(law).start(given)
-    np.testing.assert_array_equal(found.result, 0)
-    return float(jnp.max(jnp.abs(found.positions + law(found.positions) - given)))
+    result, error = _inverse(law, given)
+    np.testing.assert_array_equal(result, 0)
+    return float(error)
 
 
 def test_offsets_are_the_sum_of_the_tables_of_each_axis() -> None:
@@ -84,12 +92,12 @@ def test_start_is_found_for_any_tables_of_moderate_slope(
 
 def test_start_comes_back_to_the_positions_it_was_made_from() -> None:
     law = stack(0.5)
-    given = jnp.asarray(PLACES) + law(jnp.asarray(PLACES))
-    found = ExternalCompensation(law).start(given)
+    offsets = jax.jit(lambda at: law(at))(PLACES)
+    found = ExternalCompensation(law).start(PLACES + offsets)
     # The residual of 1e-10 divided by 1 − slope, the slope being 0.3 at most.
     np.testing.assert_allclose(found.positions, PLACES, rtol=0, atol=FORWARD)
     np.testing.assert_allclose(
-        ExternalCompensation(law).start_offsets(given), law(jnp.asarray(PLACES)),
+        ExternalCompensation(law).start_offsets(PLACES + offsets), offsets,
         rtol=0, atol=FORWARD,
     )  # fmt: skip
 
@@ -125,17 +133,17 @@ def test_a_position_that_is_none_fails_alone() -> None:
 
 def test_derivative_of_the_start_with_respect_to_positions() -> None:
     compensation = ExternalCompensation(stack(0.5))
+    start = jax.jit(lambda at: compensation.start_offsets(at))
     at = PLACES[:1]
-    found = jax.jacrev(compensation.start_offsets)(jnp.asarray(at))[0, :, 0, :]
+    found = jax.jit(jax.jacrev(start))(at)[0, :, 0, :]
     width = 1e-4
     for k, unit in enumerate(np.eye(3)):
-        ahead = compensation.start_offsets(at + width * unit)
-        back = compensation.start_offsets(at - width * unit)
+        ahead, back = start(at + width * unit), start(at - width * unit)
         # Twice 1e-10 of the solver over 2e-4; the law is bilinear: no third derivative.
         np.testing.assert_allclose(
             found[:, k], (ahead - back)[0] / (2 * width), rtol=1e-6, atol=2e-6
         )
-    forward = jax.jacfwd(compensation.start_offsets)(jnp.asarray(at))[0, :, 0, :]
+    forward = jax.jit(jax.jacfwd(start))(at)[0, :, 0, :]
     # The same linear system, solved with the matrix and with its transpose.
     np.testing.assert_allclose(forward, found, rtol=0, atol=1e-14)
 
@@ -148,7 +156,7 @@ def test_derivative_of_the_start_with_respect_to_the_table() -> None:
         return ExternalCompensation(law).start_offsets(jnp.array([[4.0]]))[0, 0]
 
     # By hand: x + h·x/10 = 4, so the offset is 4 − 40/(10 + h), its slope 40/(10 + h)².
-    value, slope = jax.value_and_grad(moved)(2.0)
+    value, slope = jax.jit(jax.value_and_grad(moved))(2.0)
     assert float(value) == pytest.approx(4 - 40 / 12, abs=FORWARD)
     # The residual of the solver moves the point of the derivative by 1e-10 mm.
     assert float(slope) == pytest.approx(40 / 144, rel=1e-9)
@@ -157,7 +165,9 @@ def test_derivative_of_the_start_with_respect_to_the_table() -> None:
 def test_derivative_at_a_node_is_that_of_the_cell_to_its_right() -> None:
     cross = Cross(Setpoints(np.array([0.0, 10.0, 20.0])), np.array([0.0, 0.0, 5.0]))
     law = OffsetStack((OffsetPart(cross, 0, (0,)),), axes=1)
-    slope = jax.grad(lambda x: ExternalCompensation(law).start_offsets(x)[0, 0])
+    slope = jax.jit(
+        jax.grad(lambda x: ExternalCompensation(law).start_offsets(x)[0, 0])
+    )
     # Offset slope s = 0.5 to the right: d/dx of x − start(x) is s / (1 + s).
     assert float(slope(jnp.array([[10.0]]))[0, 0]) == pytest.approx(1 / 3, abs=1e-15)
 
@@ -174,8 +184,9 @@ def test_batch_of_machines_is_the_loop_over_them() -> None:
 
     heights = jnp.array([0.1, 1.0, 2.0])
     places = jnp.asarray(np.random.default_rng(5).uniform(0, 20, (3, 40, 2)))
-    batch = jax.vmap(start)(heights, places)
-    loop = jnp.stack([start(h, p) for h, p in zip(heights, places, strict=True)])
+    batch = jax.jit(jax.vmap(start))(heights, places)
+    alone = jax.jit(start)
+    loop = np.stack([alone(h, p) for h, p in zip(heights, places, strict=True)])
     # Both stop at a residual of 1e-10; finished rows wait, they do not move on.
     np.testing.assert_allclose(batch, loop, rtol=0, atol=2e-10)
 

@@ -202,7 +202,7 @@ def in_pieces(
         {"delays_all": False},
     ],
 )
-@pytest.mark.parametrize("size", [1, 15])
+@pytest.mark.parametrize("size", [1, pytest.param(15, marks=pytest.mark.heavy)])
 def test_a_log_in_pieces_gives_the_log_at_once_to_the_last_bit(
     size: int, reading: dict[str, bool]
 ) -> None:

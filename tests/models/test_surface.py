@@ -35,10 +35,31 @@ SURFACES = [
 ]
 
 
+def filled(places: Any) -> jax.Array:
+    """As many places as `PLACES` has, the last one repeated: one compilation for all."""
+    missing = PLACES.shape[0] - len(places)
+    return jnp.asarray(np.pad(places, ((0, missing), (0, 0)), mode="edge"))
+
+
+def _values(surface: AbstractSurface, values: Any, at: jax.Array) -> jax.Array:
+    rows = jnp.broadcast_to(jnp.asarray(values), (VALUES.shape[0], len(values)))
+    branch = jnp.asarray(np.zeros(len(at), dtype=np.int32))
+    return surface.evaluate(rows, branch, at)
+
+
+@jax.jit
+def _slopes(surface: AbstractSurface, values: Any, at: jax.Array) -> jax.Array:
+    # One sum over all places: places do not act on each other.
+    return jax.grad(lambda at: jnp.sum(_values(surface, values, at)))(at)
+
+
 def values_at(surface: AbstractSurface, values: Any, places: Any) -> jax.Array:
-    at = jnp.asarray(places)
-    zeros = jnp.zeros(at.shape[0], dtype=jnp.int32)
-    return surface.evaluate(jnp.asarray(values)[None], zeros, at)
+    return _values(surface, values, filled(places))[: len(places)]
+
+
+def slopes_at(surface: AbstractSurface, values: Any, places: Any) -> jax.Array:
+    """Derivative of each value by its own place."""
+    return _slopes(surface, np.asarray(values), filled(places))[: len(places)]
 
 
 def test_tests_in_any_order_are_found_to_be_a_grid() -> None:
@@ -100,13 +121,13 @@ def test_outside_the_triangles_the_nearest_point_is_held() -> None:
     places = np.array([[-3.0, 0.25], [-1.0, -1.0], [1.0, 1.0], [9.0, -9.0], [1.0, 1.5]])
     nearest = [[0.0, 0.25], [0.0, 0.0], [0.5, 0.5], [1.0, 0.0], [0.25, 0.75]]
     np.testing.assert_allclose(
-        CORNER.nearest(jnp.asarray(places)), nearest, rtol=0, atol=1e-15
+        CORNER.nearest(filled(places))[:5], nearest, rtol=0, atol=1e-15
     )
     # On the plane 1 + x + 4y.
     expected = [2.0, 1.0, 3.5, 2.0, 4.25]
     found = values_at(CORNER, values, places)
     np.testing.assert_allclose(found, expected, rtol=1e-15)
-    assert not CORNER.covers(jnp.asarray(places)).any()
+    assert not CORNER.covers(filled(places)).any()
 
 
 def test_the_border_has_each_edge_of_the_hull_once() -> None:
@@ -161,16 +182,14 @@ def test_stencils_give_what_evaluation_gives_and_sum_up_to_one(
 def test_derivatives_by_position_agree_with_finite_differences(
     surface: AbstractSurface,
 ) -> None:
-    # One sum over all places per axis: places do not act on each other.
-    @jax.jit
-    def found(places: Any) -> jax.Array:
-        return values_at(surface, VALUES[0], places)
-
-    slope = jax.grad(lambda at: jnp.sum(found(at)))(jnp.asarray(PLACES))
+    slope = slopes_at(surface, VALUES[0], PLACES)
     step = 1e-5
     for axis in (0, 1):
         by = step * np.eye(2)[axis]
-        quotient = (found(PLACES + by) - found(PLACES - by)) / (2 * step)
+        there, here = (
+            values_at(surface, VALUES[0], place) for place in (PLACES + by, PLACES - by)
+        )
+        quotient = (there - here) / (2 * step)
         # Values of 1 and their rounding over the step: 1e-13 / 1e-5; no place lies
         # within a step of a kink.
         np.testing.assert_allclose(slope[:, axis], quotient, rtol=1e-6, atol=3e-8)
@@ -206,26 +225,21 @@ def test_on_a_common_edge_the_derivative_is_that_of_the_first_triangle() -> None
         (((0, 2, 3), (0, 1, 2)), [-5.0, 5.0]),
     ):
         surface = DelaunaySurface(points, triangles)
-        found = jax.grad(lambda at, s=surface: values_at(s, values, at)[0])(
-            jnp.array([[0.5, 0.5]])
-        )
+        found = slopes_at(surface, values, [[0.5, 0.5]])
         np.testing.assert_array_equal(found, [slope])
 
 
 def test_at_a_corner_outside_nothing_changes() -> None:
-    found = jax.grad(lambda at: values_at(CORNER, [1.0, 2.0, 5.0], at)[0])
-    np.testing.assert_array_equal(found(jnp.array([[-1.0, -1.0]])), [[0.0, 0.0]])
+    found = slopes_at(CORNER, [1.0, 2.0, 5.0], [[-1.0, -1.0], [-1.0, 0.5]])
     # Beside an edge, only the way along it counts: 4 per mm of y.
-    np.testing.assert_allclose(
-        found(jnp.array([[-1.0, 0.5]])), [[0.0, 4.0]], rtol=0, atol=1e-15
-    )
+    np.testing.assert_allclose(found, [[0.0, 0.0], [0.0, 4.0]], rtol=0, atol=1e-15)
 
 
 def test_the_thin_plate_has_a_derivative_at_its_tests() -> None:
     plate = SURFACES[2]
     inner = int(np.argmin(np.hypot(*(LOOSE - LOOSE.mean(axis=0)).T)))
     at = LOOSE[[inner]]
-    found = jax.grad(lambda p: values_at(plate, VALUES[0], p)[0])(jnp.asarray(at))
+    found = slopes_at(plate, VALUES[0], at)
     by = np.array([[1e-4, 0.0]])
     there, here = (
         values_at(plate, VALUES[0], place)[0] for place in (at + by, at - by)

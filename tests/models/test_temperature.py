@@ -50,12 +50,13 @@ def test_gradients_agree_with_finite_differences_where_it_is_smooth() -> None:
     warm = jnp.asarray(rng.uniform(20.5, 24.5, (7, 2)))
     places = jnp.asarray(rng.uniform(-100, 100, 7))
 
+    @jax.jit
     def total(model: TemperatureLine, x: jax.Array, t: jax.Array) -> jax.Array:
         return jnp.sum(model.offset(x, t) ** 2)
 
     arguments = (CURVES, places, warm)
     leaves, tree = jax.tree.flatten(arguments)
-    slopes = jax.tree.leaves(jax.grad(total, argnums=(0, 1, 2))(*arguments))
+    slopes = jax.tree.leaves(jax.jit(jax.grad(total, (0, 1, 2)))(*arguments))
     for number, (leaf, slope) in enumerate(zip(leaves, slopes, strict=True)):
         size = 1e-6 * max(float(jnp.max(jnp.abs(leaf))), 1e-3)
         way = jnp.asarray(rng.normal(size=leaf.shape))
@@ -71,7 +72,7 @@ def test_gradients_agree_with_finite_differences_where_it_is_smooth() -> None:
 
 def test_at_a_node_the_derivative_by_temperature_is_the_right_hand_one() -> None:
     offset = TemperatureCurve.of([20.0, 25.0, 30.0], [0.0, 0.01, 0.03])
-    slope = jax.grad(lambda t: jnp.sum(offset(t)))(
+    slope = jax.jit(jax.grad(lambda t: jnp.sum(offset(t))))(
         jnp.array([[19.0], [20.0], [25.0], [30.0], [31.0]])
     )
     np.testing.assert_allclose(slope[:, 0], [0, 0.002, 0.004, 0, 0], atol=1e-16)

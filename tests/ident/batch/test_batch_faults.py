@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from axcomp.ident.cli import main
+
 pytestmark = pytest.mark.slow
 
 Fleet = Callable[[Path, int], list[str]]
@@ -111,16 +113,15 @@ def test_a_killed_worker_a_corrupt_job_and_an_endless_one_cost_only_themselves(
 
 
 def test_a_killed_batch_goes_on_and_a_second_one_is_refused(
-    tmp_path: Path, fleet: Fleet
+    tmp_path: Path, fleet: Fleet, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names = fleet(tmp_path / "jobs", 40)
     out = tmp_path / "out"
     options = (tmp_path / "jobs" / "*.toml", "--out", out, "--workers", 1)
     first = start(*options, cwd=tmp_path)
     wait_for((out / "batch.json").exists)
-    second = start(*options, cwd=tmp_path)
-    _, said = second.communicate(timeout=_PATIENCE)
-    assert second.returncode == 1
+    assert main(["batch", *map(str, options)]) == 1
+    said = capsys.readouterr().err
     assert re.search(f"another batch running in it .process {first.pid}.", said)
     wait_for(lambda: done(out) > 0)
     first.kill()
@@ -130,8 +131,8 @@ def test_a_killed_batch_goes_on_and_a_second_one_is_refused(
     stamps = {
         path: path.stat().st_mtime_ns for path in (out / "unverified").glob("*/*.lis")
     }
-    refused = start(*options, cwd=tmp_path)
-    assert "expected --resume" in refused.communicate(timeout=_PATIENCE)[1]
+    assert main(["batch", *map(str, options)]) == 1
+    assert "expected --resume" in capsys.readouterr().err
     again = start(*options, "--resume", cwd=tmp_path)
     _, said = again.communicate(timeout=_PATIENCE)
     assert again.returncode == 0, said

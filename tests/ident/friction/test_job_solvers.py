@@ -70,7 +70,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("driven")
     law, step = StribeckFriction(2.0, 3.0, 5.0, 2.0, 0.004), 0.002
     rng = np.random.default_rng(8)
-    count = np.arange(400)
+    count = np.arange(200)
     ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1, count / 60))
     speeds = (2.0, 8.0, 16.0, 40.0, 100.0)
     velocity = np.concatenate(

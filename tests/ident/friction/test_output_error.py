@@ -294,7 +294,7 @@ def test_emps_free_run_is_no_worse_than_the_published_fit() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("trust", [0.01, 1.0])
+@pytest.mark.parametrize("trust", [0.01, pytest.param(1.0, marks=pytest.mark.heavy)])
 def test_emps_solvers_agree_where_the_guess_counts(trust: float) -> None:
     samples = emps()
     guess = fit_inverse(samples, CoulombViscous())
