@@ -145,9 +145,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         axis = (owner if each.kind == "error" else home)[0]
         options, asks = _options(each, axis, outside=outside)
         if asks:
-            column, largest = each.column.name, _largest(each.column)
-            choices = tuple(options)
-            unclear.append(Unclear(column, frozenset(asks), choices, largest))
+            unclear.append(_unclear(each.column, asks, options))
         else:
             roles.setdefault(options[0][0], []).append(options[0][1])
     unclear = [*_joined(unclear), *untold]
@@ -190,6 +188,12 @@ def _untold(
         asks = {"role"} if free[-1].unit else {"role", "unit"}
         found.append(_unclear(free[-1], asks, choices))
     return found
+
+
+def _unclear(
+    column: Column, asks: set[str], choices: Sequence[tuple[str, ColumnSpec]]
+) -> Unclear:
+    return Unclear(column.name, frozenset(asks), tuple(choices), _largest(column))
 
 
 def _is_length(column: Column) -> bool:
