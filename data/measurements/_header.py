@@ -258,7 +258,7 @@ def heading(text: str) -> Heading | None:
     for token in _TOKENS.findall(text):
         if token in DIRECTIONS and token not in _NO_HEADING:
             (signs if token in "+-−" else words).add(DIRECTIONS[token])
-        elif token.isdigit() and run is None:
+        elif token.isdecimal() and run is None:
             run = int(token)
         elif token in _RUN_WORDS:
             named = True

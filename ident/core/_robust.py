@@ -282,7 +282,14 @@ def _ahead(trail: list[tuple[Vector, Vector]], post: Posterior) -> Vector:
         return post.values
     (sooner, first), (later, last) = trail
     change = last - first
-    seen = post.problem.sums.apply(change)
+    apply = post.problem.sums.apply
+    seen = apply(change)
     share = float(last @ seen) / max(float(change @ seen), 1e-300)
-    ahead = np.clip(share, -_FURTHEST, 1.0) * (later - sooner + change)
-    return np.asarray(post.values - ahead)
+    ahead = min(share, 1.0) * (later - sooner + change)
+    # A loss that believes nothing pulls evenly from any distance: its passes have no end.
+    size, most = (
+        float(np.sqrt(max(each @ apply(each), 0.0))) for each in (ahead, last)
+    )
+    return np.asarray(
+        post.values - ahead * min(1.0, _FURTHEST * most / max(size, 1e-300))
+    )

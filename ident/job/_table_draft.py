@@ -105,10 +105,6 @@ class AbstractTableDraft(AbstractDraft):
         whose = "it is" if self.fit.lengths else "its masters are"
         return f"Works once {whose} referenced"
 
-    @property
-    def replaces(self) -> tuple[str, ...]:
-        return (f"{self.plan.table.prefix}.table[",)
-
     def entries(self, job: Job) -> dict[str, Value]:
         prefix = self.plan.table.prefix
         try:

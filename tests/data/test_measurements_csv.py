@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from axcomp.data.errors import AxcompError
 from axcomp.data.measurements import CellError, LineError, Table, read_table
@@ -335,6 +335,7 @@ def test_numbers_written_are_numbers_read(
 
 @settings(max_examples=150, deadline=None)
 @given(raw=st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
+@example(raw=b'\xb2\n"')  # a digit that is no number
 def test_any_bytes_give_a_table_or_one_clear_line(
     tmp_path_factory: pytest.TempPathFactory, raw: bytes
 ) -> None:

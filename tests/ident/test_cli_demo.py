@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -80,7 +81,8 @@ def test_one_job_finds_every_compensation_of_the_working_mill(demo: Path) -> Non
     assert result["passed"]
     assert main(["check", *map(str, sorted(folder.glob("achskw*.lis")))]) == 0
     page = (folder / "report.html").read_text("utf-8")
-    assert "http" not in page.replace("http://www.w3.org", "")
+    # A picture may spell "http" in its letters, but no address.
+    assert not re.search("https?:", page.replace("http://www.w3.org", ""))
 
 
 @pytest.mark.slow
@@ -112,7 +114,7 @@ def test_written_lists_leave_little_of_the_true_error(demo: Path) -> None:
 def test_report_calls_the_lists_verified_and_stands_alone(demo: Path) -> None:
     page = (demo / "result" / "report.html").read_text("utf-8")
     assert page.count('<div class="verdict good">Verified:') == 3
-    assert "http" not in page
+    assert not re.search("https?:", page)
     assert (demo / "result" / "plots" / "overview.svg").is_file()
 
 

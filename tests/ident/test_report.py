@@ -72,7 +72,8 @@ def test_page_needs_no_other_file_and_no_network(
     leadscrew: Make, plane: Make, job: MakeJob, tmp_path: Path
 ) -> None:
     page = page_of(job(leadscrew(), plane()), tmp_path)
-    assert "http" not in page
+    assert "http:" not in page
+    assert "https:" not in page
     assert "<script src" not in page
     assert "<link" not in page
     assert "@import" not in page

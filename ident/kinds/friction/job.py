@@ -90,10 +90,6 @@ class FrictionDraft(AbstractDraft):
     def needs(self) -> str:
         return "Works without referencing"
 
-    @property
-    def replaces(self) -> tuple[str, ...]:
-        return (f"{self.kind.prefix}.table[",)
-
     def entries(self, job: Job) -> dict[str, Value]:
         assert self.knots is not None  # it is written
         existing = self.lists.compensation
