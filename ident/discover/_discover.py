@@ -204,7 +204,7 @@ def _doubts(
             yield need, cannot_tell(names, (), rms, f"{remedy} not, as after a pause.")
     if found.view.channel == "current":
         law = needs[0] if needs else None
-        for what, remedy in _untold_friction(found, law is not None):
+        for what, remedy in _undetermined_friction(found, law is not None):
             rms = max((found.size_of([term])[0] for term in found.terms), default=0.0)
             yield law, cannot_tell([what], (), rms, remedy)
 
@@ -284,7 +284,7 @@ def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
     return np.asarray(rows)
 
 
-def _untold_friction(found: Selection, law: bool) -> Iterator[tuple[str, str]]:
+def _undetermined_friction(found: Selection, law: bool) -> Iterator[tuple[str, str]]:
     """Yield what the motion of a drive cannot tell apart, and what to record."""
     axis, velocity = found.view.axis, found.view.data.velocity[found.view.axis]
     speeds = np.abs(velocity)

@@ -62,8 +62,8 @@ def fit_all(
         drafts |= own
         for one in own.values():
             hand_on(job, one, left)
-    untold: dict[int, FitError] = {}
-    alone = _untold_alone(job, tables, [*single])
+    undetermined: dict[int, FitError] = {}
+    alone = _confounded_alone(job, tables, [*single])
     order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
     for place, k in enumerate(order):
         if k in alone and not fits[k].kind.partial:
@@ -74,7 +74,7 @@ def fit_all(
             drafts[k] = one = single[k](left)
         except FitError as error:
             if k not in alone:
-                untold[k] = error
+                undetermined[k] = error
             drafts[k] = _left_out(job, k, alone.get(k, str(error)))
             continue
         except ExchangeError as error:
@@ -86,9 +86,9 @@ def fit_all(
         if one.written and one.axis in later:
             left.take(one.left_by())
             hand_on(job, one, left)
-    if len(untold) == len(fits):
-        k = next(iter(untold))
-        raise job.error(("fits", k), f"{_start(fits[k])}: {untold[k]}")
+    if len(undetermined) == len(fits):
+        k = next(iter(undetermined))
+        raise job.error(("fits", k), f"{_start(fits[k])}: {undetermined[k]}")
     return [drafts[k] for k in range(len(fits))], found
 
 
@@ -124,12 +124,12 @@ def _left_out(job: Job, k: int, why: str) -> AbstractDraft:
     return LeftOutDraft(k, spec, job.lists[spec.axis], why)
 
 
-def _untold_alone(job: Job, tables: Tables, single: list[int]) -> dict[int, str]:
+def _confounded_alone(job: Job, tables: Tables, single: list[int]) -> dict[int, str]:
     """Return which fits of no group their readings do not tell apart, and why."""
     fits = job.spec.fits
     several = len({fits[k].axis for k in single}) < len(single)
     if not several and not any(fits[k].kind.often_open for k in single):
         return {}
-    from .joint import untold_apart
+    from .joint import confounded
 
-    return untold_apart(job, tables, single)
+    return confounded(job, tables, single)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from ...data.measurements import (
     KINDS,
@@ -133,10 +134,10 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
             axis, stated = owner if each.kind == "error" else home
             if not stated:
                 assumed.setdefault(axis, each.column.name)
-    untold = _untold(table, named, home[0], owner[0])
-    if untold and not home[1]:
-        assumed.setdefault(home[0], untold[0].column)
-    if not untold and _says_it_all(table, named):
+    unnamed = _unnamed(table, named, home[0], owner[0])
+    if unnamed and not home[1]:
+        assumed.setdefault(home[0], unnamed[0].column)
+    if not unnamed and _says_it_all(table, named):
         bare = any(each.axis is None and each.kind in _OWNED for each in named)
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
     roles: dict[str, list[ColumnSpec]] = {}
@@ -148,14 +149,14 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
             unclear.append(_unclear(each.column, asks, options))
         else:
             roles.setdefault(options[0][0], []).append(options[0][1])
-    unclear = [*_joined(unclear), *untold]
+    unclear = [*_joined(unclear), *unnamed]
     columns = {}
     for text, several in roles.items():
         if len(several) == 1:
             columns[text] = several[0]
         else:
             unclear.append(_rivals(table, text, several))
-    offered = {spec.column for each in untold for _, spec in each.choices}
+    offered = {spec.column for each in unnamed for _, spec in each.choices}
     unused = tuple(name for name in unused if name not in offered)
     return Meaning(None, assumed, columns, tuple(unclear), unused)
 
@@ -163,7 +164,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
 _OWNED = frozenset(KINDS)
 
 
-def _untold(
+def _unnamed(
     table: Table, named: Sequence[_Named], home: str, owner: str
 ) -> list[Unclear]:
     """Return the questions for a position and an error that no column names itself.
@@ -173,7 +174,7 @@ def _untold(
     kinds = {each.kind for each in named}
     taken = {id(each.column) for each in named}
     free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
-    free.sort(key=_span, reverse=True)
+    free.sort(key=lambda each: span(each.values), reverse=True)
     place = not kinds & {"position", "actual", "encoder", "temperature", "current"}
     error = not kinds & {"error", "actual", "encoder", "current"}
     if len(free) < place + error:
@@ -202,11 +203,12 @@ def _is_length(column: Column) -> bool:
     fits = column.unit is None or (unit and unit.dimension in ("length", "angle"))
     if column.text is not None or column.role is not None or not fits:
         return False
-    return not _words(column.name) & _WORDS["lag"] and _span(column) > 0.0
+    return not _words(column.name) & _WORDS["lag"] and span(column.values) > 0.0
 
 
-def _span(column: Column) -> float:
-    known = column.values[np.isfinite(column.values)]
+def span(values: Float[np.ndarray, " t"]) -> float:
+    """Return how far the known values lie apart."""
+    known = values[np.isfinite(values)]
     return float(np.ptp(known)) if known.size else 0.0
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from ..discover import Observed
 from ..job import Job, Trend, trend_through
 from ..readings import Observation, without_zero
+from ._columns import span
 
 _WARM = 1.0
 """K: less tells nothing of warmth."""
@@ -97,11 +98,9 @@ def _of_one(
 def _of_error(
     data: Observed, axis: str, rows: Bool[np.ndarray, " t"], name: str
 ) -> Iterator[Suggestion]:
-    moved = [
-        each for each in data.position if _span(data.position[each][rows]) > _MOVED
-    ]
+    moved = [each for each in data.position if span(data.position[each][rows]) > _MOVED]
     others = tuple(each for each in moved if each != axis)
-    warm = [s for s in data.temperature if _span(data.temperature[s][rows]) > _WARM]
+    warm = [s for s in data.temperature if span(data.temperature[s][rows]) > _WARM]
     places = {axis: data.position[axis][rows]} if axis in moved else {}
     few = not moved or all(
         len(np.unique(np.round(data.position[each][rows], 3))) <= _PLACES
@@ -144,11 +143,6 @@ def _of_heat(
         keys["sensor"] = warm[0]
     why = f"the error of {axis} was measured while {' and '.join(warm)} changed"
     return Suggestion("temperature", axis, (), keys, (name,), plain, why)
-
-
-def _span(values: Float[np.ndarray, " t"]) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if known.size else 0.0
 
 
 def _both(way: Float[np.ndarray, " t"]) -> bool:

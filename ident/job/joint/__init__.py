@@ -2,8 +2,8 @@
 
 from ._group import (
     IdentifiedGroup as IdentifiedGroup,
+    confounded as confounded,
     fit_group as fit_group,
-    untold_apart as untold_apart,
 )
 from ._member import members_of as members_of
 from ._proof import (

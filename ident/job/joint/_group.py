@@ -210,7 +210,7 @@ def _fit(
     )
 
 
-def untold_apart(
+def confounded(
     job: Job,
     tables: Tables,
     indices: Sequence[int],
