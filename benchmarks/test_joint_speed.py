@@ -180,10 +180,10 @@ def _prior_rows(part: Part) -> sp.csr_array:
     for one in part.effect.components(np.arange(size)):
         if one.prior is None:
             continue
+        to_effect: Any = sp.csr_array(sp.eye_array(size))[one.places]
         for penalty, name in zip(one.prior.rows, one.prior.names, strict=True):
-            own = sp.lil_array((penalty.shape[0], size))
-            own[:, one.places] = np.sqrt(part.smoothness.get(name, 0.0)) * penalty
-            rows.append(sp.csr_array(own))
+            root = np.sqrt(part.smoothness.get(name, 0.0))
+            rows.append(sp.csr_array(root * penalty @ to_effect))
     return sp.csr_array(sp.vstack(rows))
 
 

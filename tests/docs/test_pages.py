@@ -120,7 +120,8 @@ def test_the_commands_of_the_page_on_fleets_run(files: Path) -> None:
     )
     for each in ("x-axis.toml", "fleet/a.toml", "fleet/b.toml"):
         (files / each).write_text(job)
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="") as dask:
+    cluster: Any = LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="")
+    with cluster as dask:
         for words in commands("\n".join(shown)):
             if words[0] == "batch" and "--resume" not in words:
                 shutil.rmtree("night-7", ignore_errors=True)
