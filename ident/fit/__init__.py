@@ -19,15 +19,11 @@ from ._predict import (
     zeroed as zeroed,
 )
 from ._stream import (
-    AbstractPass as AbstractPass,
     Ahead as Ahead,
     Apply as Apply,
     Grouping as Grouping,
     Part as Part,
-    Place as Place,
-    Stream as Stream,
     StreamedFit as StreamedFit,
-    added as added,
     fit_streamed as fit_streamed,
 )
 from ._table import fit_table as fit_table, fit_values as fit_values

@@ -5,14 +5,14 @@ files, over workers. The estimator is the one of `fit_table`; only the pass is a
 thread reads the pieces that come next.
 """
 
-import abc
 import dataclasses
 import functools
+import itertools
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, TypeVar, final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -31,78 +31,6 @@ Apply = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 Grouping = Callable[[Samples], Int[np.ndarray, " t"]]
 """Tells the group of each reading: what is left out together."""
-
-_Result = TypeVar("_Result")
-
-
-@dataclasses.dataclass(frozen=True)
-class Place:
-    """Where a piece lies: its part, and how many readings of the part come before it."""
-
-    part: int
-    row: int
-
-
-class AbstractPass(abc.ABC):
-    """What is asked of one pass over readings; what parts give adds up with ``+``."""
-
-    @abc.abstractmethod
-    def onto(self, done: Any, samples: Samples, place: Place) -> Any:
-        """Return what a piece gives, added to what those before it gave (None)."""
-
-
-@dataclasses.dataclass
-class Stream:
-    """Readings in pieces.
-
-    Attributes:
-        parts: Readings; each part may be summed on another machine. Sums are added in this
-            order, so that the result does not depend on who did which.
-        apply: How to run a function over the parts.
-        passes: How often the readings were read.
-    """
-
-    parts: Sequence[Part]
-    apply: Apply = map
-    passes: int = 0
-
-    def ask(self, wanted: AbstractPass) -> Any:
-        """Return what one pass gives.
-
-        Raises:
-            FitError: If there are no readings.
-        """
-        self.passes += 1
-        total: Any = None
-        for found in self.apply(
-            partial(_over_part, wanted), list(enumerate(self.parts))
-        ):
-            total = found if total is None else added(total, found)
-        if total is None:
-            msg = "found no readings, expected at least one per node."
-            raise FitError(msg)
-        return total
-
-
-def _over_part(wanted: AbstractPass, job: tuple[int, Part]) -> Any:
-    number, part = job
-    total, row = None, 0
-    for samples in part():
-        if len(samples.error):
-            total = wanted.onto(total, samples, Place(number, row))
-            row += len(samples.error)
-    return total
-
-
-def added(total: _Result | None, more: _Result | None) -> _Result:
-    """Return a sum that may not have begun."""
-    if total is None or more is None:
-        found = more if total is None else total
-        assert found is not None
-        return found
-    both: Any = total
-    result: _Result = both + more
-    return result
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,13 +113,24 @@ def fit_streamed(
     """
     check_layout(layout)
     check_smoothness(smoothness)
-    stream = Stream(parts, apply)
+    pieces = (piece.error for part in parts for piece in part())
+    first = next((error for error in pieces if len(error)), np.zeros(1))
+    passes = itertools.count()
+
+    def ask(wanted: _SumUp) -> _Found:
+        next(passes)
+        total = functools.reduce(operator.add, apply(wanted, parts), _NOTHING)
+        if not total.groups:
+            msg = "found no readings, expected at least one per node."
+            raise FitError(msg)
+        return total
+
+    attempt, words = partial(_attempt, layout, ask, first, grouping, smoothness), ""
     with one_blas_thread():
-        found, words = _attempt(layout, stream, grouping, smoothness, loss), ""
+        found = attempt(loss)
         if loss == "student" and found.wild > TOO_MANY * found.count:
-            found = _attempt(layout, stream, grouping, smoothness, "huber")
-            words = f"{NONE_LEFT_OUT} "
-    message = f"{found.fit.message} {words}Read in {stream.passes} passes."
+            found, words = attempt("huber"), f"{NONE_LEFT_OUT} "
+    message = f"{found.fit.message} {words}Read in {next(passes)} passes."
     return dataclasses.replace(
         found, fit=dataclasses.replace(found.fit, message=message)
     )
@@ -199,19 +138,28 @@ def fit_streamed(
 
 def _attempt(
     layout: TableLayout,
-    stream: Stream,
+    ask: "Callable[[_SumUp], _Found]",
+    first: Float[np.ndarray, " t"],
     grouping: Grouping | None,
     smoothness: Smoothness,
     loss: str,
 ) -> StreamedFit:
-    pieces = (piece for part in stream.parts for piece in part())
-    first = next((piece.error for piece in pieces if len(piece.error)), np.zeros(1))
+    """Return the fit by one loss.
+
+    Args:
+        layout: As for `fit_streamed`.
+        ask: Makes a pass over all readings.
+        first: Errors of the first piece.
+        grouping: As for `fit_streamed`.
+        smoothness: Likewise.
+        loss: Likewise.
+    """
     stack = Stack((layout.effect,))
     looks: list[_Found] = []
 
     def over(theta: Float[np.ndarray, " u"], by: Loss, full: bool) -> Sums:
         groups = None if looks else grouping
-        found: _Found = stream.ask(_SumUp(layout, theta, by, full, not looks, groups))
+        found = ask(_SumUp(layout, theta, by, full, not looks, groups))
         if found.extent is not None:
             found.extent.check(layout, stack.free, allow_gaps=False)
             looks.append(found)
@@ -223,9 +171,7 @@ def _attempt(
     count = int(last.extent.counts.sum())
     nodes, many = None, 0
     if loss != "gauss":
-        last = stream.ask(
-            _SumUp(layout, whole.about, whole.loss, True, False, grouping, True)
-        )
+        last = ask(_SumUp(layout, whole.about, whole.loss, True, False, grouping, True))
         nodes = last.nodes
         many = int(crowded(nodes).sum())
     fit = result_of(
@@ -260,8 +206,8 @@ class _Found:
     def __add__(self, other: "_Found") -> "_Found":
         groups = dict(self.groups)
         for label, own in other.groups.items():
-            groups[label] = added(groups.get(label), own)
-        extent = None
+            groups[label] = groups[label] + own if label in groups else own
+        extent = self.extent or other.extent
         if self.extent is not None and other.extent is not None:
             extent = self.extent + other.extent
         return _Found(groups, extent, self.nodes + other.nodes)
@@ -273,10 +219,13 @@ class _Found:
         return functools.reduce(operator.add, groups)
 
 
+_NOTHING = _Found({}, None, np.zeros((3, 1)))
+
+
 @final
 @dataclasses.dataclass(frozen=True)
-class _SumUp(AbstractPass):
-    """Asks for the sums of readings about an estimate.
+class _SumUp:
+    """One pass: gives the sums of a part of the readings about an estimate.
 
     Attributes:
         layout: The table.
@@ -296,8 +245,11 @@ class _SumUp(AbstractPass):
     grouping: Grouping | None = None
     nodes: bool = False
 
-    def onto(self, done: _Found | None, samples: Samples, place: Place) -> _Found:
-        """See `AbstractPass`."""
+    def __call__(self, part: Part) -> _Found:
+        pieces = (self._of(samples) for samples in part() if len(samples.error))
+        return functools.reduce(operator.add, pieces, _NOTHING)
+
+    def _of(self, samples: Samples) -> _Found:
         extent = Extent.of(self.layout, samples) if self.look else None
         stack, parts = Stack((self.layout.effect,)), {0: samples}
         if self.grouping is not None:
@@ -312,4 +264,4 @@ class _SumUp(AbstractPass):
             if self.nodes:
                 judged = Judged.of(stack, readings, self.theta, self.loss)
                 nodes = nodes + judged.nodes
-        return added(done, _Found(groups, extent, nodes))
+        return _Found(groups, extent, nodes)
